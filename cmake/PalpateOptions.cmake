@@ -1,0 +1,76 @@
+# Options, compiler settings and the one function that declares a module.
+include(GNUInstallDirs)
+
+option(PALPATE_BUILD_BASELINES "Mesh and literature rivals (CGAL, Embree, OpenMesh, PCL)" ${PROJECT_IS_TOP_LEVEL})
+option(PALPATE_BUILD_EXPERIMENTS "The palpate command (needs the baselines)" ${PROJECT_IS_TOP_LEVEL})
+option(PALPATE_BUILD_TESTS "Tests" ${PROJECT_IS_TOP_LEVEL})
+option(PALPATE_BUILD_BENCHMARKS "Google Benchmark programs" ${PROJECT_IS_TOP_LEVEL})
+option(PALPATE_WITH_PCD "PCD files through PCL, as a target of its own" ${PROJECT_IS_TOP_LEVEL})
+option(PALPATE_BUILD_FUZZERS "libFuzzer targets (clang only)" OFF)
+option(PALPATE_WARNINGS_AS_ERRORS "Treat warnings as errors" OFF)
+set(PALPATE_SANITIZE "" CACHE STRING "Sanitizers: empty, address, thread")
+
+if(PALPATE_BUILD_EXPERIMENTS AND NOT PALPATE_BUILD_BASELINES)
+  message(FATAL_ERROR "PALPATE_BUILD_EXPERIMENTS needs PALPATE_BUILD_BASELINES=ON")
+endif()
+
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+if(PROJECT_IS_TOP_LEVEL)
+  set(CMAKE_RUNTIME_OUTPUT_DIRECTORY "${CMAKE_BINARY_DIR}/bin")
+  if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
+    set(CMAKE_BUILD_TYPE Release CACHE STRING "" FORCE)
+  endif()
+endif()
+
+find_program(PALPATE_CCACHE ccache)
+if(PALPATE_CCACHE AND PROJECT_IS_TOP_LEVEL AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+  # Fresh clones in other folders hit the cache only with these two settings.
+  set(CMAKE_CXX_COMPILER_LAUNCHER
+      ${CMAKE_COMMAND} -E env CCACHE_BASEDIR=${CMAKE_SOURCE_DIR} CCACHE_NOHASHDIR=1 ${PALPATE_CCACHE})
+endif()
+
+# Flags every target of ours gets. -ffp-contract=off keeps a multiply and an add two rounded operations, so
+# that a trace has one hash whatever the optimiser; fast-math is never used.
+add_library(palpate_build_flags INTERFACE)
+target_compile_options(palpate_build_flags INTERFACE
+  -ffp-contract=off -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wnon-virtual-dtor
+  -Wold-style-cast -Wcast-qual -Woverloaded-virtual -Wdouble-promotion)
+if(PALPATE_WARNINGS_AS_ERRORS)
+  target_compile_options(palpate_build_flags INTERFACE -Werror)
+endif()
+if(PALPATE_SANITIZE STREQUAL "address")
+  add_compile_options(-fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer)
+  add_link_options(-fsanitize=address,undefined)
+elseif(PALPATE_SANITIZE STREQUAL "thread")
+  add_compile_options(-fsanitize=thread -fno-omit-frame-pointer)
+  add_link_options(-fsanitize=thread)
+  add_compile_definitions(PALPATE_STD_THREADS=1)  # see toolkit/core/parallel.h
+endif()
+
+# palpate_module(NAME [SOURCES ...] [PUBLIC ...] [PRIVATE ...])
+# One static library palpate_NAME (alias palpate::NAME) in the current folder. PUBLIC and PRIVATE are the
+# modules and libraries it links: the real dependency edges. Without SOURCES the module is header-only.
+function(palpate_module name)
+  cmake_parse_arguments(arg "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
+  set(target palpate_${name})
+  if(arg_SOURCES)
+    add_library(${target} STATIC ${arg_SOURCES})
+    set(scope PUBLIC)
+    target_link_libraries(${target} PRIVATE $<BUILD_INTERFACE:palpate_build_flags> ${arg_PRIVATE})
+  else()
+    add_library(${target} INTERFACE)
+    set(scope INTERFACE)
+  endif()
+  add_library(palpate::${name} ALIAS ${target})
+  set_target_properties(${target} PROPERTIES EXPORT_NAME ${name})
+  target_compile_features(${target} ${scope} cxx_std_20)
+  target_include_directories(${target} ${scope}
+    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>
+    $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}/palpate>)
+  target_link_libraries(${target} ${scope} ${arg_PUBLIC})
+  set_property(GLOBAL APPEND PROPERTY PALPATE_MODULES ${target})
+endfunction()

@@ -1,0 +1,23 @@
+#include "toolkit/core/result.h"
+
+namespace palpate {
+
+std::string Error::message() const {
+  std::string text;
+  if (!file.empty()) {
+    text += file;
+    if (line > 0) text += ":" + std::to_string(line);
+    text += ": ";
+  }
+  text += what;
+  if (!remedy.empty()) text += "; " + remedy;
+  return text;
+}
+
+Error Error::in_file(std::string path, std::int64_t at_line) && {
+  if (file.empty()) file = std::move(path);
+  if (line == 0) line = at_line;
+  return std::move(*this);
+}
+
+}  // namespace palpate

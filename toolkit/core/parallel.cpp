@@ -1,0 +1,45 @@
+#include "toolkit/core/parallel.h"
+
+#include <algorithm>
+#include <atomic>
+#include <thread>
+#include <vector>
+
+#ifndef PALPATE_STD_THREADS
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+#endif
+
+namespace palpate {
+
+int available_threads() noexcept { return std::max(1, static_cast<int>(std::thread::hardware_concurrency())); }
+
+void parallel_chunks(std::size_t count, std::size_t grain, int threads,
+                     const std::function<void(std::size_t, std::size_t)>& body) {
+  if (count == 0) return;
+  if (grain == 0) grain = 1;
+  if (threads <= 0) threads = available_threads();
+  const std::size_t chunks = (count + grain - 1) / grain;
+  const auto run = [&](std::size_t chunk) { body(chunk * grain, std::min(count, (chunk + 1) * grain)); };
+  if (threads == 1 || chunks == 1) {
+    for (std::size_t chunk = 0; chunk < chunks; ++chunk) run(chunk);
+    return;
+  }
+#ifdef PALPATE_STD_THREADS
+  std::atomic<std::size_t> next{0};
+  const auto work = [&] {
+    for (std::size_t chunk = next.fetch_add(1); chunk < chunks; chunk = next.fetch_add(1)) run(chunk);
+  };
+  std::vector<std::thread> pool;
+  for (int i = 1; i < threads; ++i) pool.emplace_back(work);
+  work();
+  for (std::thread& t : pool) t.join();
+#else
+  tbb::task_arena arena(threads);
+  arena.execute([&] {
+    tbb::parallel_for(std::size_t{0}, chunks, run);
+  });
+#endif
+}
+
+}  // namespace palpate

@@ -1,0 +1,22 @@
+// All parallelism of preparation goes through this function. It runs on oneTBB, or on std::thread where
+// PALPATE_STD_THREADS is defined: ThreadSanitizer cannot see oneTBB's synchronisation, so its build uses the latter and
+// needs no suppressions.
+//
+// Determinism: a result must not depend on `threads`. Give every index its own output, or reduce over fixed chunks
+// in index order.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+
+namespace palpate {
+
+/// Calls body(begin, end) for consecutive chunks of at most `grain` covering [0, count), on up to `threads` threads
+/// (0 = all). Chunk borders depend on `grain` alone. Returns when all are done. body must not throw.
+void parallel_chunks(std::size_t count, std::size_t grain, int threads,
+                     const std::function<void(std::size_t begin, std::size_t end)>& body);
+
+/// The number of threads that 0 stands for.
+[[nodiscard]] int available_threads() noexcept;
+
+}  // namespace palpate

@@ -1,0 +1,31 @@
+// Axis-aligned boxes.
+#pragma once
+
+#include <algorithm>
+#include <limits>
+
+#include "toolkit/core/vec.h"
+
+namespace palpate::geometry {
+
+/// The closed box [low, high] per axis, mm. Empty until something is added (low > high).
+struct Aabb {
+  Vec3 low_mm = Vec3::Constant(std::numeric_limits<double>::infinity());
+  Vec3 high_mm = Vec3::Constant(-std::numeric_limits<double>::infinity());
+
+  [[nodiscard]] bool empty() const noexcept { return !(low_mm.x() <= high_mm.x()); }
+  void add(const Vec3& p) noexcept {
+    low_mm = low_mm.cwiseMin(p);
+    high_mm = high_mm.cwiseMax(p);
+  }
+  [[nodiscard]] Vec3 extent_mm() const noexcept { return empty() ? Vec3::Zero() : Vec3(high_mm - low_mm); }
+  [[nodiscard]] Vec3 centre_mm() const noexcept { return empty() ? Vec3::Zero() : Vec3(0.5 * (low_mm + high_mm)); }
+  [[nodiscard]] bool contains(const Vec3& p) const noexcept {
+    return (p.array() >= low_mm.array()).all() && (p.array() <= high_mm.array()).all();
+  }
+  [[nodiscard]] Aabb grown(double by_mm) const noexcept {
+    return {low_mm - Vec3::Constant(by_mm), high_mm + Vec3::Constant(by_mm)};
+  }
+};
+
+}  // namespace palpate::geometry

@@ -1,0 +1,32 @@
+#include "toolkit/render/registry.h"
+
+#include <fmt/format.h>
+
+#include <cassert>
+
+namespace palpate::render {
+
+void Registry::add(RendererInfo info) {
+  assert(find(info.name) == nullptr);
+  renderers_.push_back(std::move(info));
+}
+
+const RendererInfo* Registry::find(std::string_view name) const noexcept {
+  for (const RendererInfo& info : renderers_)
+    if (info.name == name) return &info;
+  return nullptr;
+}
+
+Result<std::unique_ptr<HapticRenderer>> Registry::make(std::string_view name, const Options& options) const {
+  const RendererInfo* info = find(name);
+  if (info == nullptr) {
+    std::string known;
+    for (const RendererInfo& r : renderers_) known += (known.empty() ? "" : ", ") + r.name;
+    return Error{fmt::format("there is no renderer '{}'", name), "choose from " + known, {}, 0};
+  }
+  Result<Options> complete = validate(options, info->options, name);
+  if (!complete) return std::move(complete).error();
+  return info->make(*complete);
+}
+
+}  // namespace palpate::render

@@ -1,0 +1,42 @@
+// The renderers by name. Explicit registration: an object, filled by each library's register function; no globals.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "toolkit/core/options.h"
+#include "toolkit/core/result.h"
+#include "toolkit/render/renderer.h"
+
+namespace palpate::render {
+
+struct RendererInfo {
+  std::string name;                ///< as in scene files and on the command line
+  std::string summary;             ///< one line
+  std::string source;              ///< thesis section or paper
+  bool needs_analytic = false;     ///< only for generated models
+  std::vector<OptionSpec> options;
+  /// Makes an unprepared renderer. `options` is complete and validated.
+  std::function<std::unique_ptr<HapticRenderer>(const Options& options)> make;
+};
+
+class Registry {
+ public:
+  /// A second renderer of the same name is a programming error (asserted).
+  void add(RendererInfo info);
+  [[nodiscard]] const std::vector<RendererInfo>& all() const noexcept { return renderers_; }
+  [[nodiscard]] const RendererInfo* find(std::string_view name) const noexcept;
+  /// Validates the options and makes the renderer. Unknown names get an error with the nearest known ones.
+  [[nodiscard]] Result<std::unique_ptr<HapticRenderer>> make(std::string_view name, const Options& options) const;
+
+ private:
+  std::vector<RendererInfo> renderers_;
+};
+
+/// Adds what the toolkit brings: cloud-literal, cloud, analytic, brute-force.
+void register_toolkit_renderers(Registry& registry);
+
+}  // namespace palpate::render
