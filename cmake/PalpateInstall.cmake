@@ -1,9 +1,73 @@
-# Installation comes with the package files; see docs/architecture.md.
+# Installation: libraries, headers, the palpate command, and the package files for find_package(palpate).
+#
+# One export set per component, so that who links the toolkit needs neither PCL nor CGAL:
+#   toolkit (always), device, pcd, baselines.   See docs/architecture.md.
+include(CMakePackageConfigHelpers)
+
+set(palpate_package_dir "${CMAKE_INSTALL_LIBDIR}/cmake/palpate")
+set(palpate_header_dir "${CMAKE_INSTALL_INCLUDEDIR}/palpate")
+
+# The component a module belongs to follows from its folder.
+function(palpate_component_of target out)
+  get_target_property(folder ${target} SOURCE_DIR)
+  file(RELATIVE_PATH folder "${PROJECT_SOURCE_DIR}" "${folder}")
+  if(folder MATCHES "^toolkit/pcd")
+    set(${out} pcd PARENT_SCOPE)
+  elseif(folder MATCHES "^(toolkit|device|baselines)(/|$)")
+    set(${out} ${CMAKE_MATCH_1} PARENT_SCOPE)
+  else()
+    set(${out} "" PARENT_SCOPE)  # experiments and tests: nothing to link
+  endif()
+endfunction()
+
+set(palpate_components "")
+get_property(palpate_modules GLOBAL PROPERTY PALPATE_MODULES)
+foreach(module IN LISTS palpate_modules)
+  palpate_component_of(${module} component)
+  if(component)
+    install(TARGETS ${module} EXPORT palpate_${component}_targets
+      ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+    list(APPEND palpate_components ${component})
+  endif()
+endforeach()
+list(REMOVE_DUPLICATES palpate_components)
+
+foreach(component IN LISTS palpate_components)
+  install(EXPORT palpate_${component}_targets NAMESPACE palpate:: DESTINATION ${palpate_package_dir}
+    FILE palpate-${component}-targets.cmake)
+endforeach()
+
+set(palpate_header_folders toolkit)
+foreach(folder device baselines)
+  if(folder IN_LIST palpate_components)
+    list(APPEND palpate_header_folders ${folder})
+  endif()
+endforeach()
+foreach(folder IN LISTS palpate_header_folders)
+  install(DIRECTORY "${PROJECT_SOURCE_DIR}/${folder}" DESTINATION ${palpate_header_dir}
+    FILES_MATCHING PATTERN "*.h")
+endforeach()
+
+if(TARGET palpate AND PALPATE_BUILD_EXPERIMENTS)
+  install(TARGETS palpate RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+endif()
+
+configure_package_config_file("${CMAKE_CURRENT_LIST_DIR}/palpateConfig.cmake.in"
+  "${PROJECT_BINARY_DIR}/palpateConfig.cmake" INSTALL_DESTINATION ${palpate_package_dir})
+write_basic_package_version_file("${PROJECT_BINARY_DIR}/palpateConfigVersion.cmake"
+  COMPATIBILITY SameMinorVersion)
+install(FILES "${PROJECT_BINARY_DIR}/palpateConfig.cmake" "${PROJECT_BINARY_DIR}/palpateConfigVersion.cmake"
+  DESTINATION ${palpate_package_dir})
+
 function(palpate_print_summary)
   get_property(modules GLOBAL PROPERTY PALPATE_MODULES)
   list(TRANSFORM modules REPLACE "^palpate_" "")
   list(JOIN modules " " module_list)
-  message(STATUS "palpate ${PROJECT_VERSION}: ${CMAKE_BUILD_TYPE}, ${CMAKE_CXX_COMPILER_ID} ${CMAKE_CXX_COMPILER_VERSION}")
-  message(STATUS "  modules: ${module_list}")
-  message(STATUS "  baselines ${PALPATE_BUILD_BASELINES}, experiments ${PALPATE_BUILD_EXPERIMENTS}, tests ${PALPATE_BUILD_TESTS}, pcd ${PALPATE_WITH_PCD}")
+  message(STATUS "palpate ${PROJECT_VERSION}")
+  message(STATUS "  build       ${CMAKE_BUILD_TYPE}, ${CMAKE_CXX_COMPILER_ID} ${CMAKE_CXX_COMPILER_VERSION}, "
+                 "sanitizer: ${PALPATE_SANITIZE}, warnings as errors: ${PALPATE_WARNINGS_AS_ERRORS}")
+  message(STATUS "  parts       baselines ${PALPATE_BUILD_BASELINES}, experiments ${PALPATE_BUILD_EXPERIMENTS}, "
+                 "pcd ${PALPATE_WITH_PCD}, tests ${PALPATE_BUILD_TESTS}, benchmarks ${PALPATE_BUILD_BENCHMARKS}, "
+                 "fuzzers ${PALPATE_BUILD_FUZZERS}")
+  message(STATUS "  modules     ${module_list}")
 endfunction()

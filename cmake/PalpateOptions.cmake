@@ -39,7 +39,7 @@ add_library(palpate_build_flags INTERFACE)
 target_compile_options(palpate_build_flags INTERFACE
   -ffp-contract=off -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wnon-virtual-dtor
   -Wold-style-cast -Wcast-qual -Woverloaded-virtual -Wdouble-promotion)
-if(PALPATE_WARNINGS_AS_ERRORS)
+if(PALPATE_WARNINGS_AS_ERRORS AND PROJECT_IS_TOP_LEVEL)
   target_compile_options(palpate_build_flags INTERFACE -Werror)
 endif()
 if(PALPATE_SANITIZE STREQUAL "address")
