@@ -1,0 +1,92 @@
+#include "toolkit/io/atomic_file.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+namespace palpate::io {
+namespace {
+
+std::string part_of(const std::string& path) {
+  return path + ".part";
+}
+
+Error cannot(const std::string& path, const char* doing) {
+  const int why = errno;
+  return Error{fmt::format("cannot {} the file: {}", doing, std::strerror(why)),
+               why == ENOSPC   ? "free some space on the disk"
+               : why == ENOENT ? "create the folder first"
+                               : "check the path and its permissions",
+               path, 0};
+}
+
+}  // namespace
+
+Result<AtomicFile> AtomicFile::create(std::string path) {
+  std::FILE* file = std::fopen(part_of(path).c_str(), "wb");
+  if (file == nullptr) return cannot(path, "create");
+  return AtomicFile(std::move(path), file);
+}
+
+AtomicFile& AtomicFile::operator=(AtomicFile&& other) noexcept {
+  if (this != &other) {
+    discard();
+    path_ = std::move(other.path_);
+    file_ = std::move(other.file_);
+    error_ = std::move(other.error_);
+  }
+  return *this;
+}
+
+AtomicFile::~AtomicFile() {
+  discard();
+}
+
+void AtomicFile::discard() noexcept {
+  if (!file_) return;
+  file_.reset();
+  // The path cannot be too long for a copy here: create() made the same one.
+  std::remove(part_of(path_).c_str());
+}
+
+Error AtomicFile::fail(const char* doing) {
+  error_ = cannot(path_, doing);
+  discard();
+  return error_;
+}
+
+Status AtomicFile::write(std::string_view text) {
+  return write(std::as_bytes(std::span(text)));
+}
+
+Status AtomicFile::write(std::span<const std::byte> data) {
+  if (!file_) return error_.what.empty() ? Error{"the file is complete already", {}, path_, 0} : error_;
+  if (!data.empty() && std::fwrite(data.data(), 1, data.size(), file_.get()) != data.size())
+    return fail("write");
+  return Done{};
+}
+
+Status AtomicFile::commit() {
+  if (!file_) return error_.what.empty() ? Error{"the file is complete already", {}, path_, 0} : error_;
+  if (std::fflush(file_.get()) != 0) return fail("write");
+  // Without this a power cut after the rename could leave an empty file under the final name. Pipes and the
+  // like cannot be synchronised (EINVAL), which is no failure.
+  if (fsync(fileno(file_.get())) != 0 && errno != EINVAL && errno != EROFS) return fail("write");
+  if (std::rename(part_of(path_).c_str(), path_.c_str()) != 0) return fail("rename");
+  if (std::fclose(file_.release()) != 0) {
+    error_ = cannot(path_, "close");
+    return error_;
+  }
+  return Done{};
+}
+
+Status write_file(const std::string& path, std::string_view text) {
+  Result<AtomicFile> file = AtomicFile::create(path);
+  if (!file) return std::move(file).error();
+  if (Status written = file->write(text); !written) return written;
+  return file->commit();
+}
+
+}  // namespace palpate::io

@@ -1,0 +1,73 @@
+// Where a reader's bytes come from: a file, memory, or a decompressor over another source. Readers see
+// nothing else, so that they work on compressed files and can be fuzzed from memory.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "toolkit/core/result.h"
+
+namespace palpate::io {
+
+/// A stream of bytes, read once from front to back. Not thread-safe.
+class ByteSource {
+ public:
+  virtual ~ByteSource() = default;
+  /// Fills the front of `out` and returns how many bytes it wrote: 0 only at the end (or for an empty `out`).
+  [[nodiscard]] virtual Result<std::size_t> read(std::span<std::byte> out) = 0;
+  /// Bytes that read() will still give, where that is known (not for compressed data).
+  [[nodiscard]] virtual std::optional<std::uint64_t> remaining() const = 0;
+  /// How much of the underlying file is consumed, in [0, 1].
+  [[nodiscard]] virtual double fraction() const = 0;
+};
+
+/// Bytes that somebody else owns and keeps alive.
+class MemorySource final : public ByteSource {
+ public:
+  explicit MemorySource(std::span<const std::byte> data) : data_(data) {}
+  [[nodiscard]] Result<std::size_t> read(std::span<std::byte> out) override;
+  [[nodiscard]] std::optional<std::uint64_t> remaining() const override { return data_.size() - at_; }
+  [[nodiscard]] double fraction() const override;
+
+ private:
+  std::span<const std::byte> data_;
+  std::size_t at_ = 0;
+};
+
+/// A file. Missing, unreadable, a directory: each an Error of its own. Pipes and devices are read without a
+/// known size.
+[[nodiscard]] Result<std::unique_ptr<ByteSource>> open_file(const std::string& path);
+
+/// How a file is compressed, by its first bytes.
+enum class Compression { kNone, kGzip, kXz };
+[[nodiscard]] Compression detect_compression(std::span<const std::byte> first_bytes) noexcept;
+
+/// What a decompressor may do before it calls its input hostile.
+struct DecompressionLimits {
+  std::uint64_t max_bytes = std::uint64_t{1} << 32;  ///< decoded bytes
+  /// Decoded over compressed size, tested once the decoded size is past `ratio_from_bytes`. Scans compress 2
+  /// to 30 times, a synthetic regular grid as text some 100 times.
+  std::uint64_t max_ratio = 500;
+  std::uint64_t ratio_from_bytes = std::uint64_t{64} << 20;
+};
+
+/// Decompresses `inner` (owned) on the fly; concatenated streams are read as one. Memory: under 300 MB for
+/// any input.
+[[nodiscard]] Result<std::unique_ptr<ByteSource>> decompress(std::unique_ptr<ByteSource> inner,
+                                                             Compression kind, DecompressionLimits limits);
+
+/// `inner` with decompression put in front where its first bytes ask for it. `kind` (may be null) receives
+/// what it was.
+[[nodiscard]] Result<std::unique_ptr<ByteSource>> open_maybe_compressed(std::unique_ptr<ByteSource> inner,
+                                                                        DecompressionLimits limits,
+                                                                        Compression* kind = nullptr);
+
+/// Everything that is left, at most `max_bytes` (more is an Error). Memory grows with what really arrives.
+[[nodiscard]] Result<std::vector<std::byte>> read_all(ByteSource& source, std::uint64_t max_bytes);
+
+}  // namespace palpate::io

@@ -1,0 +1,122 @@
+// Reading scans and meshes: formats, units, points that are not finite, faces.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "toolkit/cloud/cloud.h"
+#include "toolkit/core/progress.h"
+#include "toolkit/core/result.h"
+#include "toolkit/geometry/triangle_mesh.h"
+#include "toolkit/io/byte_source.h"
+
+namespace palpate::io {
+
+/// The length that the number 1 in a file stands for.
+enum class Unit { kMetre, kCentimetre, kMillimetre, kMicrometre, kInch };
+[[nodiscard]] double mm_per(Unit unit) noexcept;
+/// "m", "cm", "mm", "um", "in".
+[[nodiscard]] std::string_view unit_name(Unit unit) noexcept;
+/// The short names above and the long ones ("metre", "millimeter", "inch", ..), whatever the case.
+[[nodiscard]] Result<Unit> parse_unit(std::string_view text);
+
+/// Memory that reading one file may take unless told otherwise: some 100 million points without faces.
+inline constexpr std::uint64_t kDefaultMaxBytes = std::uint64_t{1} << 32;
+
+struct ReadOptions {
+  /// Overrides what the file says; empty: the file's own statement, else a guess with a warning.
+  std::optional<Unit> unit;
+  /// Points that are not finite: dropped, counted and warned of, or refused. Dropping is the default, because
+  /// a missing return is written as NaN by every organised scanner file.
+  cloud::NonFinite non_finite = cloud::NonFinite::kDrop;
+  /// Multiplies the coordinates after the unit; finite and above 0.
+  double scale = 1.0;
+  /// Bound on the memory of what is decoded, and on the bytes that a compressed file may unpack to.
+  std::uint64_t max_bytes = kDefaultMaxBytes;
+};
+
+/// What a file held, in mm.
+struct ReadModel {
+  cloud::Cloud cloud;
+  /// The file's faces, or null where it has none. Vertex i is point i of the cloud, in double precision (the
+  /// cloud's float coordinates are a rounding of it). Polygons are cut into fans. Never changed after
+  /// reading: share it.
+  std::shared_ptr<geometry::TriangleMesh> mesh;
+  Unit unit = Unit::kMillimetre;
+  bool unit_guessed = false;
+  std::size_t file_points = 0;  ///< before dropping
+  std::size_t non_finite = 0;   ///< points dropped because they are not finite
+  std::size_t dropped_faces =
+      0;  ///< faces that used a dropped or missing point, or had fewer than three corners
+  double max_rounding_mm = 0.0;  ///< largest distance, per axis, between the file's and the stored coordinate
+  std::vector<std::string> warnings;  ///< whole sentences, for a person
+  std::string format;                 ///< "PLY, ASCII", "PCD, binary_compressed", ..
+  std::string compression;            ///< "", "gzip" or "xz"
+  /// FNV-1a over x, y, z of every kept point in order, as doubles in mm before rounding (Hash64::real).
+  std::uint64_t content_hash = 0;
+};
+
+/// What a format's reader hands on: the file's numbers before unit, scale and cleaning.
+struct DecodedFile {
+  std::vector<Vec3> points;
+  std::vector<cloud::Property> properties;              ///< each as long as `points`
+  std::vector<std::array<std::uint32_t, 3>> triangles;  ///< may name points that do not exist
+  std::vector<bool> continues_face;  ///< as long as `triangles`: same polygon as the one before
+  std::size_t dropped_faces = 0;     ///< faces already given up while reading
+  std::optional<cloud::ScanRaster> raster;
+  std::optional<Unit> unit;  ///< where the file or its format says it
+  std::vector<std::string> warnings;
+  std::string format;
+
+  [[nodiscard]] std::size_t bytes() const noexcept;
+};
+
+/// What a format's reader is given. `bytes` is decompressed already; `name` is for messages.
+struct ReaderInput {
+  ByteSource& bytes;
+  const std::string& name;
+  const ReadOptions& options;
+  Progress& progress;
+};
+using Reader = std::function<Result<DecodedFile>(const ReaderInput&)>;
+
+/// Unit, scale, cleaning, the cloud, the mesh and the hash: the same for all formats. O(points + faces).
+[[nodiscard]] Result<ReadModel> finish_model(DecodedFile&& decoded, const ReadOptions& options,
+                                             const std::string& name);
+
+/// The formats that are understood, by file name extension. Add before use; read() is const and thread-safe.
+class Readers {
+ public:
+  /// `extensions` in lower case without the dot ({"xyz", "txt"}). A later reader replaces an earlier one.
+  void add(const std::vector<std::string>& extensions, Reader reader);
+  /// Sorted, without the dot.
+  [[nodiscard]] std::vector<std::string> extensions() const;
+
+  /// Reads a file, decompressing where its first bytes say gzip or xz; the format goes by the name without
+  /// .gz or .xz. Memory is bounded by options.max_bytes and by what the file really holds, time by the file's
+  /// (decoded) size.
+  [[nodiscard]] Result<ReadModel> read(const std::string& path, const ReadOptions& options,
+                                       Progress& progress = no_progress()) const;
+  /// The same from any source; `name` chooses the format and appears in messages.
+  [[nodiscard]] Result<ReadModel> read(std::unique_ptr<ByteSource> source, const std::string& name,
+                                       const ReadOptions& options, Progress& progress = no_progress()) const;
+
+ private:
+  struct Entry {
+    std::string extension;
+    Reader reader;
+  };
+  [[nodiscard]] const Reader* find(std::string_view extension) const;
+  std::vector<Entry> entries_;
+};
+
+/// PLY, XYZ/CSV/TXT/ASC/PTS, OBJ, OFF. PCD comes with toolkit/pcd, a target of its own.
+void add_standard_readers(Readers& readers);
+
+}  // namespace palpate::io
