@@ -1,4 +1,4 @@
-#include "toolkit/io/atomic_file.h"
+#include "toolkit/core/atomic_file.h"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -6,7 +6,7 @@
 #include <cerrno>
 #include <cstring>
 
-namespace palpate::io {
+namespace palpate {
 namespace {
 
 std::string part_of(const std::string& path) {
@@ -89,4 +89,4 @@ Status write_file(const std::string& path, std::string_view text) {
   return file->commit();
 }
 
-}  // namespace palpate::io
+}  // namespace palpate

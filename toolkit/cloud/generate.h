@@ -1,0 +1,51 @@
+// Generated models: exact surfaces known by formula, sampled at any density, so that everything runs offline
+// and every answer can be checked. Deterministic: one spec gives the same points on every run and with any
+// number of threads.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "toolkit/cloud/cloud.h"
+#include "toolkit/core/options.h"
+#include "toolkit/core/result.h"
+#include "toolkit/geometry/analytic_surface.h"
+#include "toolkit/geometry/triangle_mesh.h"
+
+namespace palpate::cloud {
+
+/// A model made by a generator. Everything in the model frame, mm.
+struct GeneratedModel {
+  Cloud cloud;  ///< on the surface, up to the store's float rounding
+  /// The regular triangulation of the samples, counter-clockwise from outside; vertex i is point i, in double
+  /// and on the surface. Null with mesh=false, and with a jitter of 0.25 or more, where triangles could turn
+  /// over.
+  std::shared_ptr<geometry::TriangleMesh> original_mesh;
+  std::shared_ptr<const geometry::AnalyticSurface> surface;  ///< never null
+  std::string spec;                 ///< the generator with every option, "sinusoid:amplitude_mm=10:..."
+  double nominal_spacing_mm = 0.0;  ///< grid step before jitter and warping
+};
+
+struct Generator {
+  std::string name;
+  std::string summary;  ///< one line with the formula and the order of points
+  std::vector<OptionSpec> options;
+};
+
+/// All generators, in the order for --help: sinusoid, plane, saddle, wedge, sphere, torus, slab.
+[[nodiscard]] const std::vector<Generator>& generators();
+[[nodiscard]] const Generator* find_generator(std::string_view name);
+
+/// Makes the model. Unknown names and options, too many points (over a hundred million) and shapes that
+/// cannot be are Errors. O(points), on all threads: about a second for ten million points with their mesh.
+///
+/// Options of all: `points` or `spacing_mm` (never both), `extent_mm`, `jitter` (largest shift along the
+/// surface, as a fraction of the spacing), `nonuniform` (a: spacing varies from 1 - a to 1 + a times the
+/// nominal), `seed`, `scale` (multiplies every length), `mesh`. Height fields cover the square [-extent/2,
+/// extent/2]^2 in scanner order: rows of increasing y, in a row increasing x, and have `cloud.raster` set.
+/// The number of points is the nearest the grid can give: a square number for height fields.
+[[nodiscard]] Result<GeneratedModel> generate(const NamedOptions& spec);
+
+}  // namespace palpate::cloud

@@ -1,0 +1,43 @@
+// What can be said about a cloud without its neighbours. (What needs them: neighbourhood/spacing.h.)
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "toolkit/cloud/cloud.h"
+
+namespace palpate::cloud {
+
+struct Statistics {
+  std::size_t points = 0;
+  geometry::Aabb box_mm;
+  /// Section 1.6: points per volume of the tightest axis-aligned box, 1/mm^3; infinite for a flat box.
+  double density_per_mm3 = 0.0;
+  /// Points minus distinct stored positions.
+  std::size_t duplicates = 0;
+  /// The raster that the order of points shows, see find_raster().
+  std::optional<ScanRaster> raster;
+  bool height_field = false;  ///< see is_height_field()
+};
+
+/// O(n log n).
+[[nodiscard]] Statistics describe(const Cloud& cloud);
+
+[[nodiscard]] std::size_t count_duplicates(const Cloud& cloud);
+
+/// The full raster of a scanner that the points stand in, if they do: rows of equal length (at least 2 x 2),
+/// along one axis strictly monotone within every row and turning back at every row's end, along another
+/// strictly monotone down every column. Jitter below half a spacing and uneven spacing pass; scans with
+/// holes, or to and fro, do not. O(n).
+[[nodiscard]] std::optional<ScanRaster> find_raster(const Cloud& cloud);
+
+/// Whether z is a function of (x, y). Two conditions, each may fail for at most 1 % of the points:
+/// no two points share x and y and differ in z; and in plan-view cells of twice the mean plan spacing (the
+/// root of the box's plan area over the number of points) consecutive heights are at most four cell sides
+/// apart. Clouds whose box is flat in x or y are none. O(n log n).
+[[nodiscard]] bool is_height_field(const Cloud& cloud);
+
+/// The cloud seen from above: the same points with z = 0.
+[[nodiscard]] Cloud flattened(const Cloud& cloud);
+
+}  // namespace palpate::cloud

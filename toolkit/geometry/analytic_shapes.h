@@ -1,0 +1,40 @@
+// Surfaces known by formula, exact in double. All work at any scale: every tolerance follows from the
+// coordinates and the shape's own lengths. Open surfaces (plane, sinusoid, saddle, wedge) are height fields
+// that go on by their formula beyond the generated box; below them is inside everywhere.
+//
+// Makers return null for parameters that make no such shape (non-finite, or not positive where a length is
+// needed).
+#pragma once
+
+#include <memory>
+
+#include "toolkit/geometry/analytic_surface.h"
+
+namespace palpate::geometry {
+
+/// z = 0 over the square of `extent_mm` about the origin.
+[[nodiscard]] std::shared_ptr<const AnalyticSurface> make_plane(double extent_mm);
+
+/// z = A (cos(2 pi x / L) + cos(2 pi y / L)). Table 7 of the thesis: A = 10, L = 50, extent 100. Slopes along
+/// one axis, 2 pi A / L, up to 8.
+[[nodiscard]] std::shared_ptr<const AnalyticSurface> make_sinusoid(double amplitude_mm, double wavelength_mm,
+                                                                   double extent_mm);
+
+/// z = c (x^2 - y^2) with c = curvature_per_mm / 2, so that the principal curvatures at the origin are +-
+/// curvature.
+[[nodiscard]] std::shared_ptr<const AnalyticSurface> make_saddle(double curvature_per_mm, double extent_mm);
+
+/// Two half-planes that meet along the y axis, z = -|x| / tan(angle / 2): `angle_deg` is the angle of the
+/// material, below 180 a ridge (convex), above 180 a valley (concave). Between 10 and 350 degrees.
+[[nodiscard]] std::shared_ptr<const AnalyticSurface> make_wedge(double angle_deg, double extent_mm);
+
+/// Centred at the origin.
+[[nodiscard]] std::shared_ptr<const AnalyticSurface> make_sphere(double radius_mm);
+
+/// Around the z axis: the tube of radius `minor_mm` around the circle of radius `major_mm` > minor_mm.
+[[nodiscard]] std::shared_ptr<const AnalyticSurface> make_torus(double major_mm, double minor_mm);
+
+/// The closed box of extent x extent x thickness centred at the origin. at(u, v) runs over its upper face.
+[[nodiscard]] std::shared_ptr<const AnalyticSurface> make_slab(double extent_mm, double thickness_mm);
+
+}  // namespace palpate::geometry

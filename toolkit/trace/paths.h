@@ -1,0 +1,52 @@
+// Generators of probe paths. All but `exploration` follow the model's formula and never its points, so that
+// every spacing of a surface is probed along one and the same path. Deterministic: one spec and target give
+// the same path, bit for bit.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "toolkit/cloud/cloud.h"
+#include "toolkit/core/options.h"
+#include "toolkit/core/result.h"
+#include "toolkit/geometry/aabb.h"
+#include "toolkit/geometry/analytic_surface.h"
+#include "toolkit/geometry/rigid_transform.h"
+#include "toolkit/geometry/triangle_mesh.h"
+#include "toolkit/trace/trace.h"
+
+namespace palpate::trace {
+
+/// The model a path is made for; nothing is owned. Model frame but for world_from_model.
+struct PathTarget {
+  const geometry::AnalyticSurface* surface = nullptr;  ///< needed by all but exploration
+  const cloud::Cloud* cloud = nullptr;                 ///< needed by exploration
+  const geometry::TriangleMesh* mesh =
+      nullptr;              ///< its orientation tells exploration where outside is; optional
+  geometry::Aabb box_mm;    ///< of the cloud
+  double spacing_mm = 0.0;  ///< median distance of neighbours; 0 = estimated where needed
+  geometry::RigidTransform world_from_model;
+};
+
+struct PathGenerator {
+  std::string name;
+  std::string summary;
+  bool needs_surface = true;
+  std::vector<OptionSpec> options;
+};
+
+/// weave, raster, spiral, tap, slide, hold, exploration.
+[[nodiscard]] const std::vector<PathGenerator>& path_generators();
+[[nodiscard]] const PathGenerator* find_path_generator(std::string_view name);
+
+/// Makes the path: HIP positions in the world frame at `rate_hz`, `frames` of them, the first in free space.
+/// The path's name is the spec with every option. O(frames), and O(points) for exploration.
+[[nodiscard]] Result<ProbePath> make_path(const NamedOptions& spec, const PathTarget& target);
+
+/// An Error that names the first sample (line 2 of `path.name` as a CSV file) where it lies inside the
+/// surface.
+[[nodiscard]] Status check_path_starts_free(const ProbePath& path, const geometry::AnalyticSurface& surface,
+                                            const geometry::RigidTransform& world_from_model);
+
+}  // namespace palpate::trace
