@@ -1,0 +1,116 @@
+// Scores of a force trace against the truth, open loop: design.md section 4 names the keys, the definitions
+// follow the literature page's section on metrics. F_r is the rendered force, F_g the true one at the same
+// sample, h the HIP, d its signed distance (negative inside), g and g* the rendered and the true god object.
+// C = frames where F_r or F_g is not zero. The *floor* is stiffness x device resolution: the smallest force
+// step the device can show.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "toolkit/core/result.h"
+#include "toolkit/metrics/truth.h"
+#include "toolkit/trace/trace.h"
+
+namespace palpate::metrics {
+
+/// Position resolution of the Phantom Omni, 450 dpi (section 3.6 of the thesis): the length behind the floor.
+inline constexpr double kOmniResolutionMm = 0.055;
+/// Weber deadband of haptic codecs (IEEE 1918.1.1): the band of within_10_percent.
+inline constexpr double kForceDeadband = 0.10;
+
+struct AccuracyOptions {
+  double stiffness_n_per_mm = 0.5;
+  double device_resolution_mm = kOmniResolutionMm;
+  [[nodiscard]] double floor_n() const noexcept { return stiffness_n_per_mm * device_resolution_mm; }
+};
+
+/// A score that does not apply (no contact, no reference for it) is nothing; counts are 0 then. Every key
+/// that ends in _percent is in percent, 0 to 100.
+struct Accuracy {
+  std::string reference;  ///< name of the reference
+  std::string exactness;  ///< how exact that is
+  double floor_n = 0.0;
+  std::uint64_t frames = 0;
+  std::uint64_t contact_frames = 0;  ///< |C|
+
+  std::optional<double> force_rms_n;             ///< sqrt(mean over C of |F_r - F_g|^2)
+  std::optional<double> force_rms_percent;       ///< of sqrt(mean over C of |F_g|^2); nothing where that is 0
+  std::optional<double> force_normal_rms_n;      ///< the part along the true normal
+  std::optional<double> force_tangential_rms_n;  ///< the part across it
+  std::optional<double> force_max_n;
+  std::optional<double> within_7_percent;   ///< percent of C with |F_r - F_g| <= max(0.07 |F_g|, floor)
+  std::optional<double> within_10_percent;  ///< the same with 0.10
+  /// Angle between F_r and F_g over the frames where both are at or above the floor; percentile by nearest
+  /// rank.
+  std::optional<double> direction_mean_deg, direction_p99_deg, direction_max_deg;
+
+  /// Largest |F_r(n) - F_r(n-1)| - |F_g(n) - F_g(n-1)| over steps that touch C, without true edges: steps on
+  /// which F_g itself jumps by more than stiffness x HIP travel + floor. Never below 0.
+  std::optional<double> excess_jump_max_n;
+  std::uint64_t excess_jumps = 0;            ///< steps of these above the floor
+  std::optional<double> excess_jumps_per_m;  ///< per metre of HIP travel over these steps
+
+  std::uint64_t missed_contact_frames = 0;  ///< F_r = 0 and d < -(local resolution)
+  std::uint64_t false_contact_frames = 0;   ///< F_r != 0 and d > local resolution
+  std::uint64_t longest_stick_frames = 0;   ///< longest run of consecutive false contact frames
+
+  /// Events; nothing without a TruthSurface. One of: g gets inside by more than the local resolution; the
+  /// step g(n-1) -> g(n) leads through matter deeper than that; or g stays on a sheet that faces away from
+  /// g*'s (normals more than 90 degrees apart) while h travels more than the local resolution.
+  std::optional<std::uint64_t> pop_throughs;
+  /// 95 % upper bound on the rate per frame of true contact where none was seen: 3 / N (rule of three).
+  std::optional<double> pop_through_rate_upper_95;
+
+  /// |g - g*| over frames in contact in both.
+  std::optional<double> god_object_rms_mm, god_object_max_mm;
+  /// |signed distance of g to the true surface| over frames of rendered contact; needs a TruthSurface.
+  std::optional<double> god_object_surface_rms_mm, god_object_surface_max_mm;
+
+  /// d at the first and last frame of each run of F_r != 0: largest magnitude, and signed mean. A run cut off
+  /// by an end of the path has no onset or no release. A sampled path cannot show less than its travel in one
+  /// frame.
+  std::optional<double> onset_error_mm, onset_error_mean_mm;
+  std::optional<double> release_error_mm, release_error_mean_mm;
+
+  /// Largest difference of |F_r| between visits of exactly the same h with the same true force (to the
+  /// floor); nothing where no h is visited twice.
+  std::optional<double> path_dependence_n;
+};
+
+/// Per frame, for plots; each as long as the path.
+struct AccuracyFrames {
+  std::vector<float> force_error_n;        ///< |F_r - F_g|
+  std::vector<float> excess_jump_n;        ///< as above, 0 at true edges and at the first frame
+  std::vector<float> god_object_error_mm;  ///< |g - g*| in contact in both, else 0
+  std::vector<std::uint8_t> missed_contact;
+  std::vector<std::uint8_t> false_contact;
+};
+
+/// All scores. Lengths that differ, no samples, or numbers that are not finite are an Error: a score is never
+/// NaN. `truth` may be null. O(n log n), with up to 66 distance queries a frame.
+[[nodiscard]] Result<Accuracy> score(const trace::ProbePath& path, const trace::ForceTrace& trace,
+                                     const trace::ReferenceTrace& reference, const TruthSurface* truth,
+                                     const AccuracyOptions& options, AccuracyFrames* per_frame = nullptr);
+
+/// The passivity observer (Hannaford and Ryu 2002) over a replay: E(n) = -sum of (F(n-1) + F(n))/2 . (h(n) -
+/// h(n-1)), the energy put into the virtual model so far, exact for a linear spring between samples. A
+/// frictionless spring returns to 0 on every closed path; below 0 the renderer has given more than it got. 1
+/// N mm = 1 mJ.
+struct Energy {
+  std::optional<double> generated_percent;  ///< max(0, -min E) / max stored; nothing without contact
+  double generated_mj = 0.0;                ///< max(0, -min E)
+  double max_stored_mj = 0.0;  ///< max of |F|^2 / (2 k), which is k d^2 / 2 of the renderer's own depth
+  double final_mj = 0.0;       ///< E at the end of the path
+};
+/// Needs no truth; lengths that differ are an Error. Apply it to the reference's frames to see what sampling
+/// alone does.
+[[nodiscard]] Result<Energy> observe_energy(const trace::ProbePath& path, const trace::ForceTrace& trace,
+                                            double stiffness_n_per_mm);
+
+/// The reference as a trace, so that it can be scored, hashed and plotted like any other.
+[[nodiscard]] trace::ForceTrace as_trace(const trace::ReferenceTrace& reference);
+
+}  // namespace palpate::metrics

@@ -1,0 +1,16 @@
+#include "toolkit/core/hash.h"
+#include "toolkit/trace/trace.h"
+
+namespace palpate::trace {
+
+std::string trace_hash(const ForceTrace& trace) {
+  Hash64 hash;
+  for (const render::Frame& frame : trace.frames) {
+    hash.byte(frame.contact ? 1 : 0);
+    for (int axis = 0; axis < 3; ++axis) hash.real(frame.force_n[axis]);
+    for (int axis = 0; axis < 3; ++axis) hash.real(frame.god_object_mm[axis]);
+  }
+  return hash.hex();
+}
+
+}  // namespace palpate::trace
