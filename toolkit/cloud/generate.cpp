@@ -1,0 +1,404 @@
+#include "toolkit/cloud/generate.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <numbers>
+
+#include "toolkit/cloud/lattice.h"
+#include "toolkit/core/parallel.h"
+#include "toolkit/core/random.h"
+#include "toolkit/geometry/analytic_shapes.h"
+
+namespace palpate::cloud {
+namespace {
+
+using geometry::AnalyticSurface;
+using geometry::TriangleMesh;
+using Triangles = std::vector<std::array<std::uint32_t, 3>>;
+
+// Indices of a mesh are 32 bits, and a hundred million points with their mesh fill a desktop's memory.
+constexpr double kMostPoints = 1e8;
+// Up to here a cell's triangles keep their orientation: the shifted legs of a cell are at least 1 - 2j long
+// and at most 2j askew, and (1 - 2j)^2 > (2j)^2 for j < 1/4.
+constexpr double kMeshJitter = 0.25;
+// Points made by one task; the result does not depend on it.
+constexpr std::size_t kGrain = 1 << 14;
+
+/// What every generator takes, lengths already scaled.
+struct Common {
+  double points = 0.0;
+  double spacing_mm = 0.0;  ///< 0 = from points
+  double extent_mm = 0.0;
+  double jitter = 0.0;
+  double nonuniform = 0.0;
+  std::uint64_t seed = 0;
+  double scale = 1.0;
+  bool mesh = true;
+};
+
+/// Points by index, in mm; triangles as an afterthought.
+struct Samples {
+  std::size_t count = 0;
+  std::function<Vec3(std::size_t)> point;
+  std::function<Triangles()> triangles;
+  std::optional<ScanRaster> raster;
+  double spacing_mm = 0.0;
+};
+
+/// Two numbers in [-1, 1) that depend on the seed and the point alone, so that threads do not matter.
+struct Shift {
+  double u = 0.0, v = 0.0;
+};
+Shift shift_of(const Common& common, std::size_t index) {
+  if (common.jitter == 0.0) return {};
+  constexpr std::uint64_t kGolden = 0x9E3779B97F4A7C15u;  // 2^64 / golden section: spreads neighbouring seeds
+  Random random(common.seed + kGolden * (index + 1));
+  const double u = random.uniform(-1.0, 1.0);
+  return {common.jitter * u, common.jitter * random.uniform(-1.0, 1.0)};
+}
+
+/// Uneven spacing: the share s in [0, 1] of a side, moved so that the spacing varies from 1 - a to 1 + a
+/// times the even one; the ends stay.
+double warped(double s, double a) {
+  return a == 0.0 ? s : s + a / (2.0 * std::numbers::pi) * std::sin(2.0 * std::numbers::pi * s);
+}
+
+std::uint32_t whole(double x, double least) {
+  return static_cast<std::uint32_t>(std::max(least, std::round(x)));
+}
+
+/// Rows of a square grid over a height field, scanner order.
+Samples sample_height_field(const std::shared_ptr<const AnalyticSurface>& surface, const Common& common) {
+  const std::uint32_t side = common.spacing_mm > 0.0 ? whole(common.extent_mm / common.spacing_mm, 1.0) + 1
+                                                     : whole(std::sqrt(common.points), 2.0);
+  const std::size_t columns = side;
+  const double cells = static_cast<double>(side - 1);
+  Samples samples;
+  samples.count = columns * columns;
+  samples.raster = ScanRaster{side, side};
+  samples.spacing_mm = common.extent_mm / cells;
+  samples.point = [=](std::size_t i) {
+    const std::size_t column = i % columns, row = i / columns;
+    Shift shift = shift_of(common, i);
+    // Border points move along the border only, so that the extent stays.
+    if (column == 0 || column + 1 == columns) shift.u = 0.0;
+    if (row == 0 || row + 1 == columns) shift.v = 0.0;
+    const double u = warped((static_cast<double>(column) + shift.u) / cells, common.nonuniform);
+    const double v = warped((static_cast<double>(row) + shift.v) / cells, common.nonuniform);
+    return surface->at(u, v).point_mm;
+  };
+  samples.triangles = [=] {
+    Triangles found;
+    found.reserve(2 * (columns - 1) * (columns - 1));
+    for (std::uint32_t row = 0; row + 1 < side; ++row)
+      for (std::uint32_t column = 0; column + 1 < side; ++column) {
+        const std::uint32_t p = row * side + column;
+        found.push_back({p, p + 1, p + side + 1});
+        found.push_back({p, p + side + 1, p + side});
+      }
+    return found;
+  };
+  return samples;
+}
+
+Samples sample_torus(const std::shared_ptr<const AnalyticSurface>& surface, double major, double minor,
+                     const Common& common) {
+  const double around_mm = 2.0 * std::numbers::pi * major, tube_mm = 2.0 * std::numbers::pi * minor;
+  const double spacing =
+      common.spacing_mm > 0.0 ? common.spacing_mm : std::sqrt(around_mm * tube_mm / common.points);
+  const std::uint32_t rings = whole(around_mm / spacing, 3.0), spokes = whole(tube_mm / spacing, 3.0);
+  Samples samples;
+  samples.count = std::size_t{rings} * spokes;
+  samples.spacing_mm = spacing;
+  samples.point = [=](std::size_t i) {
+    const Shift shift = shift_of(common, i);
+    const double u = (static_cast<double>(i / spokes) + shift.u) / rings;
+    const double v = (static_cast<double>(i % spokes) + shift.v) / spokes;
+    return surface->at(warped(u, common.nonuniform), warped(v, common.nonuniform)).point_mm;
+  };
+  samples.triangles = [=] {
+    Triangles found;
+    found.reserve(2 * std::size_t{rings} * spokes);
+    for (std::uint32_t ring = 0; ring < rings; ++ring)
+      for (std::uint32_t spoke = 0; spoke < spokes; ++spoke) {
+        const std::uint32_t next_ring = (ring + 1) % rings, next_spoke = (spoke + 1) % spokes;
+        const std::uint32_t p00 = ring * spokes + spoke, p10 = next_ring * spokes + spoke;
+        const std::uint32_t p01 = ring * spokes + next_spoke, p11 = next_ring * spokes + next_spoke;
+        found.push_back({p00, p10, p11});
+        found.push_back({p00, p11, p01});
+      }
+    return found;
+  };
+  return samples;
+}
+
+/// Lattice coordinate over cells as a share of the side in [-1, 1], shifted along the faces it lies inside
+/// of.
+Vec3 lattice_share(const BoxLattice& lattice, const std::array<std::uint32_t, 3>& cells, const Common& common,
+                   std::size_t i) {
+  const auto at = lattice.coordinates(i);
+  const Shift shift = shift_of(common, i);
+  const double shifts[2] = {shift.u, shift.v};
+  Vec3 share;
+  int used = 0;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const bool border = at[axis] == 0 || at[axis] == cells[axis];
+    double s = static_cast<double>(at[axis]);
+    // A surface point is on the border of at least one axis, so at most two shifts are used.
+    if (!border) s += shifts[used++];
+    share[static_cast<int>(axis)] =
+        2.0 * warped(s / static_cast<double>(cells[axis]), common.nonuniform) - 1.0;
+  }
+  return share;
+}
+
+/// Six faces of a cube, blown up to the sphere with equal angles between the lines of a face: spacing varies
+/// by 1.4.
+Samples sample_sphere(double radius, const Common& common) {
+  // 6 n^2 + 2 points; a face spans a quarter turn.
+  const std::uint32_t n = common.spacing_mm > 0.0
+                              ? whole(0.5 * std::numbers::pi * radius / common.spacing_mm, 1.0)
+                              : whole(std::sqrt(std::max(1.0, (common.points - 2.0) / 6.0)), 1.0);
+  const BoxLattice lattice(n, n, n);
+  Samples samples;
+  samples.count = lattice.size();
+  samples.spacing_mm = 0.5 * std::numbers::pi * radius / n;
+  samples.point = [=](std::size_t i) {
+    const Vec3 share = lattice_share(lattice, {n, n, n}, common, i);
+    const auto angle = [](double s) { return std::tan(0.25 * std::numbers::pi * s); };
+    return Vec3(radius * Vec3(angle(share.x()), angle(share.y()), angle(share.z())).normalized());
+  };
+  samples.triangles = [lattice] { return lattice.triangles(); };
+  return samples;
+}
+
+Samples sample_slab(double thickness, const Common& common) {
+  const double extent = common.extent_mm;
+  const double area = 2.0 * extent * extent + 4.0 * extent * thickness;
+  const double spacing = common.spacing_mm > 0.0 ? common.spacing_mm : std::sqrt(area / common.points);
+  const std::uint32_t across = whole(extent / spacing, 1.0), through = whole(thickness / spacing, 1.0);
+  const BoxLattice lattice(across, across, through);
+  Samples samples;
+  samples.count = lattice.size();
+  samples.spacing_mm = extent / across;
+  samples.point = [=](std::size_t i) {
+    const Vec3 share = lattice_share(lattice, {across, across, through}, common, i);
+    return Vec3(0.5 * share.cwiseProduct(Vec3(extent, extent, thickness)));
+  };
+  samples.triangles = [lattice] { return lattice.triangles(); };
+  return samples;
+}
+
+void fill(const Samples& samples, const geometry::Aabb& box, bool with_mesh, GeneratedModel& model) {
+  Cloud& cloud = model.cloud;
+  cloud.origin_mm = box.centre_mm();
+  cloud.x_mm.resize(samples.count);
+  cloud.y_mm.resize(samples.count);
+  cloud.z_mm.resize(samples.count);
+  cloud.raster = samples.raster;
+  if (with_mesh) {
+    model.original_mesh = std::make_shared<TriangleMesh>();
+    model.original_mesh->vertices_mm.resize(samples.count);
+  }
+  parallel_chunks(samples.count, kGrain, 0, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const Vec3 p = samples.point(i);
+      const Vec3 local = p - cloud.origin_mm;
+      cloud.x_mm[i] = static_cast<float>(local.x());
+      cloud.y_mm[i] = static_cast<float>(local.y());
+      cloud.z_mm[i] = static_cast<float>(local.z());
+      if (with_mesh) model.original_mesh->vertices_mm[i] = p;
+    }
+  });
+  if (with_mesh) model.original_mesh->triangles = samples.triangles();
+}
+
+std::vector<OptionSpec> with_common(std::string extent, std::string extent_help, std::string points,
+                                    std::vector<OptionSpec> own) {
+  std::vector<OptionSpec> specs = {
+      {"points",
+       OptionKind::kInteger,
+       std::move(points),
+       "number of points, the nearest the grid can give",
+       {},
+       4,
+       kMostPoints},
+      {"spacing_mm",
+       OptionKind::kNumber,
+       "0",
+       "distance of neighbours instead of points; 0 = from points",
+       {},
+       0,
+       1e300},
+      {"extent_mm", OptionKind::kNumber, std::move(extent), std::move(extent_help), {}, 1e-300, 1e150},
+      {"jitter",
+       OptionKind::kNumber,
+       "0",
+       "largest shift along the surface, fraction of the spacing",
+       {},
+       0,
+       0.45},
+      {"nonuniform",
+       OptionKind::kNumber,
+       "0",
+       "a: the spacing varies from 1 - a to 1 + a times the even one",
+       {},
+       0,
+       0.9},
+      {"seed", OptionKind::kInteger, "1", "of the jitter", {}, 0, 1e18},
+      {"scale", OptionKind::kNumber, "1", "multiplies every length", {}, 1e-150, 1e150},
+      {"mesh", OptionKind::kFlag, "true", "also make the regular triangulation", {}, 0, 0}};
+  specs.insert(specs.end(), own.begin(), own.end());
+  return specs;
+}
+
+std::vector<Generator> make_generators() {
+  const std::string side = "side of the square, mm";
+  const std::string fields = "1002001";
+  return {
+      {"sinusoid", "z = A (cos(2 pi x / L) + cos(2 pi y / L)), table 7 of the thesis; scanner order",
+       with_common("100", side, fields,
+                   {{"amplitude_mm", OptionKind::kNumber, "10", "A, mm", {}, 1e-300, 1e150},
+                    {"wavelength_mm", OptionKind::kNumber, "50", "L, mm", {}, 1e-300, 1e150}})},
+      {"plane", "z = 0; scanner order", with_common("100", side, fields, {})},
+      {"saddle", "z = c/2 (x^2 - y^2); scanner order",
+       with_common("100", side, fields,
+                   {{"curvature_per_mm", OptionKind::kNumber, "0.02", "c, 1/mm", {}, 1e-150, 1e150}})},
+      {"wedge", "two planes that meet along the y axis; scanner order",
+       with_common("100", side, fields,
+                   {{"angle_deg",
+                     OptionKind::kNumber,
+                     "90",
+                     "angle of the material: below 180 a ridge, above a valley",
+                     {},
+                     10,
+                     350}})},
+      {"sphere", "centred at the origin; cube faces blown up, layer by layer",
+       with_common("50", "diameter, mm", "100000", {})},
+      {"torus", "around the z axis; ring by ring",
+       with_common("100", "outer diameter, mm", "100000",
+                   {{"tube",
+                     OptionKind::kNumber,
+                     "0.35",
+                     "radius of the tube over that of its middle circle",
+                     {},
+                     0.01,
+                     0.99}})},
+      {"slab", "closed flat box centred at the origin; layer by layer",
+       with_common("50", side, "100000",
+                   {{"thickness_mm", OptionKind::kNumber, "1", "mm", {}, 1e-300, 1e150}})},
+  };
+}
+
+std::string spelled(const std::string& name, const Options& options) {
+  std::string text = name;
+  for (const auto& [key, value] : options.all()) text += fmt::format(":{}={}", key, value);
+  return text;
+}
+
+Common read_common(const Options& options, bool by_spacing) {
+  Common common;
+  common.scale = options.number("scale");
+  common.points = options.number("points");
+  common.spacing_mm = by_spacing ? options.number("spacing_mm") * common.scale : 0.0;
+  common.extent_mm = options.number("extent_mm") * common.scale;
+  common.jitter = options.number("jitter");
+  common.nonuniform = options.number("nonuniform");
+  common.seed = static_cast<std::uint64_t>(options.integer("seed"));
+  common.mesh = options.flag("mesh");
+  return common;
+}
+
+}  // namespace
+
+const std::vector<Generator>& generators() {
+  static const std::vector<Generator> all = make_generators();
+  return all;
+}
+
+const Generator* find_generator(std::string_view name) {
+  for (const Generator& generator : generators())
+    if (generator.name == name) return &generator;
+  return nullptr;
+}
+
+Result<GeneratedModel> generate(const NamedOptions& spec) {
+  const Generator* generator = find_generator(spec.name);
+  if (generator == nullptr) {
+    std::string known;
+    for (const Generator& g : generators()) known += (known.empty() ? "" : ", ") + g.name;
+    return Error{fmt::format("there is no generator '{}'", spec.name), "choose from " + known, {}, 0};
+  }
+  Result<Options> complete = validate(spec.options, generator->options, spec.name);
+  if (!complete) return std::move(complete).error();
+  const Options& options = *complete;
+  const bool by_spacing = options.number("spacing_mm") > 0.0;
+  if (by_spacing && spec.options.has("points"))
+    return Error{fmt::format("{}: points and spacing_mm both given", spec.name), "keep one of them", {}, 0};
+  const Common common = read_common(options, by_spacing);
+
+  // Room for every shape: no body here has more than 4 pi extent^2 of surface, no slab more than 6.
+  if (by_spacing && common.extent_mm / common.spacing_mm > std::sqrt(kMostPoints))
+    return Error{fmt::format("{}: a spacing of {} mm over {} mm makes too many points", spec.name,
+                             common.spacing_mm, common.extent_mm),
+                 fmt::format("at most {} points a model", kMostPoints),
+                 {},
+                 0};
+  GeneratedModel model;
+  Samples samples;
+  if (spec.name == "sphere") {
+    model.surface = geometry::make_sphere(0.5 * common.extent_mm);
+    samples = sample_sphere(0.5 * common.extent_mm, common);
+  } else if (spec.name == "torus") {
+    const double major = 0.5 * common.extent_mm / (1.0 + options.number("tube"));
+    const double minor = major * options.number("tube");
+    model.surface = geometry::make_torus(major, minor);
+    samples = sample_torus(model.surface, major, minor, common);
+  } else if (spec.name == "slab") {
+    const double thickness = options.number("thickness_mm") * common.scale;
+    if (!(thickness <= common.extent_mm))
+      return Error{
+          "slab: thickness_mm is more than extent_mm", "give a thickness of at most the extent", {}, 0};
+    model.surface = geometry::make_slab(common.extent_mm, thickness);
+    samples = sample_slab(thickness, common);
+  } else {
+    if (spec.name == "plane") model.surface = geometry::make_plane(common.extent_mm);
+    if (spec.name == "wedge")
+      model.surface = geometry::make_wedge(options.number("angle_deg"), common.extent_mm);
+    if (spec.name == "saddle")
+      model.surface =
+          geometry::make_saddle(options.number("curvature_per_mm") / common.scale, common.extent_mm);
+    if (spec.name == "sinusoid")
+      model.surface =
+          geometry::make_sinusoid(options.number("amplitude_mm") * common.scale,
+                                  options.number("wavelength_mm") * common.scale, common.extent_mm);
+    if (model.surface) samples = sample_height_field(model.surface, common);
+  }
+  if (!model.surface)
+    return Error{fmt::format("{} makes no surface of this kind", spelled(spec.name, options)),
+                 "a sinusoid's slope 2 pi A / L may be at most 8",
+                 {},
+                 0};
+  if (static_cast<double>(samples.count) > kMostPoints)
+    return Error{fmt::format("{} makes {} points", spec.name, samples.count),
+                 fmt::format("at most {} points a model", kMostPoints),
+                 {},
+                 0};
+  const geometry::Aabb box = model.surface->box_mm();
+  // Beyond this a float relative to the middle would overflow, below it the spacing would vanish.
+  constexpr double kLargest = 1e30, kSmallest = 1e-30;
+  if (!(box.extent_mm().maxCoeff() < kLargest) || !(samples.spacing_mm > kSmallest))
+    return Error{fmt::format("{} does not fit in single precision", spelled(spec.name, options)),
+                 "choose a scale between 1e-30 and 1e30 mm",
+                 {},
+                 0};
+  model.spec = spelled(spec.name, options);
+  model.nominal_spacing_mm = samples.spacing_mm;
+  fill(samples, box, common.mesh && common.jitter < kMeshJitter, model);
+  return model;
+}
+
+}  // namespace palpate::cloud

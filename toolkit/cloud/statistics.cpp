@@ -1,0 +1,172 @@
+#include "toolkit/cloud/statistics.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+namespace palpate::cloud {
+namespace {
+
+// "At most 1 %" in is_height_field(): a few outliers do not decide.
+constexpr double kToleratedShare = 0.01;
+// The cell of is_height_field() in mean plan spacings: twice gives four points a cell on average.
+constexpr double kCellPerSpacing = 2.0;
+// The largest gap between heights in one cell, in cell sides: a slope of four, 76 degrees.
+constexpr double kGapPerCell = 4.0;
+
+using Coordinates = std::array<const std::vector<float>*, 3>;
+
+/// Indices ordered by (x, y, z).
+std::vector<std::uint32_t> sorted_indices(const Cloud& cloud) {
+  std::vector<std::uint32_t> order(cloud.size());
+  std::iota(order.begin(), order.end(), 0u);
+  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+    if (cloud.x_mm[a] != cloud.x_mm[b]) return cloud.x_mm[a] < cloud.x_mm[b];
+    if (cloud.y_mm[a] != cloud.y_mm[b]) return cloud.y_mm[a] < cloud.y_mm[b];
+    return cloud.z_mm[a] < cloud.z_mm[b];
+  });
+  return order;
+}
+
+std::size_t duplicates_of(const Cloud& cloud, const std::vector<std::uint32_t>& order) {
+  std::size_t found = 0;
+  for (std::size_t i = 1; i < order.size(); ++i) {
+    const std::uint32_t a = order[i - 1], b = order[i];
+    found +=
+        cloud.x_mm[a] == cloud.x_mm[b] && cloud.y_mm[a] == cloud.y_mm[b] && cloud.z_mm[a] == cloud.z_mm[b];
+  }
+  return found;
+}
+
+/// Points that share x and y with their predecessor in `order`, but not z.
+std::size_t stacked_points(const Cloud& cloud, const std::vector<std::uint32_t>& order) {
+  std::size_t found = 0;
+  for (std::size_t i = 1; i < order.size(); ++i) {
+    const std::uint32_t a = order[i - 1], b = order[i];
+    found +=
+        cloud.x_mm[a] == cloud.x_mm[b] && cloud.y_mm[a] == cloud.y_mm[b] && cloud.z_mm[a] != cloud.z_mm[b];
+  }
+  return found;
+}
+
+/// Points above a gap of more than kGapPerCell sides within their plan cell, and those below if they are
+/// fewer.
+std::size_t points_in_gaps(const Cloud& cloud, double side_mm, const geometry::Aabb& box) {
+  struct Item {
+    std::uint64_t cell;
+    float z;
+  };
+  const Vec3 low = box.low_mm - cloud.origin_mm;
+  std::vector<Item> items(cloud.size());
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const Vec3 p = cloud.local_mm(i);
+    const auto column = static_cast<std::uint64_t>((p.x() - low.x()) / side_mm);
+    const auto row = static_cast<std::uint64_t>((p.y() - low.y()) / side_mm);
+    items[i] = {(row << 32) | column, cloud.z_mm[i]};
+  }
+  std::sort(items.begin(), items.end(),
+            [](const Item& a, const Item& b) { return a.cell != b.cell ? a.cell < b.cell : a.z < b.z; });
+  std::size_t found = 0;
+  for (std::size_t begin = 0; begin < items.size();) {
+    std::size_t end = begin + 1, largest_group = 0, group = 1;
+    for (; end < items.size() && items[end].cell == items[begin].cell; ++end) {
+      const double gap = static_cast<double>(items[end].z) - static_cast<double>(items[end - 1].z);
+      if (gap > kGapPerCell * side_mm) {
+        largest_group = std::max(largest_group, group);
+        group = 0;
+      }
+      ++group;
+    }
+    found += end - begin - std::max(largest_group, group);
+    begin = end;
+  }
+  return found;
+}
+
+/// Whether every row of `columns` points is strictly monotone (sign) in `along`, turns back at its end, and
+/// every column is strictly monotone, all in one sense, in `across`.
+bool is_raster(const std::vector<float>& along, const std::vector<float>& across, std::size_t columns,
+               bool rising) {
+  const bool across_rising = across[columns] > across[0];
+  for (std::size_t i = 1; i < along.size(); ++i) {
+    const bool new_row = i % columns == 0;
+    if (along[i] == along[i - 1] || (along[i] > along[i - 1]) != (rising != new_row)) return false;
+    if (i >= columns &&
+        (across[i] == across[i - columns] || (across[i] > across[i - columns]) != across_rising))
+      return false;
+  }
+  return true;
+}
+
+bool height_field(const Cloud& cloud, const std::vector<std::uint32_t>& order, const geometry::Aabb& box) {
+  const Vec3 extent = box.extent_mm();
+  if (cloud.empty() || !(extent.x() > 0.0) || !(extent.y() > 0.0)) return false;
+  const auto tolerated = static_cast<std::size_t>(kToleratedShare * static_cast<double>(cloud.size()));
+  if (stacked_points(cloud, order) > tolerated) return false;
+  const double side =
+      kCellPerSpacing * std::sqrt(extent.x() * extent.y() / static_cast<double>(cloud.size()));
+  // A cell index beyond 32 bits needs a box as thin as one point's share: then there is no plan view to speak
+  // of.
+  if (!(extent.x() / side < std::numeric_limits<std::uint32_t>::max()) ||
+      !(extent.y() / side < std::numeric_limits<std::uint32_t>::max()))
+    return false;
+  return points_in_gaps(cloud, side, box) <= tolerated;
+}
+
+}  // namespace
+
+std::size_t count_duplicates(const Cloud& cloud) {
+  return duplicates_of(cloud, sorted_indices(cloud));
+}
+
+std::optional<ScanRaster> find_raster(const Cloud& cloud) {
+  const Coordinates axes = {&cloud.x_mm, &cloud.y_mm, &cloud.z_mm};
+  const std::size_t n = cloud.size();
+  if (n < 4) return std::nullopt;  // two rows of two
+  for (std::size_t along = 0; along < 3; ++along) {
+    const std::vector<float>& x = *axes[along];
+    if (x[1] == x[0]) continue;
+    const bool rising = x[1] > x[0];
+    std::size_t columns = 1;
+    while (columns < n && x[columns] != x[columns - 1] && (x[columns] > x[columns - 1]) == rising) ++columns;
+    if (columns < 2 || columns == n || n % columns != 0) continue;
+    if (n / columns > std::numeric_limits<std::uint32_t>::max()) continue;
+    for (std::size_t across = 0; across < 3; ++across)
+      if (across != along && is_raster(x, *axes[across], columns, rising))
+        return ScanRaster{static_cast<std::uint32_t>(columns), static_cast<std::uint32_t>(n / columns)};
+  }
+  return std::nullopt;
+}
+
+bool is_height_field(const Cloud& cloud) {
+  return height_field(cloud, sorted_indices(cloud), cloud.box_mm());
+}
+
+Statistics describe(const Cloud& cloud) {
+  Statistics found;
+  found.points = cloud.size();
+  found.box_mm = cloud.box_mm();
+  const Vec3 extent = found.box_mm.extent_mm();
+  const double volume = extent.x() * extent.y() * extent.z();
+  found.density_per_mm3 =
+      volume > 0.0 ? static_cast<double>(cloud.size()) / volume : std::numeric_limits<double>::infinity();
+  const std::vector<std::uint32_t> order = sorted_indices(cloud);
+  found.duplicates = duplicates_of(cloud, order);
+  found.raster = cloud.raster ? cloud.raster : find_raster(cloud);
+  found.height_field = height_field(cloud, order, found.box_mm);
+  return found;
+}
+
+Cloud flattened(const Cloud& cloud) {
+  Cloud flat;
+  flat.origin_mm = {cloud.origin_mm.x(), cloud.origin_mm.y(), 0.0};
+  flat.x_mm = cloud.x_mm;
+  flat.y_mm = cloud.y_mm;
+  flat.z_mm.assign(cloud.size(), 0.0f);
+  flat.raster = cloud.raster;
+  return flat;
+}
+
+}  // namespace palpate::cloud
