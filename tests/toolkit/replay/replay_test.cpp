@@ -1,0 +1,232 @@
+// Replay: what is counted, what is refused, and that every pass answers alike. Never how long anything took.
+#include "toolkit/trace/replay.h"
+
+#include <gtest/gtest.h>
+
+#include <numeric>
+
+namespace palpate::trace {
+namespace {
+
+// A half space z < 0 with a spring; `forgets` makes every reset answer a little differently.
+class Wall final : public render::HapticRenderer {
+ public:
+  explicit Wall(bool forgets = false) : forgets_(forgets) {}
+  Result<render::PrepareReport> prepare(const render::SceneInput&, const render::PrepareContext&) override {
+    return render::PrepareReport{};
+  }
+  void reset(const Vec3&) noexcept override {
+    ++resets_;
+    counters_ = {};
+  }
+  render::Frame step(const Vec3& hip_mm, double dt_s) noexcept override {
+    ++counters_.frames;
+    last_dt_s = dt_s;
+    if (counters_.frames == 1) first_dt_s = dt_s;
+    render::Frame frame;
+    frame.god_object_mm = hip_mm;
+    if (hip_mm.z() >= 0.0) return frame;
+    frame.contact = true;
+    frame.model = 0;
+    frame.god_object_mm.z() = 0.0;
+    frame.force_n.z() = -0.5 * hip_mm.z() + (forgets_ ? 1e-9 * resets_ : 0.0);
+    if (hip_mm.z() < -1.5) {
+      frame.status = render::FrameStatus::kBoundHit;
+      ++counters_.bound_hits;
+    }
+    return frame;
+  }
+  render::FrameCounters counters() const noexcept override { return counters_; }
+  render::Description describe() const override { return {"wall", "", "", "constant", {}}; }
+
+  double first_dt_s = 0.0, last_dt_s = 0.0;
+
+ private:
+  bool forgets_;
+  int resets_ = 0;
+  render::FrameCounters counters_;
+};
+
+ProbePath path_of(std::vector<double> z_mm) {
+  ProbePath path;
+  path.name = "test.csv";
+  for (std::size_t i = 0; i < z_mm.size(); ++i) {
+    path.t_s.push_back(0.001 * static_cast<double>(i));
+    path.hip_mm.emplace_back(0.0, 0.0, z_mm[i]);
+  }
+  return path;
+}
+
+TEST(Percentile, IsTheNearestRank) {
+  const std::vector<std::int64_t> nine{1, 2, 3, 4, 5, 6, 7, 8, 9};
+  EXPECT_EQ(percentile_nearest_rank(nine, 0.0), 1);
+  EXPECT_EQ(percentile_nearest_rank(nine, 50.0), 5);  // rank ceil(4.5) = 5
+  EXPECT_EQ(percentile_nearest_rank(nine, 99.0), 9);  // rank ceil(8.91) = 9
+  EXPECT_EQ(percentile_nearest_rank(nine, 100.0), 9);
+  const std::vector<std::int64_t> four{10, 20, 30, 40};
+  EXPECT_EQ(percentile_nearest_rank(four, 25.0), 10);  // rank exactly 1
+  EXPECT_EQ(percentile_nearest_rank(four, 25.1), 20);
+  EXPECT_EQ(percentile_nearest_rank(four, 50.0), 20);
+  const std::vector<std::int64_t> one{7};
+  for (const double p : {0.0, 50.0, 99.9, 100.0}) EXPECT_EQ(percentile_nearest_rank(one, p), 7);
+}
+
+TEST(Percentile, ExactRanksAreNotRoundedUp) {
+  for (const std::size_t n : {1000u, 10000u, 50000u, 54000u}) {
+    std::vector<std::int64_t> values(n);
+    std::iota(values.begin(), values.end(), 1);
+    EXPECT_EQ(percentile_nearest_rank(values, 99.9), static_cast<std::int64_t>(n / 1000 * 999)) << n;
+    EXPECT_EQ(percentile_nearest_rank(values, 99.0), static_cast<std::int64_t>(n / 100 * 99)) << n;
+  }
+}
+
+TEST(Replay, OneFrameForEachSample) {
+  Wall wall;
+  ProbePath path = path_of({0.5, -0.5, -1.0, 0.5});
+  path.t_s = {0.0, 0.002, 0.003, 0.010};
+  const Result<ForceTrace> trace = replay(wall, path);
+  ASSERT_TRUE(trace) << trace.error().message();
+  ASSERT_EQ(trace->frames.size(), 4u);
+  EXPECT_EQ(trace->label, "wall");
+  EXPECT_FALSE(trace->frames[0].contact);
+  EXPECT_DOUBLE_EQ(trace->frames[2].force_n.z(), 0.5);
+  EXPECT_DOUBLE_EQ(wall.first_dt_s, 0.002) << "the first frame takes the dt of the second";
+  EXPECT_DOUBLE_EQ(wall.last_dt_s, 0.007);
+}
+
+TEST(Replay, RefusesWhatIsNoPath) {
+  Wall wall;
+  const Result<ForceTrace> inside = replay(wall, path_of({-0.1, 0.5}));
+  ASSERT_FALSE(inside);
+  EXPECT_NE(inside.error().message().find("test.csv:2: the path starts inside"), std::string::npos)
+      << inside.error().message();
+
+  EXPECT_FALSE(replay(wall, path_of({})));
+
+  ProbePath back = path_of({1.0, 1.0, 1.0});
+  back.t_s[2] = back.t_s[1];
+  const Result<ForceTrace> still = replay(wall, back);
+  ASSERT_FALSE(still);
+  EXPECT_EQ(still.error().line, 4);
+
+  ProbePath uneven = path_of({1.0, 1.0});
+  uneven.hip_mm.pop_back();
+  EXPECT_FALSE(replay(wall, uneven));
+}
+
+TEST(Measure, CountsContactAndAllFramesApart) {
+  Wall wall;
+  const ProbePath path = path_of({1, -1, -2, 1, 1, -1, 1});
+  const Result<ReplayReport> report = measure(wall, path, {});
+  ASSERT_TRUE(report) << report.error().message();
+  ASSERT_TRUE(report->contact && report->all);
+  EXPECT_EQ(report->contact->frames, 7u);
+  EXPECT_EQ(report->contact->contact_frames, 3u);
+  EXPECT_EQ(report->contact->timed_frames, 3u);
+  EXPECT_EQ(report->contact->bound_hits, 1u);
+  EXPECT_EQ(report->all->timed_frames, 7u);
+  EXPECT_EQ(report->all->contact_frames, 3u);
+  EXPECT_EQ(report->counters.frames, 7u);
+  EXPECT_EQ(report->trace.frame_ns.size(), 7u);
+  EXPECT_EQ(report->trace_hash, trace_hash(report->trace));
+  for (const FrameStatistics& s : {*report->contact, *report->all}) {
+    ASSERT_TRUE(s.min_us && s.mean_us && s.p50_us && s.p99_us && s.p999_us && s.max_us);
+    EXPECT_LE(*s.min_us, *s.p50_us);
+    EXPECT_LE(*s.p50_us, *s.p99_us);
+    EXPECT_LE(*s.p999_us, *s.max_us);
+    EXPECT_GE(*s.mean_us, 0.0);
+    EXPECT_GE(s.clock_overhead_ns, 0.0);
+  }
+}
+
+TEST(Measure, WithoutContactThereAreNoContactTimes) {
+  Wall wall;
+  const Result<ReplayReport> report = measure(wall, path_of({1, 2, 3}), {true, 2, 0, nullptr});
+  ASSERT_TRUE(report);
+  EXPECT_EQ(report->contact->timed_frames, 0u);
+  EXPECT_FALSE(report->contact->mean_us || report->contact->p50_us || report->contact->max_us);
+  EXPECT_TRUE(report->all->mean_us.has_value());
+  ASSERT_TRUE(report->paced.has_value());
+  EXPECT_FALSE(report->paced->frame.p50_us.has_value());
+}
+
+TEST(Measure, ASingleSampleIsAPath) {
+  Wall wall;
+  const Result<ReplayReport> report = measure(wall, path_of({1}), {});
+  ASSERT_TRUE(report);
+  EXPECT_EQ(report->all->timed_frames, 1u);
+  EXPECT_DOUBLE_EQ(wall.last_dt_s, 1e-3);
+}
+
+TEST(Measure, UntimedOnRequest) {
+  Wall wall;
+  ReplayOptions options;
+  options.timed = false;
+  const Result<ReplayReport> report = measure(wall, path_of({1, -1}), options);
+  ASSERT_TRUE(report);
+  EXPECT_FALSE(report->contact || report->all || report->paced);
+  EXPECT_TRUE(report->trace.frame_ns.empty());
+}
+
+TEST(Measure, PacedStretchIncludesContact) {
+  Wall wall;
+  const ProbePath path = path_of({1, 1, 1, -1, -1, 1, 1, 1});
+  const Result<ReplayReport> report = measure(wall, path, {true, 3, 2, nullptr});
+  ASSERT_TRUE(report) << report.error().message();
+  ASSERT_TRUE(report->paced && report->paced_evicted);
+  EXPECT_EQ(report->paced->first_frame, 2u);
+  EXPECT_EQ(report->paced->frame.frames, 3u);
+  EXPECT_EQ(report->paced->frame.contact_frames, 2u);
+  EXPECT_EQ(report->paced->evicted_bytes, 0u);
+  EXPECT_EQ(report->paced_evicted->first_frame, 3u);
+  EXPECT_EQ(report->paced_evicted->frame.contact_frames, 2u);
+  EXPECT_EQ(report->paced_evicted->evicted_bytes, 64u * 1024u * 1024u);
+  EXPECT_TRUE(report->paced_evicted->frame.p50_us.has_value());
+}
+
+TEST(Measure, RefusesARendererThatAnswersDifferently) {
+  Wall wall(true);
+  const Result<ReplayReport> report = measure(wall, path_of({1, -1, 1}), {});
+  ASSERT_FALSE(report);
+  EXPECT_NE(report.error().what.find("answered differently"), std::string::npos);
+}
+
+TEST(Measure, StopsWhenAsked) {
+  class Stop final : public Progress {
+    void report(std::string_view, double) override {}
+    bool cancelled() const override { return true; }
+  } stop;
+  Wall wall;
+  EXPECT_FALSE(measure(wall, path_of({1, -1, 1}), {true, 3, 0, &stop}));
+}
+
+TEST(DensestStretch, FirstOfTheBest) {
+  ForceTrace trace;
+  for (const bool contact : {false, true, false, true, true, false, true, true}) {
+    trace.frames.emplace_back().contact = contact;
+  }
+  EXPECT_EQ(densest_contact_stretch(trace, 2), 3u);
+  EXPECT_EQ(densest_contact_stretch(trace, 3), 1u);
+  EXPECT_EQ(densest_contact_stretch(trace, 8), 0u);
+  EXPECT_EQ(densest_contact_stretch(trace, 100), 0u);
+  EXPECT_EQ(densest_contact_stretch(trace, 0), 0u);
+}
+
+TEST(TraceHash, CoversForceGodObjectAndContactOnly) {
+  ForceTrace trace;
+  trace.frames.resize(2);
+  const std::string plain = trace_hash(trace);
+  trace.frame_ns = {1, 2};
+  trace.frames[1].model = 3;
+  trace.frames[1].force_n.x() = -0.0;
+  EXPECT_EQ(trace_hash(trace), plain);
+  trace.frames[1].contact = true;
+  EXPECT_NE(trace_hash(trace), plain);
+  trace.frames[1].contact = false;
+  trace.frames[1].god_object_mm.y() = 1e-300;
+  EXPECT_NE(trace_hash(trace), plain);
+  EXPECT_EQ(trace_hash({}), "cbf29ce484222325") << "the offset basis of FNV-1a";
+}
+
+}  // namespace
+}  // namespace palpate::trace
