@@ -280,14 +280,17 @@ Status time_passes(HapticRenderer& renderer, const ProbePath& path, ReplayReport
 
 }  // namespace
 
-std::int64_t percentile_nearest_rank(std::span<const std::int64_t> sorted, double percent) noexcept {
-  const double n = static_cast<double>(sorted.size());
-  // 99.9 / 100 x 1000 is a little over 999 in floating point: take off the error of three rounded operations,
-  // else the rank would be one too high.
-  const double exact = percent * n / 100.0;
+std::size_t nearest_rank_index(std::size_t n, double percent) noexcept {
+  const double count = static_cast<double>(n);
+  // 99.9 / 100 x 1000 is a little over 999 in floating point: without the slack the rank would be one too
+  // high.
+  const double exact = percent * count / 100.0;
   const double rank = std::ceil(exact - exact * kRankSlack);
-  const auto index = static_cast<std::size_t>(std::clamp(rank, 1.0, n)) - 1;
-  return sorted[index];
+  return static_cast<std::size_t>(std::clamp(rank, 1.0, count)) - 1;
+}
+
+std::int64_t percentile_nearest_rank(std::span<const std::int64_t> sorted, double percent) noexcept {
+  return sorted[nearest_rank_index(sorted.size(), percent)];
 }
 
 double measure_clock_overhead_ns() {

@@ -1,0 +1,63 @@
+#include "toolkit/metrics/pop_through.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate::metrics {
+namespace {
+
+// Samples along one step of the god object: half a local resolution apart, so that matter deeper than one
+// cannot fall between two, up to this many; a longer step is sampled more coarsely, and whatever it crosses
+// is large.
+constexpr int kMaxSamples = 64;
+
+bool leads_through_matter(const Vec3& from_mm, const Vec3& to_mm, double resolution_mm,
+                          const TruthSurface& truth) {
+  const double length_mm = (to_mm - from_mm).norm();
+  // A chord of length L is nowhere deeper than L / 2.
+  if (!(length_mm > 2.0 * resolution_mm)) return false;
+  const double wanted = resolution_mm > 0.0 ? std::ceil(2.0 * length_mm / resolution_mm) : kMaxSamples;
+  const int samples = static_cast<int>(std::min(wanted, static_cast<double>(kMaxSamples)));
+  for (int s = 1; s < samples; ++s) {
+    const double t = static_cast<double>(s) / samples;
+    if (truth.signed_distance_mm(from_mm + t * (to_mm - from_mm)) < -resolution_mm) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+std::uint64_t count_pop_throughs(const trace::ProbePath& path, const trace::ForceTrace& trace,
+                                 const trace::ReferenceTrace& reference, const TruthSurface& truth) {
+  std::uint64_t events = 0;
+  bool was_inside = false, away_counted = false;
+  double away_travel_mm = -1.0;  // HIP travel since g faces away; negative while it does not
+  for (std::size_t i = 0; i < trace.frames.size(); ++i) {
+    const render::Frame& frame = trace.frames[i];
+    const trace::TruthFrame& wanted = reference.frames[i];
+    const double resolution_mm = wanted.local_resolution_mm;
+    const bool inside = frame.contact && truth.signed_distance_mm(frame.god_object_mm) < -resolution_mm;
+    const bool through =
+        i > 0 && frame.contact && trace.frames[i - 1].contact && !inside && !was_inside &&
+        leads_through_matter(trace.frames[i - 1].god_object_mm, frame.god_object_mm, resolution_mm, truth);
+    const bool away = frame.contact && wanted.frame.contact && !inside &&
+                      truth.closest(frame.god_object_mm).normal.dot(wanted.normal) < 0.0;
+    if ((inside && !was_inside) || through) ++events;
+    if (!away) {
+      away_travel_mm = -1.0;
+      away_counted = false;
+    } else {
+      away_travel_mm =
+          away_travel_mm < 0.0 ? 0.0 : away_travel_mm + (path.hip_mm[i] - path.hip_mm[i - 1]).norm();
+      if (through || was_inside) away_counted = true;  // the same event, seen already
+      if (!away_counted && away_travel_mm > resolution_mm) {
+        away_counted = true;
+        ++events;
+      }
+    }
+    was_inside = inside;
+  }
+  return events;
+}
+
+}  // namespace palpate::metrics

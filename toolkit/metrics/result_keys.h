@@ -1,0 +1,87 @@
+// The keys of a result document, once for writing and reading: each visit() names every field of a struct in
+// the order of the document. A visitor has `void operator()(const char* key, Field& field)`.
+#pragma once
+
+#include "toolkit/metrics/result_json.h"
+
+namespace palpate::metrics {
+
+template <class V, class S>
+void visit_statistics(V&& v, S& s) {
+  v("frames", s.frames);
+  v("contact_frames", s.contact_frames);
+  v("timed_frames", s.timed_frames);
+  v("min_us", s.min_us);
+  v("mean_us", s.mean_us);
+  v("p50_us", s.p50_us);
+  v("p99_us", s.p99_us);
+  v("p999_us", s.p999_us);
+  v("max_us", s.max_us);
+  v("deadline_misses_1khz", s.deadline_misses_1khz);
+  v("bound_hits", s.bound_hits);
+  v("clock_overhead_ns", s.clock_overhead_ns);
+}
+
+template <class V, class S>
+void visit_paced(V&& v, S& s) {
+  visit_statistics(v, s.frame);
+  v("period_ms", s.period_ms);
+  v("first_frame", s.first_frame);
+  v("evicted_bytes", s.evicted_bytes);
+  v("skipped_ticks", s.skipped_ticks);
+}
+
+template <class V, class S>
+void visit_accuracy(V&& v, S& s) {
+  v("reference", s.reference);
+  v("exactness", s.exactness);
+  v("floor_n", s.floor_n);
+  v("frames", s.frames);
+  v("contact_frames", s.contact_frames);
+  v("force_rms_n", s.force_rms_n);
+  v("force_rms_percent", s.force_rms_percent);
+  v("force_normal_rms_n", s.force_normal_rms_n);
+  v("force_tangential_rms_n", s.force_tangential_rms_n);
+  v("force_max_n", s.force_max_n);
+  v("within_7_percent", s.within_7_percent);
+  v("within_10_percent", s.within_10_percent);
+  v("direction_mean_deg", s.direction_mean_deg);
+  v("direction_p99_deg", s.direction_p99_deg);
+  v("direction_max_deg", s.direction_max_deg);
+  v("excess_jump_max_n", s.excess_jump_max_n);
+  v("excess_jumps", s.excess_jumps);
+  v("excess_jumps_per_m", s.excess_jumps_per_m);
+  v("missed_contact_frames", s.missed_contact_frames);
+  v("false_contact_frames", s.false_contact_frames);
+  v("longest_stick_frames", s.longest_stick_frames);
+  v("pop_throughs", s.pop_throughs);
+  v("pop_through_rate_upper_95", s.pop_through_rate_upper_95);
+  v("god_object_rms_mm", s.god_object_rms_mm);
+  v("god_object_max_mm", s.god_object_max_mm);
+  v("god_object_surface_rms_mm", s.god_object_surface_rms_mm);
+  v("god_object_surface_max_mm", s.god_object_surface_max_mm);
+  v("onset_error_mm", s.onset_error_mm);
+  v("onset_error_mean_mm", s.onset_error_mean_mm);
+  v("release_error_mm", s.release_error_mm);
+  v("release_error_mean_mm", s.release_error_mean_mm);
+  v("path_dependence_n", s.path_dependence_n);
+}
+
+template <class V, class S>
+void visit_energy(V&& v, S& s) {
+  v("generated_percent", s.generated_percent);
+  v("generated_mj", s.generated_mj);
+  v("max_stored_mj", s.max_stored_mj);
+  v("final_mj", s.final_mj);
+}
+
+template <class V, class S>
+void visit_machine(V&& v, S& s) {
+  v("cpu", s.cpu);
+  v("cores", s.cores);
+  v("memory_bytes", s.memory_bytes);
+  v("kernel", s.kernel);
+  v("compiler", s.compiler);
+}
+
+}  // namespace palpate::metrics
