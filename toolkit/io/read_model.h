@@ -70,7 +70,8 @@ struct DecodedFile {
   std::vector<bool> continues_face;  ///< as long as `triangles`: same polygon as the one before
   std::size_t dropped_faces = 0;     ///< faces already given up while reading
   std::optional<cloud::ScanRaster> raster;
-  std::optional<Unit> unit;  ///< where the file or its format says it
+  std::optional<Unit> unit;               ///< where the file itself says it
+  std::optional<Unit> conventional_unit;  ///< where the format has a convention: a better guess
   std::vector<std::string> warnings;
   std::string format;
 

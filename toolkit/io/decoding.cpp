@@ -1,0 +1,95 @@
+#include "toolkit/io/decoding.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace palpate::io {
+
+std::size_t DecodedFile::bytes() const noexcept {
+  std::size_t total = points.size() * sizeof(Vec3) + triangles.size() * sizeof(triangles[0]);
+  for (const cloud::Property& property : properties) total += property.values.size() * sizeof(float);
+  return total;
+}
+
+namespace {
+
+Error too_large(std::string_view what, std::uint64_t max_bytes) {
+  return Error{fmt::format("{} would take more than the {} bytes of memory allowed", what, max_bytes),
+               "raise the memory bound if the file is meant to be this large, else check its header",
+               {},
+               0};
+}
+
+}  // namespace
+
+Status check_memory(std::uint64_t count, std::uint64_t bytes_each, std::string_view what,
+                    const ReadOptions& options) {
+  if (count > kMaxPoints || (bytes_each > 0 && count > options.max_bytes / bytes_each))
+    return too_large(fmt::format("the promised {} {}", count, what), options.max_bytes);
+  return Done{};
+}
+
+std::size_t reservation(std::uint64_t count, std::uint64_t min_row_bytes,
+                        std::optional<std::uint64_t> remaining) {
+  const std::uint64_t justified =
+      remaining ? *remaining / std::max<std::uint64_t>(1, min_row_bytes) + 1 : kTrustedPoints;
+  return static_cast<std::size_t>(std::min(count, justified));
+}
+
+Watch::Watch(const ReaderInput& input, const Input& buffer, const DecodedFile& decoded)
+    : input_(input), buffer_(buffer), decoded_(decoded) {}
+
+bool Watch::check() {
+  input_.progress.report("reading", buffer_.fraction());
+  if (input_.progress.cancelled()) {
+    error_ = Error{"reading was stopped", {}, {}, 0};
+    return false;
+  }
+  if (decoded_.bytes() > input_.options.max_bytes) {
+    error_ = too_large("the file's content", input_.options.max_bytes);
+    return false;
+  }
+  return true;
+}
+
+FaceBuilder::FaceBuilder(DecodedFile& decoded, std::uint64_t index_limit, const ReadOptions& options)
+    : decoded_(decoded),
+      index_limit_(std::min(index_limit, kMaxPoints)),
+      max_bytes_(options.max_bytes),
+      max_triangles_(options.max_bytes / sizeof(decoded.triangles[0])) {}
+
+void FaceBuilder::begin() noexcept {
+  start_ = decoded_.triangles.size();
+  corners_ = 0;
+  bad_ = false;
+}
+
+bool FaceBuilder::corner(std::int64_t index) {
+  if (index < 0 || static_cast<std::uint64_t>(index) >= index_limit_) bad_ = true;
+  if (bad_) return true;
+  const auto now = static_cast<std::uint32_t>(index);
+  if (corners_ == 0) first_ = now;
+  if (corners_ >= 2) {
+    if (decoded_.triangles.size() >= max_triangles_) return false;
+    decoded_.triangles.push_back({first_, last_, now});
+    decoded_.continues_face.push_back(corners_ > 2);
+  }
+  last_ = now;
+  ++corners_;
+  return true;
+}
+
+void FaceBuilder::end() {
+  constexpr std::uint64_t kFewestCorners = 3;  // of a polygon
+  if (!bad_ && corners_ >= kFewestCorners) return;
+  ++decoded_.dropped_faces;
+  decoded_.triangles.resize(start_);
+  decoded_.continues_face.resize(start_);
+}
+
+Error FaceBuilder::too_many() const {
+  return too_large("the file's faces", max_bytes_);
+}
+
+}  // namespace palpate::io

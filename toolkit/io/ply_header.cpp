@@ -1,0 +1,218 @@
+#include "toolkit/io/ply_header.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <limits>
+#include <string_view>
+
+#include "toolkit/io/text.h"
+
+namespace palpate::io {
+namespace {
+
+// Thousands of comment lines fit; a binary file that only starts like a PLY does not go on for long.
+constexpr std::size_t kMaxHeaderBytes = std::size_t{1} << 20;
+// A row's fixed part must fit into one block of Input::take; real files have some dozen properties.
+constexpr std::size_t kMaxProperties = 4096;
+constexpr std::size_t kMaxElements = 256;
+
+struct TypeName {
+  std::string_view name;
+  PlyScalar type;
+};
+constexpr std::array<TypeName, 16> kTypes{{{"char", PlyScalar::kInt8},
+                                           {"int8", PlyScalar::kInt8},
+                                           {"uchar", PlyScalar::kUint8},
+                                           {"uint8", PlyScalar::kUint8},
+                                           {"short", PlyScalar::kInt16},
+                                           {"int16", PlyScalar::kInt16},
+                                           {"ushort", PlyScalar::kUint16},
+                                           {"uint16", PlyScalar::kUint16},
+                                           {"int", PlyScalar::kInt32},
+                                           {"int32", PlyScalar::kInt32},
+                                           {"uint", PlyScalar::kUint32},
+                                           {"uint32", PlyScalar::kUint32},
+                                           {"float", PlyScalar::kFloat32},
+                                           {"float32", PlyScalar::kFloat32},
+                                           {"double", PlyScalar::kFloat64},
+                                           {"float64", PlyScalar::kFloat64}}};
+
+std::optional<PlyScalar> type_of(std::string_view name) {
+  for (const TypeName& row : kTypes) {
+    if (row.name == name) return row.type;
+  }
+  return std::nullopt;
+}
+
+Error malformed(std::string what) {
+  return Error{
+      "malformed PLY header: " + std::move(what), "check that the file is a PLY file and whole", {}, 0};
+}
+
+Status parse_format(std::string_view rest, PlyHeader& header) {
+  const std::string_view name = next_token(rest);
+  const std::string_view version = next_token(rest);
+  if (name == "ascii") {
+    header.format = PlyFormat::kAscii;
+  } else if (name == "binary_little_endian") {
+    header.format = PlyFormat::kLittleEndian;
+  } else if (name == "binary_big_endian") {
+    header.format = PlyFormat::kBigEndian;
+  } else {
+    return malformed(
+        fmt::format("the format {} is not ascii, binary_little_endian or binary_big_endian", quoted(name)));
+  }
+  if (version != "1.0") return malformed(fmt::format("the version {} is not 1.0", quoted(version)));
+  return Done{};
+}
+
+Status parse_element(std::string_view rest, PlyHeader& header) {
+  PlyElement element;
+  element.name = next_token(rest);
+  const std::string_view count_text = next_token(rest);
+  const std::optional<std::int64_t> count = parse_whole(count_text);
+  if (element.name.empty() || !count || *count < 0)
+    return malformed(fmt::format("the count {} of element {} is not a whole number from 0 on",
+                                 quoted(count_text), quoted(element.name)));
+  element.count = static_cast<std::uint64_t>(*count);
+  for (const PlyElement& other : header.elements) {
+    if (other.name == element.name)
+      return malformed(fmt::format("element {} stands twice", quoted(element.name)));
+  }
+  if (header.elements.size() >= kMaxElements) return malformed("too many elements");
+  header.elements.push_back(std::move(element));
+  return Done{};
+}
+
+Status parse_property(std::string_view rest, PlyHeader& header) {
+  if (header.elements.empty()) return malformed("a property before the first element");
+  PlyProperty property;
+  std::string_view type_name = next_token(rest);
+  if (type_name == "list") {
+    property.is_list = true;
+    const std::string_view count_name = next_token(rest);
+    const std::optional<PlyScalar> count_type = type_of(count_name);
+    if (!count_type || *count_type == PlyScalar::kFloat32 || *count_type == PlyScalar::kFloat64)
+      return malformed(fmt::format("{} is no type for a list's count", quoted(count_name)));
+    property.count_type = *count_type;
+    type_name = next_token(rest);
+  }
+  const std::optional<PlyScalar> type = type_of(type_name);
+  if (!type) return malformed(fmt::format("unknown type {}", quoted(type_name)));
+  property.type = *type;
+  property.name = next_token(rest);
+  if (property.name.empty()) return malformed("a property without a name");
+  std::vector<PlyProperty>& properties = header.elements.back().properties;
+  if (properties.size() >= kMaxProperties) return malformed("too many properties");
+  for (const PlyProperty& other : properties) {
+    if (other.name == property.name)
+      return malformed(fmt::format("property {} stands twice", quoted(other.name)));
+  }
+  properties.push_back(std::move(property));
+  return Done{};
+}
+
+// "unit mm" in a comment, and the raster of Cyberware scanners; everything else is for people.
+void parse_remark(std::string_view rest, PlyHeader& header) {
+  const std::string key = lower_case(next_token(rest));
+  const std::string_view value = next_token(rest);
+  if (key == "unit" || key == "unit:" || key == "units" || key == "units:") {
+    if (const Result<Unit> unit = parse_unit(value)) header.unit = *unit;
+  } else if (key == "num_cols" || key == "num_rows") {
+    const std::optional<std::int64_t> number = parse_whole(value);
+    const bool usable = number && *number > 0 && *number <= std::numeric_limits<std::int32_t>::max();
+    (key == "num_cols" ? header.columns : header.rows) = usable ? static_cast<std::uint64_t>(*number) : 0;
+  }
+}
+
+Status check_promises(const PlyHeader& header, const Input& in) {
+  const std::optional<std::uint64_t> remaining = in.remaining();
+  if (!remaining) return Done{};
+  std::uint64_t left = *remaining + 1;  // the last line may lack its end
+  for (const PlyElement& element : header.elements) {
+    const std::uint64_t each = element.min_row_bytes(header.format == PlyFormat::kAscii);
+    if (each == 0) continue;
+    if (element.count > left / each)
+      return Error{
+          fmt::format("the header promises {} rows of element {}, at least {} bytes each, but only {} bytes "
+                      "follow it",
+                      element.count, quoted(element.name), each, *remaining),
+          "the file is cut off or its header is wrong: fetch it again",
+          {},
+          0};
+    left -= element.count * each;
+  }
+  return Done{};
+}
+
+}  // namespace
+
+std::uint32_t ply_bytes(PlyScalar type) noexcept {
+  switch (type) {
+    case PlyScalar::kInt8:
+    case PlyScalar::kUint8:
+      return 1;
+    case PlyScalar::kInt16:
+    case PlyScalar::kUint16:
+      return sizeof(std::uint16_t);
+    case PlyScalar::kInt32:
+    case PlyScalar::kUint32:
+    case PlyScalar::kFloat32:
+      return sizeof(std::uint32_t);
+    case PlyScalar::kFloat64:
+      break;
+  }
+  return sizeof(std::uint64_t);
+}
+
+bool PlyElement::has_lists() const noexcept {
+  return std::any_of(properties.begin(), properties.end(), [](const PlyProperty& p) { return p.is_list; });
+}
+
+std::uint64_t PlyElement::min_row_bytes(bool ascii) const noexcept {
+  std::uint64_t total = 0;
+  // ASCII: one digit and one separator a value. An empty list is its count alone.
+  for (const PlyProperty& p : properties) total += ascii ? 2 : ply_bytes(p.is_list ? p.count_type : p.type);
+  return total;
+}
+
+Result<PlyHeader> read_ply_header(Input& in) {
+  std::string_view line;
+  if (!in.next_line(line) || trimmed(line) != "ply")
+    return in.error_or({"this is no PLY file: its first line is not 'ply'", "check the file's type", {}, 1});
+  PlyHeader header;
+  bool have_format = false;
+  std::size_t bytes = 0;
+  while (in.next_line(line)) {
+    bytes += line.size() + 1;
+    if (bytes > kMaxHeaderBytes)
+      return malformed(fmt::format("no end_header within {} bytes", kMaxHeaderBytes))
+          .in_file({}, in.line_number());
+    std::string_view rest = line;
+    const std::string_view key = next_token(rest);
+    Status parsed = Done{};
+    if (key == "end_header") {
+      if (!have_format) return malformed("no format line").in_file({}, in.line_number());
+      if (Status kept = check_promises(header, in); !kept) return std::move(kept).error();
+      return header;
+    }
+    if (key == "format") {
+      parsed = parse_format(rest, header);
+      have_format = true;
+    } else if (key == "element") {
+      parsed = parse_element(rest, header);
+    } else if (key == "property") {
+      parsed = parse_property(rest, header);
+    } else if (key == "comment" || key == "obj_info") {
+      parse_remark(rest, header);
+    } else if (!key.empty()) {
+      parsed = malformed(fmt::format("unknown keyword {}", quoted(key)));
+    }
+    if (!parsed) return std::move(parsed).error().in_file({}, in.line_number());
+  }
+  return in.error_or(malformed("the file ends before end_header"));
+}
+
+}  // namespace palpate::io

@@ -1,0 +1,312 @@
+#include "toolkit/io/read_model.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <new>
+#include <stdexcept>
+
+#include "toolkit/core/hash.h"
+#include "toolkit/io/decoding.h"
+#include "toolkit/io/text.h"
+
+namespace palpate::io {
+namespace {
+
+// The guess of the unit, from the numbers of the file alone. Scans come in metres or in millimetres.
+// A scanned object under 10 mm across is rarer than a scanned object or room under 10 m.
+constexpr double kMetresBelowDiagonal = 10.0;
+// Coordinates so much larger than the box are geographic (UTM northings reach 1e7 over some km), hence
+// metres.
+constexpr double kGeographicOffset = 1000.0;
+
+struct Guess {
+  Unit unit;
+  std::string why;
+};
+
+Guess guess_unit(const DecodedFile& decoded) {
+  if (decoded.conventional_unit)
+    return {*decoded.conventional_unit, fmt::format("{} is in this unit by convention", decoded.format)};
+  geometry::Aabb box;
+  for (const Vec3& p : decoded.points) {
+    if (is_finite(p)) box.add(p);
+  }
+  const double diagonal = box.extent_mm().norm();
+  const double farthest =
+      box.empty() ? 0.0 : std::max(box.low_mm.cwiseAbs().maxCoeff(), box.high_mm.cwiseAbs().maxCoeff());
+  if (diagonal > 0.0 && farthest > kGeographicOffset * diagonal)
+    return {Unit::kMetre,
+            fmt::format("its coordinates (up to {:.4g}) are over {:g} times larger than its box, as "
+                        "geographic ones are",
+                        farthest, kGeographicOffset)};
+  if (diagonal < kMetresBelowDiagonal)
+    return {Unit::kMetre,
+            fmt::format("its box has the diagonal {:.4g}, below {:g}", diagonal, kMetresBelowDiagonal)};
+  return {Unit::kMillimetre,
+          fmt::format("its box has the diagonal {:.4g}, not below {:g}", diagonal, kMetresBelowDiagonal)};
+}
+
+void choose_unit(const DecodedFile& decoded, const ReadOptions& options, ReadModel& model) {
+  if (options.unit) {
+    model.unit = *options.unit;
+    if (decoded.unit && *decoded.unit != *options.unit)
+      model.warnings.push_back(fmt::format("The file says its unit is {}, read as {} as asked.",
+                                           unit_name(*decoded.unit), unit_name(*options.unit)));
+  } else if (decoded.unit) {
+    model.unit = *decoded.unit;
+  } else {
+    const Guess guess = guess_unit(decoded);
+    model.unit = guess.unit;
+    model.unit_guessed = true;
+    model.warnings.push_back(
+        fmt::format("The file does not say its unit; guessed {} because {}. Give it with --unit "
+                    "(m, cm, mm, um, in) if that is wrong.",
+                    unit_name(guess.unit), guess.why));
+  }
+}
+
+constexpr std::uint32_t kDropped = 0xFFFFFFFFu;
+
+// Scales to mm and closes the gaps of points that are not finite. Returns the new index of every point, or
+// nothing where none was dropped.
+std::vector<std::uint32_t> scale_and_compact(DecodedFile& decoded, double factor, ReadModel& model,
+                                             std::size_t& first_bad) {
+  std::vector<std::uint32_t> new_index;
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < decoded.points.size(); ++i) {
+    const Vec3 p = decoded.points[i] * factor;
+    if (!is_finite(p)) {
+      if (model.non_finite++ == 0) {
+        first_bad = i;
+        new_index.resize(decoded.points.size(), kDropped);
+        for (std::size_t before = 0; before < i; ++before)
+          new_index[before] = static_cast<std::uint32_t>(before);
+      }
+      continue;
+    }
+    if (!new_index.empty()) {
+      new_index[i] = static_cast<std::uint32_t>(kept);
+      for (cloud::Property& property : decoded.properties) property.values[kept] = property.values[i];
+    }
+    decoded.points[kept++] = p;
+  }
+  decoded.points.resize(kept);
+  for (cloud::Property& property : decoded.properties) property.values.resize(kept);
+  return new_index;
+}
+
+// Drops the faces, each as a whole, that use a dropped or missing point.
+void clean_faces(DecodedFile& decoded, const std::vector<std::uint32_t>& new_index, std::size_t file_points) {
+  auto& triangles = decoded.triangles;
+  std::size_t kept = 0;
+  for (std::size_t begin = 0; begin < triangles.size();) {
+    std::size_t end = begin + 1;
+    while (end < triangles.size() && decoded.continues_face[end]) ++end;
+    const std::size_t first_kept = kept;
+    for (std::size_t t = begin; t < end; ++t) {
+      std::array<std::uint32_t, 3> corners = triangles[t];
+      bool whole = true;
+      for (std::uint32_t& corner : corners) {
+        if (corner < file_points && !new_index.empty()) corner = new_index[corner];
+        whole = whole && corner < file_points;  // kDropped is beyond any count of points
+      }
+      if (!whole) {
+        kept = first_kept;
+        ++decoded.dropped_faces;
+        break;
+      }
+      triangles[kept++] = corners;
+    }
+    begin = end;
+  }
+  triangles.resize(kept);
+  decoded.continues_face.clear();
+}
+
+std::uint64_t hash_points(const std::vector<Vec3>& points) {
+  Hash64 hash;
+  for (const Vec3& p : points) {
+    hash.real(p.x());
+    hash.real(p.y());
+    hash.real(p.z());
+  }
+  return hash.value();
+}
+
+std::string joined(const std::vector<std::string>& items) {
+  std::string text;
+  for (const std::string& item : items) text += (text.empty() ? "" : ", ") + item;
+  return text;
+}
+
+struct UnitRow {
+  Unit unit;
+  double mm;
+  std::string_view name;
+  std::array<std::string_view, 4> long_names;
+};
+constexpr std::array<UnitRow, 5> kUnits{{
+    {Unit::kMetre, 1000.0, "m", {"metre", "meter", "metres", "meters"}},
+    {Unit::kCentimetre, 10.0, "cm", {"centimetre", "centimeter", "centimetres", "centimeters"}},
+    {Unit::kMillimetre, 1.0, "mm", {"millimetre", "millimeter", "millimetres", "millimeters"}},
+    {Unit::kMicrometre, 1e-3, "um", {"micrometre", "micrometer", "micrometres", "micrometers"}},
+    {Unit::kInch, 25.4, "in", {"inch", "inches", "\"", "inch"}},
+}};
+
+const UnitRow& row_of(Unit unit) noexcept {
+  return kUnits[static_cast<std::size_t>(unit)];
+}
+
+// The name without a compression's ending, in lower case, from the last dot on; which ending it was.
+std::string extension_of(const std::string& name, std::string& compression_ending) {
+  std::string lower = lower_case(name.substr(name.find_last_of('/') + 1));
+  constexpr std::size_t kEnding = 3;  // length of ".gz" and of ".xz"
+  if (lower.size() > kEnding && (lower.ends_with(".gz") || lower.ends_with(".xz"))) {
+    compression_ending = lower.substr(lower.size() - kEnding);
+    lower.resize(lower.size() - kEnding);
+  }
+  const std::size_t dot = lower.find_last_of('.');
+  return dot == std::string::npos ? std::string() : lower.substr(dot + 1);
+}
+
+}  // namespace
+
+double mm_per(Unit unit) noexcept {
+  return row_of(unit).mm;
+}
+std::string_view unit_name(Unit unit) noexcept {
+  return row_of(unit).name;
+}
+
+Result<Unit> parse_unit(std::string_view text) {
+  const std::string lower = lower_case(trimmed(text));
+  for (const UnitRow& row : kUnits) {
+    if (lower == row.name ||
+        std::find(row.long_names.begin(), row.long_names.end(), lower) != row.long_names.end())
+      return row.unit;
+  }
+  return Error{fmt::format("{} is not a unit", quoted(text)), "give m, cm, mm, um or in", {}, 0};
+}
+
+Result<ReadModel> finish_model(DecodedFile&& decoded, const ReadOptions& options, const std::string& name) {
+  if (!(options.scale > 0.0) || !std::isfinite(options.scale))
+    return Error{fmt::format("the scale {} is not a positive number", options.scale), "give a scale above 0",
+                 name, 0};
+  ReadModel model;
+  model.file_points = decoded.points.size();
+  if (model.file_points == 0)
+    return Error{"the file holds no points", "give a file with at least one point", name, 0};
+  model.format = decoded.format;
+  model.warnings = std::move(decoded.warnings);
+  choose_unit(decoded, options, model);
+
+  std::size_t first_bad = 0;
+  const std::vector<std::uint32_t> new_index =
+      scale_and_compact(decoded, mm_per(model.unit) * options.scale, model, first_bad);
+  if (model.non_finite == model.file_points)
+    return Error{fmt::format("none of the file's {} points is finite", model.file_points), "check the file",
+                 name, 0};
+  if (model.non_finite > 0) {
+    const std::string found =
+        fmt::format("{} of {} points are not finite", model.non_finite, model.file_points);
+    if (options.non_finite == cloud::NonFinite::kRefuse)
+      return Error{fmt::format("{}, the first is point {}", found, first_bad + 1),
+                   "drop them with --non-finite drop, or clean the file", name, 0};
+    model.warnings.push_back(found + " and were dropped.");
+  }
+
+  cloud::BuildReport report;
+  Result<cloud::Cloud> cloud = cloud::build_cloud(decoded.points, cloud::NonFinite::kRefuse, &report);
+  if (!cloud) return std::move(cloud).error().in_file(name);
+  model.cloud = std::move(*cloud);
+  model.cloud.properties = std::move(decoded.properties);
+  if (model.non_finite == 0) model.cloud.raster = decoded.raster;
+  model.max_rounding_mm = report.max_rounding_mm;
+  model.content_hash = hash_points(decoded.points);
+
+  clean_faces(decoded, new_index, model.file_points);
+  model.dropped_faces = decoded.dropped_faces;
+  if (model.dropped_faces > 0)
+    model.warnings.push_back(
+        fmt::format("{} faces were dropped: they use points that are not there or not finite, or "
+                    "have fewer than three corners.",
+                    model.dropped_faces));
+  if (!decoded.triangles.empty()) {
+    model.mesh = std::make_shared<geometry::TriangleMesh>();
+    model.mesh->vertices_mm = std::move(decoded.points);
+    model.mesh->triangles = std::move(decoded.triangles);
+  }
+  return model;
+}
+
+void Readers::add(const std::vector<std::string>& extensions, Reader reader) {
+  for (const std::string& extension : extensions) {
+    std::erase_if(entries_, [&](const Entry& entry) { return entry.extension == extension; });
+    entries_.push_back({extension, reader});
+  }
+  std::sort(entries_.begin(), entries_.end(),
+            [](const Entry& a, const Entry& b) { return a.extension < b.extension; });
+}
+
+std::vector<std::string> Readers::extensions() const {
+  std::vector<std::string> all;
+  for (const Entry& entry : entries_) all.push_back(entry.extension);
+  return all;
+}
+
+const Reader* Readers::find(std::string_view extension) const {
+  for (const Entry& entry : entries_) {
+    if (entry.extension == extension) return &entry.reader;
+  }
+  return nullptr;
+}
+
+Result<ReadModel> Readers::read(const std::string& path, const ReadOptions& options,
+                                Progress& progress) const {
+  Result<std::unique_ptr<ByteSource>> file = open_file(path);
+  if (!file) return std::move(file).error().in_file(path);
+  return read(std::move(*file), path, options, progress);
+}
+
+Result<ReadModel> Readers::read(std::unique_ptr<ByteSource> source, const std::string& name,
+                                const ReadOptions& options, Progress& progress) const {
+  std::string ending;
+  const std::string extension = extension_of(name, ending);
+  const Reader* reader = find(extension);
+  if (reader == nullptr)
+    return Error{extension.empty() ? std::string("the file's name has no ending that tells its format")
+                                   : fmt::format("unknown file type {}", quoted("." + extension)),
+                 fmt::format("understood are {}, each also with .gz or .xz", joined(extensions())), name, 0};
+  if (source->remaining() == std::uint64_t{0}) return Error{"the file is empty", "check the file", name, 0};
+  try {
+    DecompressionLimits limits;
+    limits.max_bytes = options.max_bytes;
+    Compression kind = Compression::kNone;
+    Result<std::unique_ptr<ByteSource>> bytes = open_maybe_compressed(std::move(source), limits, &kind);
+    if (!bytes) return std::move(bytes).error().in_file(name);
+    if (!ending.empty() && kind == Compression::kNone)
+      return Error{fmt::format("the file is named {} but its content is not compressed", ending),
+                   "rename it, or fetch it again", name, 0};
+    Result<DecodedFile> decoded = (*reader)(ReaderInput{**bytes, name, options, progress});
+    if (!decoded) return std::move(decoded).error().in_file(name);
+    Result<ReadModel> model = finish_model(std::move(*decoded), options, name);
+    if (!model) return std::move(model).error().in_file(name);
+    if (kind != Compression::kNone) model->compression = kind == Compression::kGzip ? "gzip" : "xz";
+    return model;
+  } catch (const std::bad_alloc&) {
+  } catch (const std::length_error&) {
+  }
+  return Error{"there is not enough memory to read the file", "close other programs or reduce the file", name,
+               0};
+}
+
+void add_standard_readers(Readers& readers) {
+  readers.add({"ply"}, read_ply);
+  readers.add({"xyz", "csv", "txt", "asc", "pts"}, read_xyz);
+  readers.add({"obj"}, read_obj);
+  readers.add({"off"}, read_off);
+}
+
+}  // namespace palpate::io

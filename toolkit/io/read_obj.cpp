@@ -1,0 +1,73 @@
+// OBJ (Wavefront Technologies, Advanced Visualizer manual, appendix B1): v and f; all else is passed over.
+#include <fmt/format.h>
+
+#include "toolkit/io/decoding.h"
+#include "toolkit/io/text.h"
+
+namespace palpate::io {
+namespace {
+
+Error bad_line(const Input& in, std::string what) {
+  return Error{std::move(what), "check the file at this line", {}, in.line_number()};
+}
+
+Status read_vertex(const Input& in, std::string_view rest, DecodedFile& decoded) {
+  Vec3 point;
+  for (int axis = 0; axis < 3; ++axis) {
+    const std::string_view token = next_token(rest);
+    if (token.empty())
+      return bad_line(in, fmt::format("a vertex needs 3 coordinates, this one has {}", axis));
+    const std::optional<double> value = parse_real(token);
+    if (!value) return bad_line(in, fmt::format("the coordinate {} is not a number", quoted(token)));
+    point[axis] = *value;
+  }
+  decoded.points.push_back(point);  // a weight or a colour may follow
+  return Done{};
+}
+
+// "7", "7/2", "7/2/3" or "7//3": the first is the vertex, from 1; negative ones count back from the latest
+// vertex.
+Status read_face(const Input& in, std::string_view rest, FaceBuilder& faces, std::size_t points) {
+  faces.begin();
+  for (std::string_view token = next_token(rest); !token.empty(); token = next_token(rest)) {
+    if (token.front() == '#') break;
+    const std::optional<std::int64_t> number = parse_whole(token.substr(0, token.find('/')));
+    if (!number) return bad_line(in, fmt::format("the corner {} of a face is not an index", quoted(token)));
+    // 0 is no index in OBJ; FaceBuilder drops the face for it.
+    const std::int64_t index = *number > 0   ? *number - 1
+                               : *number < 0 ? static_cast<std::int64_t>(points) + *number
+                                             : -1;
+    if (!faces.corner(index)) return faces.too_many();
+  }
+  faces.end();
+  return Done{};
+}
+
+}  // namespace
+
+Result<DecodedFile> read_obj(const ReaderInput& input) {
+  Input in(input.bytes);
+  DecodedFile decoded;
+  decoded.format = "OBJ";
+  Watch watch(input, in, decoded);
+  FaceBuilder faces(decoded, kMaxPoints, input.options);  // a face may stand before its vertices
+  std::string_view line;
+  while (in.next_line(line)) {
+    std::string_view rest = line;
+    const std::string_view key = next_token(rest);
+    Status read = Done{};
+    if (key == "v") {
+      read = read_vertex(in, rest, decoded);
+    } else if (key == "f" || key == "fo") {
+      read = read_face(in, rest, faces, decoded.points.size());
+    }
+    if (!read) return std::move(read).error();
+    if (!watch.row()) return watch.error();
+  }
+  if (in.error()) return *in.error();
+  if (decoded.points.empty())
+    return Error{"the OBJ file has no vertices (no line starts with 'v')", "check the file's type", {}, 0};
+  return decoded;
+}
+
+}  // namespace palpate::io

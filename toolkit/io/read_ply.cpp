@@ -1,0 +1,332 @@
+#include <fmt/format.h>
+
+#include <bit>
+#include <cstring>
+#include <limits>
+
+#include "toolkit/io/decoding.h"
+#include "toolkit/io/ply_header.h"
+#include "toolkit/io/text.h"
+
+namespace palpate::io {
+namespace {
+
+template <class U>
+U load(const std::byte* at, bool swap) noexcept {
+  U bits;
+  std::memcpy(&bits, at, sizeof bits);
+  if constexpr (sizeof(U) == sizeof(std::uint16_t)) return swap ? __builtin_bswap16(bits) : bits;
+  if constexpr (sizeof(U) == sizeof(std::uint32_t)) return swap ? __builtin_bswap32(bits) : bits;
+  if constexpr (sizeof(U) == sizeof(std::uint64_t)) return swap ? __builtin_bswap64(bits) : bits;
+  return bits;
+}
+
+// Every PLY scalar is exact in a double.
+double load_real(PlyScalar type, const std::byte* at, bool swap) noexcept {
+  switch (type) {
+    case PlyScalar::kInt8:
+      return static_cast<double>(std::bit_cast<std::int8_t>(load<std::uint8_t>(at, false)));
+    case PlyScalar::kUint8:
+      return static_cast<double>(load<std::uint8_t>(at, false));
+    case PlyScalar::kInt16:
+      return static_cast<double>(std::bit_cast<std::int16_t>(load<std::uint16_t>(at, swap)));
+    case PlyScalar::kUint16:
+      return static_cast<double>(load<std::uint16_t>(at, swap));
+    case PlyScalar::kInt32:
+      return static_cast<double>(std::bit_cast<std::int32_t>(load<std::uint32_t>(at, swap)));
+    case PlyScalar::kUint32:
+      return static_cast<double>(load<std::uint32_t>(at, swap));
+    case PlyScalar::kFloat32:
+      return static_cast<double>(std::bit_cast<float>(load<std::uint32_t>(at, swap)));
+    case PlyScalar::kFloat64:
+      break;
+  }
+  return std::bit_cast<double>(load<std::uint64_t>(at, swap));
+}
+
+// An index as the file has it: whole, else -1, which no face may use.
+std::int64_t to_index(double value) noexcept {
+  constexpr double kEnd = 4294967296.0;  // 2^32: more than any index
+  if (!(value >= 0.0) || value >= kEnd) return -1;
+  const auto whole = static_cast<std::int64_t>(value);
+  return static_cast<double>(whole) == value ? whole : -1;
+}
+
+// Hands out the values of one row in the order of its properties, whatever the format.
+class Row {
+ public:
+  Row(Input& in, PlyFormat format)
+      : in_(in),
+        ascii_(format == PlyFormat::kAscii),
+        swap_((format == PlyFormat::kBigEndian) != (std::endian::native == std::endian::big)) {}
+
+  // Starts the next row; false at the end of the file or on an error.
+  bool start() {
+    if (!ascii_) return true;
+    while (in_.next_line(line_)) {
+      rest_ = line_;
+      if (!trimmed(line_).empty()) return true;
+    }
+    return false;
+  }
+  bool value(PlyScalar type, double& out) {
+    if (!ascii_) {
+      const std::byte* at = in_.take(ply_bytes(type));
+      if (at == nullptr) return false;
+      out = load_real(type, at, swap_);
+      return true;
+    }
+    const std::string_view token = next_token(rest_);
+    const std::optional<double> parsed = token.empty() ? std::nullopt : parse_real(token);
+    if (!parsed) {
+      bad_ = token.empty() ? std::string("the line has too few values for the header")
+                           : fmt::format("{} is not a number", quoted(token));
+      return false;
+    }
+    out = *parsed;
+    return true;
+  }
+  // A list's count: whole and not negative.
+  bool count(PlyScalar type, std::uint64_t& out) {
+    double number = 0.0;
+    if (!value(type, number)) return false;
+    const std::int64_t whole = to_index(number);
+    if (whole < 0) {
+      bad_ = fmt::format("a list's count is {}, which is not a count", number);
+      return false;
+    }
+    out = static_cast<std::uint64_t>(whole);
+    return true;
+  }
+  // False where an ASCII line holds more than its row.
+  bool finish() {
+    if (!ascii_ || trimmed(rest_).empty()) return true;
+    bad_ = "the line has more values than the header names";
+    return false;
+  }
+  const std::byte* block(std::size_t bytes) { return in_.take(bytes); }
+  [[nodiscard]] bool ascii() const noexcept { return ascii_; }
+  [[nodiscard]] bool swap() const noexcept { return swap_; }
+
+  Error error(const PlyElement& element, std::uint64_t row) const {
+    if (!bad_.empty()) return Error{bad_, "check the file at this place", {}, ascii_ ? in_.line_number() : 0};
+    Error error = in_.error_or({fmt::format("the file ends after {} of the {} promised rows of element {}",
+                                            row, element.count, quoted(element.name)),
+                                "the file is cut off: fetch it again",
+                                {},
+                                0});
+    if (!ascii_) error.line = 0;
+    return error;
+  }
+
+ private:
+  Input& in_;
+  bool ascii_;
+  bool swap_;
+  std::string_view line_;
+  std::string_view rest_;
+  std::string bad_;
+};
+
+bool skip_list(Row& row, const PlyProperty& property, std::uint64_t count) {
+  double ignored = 0.0;
+  for (std::uint64_t i = 0; i < count; ++i) {
+    if (!row.value(property.type, ignored)) return false;
+  }
+  return true;
+}
+
+bool skip_property(Row& row, const PlyProperty& property) {
+  double ignored = 0.0;
+  if (!property.is_list) return row.value(property.type, ignored);
+  std::uint64_t count = 0;
+  return row.count(property.count_type, count) && skip_list(row, property, count);
+}
+
+// Where a vertex property goes: a coordinate, a property of the cloud, or nowhere.
+struct Target {
+  int axis = -1;
+  std::size_t property = 0;
+  bool kept = false;
+  std::size_t offset = 0;  // in a row without lists
+};
+
+std::vector<Target> vertex_targets(const PlyElement& element, DecodedFile& decoded) {
+  constexpr std::string_view kAxes[] = {"x", "y", "z"};
+  std::vector<Target> targets;
+  std::size_t offset = 0;
+  for (const PlyProperty& property : element.properties) {
+    Target target;
+    target.offset = offset;
+    offset += ply_bytes(property.type);
+    for (int axis = 0; axis < 3; ++axis) {
+      if (!property.is_list && property.name == kAxes[axis]) target.axis = axis;
+    }
+    if (target.axis < 0 && !property.is_list) {
+      target.kept = true;
+      target.property = decoded.properties.size();
+      decoded.properties.push_back({property.name, {}});
+    }
+    targets.push_back(target);
+  }
+  return targets;
+}
+
+Status read_vertices(const ReaderInput& input, Input& in, const PlyElement& element, Row& row,
+                     DecodedFile& decoded) {
+  const std::vector<Target> targets = vertex_targets(element, decoded);
+  int axes = 0;
+  for (const Target& target : targets) axes += target.axis >= 0 ? 1 : 0;
+  if (axes != 3)
+    return Error{"the element 'vertex' has no scalar properties x, y and z", "check the header", {}, 0};
+  if (Status fits = check_memory(element.count, sizeof(Vec3) + decoded.properties.size() * sizeof(float),
+                                 "points", input.options);
+      !fits)
+    return fits;
+  const std::size_t reserve = reservation(element.count, element.min_row_bytes(row.ascii()), in.remaining());
+  decoded.points.reserve(reserve);
+  for (cloud::Property& property : decoded.properties) property.values.reserve(reserve);
+
+  Watch watch(input, in, decoded);
+  const bool blocks = !row.ascii() && !element.has_lists();
+  const std::size_t row_bytes = element.min_row_bytes(false);
+  for (std::uint64_t i = 0; i < element.count; ++i) {
+    Vec3 point = Vec3::Zero();
+    const std::byte* block = nullptr;
+    if (blocks ? (block = row.block(row_bytes)) == nullptr : !row.start()) return row.error(element, i);
+    for (std::size_t p = 0; p < targets.size(); ++p) {
+      const PlyProperty& property = element.properties[p];
+      const Target& target = targets[p];
+      double value = 0.0;
+      if (block != nullptr) {
+        value = load_real(property.type, block + target.offset, row.swap());
+      } else if (property.is_list) {
+        if (!skip_property(row, property)) return row.error(element, i);
+        continue;
+      } else if (!row.value(property.type, value)) {
+        return row.error(element, i);
+      }
+      if (target.axis >= 0)
+        point[target.axis] = value;
+      else
+        decoded.properties[target.property].values.push_back(to_float(value));
+    }
+    if (!row.finish()) return row.error(element, i);
+    decoded.points.push_back(point);
+    if (!watch.row()) return watch.error();
+  }
+  return Done{};
+}
+
+bool is_corner_list(const PlyProperty& property) {
+  return property.is_list && (property.name == "vertex_indices" || property.name == "vertex_index");
+}
+
+Status read_faces(const ReaderInput& input, Input& in, const PlyElement& element, std::uint64_t vertices,
+                  Row& row, DecodedFile& decoded) {
+  Watch watch(input, in, decoded);
+  FaceBuilder faces(decoded, vertices, input.options);
+  decoded.triangles.reserve(
+      std::min(reservation(element.count, element.min_row_bytes(row.ascii()), in.remaining()),
+               static_cast<std::size_t>(input.options.max_bytes / sizeof(decoded.triangles[0]))));
+  for (std::uint64_t i = 0; i < element.count; ++i) {
+    if (!row.start()) return row.error(element, i);
+    for (const PlyProperty& property : element.properties) {
+      if (!is_corner_list(property)) {
+        if (!skip_property(row, property)) return row.error(element, i);
+        continue;
+      }
+      std::uint64_t count = 0;
+      if (!row.count(property.count_type, count)) return row.error(element, i);
+      faces.begin();
+      for (std::uint64_t c = 0; c < count; ++c) {
+        double index = 0.0;
+        if (!row.value(property.type, index)) return row.error(element, i);
+        if (!faces.corner(to_index(index))) return faces.too_many();
+      }
+      faces.end();
+    }
+    if (!row.finish()) return row.error(element, i);
+    if (!watch.row()) return watch.error();
+  }
+  return Done{};
+}
+
+Status skip_element(const ReaderInput& input, Input& in, const PlyElement& element, Row& row,
+                    const DecodedFile& decoded) {
+  Watch watch(input, in, decoded);
+  if (element.properties.empty()) return Done{};  // such rows have no bytes, however many are promised
+  for (std::uint64_t i = 0; i < element.count; ++i) {
+    if (!row.start()) return row.error(element, i);
+    for (const PlyProperty& property : element.properties) {
+      if (!skip_property(row, property)) return row.error(element, i);
+    }
+    if (!row.finish()) return row.error(element, i);
+    if (!watch.row()) return watch.error();
+  }
+  return Done{};
+}
+
+// A Cyberware file whose grid has no holes lists its points row by row.
+void take_raster(const PlyHeader& header, bool has_grid_element, DecodedFile& decoded) {
+  if (header.columns == 0 || header.rows == 0 || has_grid_element) return;
+  if (header.columns * header.rows != decoded.points.size()) return;
+  decoded.raster =
+      cloud::ScanRaster{static_cast<std::uint32_t>(header.columns), static_cast<std::uint32_t>(header.rows)};
+}
+
+std::string format_name(PlyFormat format) {
+  switch (format) {
+    case PlyFormat::kAscii:
+      return "PLY, ASCII";
+    case PlyFormat::kLittleEndian:
+      return "PLY, binary little-endian";
+    case PlyFormat::kBigEndian:
+      break;
+  }
+  return "PLY, binary big-endian";
+}
+
+}  // namespace
+
+Result<DecodedFile> read_ply(const ReaderInput& input) {
+  Input in(input.bytes);
+  const Result<PlyHeader> header = read_ply_header(in);
+  if (!header) return header.error();
+  DecodedFile decoded;
+  decoded.format = format_name(header->format);
+  decoded.unit = header->unit;
+
+  const PlyElement* vertex = nullptr;
+  std::size_t wanted = 0;  // elements that must be read still
+  bool has_grid = false;
+  for (const PlyElement& element : header->elements) {
+    if (element.name == "vertex") vertex = &element;
+    if (element.name == "vertex" || element.name == "face") ++wanted;
+    has_grid = has_grid || element.name == "range_grid";
+    if (element.name == "tristrips")
+      decoded.warnings.push_back("The file's triangle strips (element 'tristrips') are not read.");
+  }
+  if (vertex == nullptr)
+    return Error{"the PLY file has no element 'vertex'", "check that it holds points", {}, in.line_number()};
+
+  Row row(in, header->format);
+  for (const PlyElement& element : header->elements) {
+    if (wanted == 0) break;
+    Status read = Done{};
+    if (element.name == "vertex") {
+      read = read_vertices(input, in, element, row, decoded);
+      --wanted;
+    } else if (element.name == "face") {
+      read = read_faces(input, in, element, vertex->count, row, decoded);
+      --wanted;
+    } else {
+      read = skip_element(input, in, element, row, decoded);
+    }
+    if (!read) return std::move(read).error();
+  }
+  take_raster(*header, has_grid, decoded);
+  return decoded;
+}
+
+}  // namespace palpate::io
