@@ -274,7 +274,9 @@ Result<Accuracy> score(const trace::ProbePath& path, const trace::ForceTrace& tr
   score_god_object(in, truth, a, per_frame);
   score_onset_and_release(in, a);
   score_path_dependence(in, a);
-  if (truth != nullptr) {
+  const bool has_resolution = std::any_of(reference.frames.begin(), reference.frames.end(),
+                                          [](const auto& f) { return f.local_resolution_mm > 0.0; });
+  if (truth != nullptr && has_resolution) {
     a.pop_throughs = count_pop_throughs(path, trace, reference, *truth);
     const auto true_contact = static_cast<double>(std::count_if(
         reference.frames.begin(), reference.frames.end(), [](const auto& f) { return f.frame.contact; }));

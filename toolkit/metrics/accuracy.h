@@ -57,9 +57,10 @@ struct Accuracy {
   std::uint64_t false_contact_frames = 0;   ///< F_r != 0 and d > local resolution
   std::uint64_t longest_stick_frames = 0;   ///< longest run of consecutive false contact frames
 
-  /// Events; nothing without a TruthSurface. One of: g gets inside by more than the local resolution; the
-  /// step g(n-1) -> g(n) leads through matter deeper than that; or g stays on a sheet that faces away from
-  /// g*'s (normals more than 90 degrees apart) while h travels more than the local resolution.
+  /// Events; nothing without a TruthSurface or without local resolutions. One of: g gets inside by more than
+  /// the local resolution; the step g(n-1) -> g(n) leads through matter deeper than that; or g stays on a
+  /// sheet that faces away from g*'s (normals more than 90 degrees apart) while h travels more than the local
+  /// resolution.
   std::optional<std::uint64_t> pop_throughs;
   /// 95 % upper bound on the rate per frame of true contact where none was seen: 3 / N (rule of three).
   std::optional<double> pop_through_rate_upper_95;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "toolkit/core/tolerances.h"
+
 namespace palpate::metrics {
 namespace {
 
@@ -10,13 +12,15 @@ namespace {
 // cannot fall between two, up to this many; a longer step is sampled more coarsely, and whatever it crosses
 // is large.
 constexpr int kMaxSamples = 64;
+// Some hundred roundings of a coordinate: what a distance to a formula or a mesh may be off by.
+constexpr double kRoundingPerSize = 256.0 * kUnitRoundoff;
 
 bool leads_through_matter(const Vec3& from_mm, const Vec3& to_mm, double resolution_mm,
                           const TruthSurface& truth) {
   const double length_mm = (to_mm - from_mm).norm();
   // A chord of length L is nowhere deeper than L / 2.
   if (!(length_mm > 2.0 * resolution_mm)) return false;
-  const double wanted = resolution_mm > 0.0 ? std::ceil(2.0 * length_mm / resolution_mm) : kMaxSamples;
+  const double wanted = std::ceil(2.0 * length_mm / resolution_mm);  // resolution > 0 wherever this is asked
   const int samples = static_cast<int>(std::min(wanted, static_cast<double>(kMaxSamples)));
   for (int s = 1; s < samples; ++s) {
     const double t = static_cast<double>(s) / samples;
@@ -35,7 +39,8 @@ std::uint64_t count_pop_throughs(const trace::ProbePath& path, const trace::Forc
   for (std::size_t i = 0; i < trace.frames.size(); ++i) {
     const render::Frame& frame = trace.frames[i];
     const trace::TruthFrame& wanted = reference.frames[i];
-    const double resolution_mm = wanted.local_resolution_mm;
+    const double resolution_mm =
+        wanted.local_resolution_mm + kRoundingPerSize * frame.god_object_mm.cwiseAbs().maxCoeff();
     const bool inside = frame.contact && truth.signed_distance_mm(frame.god_object_mm) < -resolution_mm;
     const bool through =
         i > 0 && frame.contact && trace.frames[i - 1].contact && !inside && !was_inside &&

@@ -1,0 +1,66 @@
+// The passivity observer over replays.
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "tests/toolkit/metrics/tiny.h"
+
+namespace palpate::metrics {
+namespace {
+
+TEST(Energy, ASpringStoresHalfKD2AndGivesItBack) {
+  Tiny t;
+  for (const double z : {0.0, -1.0, -2.0, -1.0, 0.0}) t.add(z);
+  const Result<Energy> e = observe_energy(t.path, t.trace, kStiffness);
+  ASSERT_TRUE(e);
+  EXPECT_DOUBLE_EQ(e->max_stored_mj, 1.0);  // 0.5 x 0.5 N/mm x (2 mm)^2
+  EXPECT_DOUBLE_EQ(e->final_mj, 0.0);
+  EXPECT_DOUBLE_EQ(e->generated_mj, 0.0);
+  EXPECT_DOUBLE_EQ(*e->generated_percent, 0.0);
+}
+
+TEST(Energy, AKickIsFound) {
+  Tiny t;
+  for (const double z : {0.0, -1.0, -2.0, -2.0, -1.0, 0.0}) t.add(z);
+  // After resting at 2 mm the force is twice what it was: on the way out 2 mJ for the 1 mJ put in.
+  for (const std::size_t i : {3u, 4u}) t.trace.frames[i].force_n *= 2.0;
+  const Result<Energy> e = observe_energy(t.path, t.trace, kStiffness);
+  ASSERT_TRUE(e);
+  // In: 0.25 + 0.75. Out: (2 + 1) / 2 + (1 + 0) / 2 = 2. E ends at -1; stored at most 2^2 / (2 x 0.5) = 4.
+  EXPECT_DOUBLE_EQ(e->final_mj, -1.0);
+  EXPECT_DOUBLE_EQ(e->generated_mj, 1.0);
+  EXPECT_DOUBLE_EQ(e->max_stored_mj, 4.0);
+  EXPECT_DOUBLE_EQ(*e->generated_percent, 25.0);
+}
+
+TEST(Energy, FrictionOnlyTakes) {
+  Tiny t;
+  t.add(-1.0, 0.1, 0.0).force_n.x() = -0.1;
+  t.add(-1.0, 0.1, 1.0).force_n.x() = -0.1;  // moving along +x against -0.1 N
+  const Result<Energy> e = observe_energy(t.path, t.trace, kStiffness);
+  ASSERT_TRUE(e);
+  EXPECT_DOUBLE_EQ(e->final_mj, 0.1);
+  EXPECT_DOUBLE_EQ(*e->generated_percent, 0.0);
+}
+
+TEST(Energy, NothingWithoutContact) {
+  Tiny t;
+  t.add(1.0);
+  const Result<Energy> e = observe_energy(t.path, t.trace, kStiffness);
+  ASSERT_TRUE(e);
+  EXPECT_FALSE(e->generated_percent.has_value());
+  EXPECT_EQ(e->generated_mj, 0.0);
+}
+
+TEST(Energy, RefusesNonsense) {
+  Tiny t;
+  t.add(1.0);
+  EXPECT_FALSE(observe_energy(t.path, t.trace, 0.0));
+  t.trace.frames[0].force_n.x() = std::numeric_limits<double>::infinity();
+  EXPECT_FALSE(observe_energy(t.path, t.trace, kStiffness));
+  t.trace.frames.clear();
+  EXPECT_FALSE(observe_energy(t.path, t.trace, kStiffness));
+}
+
+}  // namespace
+}  // namespace palpate::metrics

@@ -1,0 +1,53 @@
+// Tiny traces for hand-computed scores: the truth is the half space z < 0 with 0.5 N/mm unless a test says
+// otherwise.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "toolkit/metrics/accuracy.h"
+
+namespace palpate::metrics {
+
+inline constexpr double kStiffness = 0.5;
+
+class HalfSpace final : public TruthSurface {
+ public:
+  double signed_distance_mm(const Vec3& p_mm) const override { return p_mm.z(); }
+  geometry::SurfacePoint closest(const Vec3& p_mm) const override {
+    return {{p_mm.x(), p_mm.y(), 0.0}, Vec3::UnitZ()};
+  }
+};
+
+struct Tiny {
+  trace::ProbePath path;
+  trace::ForceTrace trace;
+  trace::ReferenceTrace reference;
+
+  /// The HIP at (x, 0, z) with a local resolution; the truth follows, the rendered frame is the truth until
+  /// changed.
+  render::Frame& add(double z_mm, double resolution_mm = 0.1, double x_mm = 0.0) {
+    const Vec3 hip_mm(x_mm, 0.0, z_mm);
+    path.name = "tiny.csv";
+    path.t_s.push_back(0.001 * static_cast<double>(path.t_s.size()));
+    path.hip_mm.push_back(hip_mm);
+    trace::TruthFrame truth;
+    truth.signed_distance_mm = z_mm;
+    truth.local_resolution_mm = resolution_mm;
+    truth.frame.contact = z_mm < 0.0;
+    truth.frame.god_object_mm = z_mm < 0.0 ? Vec3(x_mm, 0.0, 0.0) : hip_mm;
+    truth.frame.force_n = kStiffness * (truth.frame.god_object_mm - hip_mm);
+    reference.name = "analytic";
+    reference.exactness = "exact";
+    reference.frames.push_back(truth);
+    trace.frames.push_back(truth.frame);
+    return trace.frames.back();
+  }
+  [[nodiscard]] Result<Accuracy> scored(AccuracyFrames* per_frame = nullptr) const {
+    return score(path, trace, reference, &half_space, AccuracyOptions{}, per_frame);
+  }
+
+  static inline const HalfSpace half_space;
+};
+
+}  // namespace palpate::metrics
