@@ -38,8 +38,10 @@ class AnalyticRenderer final : public HapticRenderer {
     geometry::SurfacePoint god_object;
     Vec3 reached_mm = Vec3::Zero();  ///< where the HIP's motion has been followed to
   };
+  /// Follows the HIP's motion to `hip_mm` (model frame); false when a bound stopped it on the way.
   static bool follow(Model& model, const Vec3& hip_mm, FrameCounters& counters) noexcept;
-  static bool follow_contact(Model& model, const Vec3& hip_mm, int& sub_steps_left) noexcept;
+  /// Tracks in contact; false when it was released, `reached_mm` then tells where.
+  static bool stay_in_contact(Model& model, const Vec3& hip_mm, FrameCounters& counters) noexcept;
 
   std::vector<Model> models_;
   double force_limit_n_ = 0.0;

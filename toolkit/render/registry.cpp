@@ -4,6 +4,8 @@
 
 #include <cassert>
 
+#include "toolkit/render/analytic_renderer.h"
+
 namespace palpate::render {
 
 void Registry::add(RendererInfo info) {
@@ -27,6 +29,10 @@ Result<std::unique_ptr<HapticRenderer>> Registry::make(std::string_view name, co
   Result<Options> complete = validate(options, info->options, name);
   if (!complete) return std::move(complete).error();
   return info->make(*complete);
+}
+
+void register_toolkit_renderers(Registry& registry) {
+  registry.add(analytic_renderer_info());
 }
 
 }  // namespace palpate::render

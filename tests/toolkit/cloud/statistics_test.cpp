@@ -1,0 +1,86 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "toolkit/cloud/generate.h"
+#include "toolkit/cloud/statistics.h"
+#include "toolkit/core/random.h"
+
+namespace palpate::cloud {
+namespace {
+
+Cloud cloud_of(const std::vector<Vec3>& points) {
+  return *build_cloud(points, NonFinite::kRefuse);
+}
+Cloud generated(const std::string& text) {
+  return generate(*parse_named_options(text))->cloud;
+}
+/// The same points in another order.
+Cloud shuffled(Cloud cloud, std::uint64_t seed) {
+  Random random(seed);
+  for (std::size_t i = cloud.size(); i-- > 1;) {
+    const std::size_t j = random.below(i + 1);
+    std::swap(cloud.x_mm[i], cloud.x_mm[j]);
+    std::swap(cloud.y_mm[i], cloud.y_mm[j]);
+    std::swap(cloud.z_mm[i], cloud.z_mm[j]);
+  }
+  cloud.raster.reset();
+  return cloud;
+}
+
+TEST(Statistics, DensityIsPointsPerBoxVolume) {
+  const Statistics s = describe(cloud_of({{0, 0, 0}, {2, 0, 0}, {2, 5, 0}, {1, 1, 0.5}}));
+  EXPECT_EQ(s.points, 4u);
+  EXPECT_DOUBLE_EQ(s.density_per_mm3, 4.0 / (2 * 5 * 0.5));
+  EXPECT_TRUE(std::isinf(describe(generated("plane:points=100")).density_per_mm3));
+}
+
+TEST(Statistics, DuplicatesAreCountedAsPointsMinusPlaces) {
+  const Cloud c = cloud_of({{1, 1, 1}, {0, 0, 0}, {1, 1, 1}, {-1, 2, 0}, {1, 1, 1}, {0, 0, -0.0}});
+  EXPECT_EQ(count_duplicates(c), 3u);
+  EXPECT_EQ(count_duplicates(generated("sphere:points=5000")), 0u);
+}
+
+TEST(Statistics, FindsTheScannersRaster) {
+  for (const char* how : {"", ":jitter=0.4", ":nonuniform=0.8", ":scale=0.001", ":scale=1000000"}) {
+    Cloud c = generated(std::string("sinusoid:points=900") + how);
+    c.raster.reset();
+    const auto raster = find_raster(c);
+    ASSERT_TRUE(raster) << how;
+    EXPECT_EQ(raster->columns, 30u);
+    EXPECT_EQ(raster->rows, 30u);
+    EXPECT_FALSE(find_raster(shuffled(c, 5))) << how;
+  }
+  // Rows along z, falling, as a scanner that stands upright delivers them.
+  std::vector<Vec3> upright;
+  for (int row = 0; row < 4; ++row)
+    for (int column = 0; column < 7; ++column)
+      upright.push_back({0.1 * row * column, 2.0 * row, -1.0 * column});
+  const auto raster = find_raster(cloud_of(upright));
+  ASSERT_TRUE(raster);
+  EXPECT_EQ(raster->columns, 7u);
+  EXPECT_EQ(raster->rows, 4u);
+  upright.pop_back();
+  EXPECT_FALSE(find_raster(cloud_of(upright))) << "a hole";
+  EXPECT_FALSE(find_raster(generated("sphere:points=3000")));
+  EXPECT_FALSE(find_raster(cloud_of({{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {3, 0, 0}}))) << "one row";
+}
+
+TEST(Statistics, TellsHeightFieldsFromBodies) {
+  for (const char* field :
+       {"sinusoid", "plane", "saddle", "wedge:angle_deg=60", "sinusoid:jitter=0.4:nonuniform=0.5"})
+    for (const char* scale : {"0.001", "1000000"}) {
+      const Cloud c = generated(std::string(field) + ":points=10000:scale=" + scale);
+      EXPECT_TRUE(is_height_field(c)) << field;
+      EXPECT_TRUE(is_height_field(shuffled(c, 3))) << field << ", whatever the order";
+    }
+  for (const char* body : {"sphere:points=10000", "torus:points=10000", "slab:points=10000",
+                           "slab:points=10000:thickness_mm=0.01"})
+    EXPECT_FALSE(is_height_field(generated(body))) << body;
+  EXPECT_FALSE(is_height_field(cloud_of({{0, 0, 0}, {0, 1, 0}, {0, 2, 5}}))) << "no extent in x";
+}
+
+}  // namespace
+}  // namespace palpate::cloud

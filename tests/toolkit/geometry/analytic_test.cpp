@@ -1,0 +1,311 @@
+// Surfaces known by formula, against hand-computed answers and dense brute force.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "toolkit/core/random.h"
+#include "toolkit/geometry/analytic_shapes.h"
+#include "toolkit/geometry/entry_search.h"
+
+namespace palpate::geometry {
+namespace {
+
+constexpr std::uint64_t kSeed = 20260101;
+
+struct Shape {
+  std::string name;
+  std::function<std::shared_ptr<const AnalyticSurface>(double scale)> make;
+  bool smooth = true;
+  bool open = true;
+};
+
+std::vector<Shape> shapes() {
+  return {
+      {"plane", [](double s) { return make_plane(100 * s); }},
+      {"sinusoid", [](double s) { return make_sinusoid(10 * s, 50 * s, 100 * s); }},
+      {"steep sinusoid", [](double s) { return make_sinusoid(10 * s, 10 * s, 30 * s); }},
+      {"saddle", [](double s) { return make_saddle(0.05 / s, 100 * s); }},
+      {"ridge", [](double s) { return make_wedge(70, 100 * s); }, false},
+      {"valley", [](double s) { return make_wedge(300, 100 * s); }, false},
+      {"sphere", [](double s) { return make_sphere(25 * s); }, true, false},
+      {"torus", [](double s) { return make_torus(37 * s, 13 * s); }, true, false},
+      {"slab", [](double s) { return make_slab(50 * s, 1 * s); }, false, false},
+  };
+}
+
+Vec3 random_point(Random& random, double half) {
+  return {random.uniform(-half, half), random.uniform(-half, half), random.uniform(-half, half)};
+}
+
+/// Points all over a shape, denser than any tolerance used with them.
+std::vector<Vec3> dense_samples(const AnalyticSurface& surface, int side) {
+  std::vector<Vec3> samples;
+  for (int i = 0; i <= side; ++i)
+    for (int j = 0; j <= side; ++j)
+      samples.push_back(
+          surface.at(static_cast<double>(i) / side * 3 - 1, static_cast<double>(j) / side * 3 - 1).point_mm);
+  return samples;
+}
+
+TEST(Analytic, MakersRefuseWhatIsNoShape) {
+  const double nan = std::nan("");
+  EXPECT_EQ(make_plane(0), nullptr);
+  EXPECT_EQ(make_plane(nan), nullptr);
+  EXPECT_EQ(make_sinusoid(10, 1, 100), nullptr) << "slope 63";
+  EXPECT_EQ(make_sinusoid(-1, 50, 100), nullptr);
+  EXPECT_EQ(make_saddle(0, 1), nullptr);
+  EXPECT_EQ(make_wedge(5, 1), nullptr);
+  EXPECT_EQ(make_sphere(nan), nullptr);
+  EXPECT_EQ(make_torus(1, 2), nullptr);
+  EXPECT_EQ(make_slab(1, 0), nullptr);
+}
+
+TEST(Analytic, KnownPoints) {
+  const auto sinusoid = make_sinusoid(10, 50, 100);
+  EXPECT_DOUBLE_EQ(sinusoid->at(0.5, 0.5).point_mm.z(), 20.0);
+  EXPECT_NEAR(sinusoid->at(0.75, 0.75).point_mm.z(), -20.0, 1e-13);
+  EXPECT_EQ(sinusoid->box_mm().high_mm, Vec3(50, 50, 20));
+  EXPECT_EQ(sinusoid->box_mm().low_mm, Vec3(-50, -50, -20));
+  // Above a crest within its radius of curvature the crest is closest.
+  EXPECT_NEAR((sinusoid->closest({0, 0, 30}).point_mm - Vec3(0, 0, 20)).norm(), 0.0, 1e-9);
+  EXPECT_NEAR(sinusoid->signed_distance_mm({0, 0, 30}), 10.0, 1e-9);
+  EXPECT_NEAR(sinusoid->signed_distance_mm({0, 0, 18}), -2.0, 1e-9);
+  EXPECT_DOUBLE_EQ(make_sphere(2)->signed_distance_mm({0, 0, 5}), 3.0);
+  EXPECT_DOUBLE_EQ(make_torus(4, 1)->signed_distance_mm({4, 0, 0}), -1.0);
+  EXPECT_DOUBLE_EQ(make_torus(4, 1)->signed_distance_mm({0, 0, 0}), 3.0);
+  EXPECT_DOUBLE_EQ(make_slab(10, 1)->signed_distance_mm({8, 9, 0}), 5.0);
+  EXPECT_DOUBLE_EQ(make_slab(10, 1)->signed_distance_mm({1, 1, 0.3}), -0.2);
+  // A right-angled ridge: z = -|x|.
+  const auto ridge = make_wedge(90, 10);
+  EXPECT_NEAR(ridge->signed_distance_mm({0, 3, 2}), 2.0, 1e-14);
+  EXPECT_NEAR(ridge->signed_distance_mm({0, 3, -2}), -std::sqrt(2.0), 1e-14);
+  EXPECT_NEAR(ridge->at(0.7, 0.5).point_mm.z(), -2.0, 1e-14);
+  const auto valley = make_wedge(270, 10);
+  EXPECT_NEAR(valley->at(0.7, 0.5).point_mm.z(), 2.0, 1e-14);
+  EXPECT_NEAR(valley->signed_distance_mm({0, 3, -2}), -2.0, 1e-14);
+  EXPECT_NEAR(valley->signed_distance_mm({0, 3, 2}), std::sqrt(2.0), 1e-14);
+}
+
+TEST(Analytic, ClosestAgainstBruteForce) {
+  for (const Shape& shape : shapes()) {
+    Random random(kSeed);
+    const auto surface = shape.make(1.0);
+    if (shape.name == "slab") continue;  // at() covers one face; see KnownPoints and below
+    const int side = 900;
+    const std::vector<Vec3> samples = shape.open ? dense_samples(*surface, side) : [&] {
+      std::vector<Vec3> all;
+      for (int i = 0; i <= side; ++i)
+        for (int j = 0; j <= side; ++j)
+          all.push_back(surface->at(static_cast<double>(i) / side, static_cast<double>(j) / side).point_mm);
+      return all;
+    }();
+    // Twice the widest gap of the samples along the surface.
+    const double gap = surface->box_mm().extent_mm().norm() * 3 / side * 8;
+    for (int n = 0; n < 40; ++n) {
+      const Vec3 p = random_point(random, 0.55 * surface->box_mm().extent_mm().maxCoeff());
+      double best = 1e300;
+      for (const Vec3& q : samples) best = std::min(best, (q - p).norm());
+      const SurfacePoint found = surface->closest(p);
+      const double distance = (found.point_mm - p).norm();
+      SCOPED_TRACE(shape.name + ", seed 20260101, query " + std::to_string(n));
+      EXPECT_LE(distance, best * (1 + 1e-12));
+      EXPECT_GE(distance, best - gap);
+      EXPECT_NEAR(std::abs(surface->signed_distance_mm(p)), distance, 1e-12 * 100);
+      EXPECT_NEAR(surface->signed_distance_mm(found.point_mm), 0.0, 1e-11);
+    }
+  }
+}
+
+TEST(Analytic, ClosestIsPerpendicularAtEveryScale) {
+  for (const double scale : {1e-3, 1.0, 1e6})
+    for (const Shape& shape : shapes()) {
+      if (!shape.smooth) continue;
+      Random random(kSeed);
+      const auto surface = shape.make(scale);
+      for (int n = 0; n < 100; ++n) {
+        const Vec3 p = random_point(random, 40 * scale);
+        const SurfacePoint g = surface->closest(p);
+        const Vec3 offset = p - g.point_mm;
+        // The position is exact to some ulps of the coordinates, which at a small distance is all there is.
+        const double tolerance = 1e-9 * offset.norm() + 1e-14 * 100 * scale;
+        SCOPED_TRACE(shape.name + " scale " + std::to_string(scale) + " query " + std::to_string(n));
+        EXPECT_LE((offset - offset.dot(g.normal) * g.normal).norm(), tolerance);
+        EXPECT_NEAR(g.normal.norm(), 1.0, 1e-14);
+      }
+    }
+}
+
+TEST(Analytic, SaddleClosestInItsPlanesOfSymmetry) {
+  // High above the saddle's valley line the two points at +-x are closest; below, those at +-y.
+  const auto saddle = make_saddle(0.05, 100);
+  for (const Vec3& p :
+       {Vec3(0, 0, 45), Vec3(0, 0, -45), Vec3(0, 5, 45), Vec3(5, 0, -45), Vec3(0, 5, -45), Vec3(5, 0, 45)}) {
+    const double found = (saddle->closest(p).point_mm - p).norm();
+    double best = 1e300;
+    for (const Vec3& q : dense_samples(*saddle, 1500)) best = std::min(best, (q - p).norm());
+    EXPECT_LE(found, best + 1e-12) << p.transpose();
+    EXPECT_GE(found, best - 0.5) << p.transpose();
+  }
+}
+
+TEST(Analytic, TrackFollowsAndConverges) {
+  for (const double scale : {1e-3, 1.0, 1e6})
+    for (const Shape& shape : shapes()) {
+      if (!shape.smooth || shape.name == "steep sinusoid") continue;
+      const auto surface = shape.make(scale);
+      SurfacePoint g = surface->at(0.2, 0.3);
+      for (int k = 1; k <= 400; ++k) {
+        const double s = k / 400.0;
+        const SurfacePoint above = surface->at(0.2 + 0.3 * s, 0.3 + 0.2 * s);
+        const Vec3 hip = above.point_mm - 2 * scale * s * above.normal;
+        g = surface->track(g, hip);
+        SCOPED_TRACE(shape.name + " scale " + std::to_string(scale) + " step " + std::to_string(k));
+        // Shallower than every radius of curvature here, so the foot of the normal is the local minimum.
+        ASSERT_LE((g.point_mm - above.point_mm).norm(), 1e-9 * scale);
+        const Vec3 offset = g.point_mm - hip;
+        ASSERT_LE((offset - offset.dot(g.normal) * g.normal).norm(), 1e-9 * offset.norm() + 1e-12 * scale);
+      }
+    }
+}
+
+TEST(Analytic, TrackStaysOnTheEntrySheetOfTheSlab) {
+  const auto slab = make_slab(50, 1);
+  SurfacePoint g = slab->first_entry({3, 4, 2}, {3, 4, 0.4}).value();
+  EXPECT_EQ(g.point_mm, Vec3(3, 4, 0.5));
+  for (int k = 0; k < 1000; ++k) {
+    const Vec3 hip(3 + 0.01 * k, 4, 0.4 - 0.02 * k);  // to 19 mm below the other side
+    g = slab->track(g, hip);
+    ASSERT_EQ(g.point_mm, Vec3(hip.x(), 4, 0.5));
+    ASSERT_EQ(g.normal, Vec3(0, 0, 1));
+  }
+  // Beyond its side it slides over the edge, down the side face: the HIP is outside there.
+  g = slab->track(g, {26, 4, 0.2});
+  EXPECT_EQ(g.point_mm, Vec3(25, 4, 0.2));
+  EXPECT_EQ(g.normal, Vec3(1, 0, 0));
+}
+
+TEST(Analytic, TrackOnTheRidgePassesTheMiddleAndOnlyThenTheEdge) {
+  const auto ridge = make_wedge(90, 100);
+  SurfacePoint g = ridge->first_entry({-3, 0, 5}, {-3, 0, -4}).value();
+  EXPECT_NEAR((g.point_mm - Vec3(-3, 0, -3)).norm(), 0, 1e-14);
+  // Across the middle plane the left face is no longer nearest, and still the sheet it is held by.
+  g = ridge->track(g, {0.5, 0, -2});
+  EXPECT_NEAR((g.point_mm - Vec3(-0.75, 0, -0.75)).norm(), 0, 1e-14);
+  // With the foot beyond the edge it goes over to the other face; that needs a blunt ridge.
+  const auto blunt = make_wedge(120, 100);
+  g = blunt->first_entry({-3, 0, 5}, {-3, 0, -4}).value();
+  g = blunt->track(g, {2, 0, -1.5});
+  const double along = 2 * std::sqrt(0.75) + 1.5 * 0.5;
+  EXPECT_NEAR((g.point_mm - Vec3(along * std::sqrt(0.75), 0, -along * 0.5)).norm(), 0, 1e-14);
+}
+
+TEST(Analytic, TrackInTheValleyRestsOnTheEdge) {
+  const auto valley = make_wedge(270, 100);
+  SurfacePoint g = valley->first_entry({-1, 0, 3}, {-1, 0, 0}).value();
+  g = valley->track(g, {0.1, 2, -1});
+  EXPECT_NEAR((g.point_mm - Vec3(0, 2, 0)).norm(), 0, 1e-14);
+  EXPECT_GT((g.point_mm - Vec3(0.1, 2, -1)).dot(g.normal), 0) << "still inside";
+}
+
+TEST(Analytic, TrackLeavesACrestThatIsNoMinimum) {
+  // Ten below the crest, deeper than its radius of curvature, 6.33: the crest is a maximum of the distance.
+  const auto sinusoid = make_sinusoid(10, 50, 100);
+  const Vec3 hip(0, 0, 10);
+  const SurfacePoint g = sinusoid->track({{0, 0, 20}, Vec3::UnitZ()}, hip);
+  EXPECT_LT((g.point_mm - hip).norm(), 9.5);
+}
+
+TEST(Analytic, FirstEntryAgainstFineSampling) {
+  for (const double scale : {1e-3, 1.0, 1e6})
+    for (const Shape& shape : shapes()) {
+      Random random(kSeed);
+      const auto surface = shape.make(scale);
+      int entries = 0;
+      for (int n = 0; n < 60; ++n) {
+        const Vec3 a = random_point(random, 60 * scale), b = random_point(random, 60 * scale);
+        constexpr int kSamples = 4000;
+        double expected = -1;
+        bool inside = surface->signed_distance_mm(a) < 0;
+        const bool use_all = shape.name.find("sinusoid") == std::string::npos;
+        for (int i = 1; i <= kSamples && expected < 0; ++i) {
+          const Vec3 p = a + (b - a) * (static_cast<double>(i) / kSamples);
+          // The sinusoid's distance is costly; its sign is that of the height over it.
+          const double d = use_all ? surface->signed_distance_mm(p)
+                                   : p.z() - surface
+                                                 ->at(p.x() / surface->box_mm().extent_mm().x() + 0.5,
+                                                      p.y() / surface->box_mm().extent_mm().y() + 0.5)
+                                                 .point_mm.z();
+          if (!use_all && i == 1) inside = d < 0;
+          if (d < 0 && !inside) expected = static_cast<double>(i) / kSamples;
+          inside = d < 0;
+        }
+        const auto found = surface->first_entry(a, b);
+        SCOPED_TRACE(shape.name + " scale " + std::to_string(scale) + " segment " + std::to_string(n));
+        if (expected < 0 && found) {  // a dip between two samples
+          EXPECT_LT(std::abs(surface->signed_distance_mm(found->point_mm)), 1e-9 * scale);
+          continue;
+        }
+        ASSERT_EQ(found.has_value(), expected >= 0);
+        if (!found) continue;
+        ++entries;
+        const double t = (found->point_mm - a).dot(b - a) / (b - a).squaredNorm();
+        EXPECT_LE(t, expected + 1e-9);
+        EXPECT_LT((a + t * (b - a) - found->point_mm).norm(), 1e-9 * scale) << "on the segment";
+        EXPECT_LT(found->normal.dot(b - a), 1e-6 * (b - a).norm()) << "going in";
+        if (t < expected - 1.5 / kSamples) {  // a dip between samples before the first one seen
+          EXPECT_LT(std::abs(surface->signed_distance_mm(found->point_mm)), 1e-9 * scale);
+        }
+      }
+      EXPECT_GT(entries, 5) << shape.name;
+    }
+}
+
+TEST(Analytic, TheThinnestSlabIsNeverTunnelled) {
+  const auto slab = make_slab(50, 1e-9);
+  Random random(kSeed);
+  for (int n = 0; n < 2000; ++n) {
+    const Vec3 a(random.uniform(-20, 20), random.uniform(-20, 20), random.uniform(1e-3, 1e6));
+    const Vec3 b(random.uniform(-20, 20), random.uniform(-20, 20), -random.uniform(1e-3, 1e6));
+    const auto found = slab->first_entry(a, b);
+    ASSERT_TRUE(found) << n;
+    EXPECT_EQ(found->point_mm.z(), 5e-10);
+  }
+}
+
+TEST(Analytic, EntryFromTheSurfaceItself) {
+  for (const Shape& shape : shapes()) {
+    const auto surface = shape.make(1.0);
+    const SurfacePoint s = surface->at(0.31, 0.27);
+    EXPECT_TRUE(surface->first_entry(s.point_mm, s.point_mm - 0.01 * s.normal)) << shape.name;
+    EXPECT_FALSE(surface->first_entry(s.point_mm, s.point_mm + 0.01 * s.normal)) << shape.name;
+    EXPECT_FALSE(surface->first_entry(s.point_mm - 0.01 * s.normal, s.point_mm - 0.02 * s.normal))
+        << shape.name;
+    EXPECT_FALSE(surface->first_entry(s.point_mm - 0.01 * s.normal, s.point_mm + 0.01 * s.normal))
+        << shape.name;
+    EXPECT_FALSE(surface->first_entry(s.point_mm + s.normal, s.point_mm + s.normal)) << shape.name;
+  }
+}
+
+TEST(Analytic, GrazingARowOfCrestsFindsNone) {
+  const auto sinusoid = make_sinusoid(10, 50, 100);
+  EXPECT_FALSE(sinusoid->first_entry({-500, 0, 20.0001}, {500, 0, 20.0001}));
+  const auto found = sinusoid->first_entry({-20, 0, 19.9999}, {500, 0, 19.9999});
+  ASSERT_TRUE(found);
+  // 10 (1 - cos w x) = 1e-4 at x = 0.03559.
+  EXPECT_NEAR(found->point_mm.x(), -std::acos(1 - 1e-5) * 25 / std::numbers::pi, 1e-9);
+}
+
+TEST(EntrySearch, SafeStepIsTheSmallestRoot) {
+  EXPECT_DOUBLE_EQ(safe_step(1, -1, 0), 1.0);
+  EXPECT_TRUE(std::isinf(safe_step(1, 1, 0)));
+  EXPECT_DOUBLE_EQ(safe_step(1, 0, 2), 1.0);       // 1 - s^2
+  EXPECT_TRUE(std::isinf(safe_step(1, -1, -2)));   // 1 - s + s^2 > 0
+  EXPECT_DOUBLE_EQ(safe_step(0.75, -2, -2), 0.5);  // s^2 - 2 s + 0.75 = (s - 0.5)(s - 1.5)
+}
+
+}  // namespace
+}  // namespace palpate::geometry

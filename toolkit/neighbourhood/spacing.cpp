@@ -1,0 +1,66 @@
+#include "toolkit/neighbourhood/spacing.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "toolkit/core/tolerances.h"
+
+namespace palpate::neighbourhood {
+namespace {
+
+/// The smallest value that at least `share` of the sorted values do not exceed.
+double nearest_rank(const std::vector<double>& sorted, double share) {
+  const auto rank = static_cast<std::size_t>(std::ceil(share * static_cast<double>(sorted.size())));
+  return sorted[std::clamp<std::size_t>(rank, 1, sorted.size()) - 1];
+}
+
+Percentiles percentiles(std::vector<double> values) {
+  if (values.empty()) return {};
+  std::sort(values.begin(), values.end());
+  return {values.front(), nearest_rank(values, 0.5), nearest_rank(values, 0.99), nearest_rank(values, 0.999),
+          values.back()};
+}
+
+}  // namespace
+
+Spacing describe_spacing(const cloud::Cloud& cloud, const NeighbourTable& table) {
+  Spacing found;
+  std::vector<double> nearest, eighth, index_distance;
+  nearest.reserve(table.size());
+  eighth.reserve(table.size());
+  index_distance.reserve(table.size());
+  double longest_sq = 0.0, longest_plan_sq = 0.0;
+  for (std::size_t i = 0; i < table.size(); ++i) {
+    const Vec3 p = cloud.local_mm(i);
+    double nearest_sq = 0.0, last_sq = 0.0;
+    std::size_t nearest_index = i;
+    for (const std::uint32_t other : table.of[i]) {
+      if (other == i) continue;
+      const Vec3 offset = cloud.local_mm(other) - p;
+      const double sq = offset.squaredNorm();
+      last_sq = std::max(last_sq, sq);
+      longest_plan_sq = std::max(longest_plan_sq, offset.head<2>().squaredNorm());
+      if (sq > 0.0 && (nearest_sq == 0.0 || sq < nearest_sq)) {
+        nearest_sq = sq;
+        nearest_index = other;
+      }
+    }
+    longest_sq = std::max(longest_sq, last_sq);
+    eighth.push_back(std::sqrt(last_sq));
+    if (nearest_sq > 0.0) {
+      nearest.push_back(std::sqrt(nearest_sq));
+      index_distance.push_back(std::abs(static_cast<double>(nearest_index) - static_cast<double>(i)));
+    } else {
+      ++found.without_nearest;
+    }
+  }
+  found.resolution_mm = std::sqrt(longest_sq);
+  found.plan_resolution_mm = std::sqrt(longest_plan_sq);
+  found.nearest_mm = percentiles(std::move(nearest));
+  found.eighth_mm = percentiles(std::move(eighth));
+  found.median_index_distance = percentiles(std::move(index_distance)).p50;
+  found.high_resolution = found.resolution_mm <= kHighResolutionMm;
+  return found;
+}
+
+}  // namespace palpate::neighbourhood
