@@ -1,0 +1,297 @@
+#include "toolkit/io/pcd_header.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+#include <optional>
+#include <string_view>
+
+#include "toolkit/io/decoding.h"
+#include "toolkit/io/text.h"
+
+namespace palpate::io {
+namespace {
+
+constexpr std::size_t kMaxHeaderBytes = std::size_t{1} << 20;
+constexpr std::size_t kMaxFields = 256;
+// Descriptors of some hundred floats exist; a point is never larger than this.
+constexpr std::uint64_t kMaxPointBytes = std::uint64_t{1} << 16;
+// PCL counts a cloud's bytes in 32 bits.
+constexpr std::uint64_t kMaxCloudBytes = (std::uint64_t{1} << 31) - 1;
+// The best that LZF (M. Lehmann) can do: 3 bytes stand for a match of 264.
+constexpr std::uint64_t kLzfMaxRatio = 264 / 3;
+constexpr std::size_t kCompressedSizes = 8;  // two 32-bit sizes stand before the compressed data
+
+Error malformed(std::string what, std::int64_t line = 0) {
+  return Error{
+      "malformed PCD header: " + std::move(what), "check that the file is a PCD file and whole", {}, line};
+}
+
+// Lines of the text part, with their numbers.
+struct Lines {
+  std::string_view text;
+  std::size_t at = 0;
+  std::int64_t number = 0;
+  bool next(std::string_view& line) {
+    if (at >= text.size()) return false;
+    const std::size_t end = std::min(text.find('\n', at), text.size());
+    line = trimmed(text.substr(at, end - at));
+    at = std::min(end + 1, text.size());
+    ++number;
+    return true;
+  }
+};
+
+std::vector<std::string_view> tokens_of(std::string_view rest) {
+  std::vector<std::string_view> tokens;
+  for (std::string_view token = next_token(rest); !token.empty(); token = next_token(rest))
+    tokens.push_back(token);
+  return tokens;
+}
+
+// The header's lines as they stand, before they are compared with each other.
+struct Raw {
+  std::vector<std::string_view> names, sizes, types, counts;
+  std::optional<std::int64_t> width, height, points;
+  std::optional<PcdData> data;
+};
+
+Status parse_number(std::string_view key, const std::vector<std::string_view>& values, std::int64_t line,
+                    std::optional<std::int64_t>& out) {
+  out = values.size() == 1 ? parse_whole(values[0]) : std::nullopt;
+  if (!out || *out < 0) return malformed(fmt::format("{} needs one whole number from 0 on", key), line);
+  return Done{};
+}
+
+Status parse_line(std::string_view line, std::int64_t number, Raw& raw) {
+  std::string_view rest = line;
+  const std::string_view key = next_token(rest);
+  std::vector<std::string_view> values = tokens_of(rest);
+  if (values.size() > kMaxFields) return malformed(fmt::format("more than {} values", kMaxFields), number);
+  if (key == "FIELDS" || key == "COLUMNS") {
+    raw.names = std::move(values);
+  } else if (key == "SIZE") {
+    raw.sizes = std::move(values);
+  } else if (key == "TYPE") {
+    raw.types = std::move(values);
+  } else if (key == "COUNT") {
+    raw.counts = std::move(values);
+  } else if (key == "WIDTH") {
+    return parse_number(key, values, number, raw.width);
+  } else if (key == "HEIGHT") {
+    return parse_number(key, values, number, raw.height);
+  } else if (key == "POINTS") {
+    return parse_number(key, values, number, raw.points);
+  } else if (key == "DATA") {
+    const std::string_view kind = values.empty() ? std::string_view() : values[0];
+    if (kind == "ascii") {
+      raw.data = PcdData::kAscii;
+    } else if (kind == "binary") {
+      raw.data = PcdData::kBinary;
+    } else if (kind == "binary_compressed") {
+      raw.data = PcdData::kCompressed;
+    } else {
+      return malformed(fmt::format("the data {} is not ascii, binary or binary_compressed", quoted(kind)),
+                       number);
+    }
+  } else if (key != "VERSION" && key != "VIEWPOINT") {
+    return malformed(fmt::format("unknown keyword {}", quoted(key)), number);
+  }
+  return Done{};
+}
+
+Status take_fields(const Raw& raw, PcdHeader& header) {
+  if (raw.names.empty()) return malformed("no FIELDS");
+  if (raw.sizes.size() != raw.names.size() || raw.types.size() != raw.names.size() ||
+      (!raw.counts.empty() && raw.counts.size() != raw.names.size()))
+    return malformed("FIELDS, SIZE, TYPE and COUNT differ in their number of values");
+  int axes = 0;
+  for (std::size_t i = 0; i < raw.names.size(); ++i) {
+    PcdField field;
+    field.name = raw.names[i];
+    const std::int64_t bytes = parse_whole(raw.sizes[i]).value_or(0);
+    const std::int64_t count = raw.counts.empty() ? 1 : parse_whole(raw.counts[i]).value_or(0);
+    field.type = raw.types[i].size() == 1 ? raw.types[i][0] : '?';
+    const bool real = field.type == 'F' && (bytes == sizeof(float) || bytes == sizeof(double));
+    const bool whole = (field.type == 'I' || field.type == 'U') &&
+                       (bytes == 1 || bytes == 2 || bytes == sizeof(float) || bytes == sizeof(double));
+    if (!real && !whole)
+      return malformed(fmt::format("field {} has the type {} and size {}, which do not go together",
+                                   quoted(field.name), quoted(raw.types[i]), quoted(raw.sizes[i])));
+    if (count < 1 || static_cast<std::uint64_t>(count) > kMaxPointBytes)
+      return malformed(fmt::format("field {} has the count {}", quoted(field.name), quoted(raw.counts[i])));
+    field.bytes = static_cast<std::uint32_t>(bytes);
+    field.count = static_cast<std::uint32_t>(count);
+    header.point_bytes += std::uint64_t{field.bytes} * field.count;
+    if (field.name == "x" || field.name == "y" || field.name == "z") axes += field.count == 1 ? 1 : 0;
+    for (const PcdField& other : header.fields) {
+      if (other.name == field.name && field.name != "_")
+        return malformed(fmt::format("field {} stands twice", quoted(field.name)));
+    }
+    header.fields.push_back(std::move(field));
+  }
+  if (axes != 3) return Error{"the PCD file has no scalar fields x, y and z", "check its FIELDS line", {}, 0};
+  if (header.point_bytes > kMaxPointBytes)
+    return malformed(fmt::format("a point of {} bytes", header.point_bytes));
+  return Done{};
+}
+
+Status take_size(const Raw& raw, PcdHeader& header) {
+  if (!raw.width) return malformed("no WIDTH");
+  const auto width = static_cast<std::uint64_t>(*raw.width);
+  const auto height = static_cast<std::uint64_t>(raw.height.value_or(1));
+  if (width > kMaxPoints || height > kMaxPoints || (height > 0 && width > kMaxPoints / height))
+    return Error{
+        fmt::format("the header promises {} x {} points, more than can be told apart", width, height),
+        "check WIDTH and HEIGHT",
+        {},
+        0};
+  if (raw.points && static_cast<std::uint64_t>(*raw.points) != width * height)
+    return malformed(fmt::format("POINTS is {}, but WIDTH x HEIGHT is {}", *raw.points, width * height));
+  if (width * height == 0)
+    return Error{"the file holds no points", "give a file with at least one point", {}, 0};
+  header.width = static_cast<std::uint32_t>(width);
+  header.height = static_cast<std::uint32_t>(height);
+  return Done{};
+}
+
+Error cut_off(const PcdHeader& header, std::uint64_t need, std::uint64_t have) {
+  return Error{fmt::format("the header promises {} points, at least {} bytes, but only {} bytes follow it",
+                           header.points(), need, have),
+               "the file is cut off or its header is wrong: fetch it again",
+               {},
+               0};
+}
+
+std::uint64_t values_per_point(const PcdHeader& header) {
+  std::uint64_t total = 0;
+  for (const PcdField& field : header.fields) total += field.count;
+  return total;
+}
+
+// PCL would read what is not a number as 0 and does not say where.
+Status check_ascii(const PcdHeader& header, Lines lines) {
+  const std::uint64_t values = values_per_point(header);
+  const std::uint64_t least = header.points() * 2 * values - 1;  // a digit and a separator each, bar the last
+  const std::uint64_t have = lines.text.size() - lines.at;
+  if (least > have) return cut_off(header, least, have);
+  std::uint64_t rows = 0;
+  std::string_view line;
+  while (rows < header.points() && lines.next(line)) {
+    if (line.empty()) continue;
+    std::uint64_t found = 0;
+    for (std::string_view token = next_token(line); !token.empty(); token = next_token(line)) {
+      if (!parse_real(token))
+        return Error{fmt::format("{} is not a number", quoted(token)),
+                     "check the file at this line",
+                     {},
+                     lines.number};
+      ++found;
+    }
+    if (found != values)
+      return Error{fmt::format("the row has {} values, the header names {}", found, values),
+                   "check the file at this line",
+                   {},
+                   lines.number};
+    ++rows;
+  }
+  if (rows == header.points()) return Done{};
+  return Error{fmt::format("the file ends after {} of the {} promised points", rows, header.points()),
+               "the file is cut off: fetch it again",
+               {},
+               lines.number};
+}
+
+std::uint64_t load_u32(std::span<const std::byte> at) {
+  std::uint64_t value = 0;
+  for (std::size_t i = 0; i < sizeof(std::uint32_t); ++i)
+    value |= std::to_integer<std::uint64_t>(at[i]) << (8 * i);
+  return value;
+}
+
+Status check_binary(const PcdHeader& header, std::span<const std::byte> body) {
+  const std::uint64_t need = header.points() * header.point_bytes;
+  if (header.data == PcdData::kBinary) {
+    if (body.size() < need) return cut_off(header, need, body.size());
+    return Done{};
+  }
+  if (body.size() < kCompressedSizes) return cut_off(header, kCompressedSizes, body.size());
+  const std::uint64_t packed = load_u32(body);
+  const std::uint64_t unpacked = load_u32(body.subspan(sizeof(std::uint32_t)));
+  std::uint64_t padding = 0;  // PCL does not write it into compressed data
+  for (const PcdField& field : header.fields) padding += field.name == "_" ? field.bytes * field.count : 0;
+  if (packed > body.size() - kCompressedSizes)
+    return Error{fmt::format("the compressed data should have {} bytes, but only {} follow", packed,
+                             body.size() - kCompressedSizes),
+                 "the file is cut off: fetch it again",
+                 {},
+                 0};
+  if (unpacked != need - header.points() * padding)
+    return Error{fmt::format("the compressed data unpacks to {} bytes, the header promises {}", unpacked,
+                             need - header.points() * padding),
+                 "the header does not belong to this data: fetch the file again",
+                 {},
+                 0};
+  if (unpacked > packed * kLzfMaxRatio)
+    return Error{fmt::format("{} compressed bytes cannot unpack to {}", packed, unpacked),
+                 "the file is damaged: fetch it again",
+                 {},
+                 0};
+  return Done{};
+}
+
+std::string canonical_header(const PcdHeader& header) {
+  std::string names, sizes, types, counts;
+  for (const PcdField& field : header.fields) {
+    names += " " + field.name;
+    sizes += fmt::format(" {}", field.bytes);
+    types += fmt::format(" {}", field.type);
+    counts += fmt::format(" {}", field.count);
+  }
+  const char* const data = header.data == PcdData::kAscii    ? "ascii"
+                           : header.data == PcdData::kBinary ? "binary"
+                                                             : "binary_compressed";
+  return fmt::format(
+      "VERSION 0.7\nFIELDS{}\nSIZE{}\nTYPE{}\nCOUNT{}\nWIDTH {}\nHEIGHT {}\nVIEWPOINT 0 0 0 1 0 0 0\n"
+      "POINTS {}\nDATA {}\n",
+      names, sizes, types, counts, header.width, header.height, header.points(), data);
+}
+
+}  // namespace
+
+Result<PcdHeader> check_pcd(std::span<const std::byte> file, const ReadOptions& options) {
+  const std::string_view text(reinterpret_cast<const char*>(file.data()), file.size());
+  Lines lines{text};
+  Raw raw;
+  std::string_view line;
+  while (!raw.data) {
+    if (lines.at > kMaxHeaderBytes || !lines.next(line))
+      return malformed("no DATA line; is this a PCD file?", lines.number);
+    if (line.empty() || line.front() == '#') continue;
+    if (Status parsed = parse_line(line, lines.number, raw); !parsed) return std::move(parsed).error();
+  }
+  PcdHeader header;
+  header.data = *raw.data;
+  header.body_at = lines.at;
+  if (Status taken = take_fields(raw, header); !taken) return std::move(taken).error();
+  if (Status taken = take_size(raw, header); !taken) return std::move(taken).error();
+  if (header.points() > kMaxCloudBytes / header.point_bytes)
+    return Error{
+        fmt::format("the header promises {} points of {} bytes, more than the 2 GiB that PCL can hold",
+                    header.points(), header.point_bytes),
+        "check WIDTH and HEIGHT, or split the file",
+        {},
+        0};
+  // PCL unpacks into one buffer and copies to another.
+  if (Status fits = check_memory(header.points(), 2 * header.point_bytes + sizeof(Vec3), "points", options);
+      !fits)
+    return std::move(fits).error();
+  const Status body = header.data == PcdData::kAscii ? check_ascii(header, lines)
+                                                     : check_binary(header, file.subspan(header.body_at));
+  if (!body) return body.error();
+  header.canonical = canonical_header(header);
+  return header;
+}
+
+}  // namespace palpate::io
