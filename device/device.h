@@ -1,0 +1,59 @@
+// What every haptic device looks like to the servo loop: a position in, a governed force out. Device frame:
+// mm and N; conversions from counts and to motor commands happen below this interface.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "device/governed_force.h"
+#include "toolkit/core/result.h"
+#include "toolkit/core/vec.h"
+#include "toolkit/geometry/aabb.h"
+
+namespace palpate::device {
+
+/// What a device can do. All are properties of the device, none of the user.
+struct DeviceLimits {
+  double force_max_n = 0.0;     ///< continuous, in any direction
+  geometry::Aabb workspace_mm;  ///< device frame
+  double resolution_mm = 0.0;   ///< smallest step of position
+  double rate_hz = 0.0;         ///< frames the link carries in a second
+};
+
+enum class ReadStatus : std::uint8_t {
+  kFresh,       ///< a new state since the last read
+  kNothingNew,  ///< the link is silent: the last state again
+  kLost,        ///< the device is gone
+};
+
+struct DeviceState {
+  ReadStatus status = ReadStatus::kNothingNew;
+  Vec3 position_mm = Vec3::Zero();  ///< as measured; may be anything, the governor checks
+  std::uint32_t buttons = 0;        ///< one bit each
+};
+
+/// One device. Owned and used by one thread at a time (the servo thread between open and close).
+class Device {
+ public:
+  Device() = default;
+  Device(const Device&) = delete;
+  Device& operator=(const Device&) = delete;
+  virtual ~Device() = default;
+
+  /// Its name for people and recordings.
+  [[nodiscard]] virtual std::string name() const = 0;
+  /// Makes it ready, with zero force commanded. May take long and fail.
+  [[nodiscard]] virtual Status open() = 0;
+  /// Commands zero force and lets go. Safe to call at any time, twice too.
+  virtual void close() noexcept = 0;
+  /// Valid while open.
+  [[nodiscard]] virtual DeviceLimits limits() const noexcept = 0;
+
+  /// The newest state. Never blocks, never allocates.
+  [[nodiscard]] virtual DeviceState read() noexcept = 0;
+  /// Commands a force. Never blocks, never allocates. Without a call the device may hold its last force for
+  /// ever: send every frame.
+  virtual void send(GovernedForce force) noexcept = 0;
+};
+
+}  // namespace palpate::device

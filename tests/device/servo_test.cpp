@@ -1,0 +1,229 @@
+// Renderer, governor and simulated device together on a virtual clock.
+#include "device/servo.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "device/simulated_device.h"
+
+namespace palpate::device {
+namespace {
+
+constexpr double kPeriodS = 1e-3;
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+// A half space z < 0 in the world with a spring; answers NaN on request.
+class Wall final : public render::HapticRenderer {
+ public:
+  Result<render::PrepareReport> prepare(const render::SceneInput&, const render::PrepareContext&) override {
+    return render::PrepareReport{};
+  }
+  void reset(const Vec3& hip_mm) noexcept override {
+    ++resets;
+    reset_at_mm = hip_mm;
+  }
+  render::Frame step(const Vec3& hip_mm, double dt_s) noexcept override {
+    ++steps;
+    EXPECT_TRUE(is_finite(hip_mm));
+    last_dt_s = dt_s;
+    render::Frame frame;
+    frame.god_object_mm = hip_mm;
+    if (hip_mm.z() < 0.0) {
+      frame.contact = true;
+      frame.god_object_mm.z() = 0.0;
+      frame.force_n.z() = -0.5 * hip_mm.z();
+    }
+    if (steps == nan_at) frame.force_n.setConstant(kNan);
+    return frame;
+  }
+  render::FrameCounters counters() const noexcept override { return {}; }
+  render::Description describe() const override { return {"wall", "", "", "constant", {}}; }
+
+  int resets = 0, steps = 0, nan_at = -1;
+  double last_dt_s = 0.0;
+  Vec3 reset_at_mm = Vec3::Zero();
+};
+
+// A second of resting 2 mm deep after a second in the air.
+trace::ProbePath resting_path() {
+  trace::ProbePath path;
+  path.name = "rest";
+  for (int i = 0; i <= 3000; ++i) {
+    path.t_s.push_back(5.0 + i * kPeriodS);  // a recording need not start at 0
+    path.hip_mm.emplace_back(0.0, 0.0, std::max(-2.0, 1.0 - 0.003 * i));
+  }
+  return path;
+}
+
+DeviceLimits limits() {
+  return {3.3, {Vec3::Constant(-80), Vec3::Constant(80)}, 0.055, 1000.0};
+}
+
+struct Rig {
+  explicit Rig(std::vector<ScriptedFault> faults = {}, geometry::RigidTransform world_from_device = {})
+      : path(resting_path()),
+        device(path, clock, limits(), 10'000, std::move(faults)),
+        governor(ForceGovernor::create(limits(), {}).value()),
+        servo(wall, governor, device, clock, world_from_device) {}
+
+  std::vector<Tick> run(int ticks) {
+    std::vector<Tick> all;
+    for (int i = 0; i < ticks; ++i) {
+      all.push_back(servo.tick());
+      clock.advance(kPeriodS);
+    }
+    return all;
+  }
+
+  VirtualClock clock;
+  trace::ProbePath path;
+  Wall wall;
+  SimulatedDevice device;
+  ForceGovernor governor;
+  Servo servo;
+};
+
+TEST(SimulatedDevice, PlaysThePathSampleBySample) {
+  Rig rig;
+  ASSERT_TRUE(rig.servo.start());
+  const std::vector<Tick> ticks = rig.run(3100);
+  for (std::size_t i = 0; i < ticks.size(); ++i) {
+    const std::size_t sample = std::min<std::size_t>(i, rig.path.size() - 1);
+    ASSERT_EQ(ticks[i].state.position_mm, rig.path.hip_mm[sample]) << i;
+    ASSERT_EQ(ticks[i].state.status, ReadStatus::kFresh);
+  }
+  EXPECT_EQ(rig.device.sent().size(), 3100u);
+  EXPECT_EQ(rig.device.unrecorded(), 0u);
+  EXPECT_EQ(rig.device.name(), "sim:rest");
+}
+
+TEST(SimulatedDevice, SaysNothingNewWithinOneInstantAndLostWhenClosed) {
+  Rig rig;
+  EXPECT_EQ(rig.device.read().status, ReadStatus::kLost);
+  ASSERT_TRUE(rig.device.open());
+  EXPECT_EQ(rig.device.read().status, ReadStatus::kFresh);
+  EXPECT_EQ(rig.device.read().status, ReadStatus::kNothingNew);
+  rig.device.close();
+  EXPECT_EQ(rig.device.read().status, ReadStatus::kLost);
+}
+
+TEST(SimulatedDevice, NeedsAPath) {
+  VirtualClock clock;
+  const trace::ProbePath empty;
+  SimulatedDevice device(empty, clock, limits(), 10);
+  EXPECT_FALSE(device.open());
+  EXPECT_EQ(device.read().status, ReadStatus::kLost);
+}
+
+TEST(SimulatedDevice, CountsWhatItDoesNotRecord) {
+  VirtualClock clock;
+  const trace::ProbePath path = resting_path();
+  SimulatedDevice device(path, clock, limits(), 2);
+  ForceGovernor governor = ForceGovernor::create(limits(), {}).value();
+  ASSERT_TRUE(device.open());
+  for (int i = 0; i < 5; ++i) device.send(governor.zero());
+  EXPECT_EQ(device.sent().size(), 2u);
+  EXPECT_EQ(device.unrecorded(), 3u);
+}
+
+TEST(Servo, TheForceOfTheRendererArrives) {
+  Rig rig;
+  ASSERT_TRUE(rig.servo.start());
+  const std::vector<Tick> ticks = rig.run(2500);
+  EXPECT_EQ(rig.wall.resets, 1);
+  EXPECT_EQ(rig.wall.reset_at_mm, rig.path.hip_mm[0]);
+  EXPECT_NEAR(rig.wall.last_dt_s, kPeriodS, 1e-12);
+  EXPECT_NEAR(ticks.back().sent_n.z(), 1.0, 1e-12);  // 0.5 N/mm x 2 mm, soft start long over
+  EXPECT_EQ(rig.device.held_n(), ticks.back().sent_n);
+  rig.servo.stop();
+  EXPECT_EQ(rig.device.held_n(), Vec3::Zero());
+  EXPECT_FALSE(rig.device.is_open());
+}
+
+TEST(Servo, FramesOfDeviceAndWorldAreKeptApart) {
+  geometry::RigidTransform world_from_device;
+  world_from_device.rotation =
+      Eigen::AngleAxisd(std::acos(0.0), Vec3::UnitX());  // device y is up in the world
+  world_from_device.translation_mm = {0.0, 0.0, -1.5};
+  Rig rig({}, world_from_device);
+  ASSERT_TRUE(rig.servo.start());
+  const std::vector<Tick> ticks = rig.run(2500);
+  // The device's z maps to the world's -y: the HIP rests at world z = -1.5, force 0.75 N up, along the
+  // device's y.
+  EXPECT_NEAR((ticks.back().sent_n - Vec3(0.0, 0.75, 0.0)).norm(), 0.0, 1e-12);
+}
+
+TEST(Servo, NanFromARendererNeverReachesTheDevice) {
+  Rig rig;
+  rig.wall.nan_at = 2001;
+  ASSERT_TRUE(rig.servo.start());
+  const std::vector<Tick> ticks = rig.run(2500);
+  EXPECT_GT(ticks[1999].sent_n.z(), 0.9);
+  EXPECT_EQ(ticks[2000].fault, Fault::kNonFiniteForce);
+  for (std::size_t i = 2000; i < ticks.size(); ++i) ASSERT_EQ(ticks[i].sent_n, Vec3::Zero());
+  for (const SentForce& sent : rig.device.sent()) ASSERT_TRUE(is_finite(sent.force_n));
+  EXPECT_EQ(rig.wall.steps, 2001) << "a latched fault stops the renderer too";
+}
+
+struct Case {
+  const char* name;
+  ScriptedFault fault;
+  Fault expected;
+  int frames_allowed;  // from the first bad frame to zero force, that one included
+};
+
+class DeviceFaults : public testing::TestWithParam<Case> {};
+
+TEST_P(DeviceFaults, ReachZeroWithinTwoFramesOfDetectionAndStay) {
+  const Case& c = GetParam();
+  Rig rig({c.fault});
+  ASSERT_TRUE(rig.servo.start());
+  const std::vector<Tick> ticks = rig.run(2800);
+  const auto first_bad = static_cast<std::size_t>(std::lround(c.fault.start_s / kPeriodS));
+  EXPECT_GT(ticks[first_bad - 1].sent_n.z(), 0.9);
+  const std::size_t zero_from = first_bad + static_cast<std::size_t>(c.frames_allowed) - 1;
+  EXPECT_EQ(ticks[zero_from].fault, c.expected) << fault_name(ticks[zero_from].fault);
+  for (std::size_t i = zero_from; i < ticks.size(); ++i) ASSERT_EQ(ticks[i].sent_n, Vec3::Zero()) << i;
+
+  // Re-armed, it starts softly where the device now is.
+  rig.servo.rearm();
+  const std::vector<Tick> again = rig.run(700);
+  EXPECT_LT(again[1].sent_n.norm(), 0.01);
+  EXPECT_NEAR(again.back().sent_n.z(), 1.0, 1e-12);
+  EXPECT_EQ(rig.wall.resets, 2);
+}
+
+using Kind = ScriptedFault::Kind;
+INSTANTIATE_TEST_SUITE_P(
+    Scripted, DeviceFaults,
+    testing::Values(Case{"nan_position",
+                         {Kind::kNonFinitePosition, 1.9995, 0.001, Vec3::Zero()},
+                         Fault::kNonFinitePosition,
+                         1},
+                    Case{"jump", {Kind::kJump, 1.9995, 0.5, Vec3(8, 0, 0)}, Fault::kJump, 1},
+                    Case{"lost", {Kind::kLost, 1.9995, 0.5, Vec3::Zero()}, Fault::kLost, 1},
+                    // Silence becomes a fault only after 20 ms, by definition.
+                    Case{"silence", {Kind::kSilence, 1.9995, 0.5, Vec3::Zero()}, Fault::kSilence, 21}),
+    [](const auto& instance) { return std::string(instance.param.name); });
+
+TEST(Servo, AStalledLoopIsZeroedAndRampsBack) {
+  Rig rig;
+  ASSERT_TRUE(rig.servo.start());
+  (void)rig.run(2500);
+  rig.clock.advance(0.010);
+  const Tick late = rig.servo.tick();
+  EXPECT_EQ(late.sent_n, Vec3::Zero());
+  EXPECT_EQ(late.fault, Fault::kNone);
+  rig.clock.advance(kPeriodS);
+  const std::vector<Tick> ticks = rig.run(150);
+  EXPECT_NEAR(ticks[49].sent_n.z(), 0.5, 1e-6);
+  EXPECT_NEAR(ticks.back().sent_n.z(), 1.0, 1e-12);
+  rig.clock.advance(0.060);
+  EXPECT_EQ(rig.servo.tick().fault, Fault::kLate);
+}
+
+}  // namespace
+}  // namespace palpate::device
