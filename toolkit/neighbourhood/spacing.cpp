@@ -33,23 +33,23 @@ Spacing describe_spacing(const cloud::Cloud& cloud, const NeighbourTable& table)
   for (std::size_t i = 0; i < table.size(); ++i) {
     const Vec3 p = cloud.local_mm(i);
     double nearest_sq = 0.0, last_sq = 0.0;
-    std::size_t nearest_index = i;
+    std::size_t closest_in_order = cloud.size();
     for (const std::uint32_t other : table.of[i]) {
       if (other == i) continue;
       const Vec3 offset = cloud.local_mm(other) - p;
       const double sq = offset.squaredNorm();
       last_sq = std::max(last_sq, sq);
       longest_plan_sq = std::max(longest_plan_sq, offset.head<2>().squaredNorm());
-      if (sq > 0.0 && (nearest_sq == 0.0 || sq < nearest_sq)) {
-        nearest_sq = sq;
-        nearest_index = other;
+      if (sq > 0.0) {
+        if (nearest_sq == 0.0 || sq < nearest_sq) nearest_sq = sq;
+        closest_in_order = std::min(closest_in_order, other > i ? other - i : i - other);
       }
     }
     longest_sq = std::max(longest_sq, last_sq);
     eighth.push_back(std::sqrt(last_sq));
     if (nearest_sq > 0.0) {
       nearest.push_back(std::sqrt(nearest_sq));
-      index_distance.push_back(std::abs(static_cast<double>(nearest_index) - static_cast<double>(i)));
+      index_distance.push_back(static_cast<double>(closest_in_order));
     } else {
       ++found.without_nearest;
     }

@@ -147,10 +147,10 @@ Curve raster_curve(double lines) {
   };
 }
 
-/// Out from the middle and back; one unit of tau is one turn.
+/// In from the rim to the middle and out again; one unit of tau is one turn.
 Curve spiral_curve(double turns) {
   return [=](double tau) {
-    const double r = kHalfSpan * there_and_back(tau / turns), angle = 2.0 * std::numbers::pi * tau;
+    const double r = kHalfSpan * there_and_back(1.0 + tau / turns), angle = 2.0 * std::numbers::pi * tau;
     return Parameters{0.5 + r * std::cos(angle), 0.5 + r * std::sin(angle)};
   };
 }
@@ -224,8 +224,8 @@ std::vector<OptionSpec> with_common(std::vector<OptionSpec> own, bool fixed_spee
 
 std::vector<PathGenerator> make_generators() {
   const std::vector<OptionSpec> place = {
-      {"u", OptionKind::kNumber, "0.5", "where, 0 to 1 across the model", {}, 0, 1},
-      {"v", OptionKind::kNumber, "0.5", "where, 0 to 1 across the model", {}, 0, 1}};
+      {"u", OptionKind::kNumber, "0.4", "where, 0 to 1 across the model", {}, 0, 1},
+      {"v", OptionKind::kNumber, "0.4", "where, 0 to 1 across the model", {}, 0, 1}};
   std::vector<OptionSpec> hold_options = place;
   hold_options.push_back(
       {"tremor_mm", OptionKind::kNumber, "0", "amplitude of a 10 Hz tremor, mm", {}, 0, 1e150});
@@ -235,8 +235,8 @@ std::vector<PathGenerator> make_generators() {
       {"weave", "along a Lissajous curve, in and out of the surface", true, with_common({}, true)},
       {"raster", "line by line and back, in and out of the surface", true,
        with_common({{"lines", OptionKind::kInteger, "20", "number of lines", {}, 1, 1e6}}, true)},
-      {"spiral", "out from the middle and back, in and out of the surface", true,
-       with_common({{"turns", OptionKind::kNumber, "10", "turns from the middle to the rim", {}, 0.1, 1e6}},
+      {"spiral", "in from the rim to the middle and out again, in and out of the surface", true,
+       with_common({{"turns", OptionKind::kNumber, "10", "turns from the rim to the middle", {}, 0.1, 1e6}},
                    true)},
       {"tap", "in and out along the normal of one place", true, with_common(place, false)},
       {"slide", "straight on at one depth, over the edge, and back outside", true,

@@ -1,0 +1,276 @@
+// Path generators: constant speed, the printed offset, free starts, the same bits every time.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <iomanip>
+#include <numbers>
+#include <sstream>
+#include <string>
+
+#include "toolkit/cloud/generate.h"
+#include "toolkit/core/hash.h"
+#include "toolkit/geometry/analytic_shapes.h"
+#include "toolkit/trace/paths.h"
+
+namespace palpate::trace {
+namespace {
+
+struct Target {
+  cloud::GeneratedModel model;
+  PathTarget target;
+};
+
+Target target_of(const std::string& spec) {
+  Target made{cloud::generate(*parse_named_options(spec)).value(), {}};
+  made.target.surface = made.model.surface.get();
+  made.target.cloud = &made.model.cloud;
+  made.target.mesh = made.model.original_mesh.get();
+  made.target.box_mm = made.model.cloud.box_mm();
+  return made;
+}
+
+ProbePath path_of(const std::string& spec, const PathTarget& target) {
+  auto path = make_path(*parse_named_options(spec), target);
+  EXPECT_TRUE(path) << spec << ": " << (path ? "" : path.error().message());
+  return path ? *path : ProbePath{};
+}
+
+std::uint64_t hash_of(const ProbePath& path) {
+  Hash64 hash;
+  for (std::size_t i = 0; i < path.size(); ++i) {
+    hash.real(path.t_s[i]);
+    for (int axis = 0; axis < 3; ++axis) hash.real(path.hip_mm[i][axis]);
+  }
+  return hash.value();
+}
+
+std::string refusal(const std::string& spec, const PathTarget& target) {
+  const auto path = make_path(*parse_named_options(spec), target);
+  return path ? "accepted" : path.error().message();
+}
+
+double printed_offset(std::size_t k, double depth) {
+  return (depth + 0.4) / 2 * std::cos(2 * std::numbers::pi * static_cast<double>(k) / 900) -
+         (depth - 0.4) / 2;
+}
+
+TEST(Paths, WeaveIsTheFormulaOfTheDesign) {
+  const Target t = target_of("sinusoid:points=100");
+  const ProbePath path = path_of("weave:frames=20000", t.target);
+  ASSERT_EQ(path.size(), 20000u);
+  EXPECT_EQ(path.t_s[1500], 1.5);
+  EXPECT_NE(path.name.find("weave:"), std::string::npos);
+  EXPECT_NE(path.name.find("depth_mm=2"), std::string::npos);
+  Vec3 last = Vec3::Zero();
+  Vec3 lowest = Vec3::Constant(1e9), highest = -lowest;
+  for (std::size_t k = 0; k < path.size(); ++k) {
+    // Shallower than the radius of curvature (6.3 mm), the foot of the HIP is the surface point it was set
+    // off from.
+    const geometry::SurfacePoint s = t.target.surface->closest(path.hip_mm[k]);
+    ASSERT_NEAR((path.hip_mm[k] - s.point_mm).dot(s.normal), printed_offset(k, 2), 1e-9) << k;
+    if (k > 0) {
+      ASSERT_NEAR((s.point_mm - last).norm(), 0.05, 0.05 * 0.01) << "50 mm/s at 1 kHz, frame " << k;
+    }
+    last = s.point_mm;
+    lowest = lowest.cwiseMin(s.point_mm);
+    highest = highest.cwiseMax(s.point_mm);
+  }
+  // 80 % of the extent, and a good part of it visited.
+  EXPECT_GE(lowest.x(), -40 - 1e-9);
+  EXPECT_LE(highest.y(), 40 + 1e-9);
+  EXPECT_GT(highest.x() - lowest.x(), 70);
+  EXPECT_GT(highest.y() - lowest.y(), 70);
+}
+
+TEST(Paths, TheSameForEverySpacingOfASurface) {
+  const Target coarse = target_of("sinusoid:points=100"),
+               fine = target_of("sinusoid:points=250000:jitter=0.3");
+  for (const char* name : {"weave", "raster", "spiral", "tap", "slide", "hold"})
+    EXPECT_EQ(hash_of(path_of(std::string(name) + ":frames=3000", coarse.target)),
+              hash_of(path_of(std::string(name) + ":frames=3000", fine.target)))
+        << name;
+}
+
+TEST(Paths, AllStartFreeRunSmoothlyAndTouchOnEveryShape) {
+  for (const char* shape : {"sinusoid", "plane", "saddle", "wedge:angle_deg=80", "wedge:angle_deg=300",
+                            "sphere", "torus", "slab:thickness_mm=5"})
+    for (const auto& generator : path_generators()) {
+      const Target t = target_of(std::string(shape) + ":points=10000");
+      const ProbePath path = path_of(generator.name + ":frames=4000", t.target);
+      SCOPED_TRACE(std::string(shape) + " " + generator.name);
+      ASSERT_EQ(path.size(), 4000u);
+      EXPECT_TRUE(check_path_starts_free(path, *t.target.surface, {}));
+      std::size_t inside = 0, outside = 0;
+      for (std::size_t k = 0; k < path.size(); ++k) {
+        ASSERT_TRUE(is_finite(path.hip_mm[k])) << k;
+        if (k > 0) {
+          ASSERT_GT(path.t_s[k], path.t_s[k - 1]);
+          ASSERT_LT((path.hip_mm[k] - path.hip_mm[k - 1]).norm(), 0.25) << k;
+        }
+        if (k % 10 == 0) (t.target.surface->signed_distance_mm(path.hip_mm[k]) < 0 ? inside : outside)++;
+      }
+      EXPECT_GT(inside, 20u);
+      EXPECT_GT(outside, generator.name == "hold" ? 5u : 10u);
+    }
+}
+
+TEST(Paths, ConstantSurfaceSpeedOnRoundShapesToo) {
+  for (const char* shape : {"sphere", "torus", "saddle"})
+    for (const char* name : {"weave", "spiral", "raster"}) {
+      const Target t = target_of(std::string(shape) + ":points=1000");
+      const ProbePath path = path_of(std::string(name) + ":frames=5000:depth_mm=0.5:speed_mm_s=30", t.target);
+      std::size_t off = 0;
+      Vec3 last = Vec3::Zero();
+      for (std::size_t k = 0; k < path.size(); ++k) {
+        const Vec3 foot = t.target.surface->closest(path.hip_mm[k]).point_mm;
+        if (k > 0) off += std::abs((foot - last).norm() - 0.03) > 0.0003;
+        last = foot;
+      }
+      EXPECT_EQ(off, 0u) << shape << ' ' << name;
+    }
+}
+
+std::string exact(double x) {
+  std::ostringstream text;
+  text << std::setprecision(17) << x;
+  return text.str();
+}
+
+TEST(Paths, WorkAtEveryScale) {
+  // Powers of two scale without rounding: the paths must be the same to the last bit, so nothing in them is
+  // absolute.
+  for (const double scale : {0x1p-10, 0x1p20}) {
+    // Jittered, so that one crest is the highest.
+    const std::string model = "sinusoid:points=2500:jitter=0.2:scale=";
+    const Target t = target_of(model + exact(scale)), one = target_of(model + "1");
+    for (const auto& generator : path_generators()) {
+      const auto spec = [&](double f) {
+        std::string text =
+            generator.name + ":frames=2000:depth_mm=" + exact(2 * f) + ":clearance_mm=" + exact(0.5 * f);
+        for (const OptionSpec& option : generator.options)
+          if (option.key.ends_with("mm_s")) text += ":" + option.key + "=" + exact(32 * f);
+        return text;
+      };
+      const ProbePath path = path_of(spec(scale), t.target), reference = path_of(spec(1), one.target);
+      ASSERT_EQ(path.size(), reference.size());
+      for (std::size_t k = 0; k < path.size(); ++k)
+        ASSERT_EQ(path.hip_mm[k], scale * reference.hip_mm[k]) << generator.name << ' ' << scale << ' ' << k;
+    }
+  }
+}
+
+TEST(Paths, PoseMovesThePath) {
+  Target t = target_of("sinusoid:points=100");
+  const ProbePath home = path_of("weave:frames=100", t.target);
+  t.target.world_from_model.rotation = Eigen::AngleAxisd(1.0, Vec3(1, 2, 3).normalized());
+  t.target.world_from_model.translation_mm = {1e6, -2e6, 5};
+  const ProbePath away = path_of("weave:frames=100", t.target);
+  for (std::size_t k = 0; k < home.size(); ++k)
+    EXPECT_LT((t.target.world_from_model.inverse() * away.hip_mm[k] - home.hip_mm[k]).norm(), 1e-8);
+}
+
+TEST(Paths, DeterministicAndSeeded) {
+  const Target t = target_of("sphere:points=5000");
+  for (const auto& generator : path_generators()) {
+    const std::string spec = generator.name + ":frames=2000";
+    EXPECT_EQ(hash_of(path_of(spec, t.target)), hash_of(path_of(spec, t.target))) << generator.name;
+  }
+  for (const char* name : {"weave", "exploration"})
+    EXPECT_NE(hash_of(path_of(std::string(name) + ":frames=500:seed=1", t.target)),
+              hash_of(path_of(std::string(name) + ":frames=500:seed=2", t.target)))
+        << name;
+}
+
+TEST(Paths, HoldStandsStill) {
+  const Target t = target_of("plane:points=100");
+  const ProbePath path = path_of("hold:frames=2000", t.target);
+  for (std::size_t k = 450; k < path.size(); ++k)
+    EXPECT_LT((path.hip_mm[k] - Vec3(-10, -10, -2)).norm(), 1e-13);
+  const ProbePath shaking = path_of("hold:frames=2000:tremor_mm=0.1", t.target);
+  double highest = -10;
+  for (std::size_t k = 450; k < path.size(); ++k) highest = std::max(highest, shaking.hip_mm[k].z());
+  EXPECT_NEAR(highest, -1.9, 1e-3);
+}
+
+TEST(Paths, SlideLeavesOverTheEdgeOfTheSlab) {
+  const Target t = target_of("slab:points=1000");
+  const ProbePath path = path_of("slide:frames=3000:depth_mm=0.2", t.target);
+  // Down 0.6 mm, then along x at z = 0.3 from -10 to beyond 25.
+  bool under = false, beyond = false;
+  for (const Vec3& hip : path.hip_mm) {
+    under |= std::abs(hip.z() - 0.3) < 1e-9 && hip.x() < 24;
+    beyond |= hip.x() > 26;
+  }
+  EXPECT_TRUE(under);
+  EXPECT_TRUE(beyond);
+}
+
+TEST(Paths, ExplorationStaysWithTheCloudAtHumanSpeed) {
+  for (const char* shape :
+       {"sphere:points=30000", "torus:points=30000:mesh=false", "sinusoid:points=30000:jitter=0.3"}) {
+    Target t = target_of(shape);
+    const geometry::AnalyticSurface& surface = *t.target.surface;
+    t.target.surface = nullptr;  // without any formula
+    const ProbePath path = path_of("exploration:frames=20000", t.target);
+    ASSERT_TRUE(check_path_starts_free(path, surface, {})) << shape;
+    std::size_t entries = 0;
+    double length = 0, deepest = 0;
+    geometry::Aabb visited;
+    bool was_inside = false;
+    for (std::size_t k = 0; k < path.size(); ++k) {
+      const double d = surface.signed_distance_mm(path.hip_mm[k]);
+      if (k > 0) {
+        const double step = (path.hip_mm[k] - path.hip_mm[k - 1]).norm();
+        ASSERT_LE(step, 0.05 * (1 + 1e-9)) << shape << ' ' << k;
+        length += step;
+      }
+      entries += d < 0 && !was_inside;
+      was_inside = d < 0;
+      deepest = std::min(deepest, d);
+      ASSERT_LT(d, 2.0) << shape << " strayed, frame " << k;
+      visited.add(path.hip_mm[k]);
+    }
+    EXPECT_GT(entries, 15u) << shape;
+    EXPECT_NEAR(deepest, -2.0, 0.4) << shape;
+    EXPECT_GT(length / 20, 15.0) << shape << ", mean speed in mm/s";
+    EXPECT_GT(visited.extent_mm().norm(), 0.3 * t.target.box_mm.extent_mm().norm()) << shape;
+  }
+}
+
+TEST(Paths, ExplorationStartsOnTheMeshsOutside) {
+  // A plane whose triangles face down: outside is below.
+  Target t = target_of("plane:points=2500");
+  t.target.surface = nullptr;
+  EXPECT_GT(path_of("exploration:frames=10", t.target).hip_mm[0].z(), 0.3);
+  for (auto& triangle : t.model.original_mesh->triangles) std::swap(triangle[0], triangle[1]);
+  EXPECT_LT(path_of("exploration:frames=10", t.target).hip_mm[0].z(), -0.3);
+}
+
+TEST(Paths, RefusesWithAReason) {
+  const Target t = target_of("sinusoid:points=100");
+  EXPECT_NE(refusal("wave", t.target).find("choose from weave"), std::string::npos);
+  EXPECT_NE(refusal("weave:speed=1", t.target).find("no option"), std::string::npos);
+  EXPECT_NE(refusal("weave:frames=0", t.target).find("between"), std::string::npos);
+  EXPECT_NE(refusal("weave:speed_mm_s=1e9:frames=10", t.target).find("speed"), std::string::npos);
+  EXPECT_NE(refusal("exploration:slowest_mm_s=60", t.target).find("exchange"), std::string::npos);
+  PathTarget nothing;
+  EXPECT_NE(refusal("weave", nothing).find("formula"), std::string::npos);
+  EXPECT_NE(refusal("exploration", nothing).find("cloud"), std::string::npos);
+}
+
+TEST(Paths, APathThatStartsInsideIsRefusedWithItsLine) {
+  const auto sphere = geometry::make_sphere(10);
+  ProbePath path;
+  path.name = "mine.csv";
+  path.t_s = {0};
+  path.hip_mm = {{0, 0, 9}};
+  const Status status = check_path_starts_free(path, *sphere, {});
+  ASSERT_FALSE(status);
+  EXPECT_EQ(status.error().line, 2);
+  EXPECT_EQ(status.error().file, "mine.csv");
+  path.hip_mm = {{0, 0, 10}};
+  EXPECT_TRUE(check_path_starts_free(path, *sphere, {})) << "on the surface is not inside";
+}
+
+}  // namespace
+}  // namespace palpate::trace

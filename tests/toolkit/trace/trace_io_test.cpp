@@ -1,0 +1,202 @@
+// Paths and traces as text: bits survive, every mistake is told with its line.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <bit>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include "toolkit/core/random.h"
+#include "toolkit/trace/trace_io.h"
+
+namespace palpate::trace {
+namespace {
+
+/// A folder that goes with the test.
+class TraceIo : public ::testing::Test {
+ protected:
+  TraceIo() {
+    const auto* info = ::testing::UnitTest::GetInstance()->current_test_info();
+    folder_ = std::filesystem::temp_directory_path() /
+              ("palpate_trace_" + std::string(info->name()) + "_" + std::to_string(::getpid()));
+    std::filesystem::create_directories(folder_);
+  }
+  ~TraceIo() override { std::filesystem::remove_all(folder_); }
+  [[nodiscard]] std::string file(const std::string& name) const { return (folder_ / name).string(); }
+  [[nodiscard]] std::string holding(const std::string& text, const std::string& name = "a.csv") const {
+    std::ofstream(file(name), std::ios::binary) << text;
+    return file(name);
+  }
+  static std::string contents(const std::string& file) {
+    std::ifstream in(file, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+  std::filesystem::path folder_;
+};
+
+ProbePath two_rows() {
+  ProbePath path;
+  path.t_s = {0, 0.001};
+  path.hip_mm = {{1, 2, 3}, {0.1, -2e-7, 1e22}};
+  return path;
+}
+
+TEST_F(TraceIo, PathIsWrittenWithTheFewestDigits) {
+  ASSERT_TRUE(write_path_csv(two_rows(), file("p.csv")));
+  EXPECT_EQ(contents(file("p.csv")), "t_s,x_mm,y_mm,z_mm\n0,1,2,3\n0.001,0.1,-2e-07,1e+22\n");
+  EXPECT_FALSE(std::filesystem::exists(file("p.csv.part")));
+}
+
+TEST_F(TraceIo, EveryBitSurvives) {
+  Random random(7);
+  ProbePath path;
+  double t = 0;
+  for (int i = 0; i < 2000; ++i) {
+    Vec3 p;
+    for (int axis = 0; axis < 3; ++axis) {
+      do {
+        p[axis] = std::bit_cast<double>(random.next());
+      } while (!std::isfinite(p[axis]));
+    }
+    path.hip_mm.push_back(p);
+    path.t_s.push_back(t += random.uniform(1e-9, 1.0));
+  }
+  ASSERT_TRUE(write_path_csv(path, file("p.csv")));
+  const auto back = read_path_csv(file("p.csv"));
+  ASSERT_TRUE(back);
+  EXPECT_EQ(back->t_s, path.t_s);
+  EXPECT_EQ(back->hip_mm, path.hip_mm);
+  EXPECT_EQ(back->name, file("p.csv"));
+}
+
+TEST_F(TraceIo, TraceGoesOutAndComesBack) {
+  const ProbePath path = two_rows();
+  ForceTrace trace;
+  trace.frames.resize(2);
+  trace.frames[0].god_object_mm = path.hip_mm[0];
+  trace.frames[1] = {{0, 0.25, -1}, {4, 5, 6}, true, 0, render::FrameStatus::kOk};
+  trace.frame_ns = {90, 123456789012};
+  ASSERT_TRUE(write_trace_csv(path, trace, file("t.csv")));
+  EXPECT_EQ(contents(file("t.csv")),
+            "t_s,x_mm,y_mm,z_mm,fx_n,fy_n,fz_n,contact,gx_mm,gy_mm,gz_mm,frame_ns\n"
+            "0,1,2,3,0,0,0,0,1,2,3,90\n0.001,0.1,-2e-07,1e+22,0,0.25,-1,1,4,5,6,123456789012\n");
+  const auto back = read_trace_csv(file("t.csv"));
+  ASSERT_TRUE(back);
+  EXPECT_EQ(trace_hash(back->trace), trace_hash(trace));
+  EXPECT_EQ(back->trace.frame_ns, trace.frame_ns);
+  EXPECT_EQ(back->path.hip_mm, path.hip_mm);
+  EXPECT_EQ(back->trace.frames[0].model, -1);
+  trace.frame_ns.clear();
+  ASSERT_TRUE(write_trace_csv(path, trace, file("t.csv")));
+  EXPECT_EQ(read_trace_csv(file("t.csv"))->trace.frame_ns[1], 0);
+  trace.frames.pop_back();
+  EXPECT_FALSE(write_trace_csv(path, trace, file("t.csv")));
+}
+
+TEST_F(TraceIo, AWriteThatFailsLeavesNothing) {
+  const Status status = write_path_csv(two_rows(), file("no/such/folder/p.csv"));
+  ASSERT_FALSE(status);
+  EXPECT_NE(status.error().message().find("no/such/folder/p.csv"), std::string::npos);
+  EXPECT_FALSE(status.error().remedy.empty());
+}
+
+TEST_F(TraceIo, LineEndsOfOtherSystemsAndAMissingLastOne) {
+  const auto path = read_path_csv(holding("t_s,x_mm,y_mm,z_mm\r\n0,1,2,3\r\n1,+1,2e0,3.5"));
+  ASSERT_TRUE(path);
+  EXPECT_EQ(path->hip_mm[1], Vec3(1, 2, 3.5));
+}
+
+TEST_F(TraceIo, EveryMistakeIsToldWithItsLine) {
+  const std::string head = "t_s,x_mm,y_mm,z_mm\n";
+  const struct {
+    std::string text;
+    std::int64_t line;
+    std::string says;
+  } cases[] = {
+      {"", 0, "empty"},
+      {"x,y,z\n0,1,2,3\n", 1, "header"},
+      {"t_s,x_mm,y_mm,z_mm,f\n0,1,2,3,4\n", 1, "header"},
+      {head, 1, "no row"},
+      {head + "0,1,2\n", 2, "3 fields instead of 4"},
+      {head + "0,1,2,3,4\n", 2, "more than 4"},
+      {head + "0,1,2,3\n\n", 3, "not a finite number"},
+      {head + "0,1,2,3\n1,a,2,3\n", 3, "'a' is not a finite number"},
+      {head + "0,1,2, 3\n", 2, "' 3' is not"},
+      {head + "0,1,nan,3\n", 2, "finite"},
+      {head + "0,inf,2,3\n", 2, "finite"},
+      {head + "0,1e999,2,3\n", 2, "finite"},
+      {head + "0,1,2,3\n0,1,2,3\n", 3, "time goes from 0 s to 0 s"},
+      {head + "0,1,2,3\n1,1,2,3\n0.5,1,2,3\n", 4, "time goes from 1 s to 0.5 s"},
+      {head + "0,1,2," + std::string(10000, '3') + "\n", 2, "longer than"},
+      {head + std::string("0,1,2,3\0,4\n", 11), 0, ""},
+  };
+  for (const auto& c : cases) {
+    const auto path = read_path_csv(holding(c.text));
+    if (c.says.empty()) continue;  // a zero byte ends its line; whatever is read is well formed
+    ASSERT_FALSE(path) << c.text.substr(0, 60);
+    EXPECT_EQ(path.error().line, c.line) << c.text.substr(0, 60);
+    EXPECT_NE(path.error().what.find(c.says), std::string::npos) << path.error().message();
+    EXPECT_FALSE(path.error().remedy.empty()) << path.error().message();
+    EXPECT_EQ(path.error().file, file("a.csv"));
+  }
+  EXPECT_FALSE(read_path_csv(file("not there")));
+  EXPECT_FALSE(read_path_csv(folder_.string())) << "a folder";
+}
+
+TEST_F(TraceIo, TraceMistakes) {
+  const std::string head = std::string(kTraceHeader) + "\n";
+  EXPECT_FALSE(read_trace_csv(holding(head + "0,1,2,3,0,0,0,2,1,2,3,90\n"))) << "contact 2";
+  EXPECT_FALSE(read_trace_csv(holding(head + "0,1,2,3,0,0,0,1,1,2,3,1e300\n"))) << "time out of range";
+  EXPECT_FALSE(read_trace_csv(holding(head + "0,1,2,3,0,0,0,1,1,2,3\n")));
+}
+
+TEST_F(TraceIo, TrajColumnsAreFreeToChoose) {
+  const std::string text =
+      "# a comment\n\n  10  1.5 2 3   0.1 0.2 0.3 \n% another\n11;4;5;6;7;8;9\n12,4,5,6\t7 8 9\n";
+  TrajColumns columns;
+  columns.fx = 4;
+  columns.fy = 5;
+  columns.fz = 6;
+  columns.mm_per_unit = 1000;
+  columns.s_per_unit = 0.5;
+  const auto read = read_traj(holding(text, "probe.traj"), columns);
+  ASSERT_TRUE(read) << read.error().message();
+  EXPECT_EQ(read->path.t_s, (std::vector<double>{5, 5.5, 6}));
+  EXPECT_EQ(read->path.hip_mm[0], Vec3(1500, 2000, 3000));
+  EXPECT_EQ(read->force_n[1], Vec3(7, 8, 9));
+
+  TrajColumns bare;
+  bare.t = -1;
+  bare.x = 2;
+  bare.y = 1;
+  bare.z = 0;
+  bare.sample_rate_hz = 100;
+  const auto swapped = read_traj(file("probe.traj"), bare);
+  ASSERT_TRUE(swapped);
+  EXPECT_EQ(swapped->path.t_s[2], 0.02);
+  EXPECT_EQ(swapped->path.hip_mm[0], Vec3(2, 1.5, 10));
+  EXPECT_TRUE(swapped->force_n.empty());
+}
+
+TEST_F(TraceIo, TrajMistakes) {
+  TrajColumns columns;
+  EXPECT_EQ(read_traj(holding("0 1 2 3\n1 2 3\n"), columns).error().line, 2);
+  EXPECT_EQ(read_traj(holding("0 1 2 3\n1 2 x 3\n"), columns).error().line, 2);
+  EXPECT_EQ(read_traj(holding("0 1 2 3\n0 2 3 4\n"), columns).error().line, 2) << "time stands still";
+  EXPECT_FALSE(read_traj(holding("# only words\n"), columns));
+  columns.t = -1;
+  EXPECT_FALSE(read_traj(holding("0 1 2 3\n"), columns)) << "neither time nor rate";
+  columns.t = 1;
+  EXPECT_FALSE(read_traj(holding("0 1 2 3\n"), columns)) << "column 1 twice";
+  columns.t = 0;
+  columns.fx = 3;
+  EXPECT_FALSE(read_traj(holding("0 1 2 3\n"), columns)) << "one force of three";
+}
+
+}  // namespace
+}  // namespace palpate::trace
