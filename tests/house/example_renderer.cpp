@@ -1,0 +1,107 @@
+// The renderer of docs/add-a-renderer.md: a ball around each model's points, felt as a spring. It is the
+// shortest whole renderer there is, and a bad one: it shows the interface, not an algorithm.
+#include "tests/house/example_renderer.h"
+
+#include <algorithm>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "toolkit/core/clock.h"
+
+namespace palpate::example {
+namespace {
+
+using render::Frame;
+
+class BallRenderer final : public render::HapticRenderer {
+ public:
+  explicit BallRenderer(Options options) : options_(std::move(options)), size_(options_.number("size")) {}
+
+  // Everything that allocates, reads the points or can fail happens here.
+  [[nodiscard]] Result<render::PrepareReport> prepare(const render::SceneInput& scene,
+                                                      const render::PrepareContext& /*context*/) override {
+    const Stopwatch watch;
+    for (const render::ModelInput& model : scene.models) {
+      if (model.cloud->empty()) return Error{"the model '" + model.name + "' has no points", "", "", 0};
+      const geometry::Aabb box = model.cloud->box_mm();
+      // The spring is computed in world coordinates: a ball looks the same from every side.
+      balls_.push_back({model.world_from_model * box.centre_mm(), 0.5 * size_ * box.extent_mm().maxCoeff(),
+                        model.surface.stiffness_n_per_mm});
+    }
+    force_limit_n_ = scene.force_limit_n;
+    render::PrepareReport report;
+    report.total_ms = watch.ms();
+    report.phases = {{"balls", report.total_ms}};
+    report.bytes = balls_.capacity() * sizeof(Ball);
+    return report;
+  }
+
+  void reset(const Vec3& /*hip_mm*/) noexcept override { counters_ = {}; }
+
+  // No allocation, no lock, no log, no exception; work bounded by the number of models.
+  [[nodiscard]] Frame step(const Vec3& hip_mm, double /*dt_s*/) noexcept override {
+    ++counters_.frames;
+    Frame frame;
+    frame.god_object_mm = hip_mm;
+    if (!is_finite(hip_mm)) {
+      frame.status = render::FrameStatus::kNonFinite;
+      return frame;
+    }
+    for (std::size_t i = 0; i < balls_.size(); ++i) {
+      const Ball& ball = balls_[i];
+      const Vec3 out = hip_mm - ball.centre_mm;
+      const double distance_mm = out.norm();
+      if (distance_mm >= ball.radius_mm) continue;
+      // At the very centre every direction is as good: up.
+      const Vec3 normal = distance_mm > 0.0 ? Vec3(out / distance_mm) : Vec3::UnitZ();
+      frame.contact = true;
+      frame.model = static_cast<std::int32_t>(i);
+      frame.god_object_mm = ball.centre_mm + ball.radius_mm * normal;
+      frame.force_n =
+          render::limited(ball.stiffness_n_per_mm * (frame.god_object_mm - hip_mm), force_limit_n_);
+      break;
+    }
+    return frame;
+  }
+
+  [[nodiscard]] render::FrameCounters counters() const noexcept override { return counters_; }
+
+  [[nodiscard]] render::Description describe() const override {
+    return {"ball", "a ball around the points, felt as a spring", "docs/add-a-renderer.md",
+            "one distance per model", options_};
+  }
+
+ private:
+  struct Ball {
+    Vec3 centre_mm;
+    double radius_mm;
+    double stiffness_n_per_mm;
+  };
+
+  Options options_;
+  double size_;
+  double force_limit_n_ = 0.0;
+  std::vector<Ball> balls_;
+  render::FrameCounters counters_;
+};
+
+}  // namespace
+
+void register_ball(render::Registry& registry) {
+  render::RendererInfo info;
+  info.name = "ball";
+  info.summary = "a ball around the points, felt as a spring";
+  info.source = "docs/add-a-renderer.md";
+  info.options = {{"size",
+                   OptionKind::kNumber,
+                   "1",
+                   "diameter, in units of the longest side of the box",
+                   {},
+                   0.01,
+                   100.0}};
+  info.make = [](const Options& options) { return std::make_unique<BallRenderer>(options); };
+  registry.add(std::move(info));
+}
+
+}  // namespace palpate::example

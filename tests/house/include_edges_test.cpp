@@ -1,0 +1,95 @@
+// The arrows between folders run one way. Forbidden edges are found in the include lines themselves.
+#include <gtest/gtest.h>
+
+#include "tests/house/include_rules.h"
+#include "tests/house/source_tree.h"
+
+namespace palpate::house {
+namespace {
+
+TEST(IncludeEdges, TheTreeHasNoForbiddenOne) {
+  std::size_t seen = 0;
+  const std::string found = findings_over(is_source, [&](const std::string& file, const auto& lines) {
+    std::string bad;
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+      const auto path = included_path(lines[i]);
+      if (!path) continue;
+      ++seen;
+      const std::string why = forbidden(file, *path);
+      if (!why.empty()) bad += file + ":" + std::to_string(i + 1) + ": " + why + "\n";
+    }
+    return bad;
+  });
+  EXPECT_EQ(found, "");
+  EXPECT_GT(seen, 50u) << "too few include lines: is this the source tree?";
+}
+
+TEST(IncludeEdges, LinesAreRead) {
+  EXPECT_EQ(included_path("#include \"toolkit/core/vec.h\""), "toolkit/core/vec.h");
+  EXPECT_EQ(included_path("  #  include   <CGAL/Surface_mesh.h>  // why"), "CGAL/Surface_mesh.h");
+  EXPECT_EQ(included_path("#include <palpate/toolkit/core/vec.h>"), "toolkit/core/vec.h");
+  EXPECT_EQ(included_path("// #include \"toolkit/core/vec.h\""), std::nullopt);
+  EXPECT_EQ(included_path("#define INCLUDE 1"), std::nullopt);
+}
+
+struct Edge {
+  const char* file;
+  const char* path;
+};
+
+TEST(IncludeEdges, ForbiddenOnesAreFound) {
+  const Edge edges[] = {
+      {"toolkit/render/a.cpp", "baselines/mesh/b.h"},
+      {"toolkit/render/a.cpp", "device/loop.h"},
+      {"toolkit/io/a.cpp", "experiments/report.h"},
+      {"baselines/mesh/a.cpp", "device/loop.h"},
+      {"device/a.cpp", "baselines/mesh/b.h"},
+      {"device/a.cpp", "experiments/b.h"},
+      {"experiments/a.cpp", "tests/house/source_tree.h"},
+      {"toolkit/core/a.h", "toolkit/geometry/aabb.h"},
+      {"toolkit/cloud/a.cpp", "toolkit/render/renderer.h"},
+      {"toolkit/render/a.cpp", "toolkit/trace/trace.h"},
+      {"toolkit/io/a.cpp", "toolkit/pcd/pcd.h"},
+      {"toolkit/new_folder/a.cpp", "toolkit/core/vec.h"},
+      {"toolkit/core/a.cpp", "toolkit/new_folder/b.h"},
+      {"toolkit/cloud/a.cpp", "CGAL/Surface_mesh.h"},
+      {"toolkit/io/a.cpp", "pcl/io/pcd_io.h"},
+      {"toolkit/pcd/a.h", "pcl/io/pcd_io.h"},
+      {"toolkit/geometry/a.h", "OpenMesh/Core/Mesh/TriMesh_ArrayKernelT.hh"},
+      {"toolkit/render/a.cpp", "embree3/rtcore.h"},
+      {"device/a.cpp", "embree4/rtcore.h"},
+      {"experiments/a.h", "nlohmann/json.hpp"},
+      {"toolkit/metrics/a.cpp", "nlohmann/json.hpp"},
+      {"toolkit/neighbourhood/a.cpp", "tbb/parallel_for.h"},
+      {"toolkit/neighbourhood/a.cpp", "oneapi/tbb.h"},
+      {"toolkit/cloud/a.cpp", "execution"},
+      {"toolkit/cloud/a.cpp", "../core/vec.h"},
+      {"elsewhere/a.cpp", "toolkit/core/vec.h"},
+  };
+  for (const Edge& edge : edges)
+    EXPECT_NE(forbidden(edge.file, edge.path), "") << edge.file << " -> " << edge.path;
+}
+
+TEST(IncludeEdges, AllowedOnesPass) {
+  const Edge edges[] = {
+      {"toolkit/geometry/a.h", "toolkit/core/vec.h"},
+      {"toolkit/core/a.cpp", "toolkit/core/vec.h"},
+      {"toolkit/plan/a.cpp", "toolkit/scene/b.h"},
+      {"toolkit/pcd/a.cpp", "pcl/io/pcd_io.h"},
+      {"toolkit/core/parallel.cpp", "tbb/parallel_for.h"},
+      {"baselines/mesh/a.cpp", "CGAL/Surface_mesh.h"},
+      {"baselines/mesh/a.cpp", "toolkit/render/renderer.h"},
+      {"device/a.cpp", "toolkit/render/renderer.h"},
+      {"experiments/a.cpp", "baselines/mesh/b.h"},
+      {"experiments/a.cpp", "device/loop.h"},
+      {"experiments/a.cpp", "nlohmann/json.hpp"},
+      {"tests/toolkit/render/a.cpp", "experiments/report.h"},
+      {"toolkit/core/a.h", "vector"},
+      {"toolkit/core/a.h", "Eigen/Core"},
+  };
+  for (const Edge& edge : edges)
+    EXPECT_EQ(forbidden(edge.file, edge.path), "") << edge.file << " -> " << edge.path;
+}
+
+}  // namespace
+}  // namespace palpate::house

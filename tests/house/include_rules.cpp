@@ -1,0 +1,121 @@
+#include "tests/house/include_rules.h"
+
+#include <algorithm>
+#include <array>
+#include <initializer_list>
+#include <map>
+#include <regex>
+#include <set>
+#include <vector>
+
+namespace palpate::house {
+namespace {
+
+using Folders = std::vector<std::string>;
+
+// What each top-level folder may include of the others.
+const std::map<std::string, std::set<std::string>> kTopLevel = {
+    {"toolkit", {"toolkit"}},
+    {"baselines", {"toolkit", "baselines"}},
+    {"device", {"toolkit", "device"}},
+    {"experiments", {"toolkit", "baselines", "device", "experiments"}},
+    {"tests", {"toolkit", "baselines", "device", "experiments", "tests"}},
+};
+
+// The line of modules inside toolkit: each sees itself and those before it.
+constexpr std::array kToolkitLine = {
+    "core",    "geometry", "cloud",   "partition", "neighbourhood", "surface", "render",
+    "control", "trace",    "metrics", "io",        "pcd",           "scene",   "plan",
+};
+
+// Libraries that are slow to compile, carry a licence or bring half a distribution: where their headers may
+// stand in a source file, and where in a header as well.
+struct Heavy {
+  std::string prefix;
+  Folders sources;
+  Folders headers;
+};
+const std::vector<Heavy> kHeavy = {
+    {"CGAL/", {"baselines/", "tests/baselines/", "experiments/benchmarks/"}, {}},
+    {"pcl/",
+     {"toolkit/pcd/", "baselines/", "tests/toolkit/pcd/", "tests/baselines/", "experiments/benchmarks/"},
+     {}},
+    {"OpenMesh/", {"baselines/", "tests/baselines/"}, {}},
+    {"embree", {"baselines/", "tests/baselines/", "experiments/benchmarks/"}, {}},
+    {"vtk", {}, {}},
+    {"gdal", {}, {}},
+    {"CLI/", {"experiments/", "tests/experiments/"}, {}},
+    {"toml++/", {"experiments/", "tests/experiments/"}, {}},
+    {"nlohmann/", {"experiments/", "tests/experiments/"}, {}},
+    {"spdlog/", {"experiments/", "tests/experiments/"}, {}},
+    {"nanoflann", {"experiments/benchmarks/", "tests/"}, {}},
+    // Parallelism goes through one wrapper (toolkit/core/parallel.h), or ThreadSanitizer sees nothing.
+    {"tbb/", {"toolkit/core/"}, {}},
+    {"oneapi/", {"toolkit/core/"}, {}},
+    {"execution", {}, {}},
+};
+
+std::string first_folder(const std::string& path) {
+  const std::size_t slash = path.find('/');
+  return slash == std::string::npos ? std::string() : path.substr(0, slash);
+}
+
+std::string second_folder(const std::string& path) {
+  const std::size_t slash = path.find('/');
+  return slash == std::string::npos ? std::string() : first_folder(path.substr(slash + 1));
+}
+
+int place_in_line(const std::string& module) {
+  const auto* at = std::find(kToolkitLine.begin(), kToolkitLine.end(), module);
+  return at == kToolkitLine.end() ? -1 : static_cast<int>(at - kToolkitLine.begin());
+}
+
+bool starts_with_any(const std::string& file, const Folders& folders) {
+  return std::any_of(folders.begin(), folders.end(),
+                     [&](const std::string& f) { return file.starts_with(f); });
+}
+
+std::string forbidden_in_line(const std::string& from, const std::string& to) {
+  const int from_place = place_in_line(from);
+  const int to_place = place_in_line(to);
+  if (from_place < 0) return "toolkit/" + from + " has no place in the line of modules";
+  if (to_place < 0) return "toolkit/" + to + " has no place in the line of modules";
+  if (to_place > from_place)
+    return "toolkit/" + to + " comes after toolkit/" + from + " in the line of modules";
+  return {};
+}
+
+}  // namespace
+
+std::optional<std::string> included_path(std::string_view line) {
+  static const std::regex kInclude(R"(^\s*#\s*include\s*[<"]([^>"]+)[>"])");
+  std::match_results<std::string_view::const_iterator> match;
+  if (!std::regex_search(line.begin(), line.end(), match, kInclude)) return std::nullopt;
+  std::string path = match[1].str();
+  // An installed header is the same header.
+  static const std::string kInstalled = "palpate/";
+  if (path.starts_with(kInstalled)) path = path.substr(kInstalled.size());
+  return path;
+}
+
+std::string forbidden(const std::string& file, const std::string& path) {
+  const std::string from = first_folder(file);
+  const std::string to = first_folder(path);
+  if (path.find("..") != std::string::npos) return "paths are written from the root of the repository";
+  const auto rule = kTopLevel.find(from);
+  if (rule == kTopLevel.end()) return "sources stand in toolkit, baselines, device, experiments or tests";
+  if (kTopLevel.count(to) != 0) {
+    if (rule->second.count(to) == 0) return from + " may not include " + to;
+    if (from == "toolkit") return forbidden_in_line(second_folder(file), second_folder(path));
+    return {};
+  }
+  for (const Heavy& heavy : kHeavy) {
+    if (!path.starts_with(heavy.prefix)) continue;
+    if (!starts_with_any(file, heavy.sources)) return path + " may not be included in this folder";
+    if (file.ends_with(".h") && !starts_with_any(file, heavy.headers))
+      return path + " may be included in source files only";
+  }
+  return {};
+}
+
+}  // namespace palpate::house
