@@ -2,6 +2,8 @@
 
 namespace palpate::house {
 
-void register_all_renderers(render::Registry& registry) { render::register_toolkit_renderers(registry); }
+void register_all_renderers(render::Registry& registry) {
+  render::register_toolkit_renderers(registry);
+}
 
 }  // namespace palpate::house

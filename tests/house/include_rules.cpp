@@ -46,7 +46,7 @@ const std::vector<Heavy> kHeavy = {
     {"gdal", {}, {}},
     {"CLI/", {"experiments/", "tests/experiments/"}, {}},
     {"toml++/", {"experiments/", "tests/experiments/"}, {}},
-    {"nlohmann/", {"experiments/", "tests/experiments/"}, {}},
+    {"nlohmann/", {"toolkit/metrics/", "experiments/", "tests/toolkit/metrics/", "tests/experiments/"}, {}},
     {"spdlog/", {"experiments/", "tests/experiments/"}, {}},
     {"nanoflann", {"experiments/benchmarks/", "tests/"}, {}},
     // Parallelism goes through one wrapper (toolkit/core/parallel.h), or ThreadSanitizer sees nothing.
