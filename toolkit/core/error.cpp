@@ -6,11 +6,11 @@ std::string Error::message() const {
   std::string text;
   if (!file.empty()) {
     text += file;
-    if (line > 0) text += ":" + std::to_string(line);
+    if (line > 0) text.append(":").append(std::to_string(line));
     text += ": ";
   }
   text += what;
-  if (!remedy.empty()) text += "; " + remedy;
+  if (!remedy.empty()) text.append("; ").append(remedy);
   return text;
 }
 

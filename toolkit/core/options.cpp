@@ -11,7 +11,7 @@ namespace {
 
 std::string joined(const std::vector<std::string>& items) {
   std::string text;
-  for (const std::string& item : items) text += (text.empty() ? "" : ", ") + item;
+  for (const std::string& item : items) text.append(text.empty() ? "" : ", ").append(item);
   return text;
 }
 

@@ -19,6 +19,9 @@ void parallel_chunks(std::size_t count, std::size_t grain, int threads,
   if (count == 0) return;
   if (grain == 0) grain = 1;
   if (threads <= 0) threads = available_threads();
+#ifndef PALPATE_STD_THREADS
+  threads = std::min(threads, available_threads());  // more would only make oneTBB complain
+#endif
   const std::size_t chunks = (count + grain - 1) / grain;
   const auto run = [&](std::size_t chunk) { body(chunk * grain, std::min(count, (chunk + 1) * grain)); };
   if (threads == 1 || chunks == 1) {

@@ -12,7 +12,7 @@
 namespace palpate {
 
 /// Calls body(begin, end) for consecutive chunks of at most `grain` covering [0, count), on up to `threads` threads
-/// (0 = all). Chunk borders depend on `grain` alone. Returns when all are done. body must not throw.
+/// (0 = all; never more than the machine has). Chunk borders depend on `grain` alone. Returns when all are done. body must not throw.
 void parallel_chunks(std::size_t count, std::size_t grain, int threads,
                      const std::function<void(std::size_t begin, std::size_t end)>& body);
 

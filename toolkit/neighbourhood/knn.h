@@ -14,11 +14,15 @@ namespace palpate::neighbourhood {
 /// reference for every other builder. O(n) for clouds of bounded density variation.
 [[nodiscard]] NeighbourTable exact_knn(const cloud::Cloud& cloud, int threads);
 
+/// sqrt(occupied area / points): the length that start_size is given in. The area is counted in cells of about six
+/// points, so it is that of a surface; O(n).
+[[nodiscard]] double mean_spacing_mm(const cloud::Cloud& cloud);
+
 /// Section 3.2.2.5.
 struct ModifiedKnnOptions {
   bool complete_to_eight = true;      ///< ours; false is the printed form, which may find fewer than eight
-  double start_size = 1.0;            ///< first cube edge, in units of the mean spacing sqrt(area of a cell / points)
-  double refinement = 0.70710678118654752;  ///< factor between sizes: halves a cube's face, not printed
+  double start_size = 1.0;            ///< first cube edge, in units of mean_spacing_mm(); not printed
+  double refinement = 0.70710678118654752;  ///< factor between sizes, in (0, 1); not printed. Halves a cube's face
   double growth_limit = 64.0;         ///< largest cube edge in units of the first: the second stopping rule
 };
 

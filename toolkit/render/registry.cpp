@@ -23,7 +23,7 @@ Result<std::unique_ptr<HapticRenderer>> Registry::make(std::string_view name, co
   const RendererInfo* info = find(name);
   if (info == nullptr) {
     std::string known;
-    for (const RendererInfo& r : renderers_) known += (known.empty() ? "" : ", ") + r.name;
+    for (const RendererInfo& r : renderers_) known.append(known.empty() ? "" : ", ").append(r.name);
     return Error{fmt::format("there is no renderer '{}'", name), "choose from " + known, {}, 0};
   }
   Result<Options> complete = validate(options, info->options, name);

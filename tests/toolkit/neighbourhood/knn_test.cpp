@@ -1,0 +1,205 @@
+// Every builder against brute force over distributions that break grids and trees.
+#include "toolkit/neighbourhood/knn.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "toolkit/core/random.h"
+
+namespace palpate::neighbourhood {
+namespace {
+
+struct Case {
+  std::string name;
+  std::vector<Vec3> points;
+};
+
+std::vector<Vec3> sheet(int columns, int rows, double step, double jitter, std::uint64_t seed) {
+  Random random(seed);
+  std::vector<Vec3> points;
+  for (int r = 0; r < rows; ++r)
+    for (int c = 0; c < columns; ++c)
+      points.emplace_back(step * (c + jitter * random.uniform(-0.5, 0.5)), step * (r + jitter * random.uniform(-0.5, 0.5)),
+                          jitter * step * random.uniform());
+  return points;
+}
+
+std::vector<Case> cases() {
+  std::vector<Case> all;
+  Random random(11);
+  all.push_back({"one", {Vec3(1, 2, 3)}});
+  all.push_back({"two", {Vec3(1, 2, 3), Vec3(1, 2, 4)}});
+  all.push_back({"nine in a line", {}});
+  for (int i = 0; i < 9; ++i) all.back().points.emplace_back(i, 0, 0);
+  all.push_back({"lattice sheet", sheet(40, 30, 0.1, 0.0, 1)});
+  all.push_back({"jittered sheet", sheet(40, 30, 0.1, 0.8, 2)});
+  all.push_back({"tiny far sheet", sheet(20, 20, 1e-4, 0.5, 3)});
+  for (Vec3& p : all.back().points) p += Vec3(1e5, -2e5, 3e5);
+  all.push_back({"volume", {}});
+  for (int i = 0; i < 1500; ++i) all.back().points.emplace_back(random.uniform(), random.uniform(), random.uniform());
+  all.push_back({"all at one place", std::vector<Vec3>(300, Vec3(5, 5, 5))});
+  all.push_back({"pile beside a sheet", sheet(20, 20, 1.0, 0.3, 4)});
+  for (int i = 0; i < 400; ++i) all.back().points.emplace_back(3.25, 3.25, 0.0);
+  all.push_back({"crowd and outliers", {}});
+  for (int i = 0; i < 1200; ++i)
+    all.back().points.emplace_back(1e-3 * random.normal(), 1e-3 * random.normal(), 1e-3 * random.normal());
+  for (int i = 0; i < 5; ++i) all.back().points.emplace_back(1e4 * random.normal(), 1e4 * random.normal(), 0.0);
+  all.push_back({"wide band of densities", {}});
+  for (int i = 0; i < 1500; ++i) {
+    const double r = std::pow(10.0, random.uniform(-3, 3)), a = random.uniform(0, 6.28);
+    all.back().points.emplace_back(r * std::cos(a), r * std::sin(a), 0.0);
+  }
+  return all;
+}
+
+NeighbourTable brute(const cloud::Cloud& cloud) {
+  NeighbourTable table;
+  for (std::uint32_t i = 0; i < cloud.size(); ++i) {
+    std::vector<std::pair<double, std::uint32_t>> others;
+    for (std::uint32_t j = 0; j < cloud.size(); ++j)
+      if (j != i) {
+        const Vec3 d = cloud.local_mm(j) - cloud.local_mm(i);
+        others.emplace_back(d.x() * d.x() + d.y() * d.y() + d.z() * d.z(), j);
+      }
+    std::sort(others.begin(), others.end());
+    Neighbours n;
+    n.fill(i);
+    for (std::size_t k = 0; k < std::min(others.size(), kNeighbours); ++k) n[k] = others[k].second;
+    table.of.push_back(n);
+  }
+  return table;
+}
+
+cloud::Cloud built(const std::vector<Vec3>& points) { return cloud::build_cloud(points, cloud::NonFinite::kRefuse).value(); }
+
+TEST(ExactKnn, EqualsBruteForceForAnyThreads) {
+  for (const Case& c : cases()) {
+    SCOPED_TRACE(c.name);
+    const cloud::Cloud cloud = built(c.points);
+    const NeighbourTable expected = brute(cloud);
+    for (const int threads : {1, 3}) {
+      const NeighbourTable table = exact_knn(cloud, threads);
+      ASSERT_EQ(table.of.size(), expected.of.size());
+      for (std::size_t i = 0; i < table.size(); ++i) ASSERT_EQ(table.of[i], expected.of[i]) << "point " << i;
+    }
+  }
+}
+
+// The printed procedure, step by step: refine while the block holds more than nine, grow while it holds fewer.
+Neighbours stepwise(const cloud::Cloud& cloud, std::uint32_t self, const ModifiedKnnOptions& options, double start_mm) {
+  const auto within = [&](double half) {
+    std::vector<std::uint32_t> in;
+    for (std::uint32_t j = 0; j < cloud.size(); ++j)
+      if ((cloud.local_mm(j) - cloud.local_mm(self)).cwiseAbs().maxCoeff() <= half) in.push_back(j);
+    return in;
+  };
+  const double limit = 1.5 * start_mm * options.growth_limit;
+  double half = 1.5 * start_mm;
+  while (half / options.refinement <= limit) half /= options.refinement;
+  std::vector<std::uint32_t> smallest_enough = within(half);
+  const bool limited = smallest_enough.size() < 9;
+  std::vector<std::uint32_t> at_most = limited ? smallest_enough : std::vector<std::uint32_t>{};
+  if (!limited) {
+    std::vector<std::uint32_t> next = smallest_enough;
+    for (int step = 0; step < 400 && next.size() >= 9; ++step) {
+      smallest_enough = next;
+      half *= options.refinement;
+      next = within(half);
+    }
+    at_most = smallest_enough.size() == 9 ? smallest_enough : next;
+  }
+  const std::vector<std::uint32_t>& chosen = options.complete_to_eight && !limited ? smallest_enough : at_most;
+  std::vector<std::pair<double, std::uint32_t>> order;
+  for (const std::uint32_t j : chosen)
+    if (j != self) {
+      const Vec3 d = cloud.local_mm(j) - cloud.local_mm(self);
+      order.emplace_back(d.x() * d.x() + d.y() * d.y() + d.z() * d.z(), j);
+    }
+  std::sort(order.begin(), order.end());
+  Neighbours n;
+  n.fill(self);
+  for (std::size_t k = 0; k < std::min(order.size(), kNeighbours); ++k) n[k] = order[k].second;
+  return n;
+}
+
+TEST(ModifiedKnn, IsThePrintedProcedure) {
+  for (const bool complete : {true, false}) {
+    for (const Case& c : cases()) {
+      if (c.name == "all at one place" || c.name == "pile beside a sheet") continue;  // no block separates a pile
+      SCOPED_TRACE(c.name + (complete ? ", completed" : ", as printed"));
+      const cloud::Cloud cloud = built(c.points);
+      ModifiedKnnOptions options;
+      options.complete_to_eight = complete;
+      ModifiedKnnReport report;
+      const NeighbourTable table = modified_knn(cloud, options, 2, &report);
+      EXPECT_EQ(report.stopped_at_nine > 0 || report.stopped_at_limit > 0, true);
+      const double start = mean_spacing_mm(cloud);
+      for (std::uint32_t i = 0; i < cloud.size(); i += 7)
+        ASSERT_EQ(table.of[i], stepwise(cloud, i, options, start)) << "point " << i;
+    }
+  }
+}
+
+TEST(ModifiedKnn, StopsAtTheGrowthLimit) {
+  // A pair far from a sheet: no block up to the limit reaches nine points, so only each other are found.
+  std::vector<Vec3> points = sheet(30, 30, 0.1, 0.2, 5);
+  points.emplace_back(1000, 0, 0);
+  points.emplace_back(1000.1, 0, 0);
+  const cloud::Cloud cloud = built(points);
+  ModifiedKnnReport report;
+  const NeighbourTable table = modified_knn(cloud, {}, 1, &report);
+  EXPECT_EQ(report.stopped_at_limit, 2u);
+  EXPECT_EQ(report.fewer_than_eight, 2u);
+  EXPECT_EQ(table.count(900), 1u);
+  EXPECT_EQ(table.of[900][0], 901u);
+}
+
+TEST(ModifiedKnn, PilesKeepEightAtDistanceZero) {
+  const cloud::Cloud cloud = built(std::vector<Vec3>(300, Vec3(5, 5, 5)));
+  const NeighbourTable table = modified_knn(cloud, {}, 1);
+  for (std::uint32_t i = 0; i < cloud.size(); ++i) EXPECT_EQ(table.count(i), 8u);
+}
+
+TEST(ScannerPath, IsTheThreeByThreePatch) {
+  cloud::Cloud cloud = built(sheet(5, 4, 1.0, 0.0, 1));
+  EXPECT_FALSE(scanner_path(cloud, 1));
+  cloud.raster = cloud::ScanRaster{5, 4};
+  const auto table = scanner_path(cloud, 2);
+  ASSERT_TRUE(table);
+  Neighbours middle = table->of[7];
+  std::sort(middle.begin(), middle.end());
+  EXPECT_EQ(middle, (Neighbours{1, 2, 3, 6, 8, 11, 12, 13}));
+  EXPECT_EQ(table->count(0), 3u);
+  EXPECT_EQ(table->count(2), 5u);
+  cloud.raster = cloud::ScanRaster{5, 5};
+  EXPECT_FALSE(scanner_path(cloud, 1));
+}
+
+TEST(ScannerPath, AgreesExactlyInsideAFlatGridOnly) {
+  cloud::Cloud cloud = built(sheet(60, 50, 0.25, 0.0, 1));  // 0.25 is exact, so distances tie exactly
+  cloud.raster = cloud::ScanRaster{60, 50};
+  const NeighbourTable path = scanner_path(cloud, 0).value();
+  for (const NeighbourTable& table : {modified_knn(cloud, {}, 0), exact_knn(cloud, 0)}) {
+    std::size_t equal = 0, interior = 0;
+    for (std::uint32_t i = 0; i < cloud.size(); ++i) {
+      if (path.count(i) < kNeighbours) continue;
+      ++interior;
+      Neighbours a = path.of[i], b = table.of[i];
+      std::sort(a.begin(), a.end());
+      std::sort(b.begin(), b.end());
+      equal += a == b;
+    }
+    EXPECT_EQ(interior, 58u * 48u);
+    EXPECT_EQ(equal, interior);
+    const Agreement counted = agreement(path, table);
+    EXPECT_EQ(counted.interior_equal, interior);
+    EXPECT_LT(counted.equal_sets, counted.points);  // borders differ
+  }
+}
+
+}  // namespace
+}  // namespace palpate::neighbourhood

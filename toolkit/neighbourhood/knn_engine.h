@@ -1,0 +1,95 @@
+// Internal to neighbourhood: candidates for the neighbours of every point, gathered cell by cell from a sorted cloud.
+// Builders differ only in how they choose eight of the candidates.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "toolkit/cloud/cloud.h"
+#include "toolkit/neighbourhood/neighbour_table.h"
+#include "toolkit/partition/morton_order.h"
+
+namespace palpate::neighbourhood {
+
+/// Points that may be neighbours, local coordinates in mm. Of more than nine points at one place only the nine of
+/// lowest index are candidates: a point needs no more than eight others at distance 0.
+struct Candidates {
+  std::vector<double> x, y, z;
+  std::vector<std::uint32_t> index;  ///< into the cloud
+  void clear() {
+    x.clear();
+    y.clear();
+    z.clear();
+    index.clear();
+  }
+  [[nodiscard]] std::size_t size() const noexcept { return index.size(); }
+};
+
+/// Chooses the neighbours of the point `self` at `p` from candidates that hold every point within `radius_mm` of it
+/// (in the Chebyshev sense too, since a cube of half edge radius_mm is covered). Returns false when a larger radius is
+/// needed. Called from several threads.
+using Choose = std::function<bool(std::uint32_t self, const Vec3& p, const Candidates& candidates, double radius_mm,
+                                  Neighbours& out)>;
+
+/// A cloud sorted for neighbour search.
+class KnnEngine {
+ public:
+  KnnEngine(const cloud::Cloud& cloud, int threads);
+  ~KnnEngine();
+
+  /// Calls `choose` for every point until it accepts; each point's final radius covers the whole cloud.
+  void run(const Choose& choose, NeighbourTable& table) const;
+  /// sqrt(occupied area / points), the area from occupied cells: the length that start sizes are given in.
+  [[nodiscard]] double mean_spacing_mm() const noexcept { return mean_spacing_mm_; }
+
+ private:
+  struct Fallback;
+  struct Level;
+  void run_level(const Level& level, const Choose& choose, NeighbourTable& table,
+                 std::vector<std::uint32_t>& rejected, std::span<const std::uint8_t> pending) const;
+
+  const cloud::Cloud& cloud_;
+  int threads_;
+  double mean_spacing_mm_ = 1.0;
+  partition::Lattice lattice_;
+  partition::MortonOrder sorted_;
+  std::vector<std::uint8_t> candidate_;  ///< by place: 0 for the tenth and later points of one place
+  int first_level_ = 0;
+  std::unique_ptr<Fallback> fallback_;
+};
+
+/// Keeps the eight smallest (key, index) pairs seen.
+class BestEight {
+ public:
+  void offer(double key, std::uint32_t index) noexcept {
+    if (!(key < key_[kNeighbours - 1] || (key == key_[kNeighbours - 1] && index < index_[kNeighbours - 1]))) return;
+    std::size_t at = kNeighbours - 1;
+    while (at > 0 && (key < key_[at - 1] || (key == key_[at - 1] && index < index_[at - 1]))) {
+      key_[at] = key_[at - 1];
+      index_[at] = index_[at - 1];
+      --at;
+    }
+    key_[at] = key;
+    index_[at] = index;
+    if (count_ < kNeighbours) ++count_;
+  }
+  [[nodiscard]] std::size_t count() const noexcept { return count_; }
+  /// The largest key kept; infinite while fewer than eight were seen.
+  [[nodiscard]] double worst() const noexcept { return key_[kNeighbours - 1]; }
+  /// Fills `out`, unused places with `self`.
+  void store(std::uint32_t self, Neighbours& out) const noexcept {
+    for (std::size_t i = 0; i < kNeighbours; ++i) out[i] = i < count_ ? index_[i] : self;
+  }
+
+ private:
+  static constexpr double kNone = std::numeric_limits<double>::infinity();
+  double key_[kNeighbours] = {kNone, kNone, kNone, kNone, kNone, kNone, kNone, kNone};
+  std::uint32_t index_[kNeighbours] = {~0u, ~0u, ~0u, ~0u, ~0u, ~0u, ~0u, ~0u};
+  std::size_t count_ = 0;
+};
+
+}  // namespace palpate::neighbourhood

@@ -1,0 +1,83 @@
+#include "toolkit/partition/uniform_grid.h"
+
+#include <algorithm>
+#include <bit>
+
+namespace palpate::partition {
+namespace {
+
+/// The finer curve inside a cell: 2^3 cubes an edge, about one point of a surface each at five spacings a cell.
+constexpr int kFinerBits = 3;
+
+std::uint32_t compact(std::uint64_t x) noexcept {
+  x &= 0x1249249249249249u;
+  x = (x | x >> 2) & 0x10C30C30C30C30C3u;
+  x = (x | x >> 4) & 0x100F00F00F00F00Fu;
+  x = (x | x >> 8) & 0x001F0000FF0000FFu;
+  x = (x | x >> 16) & 0x001F00000000FFFFu;
+  return static_cast<std::uint32_t>((x | x >> 32) & 0x1FFFFFu);
+}
+
+std::uint64_t packed(std::uint64_t x, std::uint64_t y, std::uint64_t z) noexcept {
+  return x | y << kMortonBits | z << (2 * kMortonBits);
+}
+
+/// Fibonacci hashing: the golden section spreads consecutive keys.
+constexpr std::uint64_t kGolden = 0x9E3779B97F4A7C15u;
+
+}  // namespace
+
+PlaceRange UniformGrid::find(const Cell& cell) const noexcept {
+  constexpr std::int64_t kCells = std::int64_t{1} << kMortonBits;
+  const auto inside = [](std::int64_t c) { return static_cast<std::uint64_t>(c) < static_cast<std::uint64_t>(kCells); };
+  if (!inside(cell.x) || !inside(cell.y) || !inside(cell.z)) return {};
+  const std::uint64_t key = packed(static_cast<std::uint64_t>(cell.x), static_cast<std::uint64_t>(cell.y),
+                                   static_cast<std::uint64_t>(cell.z));
+  const std::size_t mask = slots_.size() - 1;
+  std::size_t at = (key * kGolden) >> shift_;
+  while (slots_[at].key != kNoKey) {  // ends: half of the slots are free
+    if (slots_[at].key == key) return slots_[at].places;
+    at = (at + 1) & mask;
+  }
+  return {};
+}
+
+void UniformGrid::insert(std::uint64_t key, PlaceRange places) noexcept {
+  const std::size_t mask = slots_.size() - 1;
+  std::size_t at = (key * kGolden) >> shift_;
+  std::uint32_t probes = 1;
+  for (; slots_[at].key != kNoKey; at = (at + 1) & mask) ++probes;
+  slots_[at] = {key, places};
+  max_probes_ = std::max(max_probes_, probes + 1);  // a miss reads the free slot after a run too
+  max_points_ = std::max(max_points_, places.end - places.begin);
+}
+
+UniformGrid UniformGrid::build(const cloud::Cloud& cloud, double cell_mm, int threads) {
+  UniformGrid grid;
+  // Cells are groups of 8 x 8 x 8 cubes of a finer lattice, so one sort serves both.
+  Lattice fine = Lattice::over(cloud, cell_mm / (1 << kFinerBits));
+  MortonOrder sorted = sort_by_morton(cloud, fine, threads);
+  grid.lattice_ = {fine.low_mm, fine.unit_mm * (1 << kFinerBits), fine.per_mm / (1 << kFinerBits)};
+  grid.order_ = std::move(sorted.order);
+
+  constexpr int kCellShift = 3 * kFinerBits;
+  const std::size_t n = sorted.codes.size();
+  std::size_t cells = 0;
+  for (std::size_t i = 0; i < n; ++i)
+    cells += i == 0 || (sorted.codes[i] >> kCellShift) != (sorted.codes[i - 1] >> kCellShift);
+  grid.occupied_ = cells;
+  const std::size_t slots = std::bit_ceil(std::max<std::size_t>(2 * cells, 2));
+  grid.slots_.resize(slots);
+  grid.shift_ = 64 - std::countr_zero(slots);
+  std::size_t begin = 0;
+  for (std::size_t i = 1; i <= n; ++i) {
+    if (i < n && (sorted.codes[i] >> kCellShift) == (sorted.codes[begin] >> kCellShift)) continue;
+    const std::uint64_t code = sorted.codes[begin] >> kCellShift;
+    grid.insert(packed(compact(code), compact(code >> 1), compact(code >> 2)),
+                {static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(i)});
+    begin = i;
+  }
+  return grid;
+}
+
+}  // namespace palpate::partition

@@ -1,0 +1,69 @@
+// The uniform grid of section 3.1.2.3, sparse: memory follows the occupied cells, not the box's volume.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "toolkit/cloud/cloud.h"
+#include "toolkit/partition/morton_order.h"
+
+namespace palpate::partition {
+
+/// Places [begin, end) in the grid's order.
+struct PlaceRange {
+  std::uint32_t begin = 0;
+  std::uint32_t end = 0;
+  [[nodiscard]] bool empty() const noexcept { return begin == end; }
+};
+
+/// Integer coordinates of a cell; cells outside the cloud's box are simply not occupied.
+struct Cell {
+  std::int64_t x = 0, y = 0, z = 0;
+};
+
+/// Cubic cells anchored at the cloud's low corner. Points of a cell are contiguous in order(); within and between
+/// cells the order is a Morton curve eight times finer, ties by cloud index, so that neighbours share cache lines.
+/// Immutable after build; safe to read from many threads. Look-ups allocate nothing.
+class UniformGrid {
+ public:
+  /// O(n). `cell_mm` > 0 is doubled where the cloud would span 2^21 cells or more (cell_mm() tells).
+  [[nodiscard]] static UniformGrid build(const cloud::Cloud& cloud, double cell_mm, int threads);
+
+  [[nodiscard]] double cell_mm() const noexcept { return lattice_.unit_mm; }
+  /// Cloud index of each place.
+  [[nodiscard]] std::span<const std::uint32_t> order() const noexcept { return order_; }
+  /// Frees order(), which only preparation needs.
+  void drop_order() noexcept { std::vector<std::uint32_t>().swap(order_); }
+  [[nodiscard]] Cell cell_of(const Vec3& local_mm) const noexcept {
+    return {lattice_.coordinate(local_mm.x(), 0), lattice_.coordinate(local_mm.y(), 1),
+            lattice_.coordinate(local_mm.z(), 2)};
+  }
+  /// The places of a cell, empty if it holds none. At most max_probes() slots are read.
+  [[nodiscard]] PlaceRange find(const Cell& cell) const noexcept;
+  [[nodiscard]] std::size_t occupied_cells() const noexcept { return occupied_; }
+  [[nodiscard]] std::uint32_t max_points_per_cell() const noexcept { return max_points_; }
+  [[nodiscard]] std::uint32_t max_probes() const noexcept { return max_probes_; }
+  [[nodiscard]] const Lattice& lattice() const noexcept { return lattice_; }
+  [[nodiscard]] std::size_t bytes() const noexcept {
+    return slots_.capacity() * sizeof(Slot) + order_.capacity() * sizeof(std::uint32_t);
+  }
+
+ private:
+  struct Slot {
+    std::uint64_t key = kNoKey;
+    PlaceRange places;
+  };
+  static constexpr std::uint64_t kNoKey = ~std::uint64_t{0};
+  void insert(std::uint64_t key, PlaceRange places) noexcept;
+
+  Lattice lattice_;
+  std::vector<std::uint32_t> order_;
+  std::vector<Slot> slots_;  ///< open addressing, linear probing, at most half full
+  int shift_ = 0;
+  std::size_t occupied_ = 0;
+  std::uint32_t max_points_ = 0;
+  std::uint32_t max_probes_ = 0;
+};
+
+}  // namespace palpate::partition
