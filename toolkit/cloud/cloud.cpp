@@ -36,12 +36,17 @@ Result<Cloud> build_cloud(std::span<const Vec3> points_mm, NonFinite non_finite,
   if (found.non_finite > 0 && non_finite == NonFinite::kRefuse)
     return Error{fmt::format("{} of {} points are not finite, the first is point {}", found.non_finite,
                              points_mm.size(), first_bad),
-                 "drop them with --drop-non-finite, or clean the file", {}, 0};
+                 "drop them with --drop-non-finite, or clean the file",
+                 {},
+                 0};
   const std::size_t kept = points_mm.size() - found.non_finite;
   if (kept == 0) return Error{"the cloud has no points", "give a file with at least one finite point", {}, 0};
   // Beyond this a float relative to the origin would overflow.
   if (!(box.extent_mm().maxCoeff() < static_cast<double>(std::numeric_limits<float>::max())))
-    return Error{"the cloud's extent does not fit in single precision", "remove the outliers or check the unit", {}, 0};
+    return Error{"the cloud's extent does not fit in single precision",
+                 "remove the outliers or check the unit",
+                 {},
+                 0};
 
   Cloud cloud;
   cloud.origin_mm = box.low_mm + 0.5 * box.extent_mm();

@@ -26,9 +26,10 @@ struct Property {
   std::vector<float> values;
 };
 
-/// Points in mm: structure of arrays, float relative to a double local origin (the middle of the box), so that far
-/// clouds keep their detail: the rounding error is at most half an ulp of the half extent, extent x 2^-25 per axis.
-/// Model frame. Owns its arrays; immutable after building in all but name, safe to read from many threads.
+/// Points in mm: structure of arrays, float relative to a double local origin (the middle of the box), so
+/// that far clouds keep their detail: the rounding error is at most half an ulp of the half extent, extent x
+/// 2^-25 per axis. Model frame. Owns its arrays; immutable after building in all but name, safe to read from
+/// many threads.
 struct Cloud {
   Vec3 origin_mm = Vec3::Zero();
   std::vector<float> x_mm, y_mm, z_mm;  ///< relative to origin_mm; equal lengths
@@ -51,12 +52,13 @@ enum class NonFinite { kRefuse, kDrop };
 
 /// What building a cloud found on the way.
 struct BuildReport {
-  std::size_t non_finite = 0;       ///< points dropped (or, refused, the count in the error)
-  double max_rounding_mm = 0.0;     ///< largest distance between a given and a stored coordinate
+  std::size_t non_finite = 0;    ///< points dropped (or, refused, the count in the error)
+  double max_rounding_mm = 0.0;  ///< largest distance between a given and a stored coordinate
 };
 
-/// Builds the store from double coordinates. Points that are not finite are refused (an Error with their count and the
-/// first index) or dropped. No points left is an Error. The order is kept. `report` may be null. O(n).
+/// Builds the store from double coordinates. Points that are not finite are refused (an Error with their
+/// count and the first index) or dropped. No points left is an Error. The order is kept. `report` may be
+/// null. O(n).
 [[nodiscard]] Result<Cloud> build_cloud(std::span<const Vec3> points_mm, NonFinite non_finite,
                                         BuildReport* report = nullptr);
 

@@ -73,9 +73,15 @@ const std::string& Options::text(std::string_view key) const {
   return found->second;
 }
 
-double Options::number(std::string_view key) const { return parse_number(text(key)).value(); }
-long long Options::integer(std::string_view key) const { return parse_integer(text(key)).value(); }
-bool Options::flag(std::string_view key) const { return text(key) == "true"; }
+double Options::number(std::string_view key) const {
+  return parse_number(text(key)).value();
+}
+long long Options::integer(std::string_view key) const {
+  return parse_integer(text(key)).value();
+}
+bool Options::flag(std::string_view key) const {
+  return text(key) == "true";
+}
 
 std::vector<std::string> split_list(std::string_view text, char separator) {
   std::vector<std::string> items;
@@ -95,8 +101,10 @@ Result<NamedOptions> parse_named_options(std::string_view text) {
   for (std::size_t i = 1; i < parts.size(); ++i) {
     const std::size_t equals = parts[i].find('=');
     std::string key = parts[i].substr(0, equals);
-    if (key.empty()) return Error{fmt::format("'{}' has an option without a name", text), "write name:key=value", {}, 0};
-    if (named.options.has(key)) return Error{fmt::format("'{}' sets option {} twice", text, key), "keep one", {}, 0};
+    if (key.empty())
+      return Error{fmt::format("'{}' has an option without a name", text), "write name:key=value", {}, 0};
+    if (named.options.has(key))
+      return Error{fmt::format("'{}' sets option {} twice", text, key), "keep one", {}, 0};
     named.options.set(std::move(key), equals == std::string::npos ? "true" : parts[i].substr(equals + 1));
   }
   return named;
@@ -106,12 +114,15 @@ Result<Options> validate(const Options& given, std::span<const OptionSpec> specs
   Options complete;
   for (const OptionSpec& spec : specs) complete.set(spec.key, spec.default_value);
   for (const auto& [key, value] : given.all()) {
-    const auto spec = std::find_if(specs.begin(), specs.end(), [&](const OptionSpec& s) { return s.key == key; });
+    const auto spec =
+        std::find_if(specs.begin(), specs.end(), [&](const OptionSpec& s) { return s.key == key; });
     if (spec == specs.end()) {
       std::vector<std::string> known;
       for (const OptionSpec& s : specs) known.push_back(s.key);
       return Error{fmt::format("{} has no option '{}'", owner, key),
-                   known.empty() ? "it takes none" : "it has " + joined(known), {}, 0};
+                   known.empty() ? "it takes none" : "it has " + joined(known),
+                   {},
+                   0};
     }
     if (const Status status = check(*spec, value, owner); !status) return status.error();
     complete.set(key, value);

@@ -1,6 +1,6 @@
 // Options of a renderer, generator or reconstruction: names with values, the same on the command line
-// ("name:key=value:key=value") and in a scene file (one key a line). Values stay text until a typed getter reads them,
-// after validate() has checked every one against its OptionSpec.
+// ("name:key=value:key=value") and in a scene file (one key a line). Values stay text until a typed getter
+// reads them, after validate() has checked every one against its OptionSpec.
 #pragma once
 
 #include <map>
@@ -20,9 +20,9 @@ struct OptionSpec {
   std::string key;
   OptionKind kind = OptionKind::kText;
   std::string default_value;
-  std::string help;                   ///< one line, with the unit
-  std::vector<std::string> choices{}; ///< for kChoice
-  double low = -1e300;                ///< for kNumber and kInteger, inclusive
+  std::string help;                    ///< one line, with the unit
+  std::vector<std::string> choices{};  ///< for kChoice
+  double low = -1e300;                 ///< for kNumber and kInteger, inclusive
   double high = 1e300;
 };
 
@@ -51,9 +51,10 @@ struct NamedOptions {
 /// Splits "a,b:x=1,c" at commas.
 [[nodiscard]] std::vector<std::string> split_list(std::string_view text, char separator = ',');
 
-/// `given` completed by the defaults of `specs`. Unknown keys, wrong kinds and values out of range are errors that
-/// name what would be understood. `owner` is the name used in messages.
-[[nodiscard]] Result<Options> validate(const Options& given, std::span<const OptionSpec> specs, std::string_view owner);
+/// `given` completed by the defaults of `specs`. Unknown keys, wrong kinds and values out of range are errors
+/// that name what would be understood. `owner` is the name used in messages.
+[[nodiscard]] Result<Options> validate(const Options& given, std::span<const OptionSpec> specs,
+                                       std::string_view owner);
 
 /// Whole-string conversions; nothing, blanks or trailing text is an error.
 [[nodiscard]] Result<double> parse_number(std::string_view text);

@@ -12,7 +12,9 @@
 
 namespace palpate {
 
-int available_threads() noexcept { return std::max(1, static_cast<int>(std::thread::hardware_concurrency())); }
+int available_threads() noexcept {
+  return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+}
 
 void parallel_chunks(std::size_t count, std::size_t grain, int threads,
                      const std::function<void(std::size_t, std::size_t)>& body) {
@@ -39,9 +41,7 @@ void parallel_chunks(std::size_t count, std::size_t grain, int threads,
   for (std::thread& t : pool) t.join();
 #else
   tbb::task_arena arena(threads);
-  arena.execute([&] {
-    tbb::parallel_for(std::size_t{0}, chunks, run);
-  });
+  arena.execute([&] { tbb::parallel_for(std::size_t{0}, chunks, run); });
 #endif
 }
 

@@ -1,9 +1,9 @@
 // All parallelism of preparation goes through this function. It runs on oneTBB, or on std::thread where
-// PALPATE_STD_THREADS is defined: ThreadSanitizer cannot see oneTBB's synchronisation, so its build uses the latter and
-// needs no suppressions.
+// PALPATE_STD_THREADS is defined: ThreadSanitizer cannot see oneTBB's synchronisation, so its build uses the
+// latter and needs no suppressions.
 //
-// Determinism: a result must not depend on `threads`. Give every index its own output, or reduce over fixed chunks
-// in index order.
+// Determinism: a result must not depend on `threads`. Give every index its own output, or reduce over fixed
+// chunks in index order.
 #pragma once
 
 #include <cstddef>
@@ -11,8 +11,9 @@
 
 namespace palpate {
 
-/// Calls body(begin, end) for consecutive chunks of at most `grain` covering [0, count), on up to `threads` threads
-/// (0 = all; never more than the machine has). Chunk borders depend on `grain` alone. Returns when all are done. body must not throw.
+/// Calls body(begin, end) for consecutive chunks of at most `grain` covering [0, count), on up to `threads`
+/// threads (0 = all; never more than the machine has). Chunk borders depend on `grain` alone. Returns when
+/// all are done. body must not throw.
 void parallel_chunks(std::size_t count, std::size_t grain, int threads,
                      const std::function<void(std::size_t begin, std::size_t end)>& body);
 

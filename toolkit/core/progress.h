@@ -1,4 +1,5 @@
-// How long work tells how far it is. The library only reports; who shows it (a bar on a terminal) lives in experiments.
+// How long work tells how far it is. The library only reports; who shows it (a bar on a terminal) lives in
+// experiments.
 #pragma once
 
 #include <string_view>

@@ -1,6 +1,6 @@
-// Every number that decides a branch on rounding or on contact, with where it comes from. Two kinds, never mixed:
-// rounding bounds follow from the arithmetic and the size of the coordinates; contact tolerances follow from the model
-// (point spacing) or the device. Nothing here is an absolute length.
+// Every number that decides a branch on rounding or on contact, with where it comes from. Two kinds, never
+// mixed: rounding bounds follow from the arithmetic and the size of the coordinates; contact tolerances
+// follow from the model (point spacing) or the device. Nothing here is an absolute length.
 #pragma once
 
 #include <limits>
@@ -17,11 +17,13 @@ inline constexpr double kUnitRoundoffFloat = 0.5 * static_cast<double>(std::nume
   return n * kUnitRoundoff / (1.0 - n * kUnitRoundoff);
 }
 
-/// The smallest force step a common desktop device can show: stiffness x resolution of the Phantom Omni, 0.5 N/mm x
-/// 0.055 mm. Above it a jump from point to point is felt, so `cloud` shades (stiffness x local spacing > this).
+/// The smallest force step a common desktop device can show: stiffness x resolution of the Phantom Omni, 0.5
+/// N/mm x 0.055 mm. Above it a jump from point to point is felt, so `cloud` shades (stiffness x local spacing
+/// > this).
 inline constexpr double kFeltForceStepN = 0.0275;
 
-/// Section 3.4 of the thesis: no force shading below this cloud resolution. The rule of `cloud-literal` alone.
+/// Section 3.4 of the thesis: no force shading below this cloud resolution. The rule of `cloud-literal`
+/// alone.
 inline constexpr double kLiteralShadingResolutionMm = 0.2;
 
 /// Section 1.6: a cloud at or below this resolution is "highly detailed"; `palpate info` warns above it.

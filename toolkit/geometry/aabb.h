@@ -19,7 +19,9 @@ struct Aabb {
     high_mm = high_mm.cwiseMax(p);
   }
   [[nodiscard]] Vec3 extent_mm() const noexcept { return empty() ? Vec3::Zero() : Vec3(high_mm - low_mm); }
-  [[nodiscard]] Vec3 centre_mm() const noexcept { return empty() ? Vec3::Zero() : Vec3(0.5 * (low_mm + high_mm)); }
+  [[nodiscard]] Vec3 centre_mm() const noexcept {
+    return empty() ? Vec3::Zero() : Vec3(0.5 * (low_mm + high_mm));
+  }
   [[nodiscard]] bool contains(const Vec3& p) const noexcept {
     return (p.array() >= low_mm.array()).all() && (p.array() <= high_mm.array()).all();
   }

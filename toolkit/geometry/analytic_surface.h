@@ -1,5 +1,5 @@
-// The contract of a surface known by formula: what generated models, path generators, the `analytic` renderer and the
-// ground truth of the metrics share.
+// The contract of a surface known by formula: what generated models, path generators, the `analytic` renderer
+// and the ground truth of the metrics share.
 #pragma once
 
 #include <optional>
@@ -16,8 +16,9 @@ struct SurfacePoint {
   Vec3 normal = Vec3::UnitZ();
 };
 
-/// A surface with an inside, in its model frame, mm. Immutable and safe to share between threads. The noexcept
-/// members allocate nothing and stop after a written number of iterations, so that a frame may call them.
+/// A surface with an inside, in its model frame, mm. Immutable and safe to share between threads. The
+/// noexcept members allocate nothing and stop after a written number of iterations, so that a frame may call
+/// them.
 class AnalyticSurface {
  public:
   virtual ~AnalyticSurface() = default;
@@ -30,12 +31,14 @@ class AnalyticSurface {
   [[nodiscard]] virtual SurfacePoint closest(const Vec3& p_mm) const noexcept = 0;
   /// Distance to the surface, negative inside.
   [[nodiscard]] virtual double signed_distance_mm(const Vec3& p_mm) const noexcept = 0;
-  /// The constrained god object: the local minimum of the distance to p reached from `from` along the surface. It
-  /// does not jump to another sheet, however near. `from` is a point of the surface.
+  /// The constrained god object: the local minimum of the distance to p reached from `from` along the
+  /// surface. It does not jump to another sheet, however near. `from` is a point of the surface.
   [[nodiscard]] virtual SurfacePoint track(const SurfacePoint& from, const Vec3& p_mm) const noexcept = 0;
   /// Where the segment a -> b first goes from outside to inside, if it does.
-  [[nodiscard]] virtual std::optional<SurfacePoint> first_entry(const Vec3& a_mm, const Vec3& b_mm) const noexcept = 0;
-  /// The surface point at the parameters u, v in [0, 1], which cover the generated part; path generators use it.
+  [[nodiscard]] virtual std::optional<SurfacePoint> first_entry(const Vec3& a_mm,
+                                                                const Vec3& b_mm) const noexcept = 0;
+  /// The surface point at the parameters u, v in [0, 1], which cover the generated part; path generators use
+  /// it.
   [[nodiscard]] virtual SurfacePoint at(double u, double v) const noexcept = 0;
 };
 

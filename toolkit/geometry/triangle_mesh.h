@@ -9,8 +9,8 @@
 
 namespace palpate::geometry {
 
-/// Vertices in mm (model frame) and triangles of vertex indices, counter-clockwise seen from outside where the source
-/// knows an outside. Nothing is guaranteed beyond indices in range: files hold what they hold.
+/// Vertices in mm (model frame) and triangles of vertex indices, counter-clockwise seen from outside where
+/// the source knows an outside. Nothing is guaranteed beyond indices in range: files hold what they hold.
 struct TriangleMesh {
   std::vector<Vec3> vertices_mm;
   std::vector<std::array<std::uint32_t, 3>> triangles;

@@ -1,5 +1,6 @@
-// Builders of neighbourhood information over a whole cloud. All are parallel and give the same result with any number
-// of threads: neighbours are ordered by (distance, index), distances squared in double from the stored coordinates.
+// Builders of neighbourhood information over a whole cloud. All are parallel and give the same result with
+// any number of threads: neighbours are ordered by (distance, index), distances squared in double from the
+// stored coordinates.
 #pragma once
 
 #include <cstdint>
@@ -10,20 +11,21 @@
 
 namespace palpate::neighbourhood {
 
-/// The eight nearest other points of every point. Points at the same place count as neighbours at distance 0. The
-/// reference for every other builder. O(n) for clouds of bounded density variation.
+/// The eight nearest other points of every point. Points at the same place count as neighbours at distance 0.
+/// The reference for every other builder. O(n) for clouds of bounded density variation.
 [[nodiscard]] NeighbourTable exact_knn(const cloud::Cloud& cloud, int threads);
 
-/// sqrt(occupied area / points): the length that start_size is given in. The area is counted in cells of about six
-/// points, so it is that of a surface; O(n).
+/// sqrt(occupied area / points): the length that start_size is given in. The area is counted in cells of
+/// about six points, so it is that of a surface; O(n).
 [[nodiscard]] double mean_spacing_mm(const cloud::Cloud& cloud);
 
 /// Section 3.2.2.5.
 struct ModifiedKnnOptions {
-  bool complete_to_eight = true;      ///< ours; false is the printed form, which may find fewer than eight
-  double start_size = 1.0;            ///< first cube edge, in units of mean_spacing_mm(); not printed
-  double refinement = 0.70710678118654752;  ///< factor between sizes, in (0, 1); not printed. Halves a cube's face
-  double growth_limit = 64.0;         ///< largest cube edge in units of the first: the second stopping rule
+  bool complete_to_eight = true;  ///< ours; false is the printed form, which may find fewer than eight
+  double start_size = 1.0;        ///< first cube edge, in units of mean_spacing_mm(); not printed
+  double refinement =
+      0.70710678118654752;     ///< factor between sizes, in (0, 1); not printed. Halves a cube's face
+  double growth_limit = 64.0;  ///< largest cube edge in units of the first: the second stopping rule
 };
 
 struct ModifiedKnnReport {
@@ -32,10 +34,11 @@ struct ModifiedKnnReport {
   std::uint64_t fewer_than_eight = 0;
 };
 
-[[nodiscard]] NeighbourTable modified_knn(const cloud::Cloud& cloud, const ModifiedKnnOptions& options, int threads,
-                                          ModifiedKnnReport* report = nullptr);
+[[nodiscard]] NeighbourTable modified_knn(const cloud::Cloud& cloud, const ModifiedKnnOptions& options,
+                                          int threads, ModifiedKnnReport* report = nullptr);
 
-/// Section 3.2.2.4: the eight neighbours of (row, column) in a full raster, fewer at its borders; needs cloud.raster.
+/// Section 3.2.2.4: the eight neighbours of (row, column) in a full raster, fewer at its borders; needs
+/// cloud.raster.
 [[nodiscard]] Result<NeighbourTable> scanner_path(const cloud::Cloud& cloud, int threads);
 
 /// Share of points whose neighbour sets are equal, whatever their order.

@@ -12,8 +12,9 @@
 namespace palpate::neighbourhood {
 namespace {
 
-/// Occupancy a cell should have: with six points of a surface in a cell of edge 2.4 spacings, the 3 x 3 x 3 block
-/// reaches past the eighth neighbour even where one direction is stretched by half, and holds about 54 candidates.
+/// Occupancy a cell should have: with six points of a surface in a cell of edge 2.4 spacings, the 3 x 3 x 3
+/// block reaches past the eighth neighbour even where one direction is stretched by half, and holds about 54
+/// candidates.
 constexpr double kPointsPerCell = 6.0;
 /// Cells with more points than this many are left to the tree: pairs within a cell grow with the square.
 constexpr std::size_t kDenseCell = 256;
@@ -21,9 +22,11 @@ constexpr std::size_t kDenseCell = 256;
 constexpr int kGridLevels = 3;
 /// Points at one place that can matter to any point: itself and eight others.
 constexpr std::size_t kSamePlace = kNeighbours + 1;
-/// First lattice: 2^10 cubes along the longest side, enough to count occupied cells of most clouds before refining.
+/// First lattice: 2^10 cubes along the longest side, enough to count occupied cells of most clouds before
+/// refining.
 constexpr double kFirstCubes = 1024.0;
-/// Rounding of (p - low) * per_mm, a cell coordinate below 2^21: the block may be smaller by this share of a cell.
+/// Rounding of (p - low) * per_mm, a cell coordinate below 2^21: the block may be smaller by this share of a
+/// cell.
 constexpr double kCellRounding = 1e-9;
 /// Cells a parallel chunk, so that its table lookups stay in cache.
 constexpr std::size_t kCellsPerChunk = 2048;
@@ -44,7 +47,7 @@ struct CellRange {
 
 /// A grid of cells over the sorted points: every cell is a range of places.
 struct KnnEngine::Level {
-  int shift = 0;          ///< code bits below a cell
+  int shift = 0;  ///< code bits below a cell
   double cell_mm = 0.0;
   std::vector<CellRange> cells;
   std::vector<std::uint32_t> slots;  ///< hash of cells: index + 1, 0 = free
@@ -79,8 +82,8 @@ struct KnnEngine::Level {
   }
 };
 
-/// A k-d tree over the candidates, for points whose neighbours the grid cannot give cheaply: outliers, and cells
-/// crowded far beyond the rest of the cloud. Built on first use.
+/// A k-d tree over the candidates, for points whose neighbours the grid cannot give cheaply: outliers, and
+/// cells crowded far beyond the rest of the cloud. Built on first use.
 struct KnnEngine::Fallback {
   Candidates points;
   std::once_flag once;
@@ -90,10 +93,12 @@ struct KnnEngine::Fallback {
     return axis == 0 ? points.x[i] : axis == 1 ? points.y[i] : points.z[i];
   }
   template <class Box>
-  bool kdtree_get_bbox(Box&) const { return false; }
+  bool kdtree_get_bbox(Box&) const {
+    return false;
+  }
 
-  using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, Fallback>, Fallback, 3,
-                                                   std::uint32_t>;
+  using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, Fallback>, Fallback,
+                                                   3, std::uint32_t>;
   std::unique_ptr<Tree> tree;
 };
 
@@ -128,7 +133,8 @@ KnnEngine::KnnEngine(const cloud::Cloud& cloud, int threads)
     unit = wanted / 2.0;
     if (!(unit > 0.0) || extent <= 0.0) break;
   }
-  // More than nine points at one place: only the nine of lowest index are candidates. Equal points have equal codes.
+  // More than nine points at one place: only the nine of lowest index are candidates. Equal points have equal
+  // codes.
   const std::size_t n = cloud.size();
   candidate_.assign(n, 1);
   std::vector<std::uint32_t> run;
@@ -138,10 +144,11 @@ KnnEngine::KnnEngine(const cloud::Cloud& cloud, int threads)
     if (end - begin > kSamePlace) {
       run.assign(sorted_.order.begin() + static_cast<std::ptrdiff_t>(begin),
                  sorted_.order.begin() + static_cast<std::ptrdiff_t>(end));
-      const auto at = [&](std::uint32_t i) { return std::array{cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i]}; };
-      std::sort(run.begin(), run.end(), [&](std::uint32_t a, std::uint32_t b) {
-        return at(a) != at(b) ? at(a) < at(b) : a < b;
-      });
+      const auto at = [&](std::uint32_t i) {
+        return std::array{cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i]};
+      };
+      std::sort(run.begin(), run.end(),
+                [&](std::uint32_t a, std::uint32_t b) { return at(a) != at(b) ? at(a) < at(b) : a < b; });
       std::size_t same = 0;
       for (std::size_t i = 0; i < run.size(); ++i) {
         same = i > 0 && at(run[i]) == at(run[i - 1]) ? same + 1 : 1;
@@ -195,8 +202,9 @@ void KnnEngine::run_level(const Level& level, const Choose& choose, NeighbourTab
             candidates.index.push_back(i);
           }
       }
-      const Vec3 low(lattice_.low_mm + level.cell_mm * Vec3(static_cast<double>(at[0]), static_cast<double>(at[1]),
-                                                             static_cast<double>(at[2])));
+      const Vec3 low(lattice_.low_mm + level.cell_mm * Vec3(static_cast<double>(at[0]),
+                                                            static_cast<double>(at[1]),
+                                                            static_cast<double>(at[2])));
       for (std::uint32_t place = cell.begin; place < cell.end; ++place) {
         if (!pending.empty() && pending[place] == 0) continue;
         const std::uint32_t self = sorted_.order[place];

@@ -1,5 +1,5 @@
-// Internal to neighbourhood: candidates for the neighbours of every point, gathered cell by cell from a sorted cloud.
-// Builders differ only in how they choose eight of the candidates.
+// Internal to neighbourhood: candidates for the neighbours of every point, gathered cell by cell from a
+// sorted cloud. Builders differ only in how they choose eight of the candidates.
 #pragma once
 
 #include <cstdint>
@@ -15,8 +15,8 @@
 
 namespace palpate::neighbourhood {
 
-/// Points that may be neighbours, local coordinates in mm. Of more than nine points at one place only the nine of
-/// lowest index are candidates: a point needs no more than eight others at distance 0.
+/// Points that may be neighbours, local coordinates in mm. Of more than nine points at one place only the
+/// nine of lowest index are candidates: a point needs no more than eight others at distance 0.
 struct Candidates {
   std::vector<double> x, y, z;
   std::vector<std::uint32_t> index;  ///< into the cloud
@@ -29,11 +29,11 @@ struct Candidates {
   [[nodiscard]] std::size_t size() const noexcept { return index.size(); }
 };
 
-/// Chooses the neighbours of the point `self` at `p` from candidates that hold every point within `radius_mm` of it
-/// (in the Chebyshev sense too, since a cube of half edge radius_mm is covered). Returns false when a larger radius is
-/// needed. Called from several threads.
-using Choose = std::function<bool(std::uint32_t self, const Vec3& p, const Candidates& candidates, double radius_mm,
-                                  Neighbours& out)>;
+/// Chooses the neighbours of the point `self` at `p` from candidates that hold every point within `radius_mm`
+/// of it (in the Chebyshev sense too, since a cube of half edge radius_mm is covered). Returns false when a
+/// larger radius is needed. Called from several threads.
+using Choose = std::function<bool(std::uint32_t self, const Vec3& p, const Candidates& candidates,
+                                  double radius_mm, Neighbours& out)>;
 
 /// A cloud sorted for neighbour search.
 class KnnEngine {
@@ -66,7 +66,8 @@ class KnnEngine {
 class BestEight {
  public:
   void offer(double key, std::uint32_t index) noexcept {
-    if (!(key < key_[kNeighbours - 1] || (key == key_[kNeighbours - 1] && index < index_[kNeighbours - 1]))) return;
+    if (!(key < key_[kNeighbours - 1] || (key == key_[kNeighbours - 1] && index < index_[kNeighbours - 1])))
+      return;
     std::size_t at = kNeighbours - 1;
     while (at > 0 && (key < key_[at - 1] || (key == key_[at - 1] && index < index_[at - 1]))) {
       key_[at] = key_[at - 1];

@@ -9,7 +9,8 @@
 namespace palpate::neighbourhood {
 namespace {
 
-/// Sizes a cube may take, from the growth limit down; 2^-64 of the limit divides anything a float can hold apart.
+/// Sizes a cube may take, from the growth limit down; 2^-64 of the limit divides anything a float can hold
+/// apart.
 constexpr std::size_t kMaxSizes = 192;
 /// A block is the cube and the layer of its like around it: three edges wide, 1.5 from its middle.
 constexpr double kBlockHalfPerEdge = 1.5;
@@ -49,7 +50,9 @@ void store_within(double half_mm, std::uint32_t self, const Vec3& p, const Candi
 
 }  // namespace
 
-double mean_spacing_mm(const cloud::Cloud& cloud) { return KnnEngine(cloud, 1).mean_spacing_mm(); }
+double mean_spacing_mm(const cloud::Cloud& cloud) {
+  return KnnEngine(cloud, 1).mean_spacing_mm();
+}
 
 NeighbourTable modified_knn(const cloud::Cloud& cloud, const ModifiedKnnOptions& options, int threads,
                             ModifiedKnnReport* report) {
@@ -59,8 +62,8 @@ NeighbourTable modified_knn(const cloud::Cloud& cloud, const ModifiedKnnOptions&
   NeighbourTable table;
   engine.run(
       [&](std::uint32_t self, const Vec3& p, const Candidates& c, double radius_mm, Neighbours& out) {
-        // The blocks' counts follow from the nearest points in the cube metric: a block holds at least nine points
-        // exactly when the eighth other point is within it.
+        // The blocks' counts follow from the nearest points in the cube metric: a block holds at least nine
+        // points exactly when the eighth other point is within it.
         BestEight cube;
         std::size_t others = 0;
         for (std::size_t i = 0; i < c.size(); ++i) {
@@ -72,8 +75,8 @@ NeighbourTable modified_knn(const cloud::Cloud& cloud, const ModifiedKnnOptions&
         // The smallest block with nine points or more, if any block up to the limit has them.
         const double* begin = sizes.half_mm.data();
         const double* end = begin + sizes.count;
-        const double* first_below =
-            std::lower_bound(begin, end, cube.worst(), [](double half, double distance) { return half >= distance; });
+        const double* first_below = std::lower_bound(
+            begin, end, cube.worst(), [](double half, double distance) { return half >= distance; });
         const bool limit_reached = first_below == begin;
         const double needed_mm = limit_reached ? begin[0] : first_below[-1];
         if (needed_mm > radius_mm) return false;
@@ -85,7 +88,8 @@ NeighbourTable modified_knn(const cloud::Cloud& cloud, const ModifiedKnnOptions&
           return true;
         }
         std::size_t held = 1;
-        for (std::size_t i = 0; i < c.size(); ++i) held += c.index[i] != self && chebyshev(c, i, p) <= needed_mm;
+        for (std::size_t i = 0; i < c.size(); ++i)
+          held += c.index[i] != self && chebyshev(c, i, p) <= needed_mm;
         double take_mm = needed_mm;
         if (held <= kAtMost) {
           at_nine.fetch_add(1, std::memory_order_relaxed);

@@ -11,8 +11,8 @@ namespace palpate::neighbourhood {
 /// Section 3.2.2.5: eight neighbours a point.
 inline constexpr std::size_t kNeighbours = 8;
 
-/// Up to eight neighbours of one point, nearest first, ties by index. Unused places hold the point's own index, so
-/// that a walk needs no count: moving to oneself is never an improvement.
+/// Up to eight neighbours of one point, nearest first, ties by index. Unused places hold the point's own
+/// index, so that a walk needs no count: moving to oneself is never an improvement.
 using Neighbours = std::array<std::uint32_t, kNeighbours>;
 
 /// One entry per point, in the cloud's own order.

@@ -15,27 +15,31 @@ constexpr std::size_t kPointsPerChunk = 65536;
 Result<NeighbourTable> scanner_path(const cloud::Cloud& cloud, int threads) {
   if (!cloud.raster)
     return Error{"the cloud is not a full raster, so the scanner's path gives no neighbours",
-                 "choose neighbours=modified-knn or neighbours=exact-knn", {}, 0};
+                 "choose neighbours=modified-knn or neighbours=exact-knn",
+                 {},
+                 0};
   const auto columns = static_cast<std::int64_t>(cloud.raster->columns);
   const auto rows = static_cast<std::int64_t>(cloud.raster->rows);
   if (columns * rows != static_cast<std::int64_t>(cloud.size()))
     return Error{"the cloud's raster does not match its number of points", "rebuild the cloud", {}, 0};
   NeighbourTable table;
   table.of.resize(cloud.size());
-  parallel_chunks(static_cast<std::size_t>(rows), kRowsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (auto row = static_cast<std::int64_t>(begin); row < static_cast<std::int64_t>(end); ++row)
-      for (std::int64_t column = 0; column < columns; ++column) {
-        const auto self = static_cast<std::uint32_t>(row * columns + column);
-        const Vec3 p = cloud.local_mm(self);
-        BestEight around;
-        for (std::int64_t r = std::max<std::int64_t>(row - 1, 0); r <= std::min(row + 1, rows - 1); ++r)
-          for (std::int64_t c = std::max<std::int64_t>(column - 1, 0); c <= std::min(column + 1, columns - 1); ++c) {
-            const auto other = static_cast<std::uint32_t>(r * columns + c);
-            if (other != self) around.offer((cloud.local_mm(other) - p).squaredNorm(), other);
+  parallel_chunks(
+      static_cast<std::size_t>(rows), kRowsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+        for (auto row = static_cast<std::int64_t>(begin); row < static_cast<std::int64_t>(end); ++row)
+          for (std::int64_t column = 0; column < columns; ++column) {
+            const auto self = static_cast<std::uint32_t>(row * columns + column);
+            const Vec3 p = cloud.local_mm(self);
+            BestEight around;
+            for (std::int64_t r = std::max<std::int64_t>(row - 1, 0); r <= std::min(row + 1, rows - 1); ++r)
+              for (std::int64_t c = std::max<std::int64_t>(column - 1, 0);
+                   c <= std::min(column + 1, columns - 1); ++c) {
+                const auto other = static_cast<std::uint32_t>(r * columns + c);
+                if (other != self) around.offer((cloud.local_mm(other) - p).squaredNorm(), other);
+              }
+            around.store(self, table.of[self]);
           }
-        around.store(self, table.of[self]);
-      }
-  });
+      });
   return table;
 }
 

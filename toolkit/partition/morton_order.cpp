@@ -63,7 +63,8 @@ Lattice Lattice::over(const cloud::Cloud& cloud, double unit_mm) {
   geometry::Aabb box;
   for (std::size_t i = 0; i < cloud.size(); ++i) box.add(cloud.local_mm(i));
   const double extent = box.extent_mm().maxCoeff();
-  constexpr double kMaxCubes = static_cast<double>((1u << kMortonBits) - 2);  // one spare for rounding at the far face
+  constexpr double kMaxCubes =
+      static_cast<double>((1u << kMortonBits) - 2);  // one spare for rounding at the far face
   while (extent / unit_mm > kMaxCubes) unit_mm *= 2.0;
   return {box.low_mm, unit_mm, 1.0 / unit_mm};
 }

@@ -1,5 +1,5 @@
-// Points sorted along a Morton curve: what the grid and the neighbour builders start from. Points near in space are
-// near in memory, and every cube of the octree hierarchy is one contiguous range.
+// Points sorted along a Morton curve: what the grid and the neighbour builders start from. Points near in
+// space are near in memory, and every cube of the octree hierarchy is one contiguous range.
 #pragma once
 
 #include <cstdint>
@@ -21,8 +21,8 @@ struct Lattice {
   double unit_mm = 1.0;        ///< cube edge
   double per_mm = 1.0;         ///< 1 / unit_mm
 
-  /// The lattice of cubes of `unit_mm` anchored at the cloud's low corner; the edge is doubled until the cloud spans
-  /// fewer than 2^21 cubes per axis.
+  /// The lattice of cubes of `unit_mm` anchored at the cloud's low corner; the edge is doubled until the
+  /// cloud spans fewer than 2^21 cubes per axis.
   static Lattice over(const cloud::Cloud& cloud, double unit_mm);
   /// Cube coordinate along one axis; points of the cloud give 0 .. 2^21 - 1.
   [[nodiscard]] std::int64_t coordinate(double local_mm, int axis) const noexcept {
@@ -41,7 +41,8 @@ struct MortonOrder {
   std::vector<std::uint32_t> order;  ///< cloud index of each place; equal codes keep the cloud's order
 };
 
-/// Sorts by Morton code of the lattice's cubes. O(n) radix sort, parallel, the same for any number of threads.
+/// Sorts by Morton code of the lattice's cubes. O(n) radix sort, parallel, the same for any number of
+/// threads.
 [[nodiscard]] MortonOrder sort_by_morton(const cloud::Cloud& cloud, const Lattice& lattice, int threads);
 
 }  // namespace palpate::partition

@@ -6,7 +6,8 @@
 namespace palpate::partition {
 namespace {
 
-/// The finer curve inside a cell: 2^3 cubes an edge, about one point of a surface each at five spacings a cell.
+/// The finer curve inside a cell: 2^3 cubes an edge, about one point of a surface each at five spacings a
+/// cell.
 constexpr int kFinerBits = 3;
 
 std::uint32_t compact(std::uint64_t x) noexcept {
@@ -29,7 +30,9 @@ constexpr std::uint64_t kGolden = 0x9E3779B97F4A7C15u;
 
 PlaceRange UniformGrid::find(const Cell& cell) const noexcept {
   constexpr std::int64_t kCells = std::int64_t{1} << kMortonBits;
-  const auto inside = [](std::int64_t c) { return static_cast<std::uint64_t>(c) < static_cast<std::uint64_t>(kCells); };
+  const auto inside = [](std::int64_t c) {
+    return static_cast<std::uint64_t>(c) < static_cast<std::uint64_t>(kCells);
+  };
   if (!inside(cell.x) || !inside(cell.y) || !inside(cell.z)) return {};
   const std::uint64_t key = packed(static_cast<std::uint64_t>(cell.x), static_cast<std::uint64_t>(cell.y),
                                    static_cast<std::uint64_t>(cell.z));

@@ -22,9 +22,9 @@ struct Cell {
   std::int64_t x = 0, y = 0, z = 0;
 };
 
-/// Cubic cells anchored at the cloud's low corner. Points of a cell are contiguous in order(); within and between
-/// cells the order is a Morton curve eight times finer, ties by cloud index, so that neighbours share cache lines.
-/// Immutable after build; safe to read from many threads. Look-ups allocate nothing.
+/// Cubic cells anchored at the cloud's low corner. Points of a cell are contiguous in order(); within and
+/// between cells the order is a Morton curve eight times finer, ties by cloud index, so that neighbours share
+/// cache lines. Immutable after build; safe to read from many threads. Look-ups allocate nothing.
 class UniformGrid {
  public:
   /// O(n). `cell_mm` > 0 is doubled where the cloud would span 2^21 cells or more (cell_mm() tells).

@@ -1,4 +1,5 @@
-// The renderers by name. Explicit registration: an object, filled by each library's register function; no globals.
+// The renderers by name. Explicit registration: an object, filled by each library's register function; no
+// globals.
 #pragma once
 
 #include <functional>
@@ -14,10 +15,10 @@
 namespace palpate::render {
 
 struct RendererInfo {
-  std::string name;                ///< as in scene files and on the command line
-  std::string summary;             ///< one line
-  std::string source;              ///< thesis section or paper
-  bool needs_analytic = false;     ///< only for generated models
+  std::string name;             ///< as in scene files and on the command line
+  std::string summary;          ///< one line
+  std::string source;           ///< thesis section or paper
+  bool needs_analytic = false;  ///< only for generated models
   std::vector<OptionSpec> options;
   /// Makes an unprepared renderer. `options` is complete and validated.
   std::function<std::unique_ptr<HapticRenderer>(const Options& options)> make;
@@ -30,7 +31,8 @@ class Registry {
   [[nodiscard]] const std::vector<RendererInfo>& all() const noexcept { return renderers_; }
   [[nodiscard]] const RendererInfo* find(std::string_view name) const noexcept;
   /// Validates the options and makes the renderer. Unknown names get an error with the nearest known ones.
-  [[nodiscard]] Result<std::unique_ptr<HapticRenderer>> make(std::string_view name, const Options& options) const;
+  [[nodiscard]] Result<std::unique_ptr<HapticRenderer>> make(std::string_view name,
+                                                             const Options& options) const;
 
  private:
   std::vector<RendererInfo> renderers_;

@@ -1,6 +1,7 @@
 // The renderer interface: everything that answers a HIP with a force stands behind it.
 //
-// One renderer is owned by one thread at a time (the servo thread during frames). prepare() may use more threads.
+// One renderer is owned by one thread at a time (the servo thread during frames). prepare() may use more
+// threads.
 #pragma once
 
 #include <cstdint>
@@ -20,13 +21,13 @@
 
 namespace palpate::render {
 
-/// A model as a renderer sees it. Everything in the model frame but world_from_model. The parts are shared, never
-/// copied; a renderer may keep what it still reads in a frame.
+/// A model as a renderer sees it. Everything in the model frame but world_from_model. The parts are shared,
+/// never copied; a renderer may keep what it still reads in a frame.
 struct ModelInput {
   std::string name;
-  std::shared_ptr<const cloud::Cloud> cloud;                      ///< never null
-  std::shared_ptr<const geometry::TriangleMesh> original_mesh;    ///< the file's own faces, or null
-  std::shared_ptr<const geometry::AnalyticSurface> analytic;      ///< the formula it was generated from, or null
+  std::shared_ptr<const cloud::Cloud> cloud;                    ///< never null
+  std::shared_ptr<const geometry::TriangleMesh> original_mesh;  ///< the file's own faces, or null
+  std::shared_ptr<const geometry::AnalyticSurface> analytic;  ///< the formula it was generated from, or null
   geometry::RigidTransform world_from_model;
   surface::Surface surface;
 };
@@ -45,20 +46,20 @@ struct PreparePhase {
 /// What prepare() reports.
 struct PrepareReport {
   double total_ms = 0.0;
-  std::vector<PreparePhase> phases;        ///< in order, their sum is about total_ms
-  std::size_t bytes = 0;                   ///< held by the renderer after preparation; what it shares is counted too
-  std::vector<std::string> notes;          ///< decisions and findings a person should know ("shading off: ...")
+  std::vector<PreparePhase> phases;  ///< in order, their sum is about total_ms
+  std::size_t bytes = 0;           ///< held by the renderer after preparation; what it shares is counted too
+  std::vector<std::string> notes;  ///< decisions and findings a person should know ("shading off: ...")
 };
 
 struct PrepareContext {
-  int threads = 0;  ///< 0 = all
+  int threads = 0;               ///< 0 = all
   Progress* progress = nullptr;  ///< may be null
 };
 
 enum class FrameStatus : std::uint8_t {
   kOk,
-  kBoundHit,       ///< the written bound on work was reached; the rest is done in the next frame
-  kNonFinite,      ///< the HIP was not finite: no force, the last state kept
+  kBoundHit,   ///< the written bound on work was reached; the rest is done in the next frame
+  kNonFinite,  ///< the HIP was not finite: no force, the last state kept
 };
 
 /// What a frame answers. Forces act on the device, world frame, N.
@@ -66,27 +67,28 @@ struct Frame {
   Vec3 force_n = Vec3::Zero();
   Vec3 god_object_mm = Vec3::Zero();  ///< equals the HIP when free
   bool contact = false;
-  std::int32_t model = -1;            ///< index of the touched model, -1 when free
+  std::int32_t model = -1;  ///< index of the touched model, -1 when free
   FrameStatus status = FrameStatus::kOk;
 };
 
 /// Sums since the last reset, for reports; kept without locks by the thread that steps.
 struct FrameCounters {
   std::uint64_t frames = 0;
-  std::uint64_t bound_hits = 0;      ///< frames that reached the written bound
-  std::uint64_t walk_steps = 0;      ///< moves of the god object from point to point (or facet to facet)
-  std::uint64_t local_minima = 0;    ///< greedy walks that a wider look proved to be stuck
-  std::uint64_t box_tests = 0;       ///< segment-AABB tests
+  std::uint64_t bound_hits = 0;    ///< frames that reached the written bound
+  std::uint64_t walk_steps = 0;    ///< moves of the god object from point to point (or facet to facet)
+  std::uint64_t local_minima = 0;  ///< greedy walks that a wider look proved to be stuck
+  std::uint64_t box_tests = 0;     ///< segment-AABB tests
   std::uint64_t cells_visited = 0;
-  std::uint64_t missed_cells = 0;    ///< literal forms only: crossed cells that the printed sampling skipped
+  std::uint64_t missed_cells = 0;  ///< literal forms only: crossed cells that the printed sampling skipped
 };
 
 struct Description {
   std::string name;
   std::string summary;
-  std::string source;      ///< thesis section or paper
-  std::string work_bound;  ///< the bound on a frame's work, in words with its numbers; "unbounded: why" otherwise
-  Options options;         ///< as resolved by prepare()
+  std::string source;  ///< thesis section or paper
+  std::string
+      work_bound;   ///< the bound on a frame's work, in words with its numbers; "unbounded: why" otherwise
+  Options options;  ///< as resolved by prepare()
 };
 
 class HapticRenderer {
@@ -96,15 +98,17 @@ class HapticRenderer {
   HapticRenderer& operator=(const HapticRenderer&) = delete;
   virtual ~HapticRenderer() = default;
 
-  /// Builds everything a frame needs. May allocate, use threads, take long, fail. Called once, before any step.
-  /// The result is the same for any number of threads.
-  [[nodiscard]] virtual Result<PrepareReport> prepare(const SceneInput& scene, const PrepareContext& context) = 0;
+  /// Builds everything a frame needs. May allocate, use threads, take long, fail. Called once, before any
+  /// step. The result is the same for any number of threads.
+  [[nodiscard]] virtual Result<PrepareReport> prepare(const SceneInput& scene,
+                                                      const PrepareContext& context) = 0;
 
   /// Puts the HIP into free space at `hip_mm` (world frame) and clears the counters.
   virtual void reset(const Vec3& hip_mm) noexcept = 0;
 
-  /// One haptic frame: the HIP is now at `hip_mm` (world frame), `dt_s` after the last frame. Allocates nothing, locks
-  /// nothing, logs nothing; work within describe().work_bound. A non-finite HIP gives zero force and kNonFinite.
+  /// One haptic frame: the HIP is now at `hip_mm` (world frame), `dt_s` after the last frame. Allocates
+  /// nothing, locks nothing, logs nothing; work within describe().work_bound. A non-finite HIP gives zero
+  /// force and kNonFinite.
   [[nodiscard]] virtual Frame step(const Vec3& hip_mm, double dt_s) noexcept = 0;
 
   [[nodiscard]] virtual FrameCounters counters() const noexcept = 0;

@@ -30,15 +30,17 @@ struct ForceTrace {
 
 /// The truth at one path sample.
 struct TruthFrame {
-  render::Frame frame;                 ///< force, god object, contact of the true surface
-  Vec3 normal = Vec3::UnitZ();         ///< outward at the true god object (or at the nearest surface point when free)
-  double signed_distance_mm = 0.0;     ///< of the HIP: minus the depth below the true god object in contact, else the distance
-  double local_resolution_mm = 0.0;    ///< distance from the nearest cloud point there to its eighth neighbour
+  render::Frame frame;  ///< force, god object, contact of the true surface
+  Vec3 normal =
+      Vec3::UnitZ();  ///< outward at the true god object (or at the nearest surface point when free)
+  double signed_distance_mm =
+      0.0;  ///< of the HIP: minus the depth below the true god object in contact, else the distance
+  double local_resolution_mm = 0.0;  ///< distance from the nearest cloud point there to its eighth neighbour
 };
 
 /// The truth along a path.
 struct ReferenceTrace {
-  std::string name;   ///< "analytic", "original-mesh"
+  std::string name;       ///< "analytic", "original-mesh"
   std::string exactness;  ///< how exact it is, in words with numbers
   std::vector<TruthFrame> frames;
 };

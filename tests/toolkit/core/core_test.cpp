@@ -41,8 +41,12 @@ TEST(Options, ValidatesKindRangeAndKey) {
   ASSERT_TRUE(complete);
   EXPECT_EQ(complete->number("box_mm"), 2.5);
   EXPECT_EQ(complete->text("shading"), "auto");
-  for (const auto& [key, value] : std::vector<std::pair<std::string, std::string>>{
-           {"box_mm", "11"}, {"box_mm", "x"}, {"box_mm", "1 "}, {"box_mm", "nan"}, {"shading", "all"}, {"sahding", "none"}}) {
+  for (const auto& [key, value] : std::vector<std::pair<std::string, std::string>>{{"box_mm", "11"},
+                                                                                   {"box_mm", "x"},
+                                                                                   {"box_mm", "1 "},
+                                                                                   {"box_mm", "nan"},
+                                                                                   {"shading", "all"},
+                                                                                   {"sahding", "none"}}) {
     Options bad;
     bad.set(key, value);
     EXPECT_FALSE(validate(bad, specs, "cloud")) << key << "=" << value;
@@ -71,7 +75,7 @@ TEST(Random, RepeatsAndIsUniform) {
     square += x * x;
   }
   EXPECT_TRUE(differs);
-  EXPECT_NEAR(sum / 100000, 0.0, 0.02);     // six standard errors
+  EXPECT_NEAR(sum / 100000, 0.0, 0.02);  // six standard errors
   EXPECT_NEAR(square / 100000, 1.0, 0.03);
   for (int i = 0; i < 1000; ++i) EXPECT_LT(a.below(3), 3u);
 }

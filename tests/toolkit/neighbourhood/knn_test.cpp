@@ -23,8 +23,8 @@ std::vector<Vec3> sheet(int columns, int rows, double step, double jitter, std::
   std::vector<Vec3> points;
   for (int r = 0; r < rows; ++r)
     for (int c = 0; c < columns; ++c)
-      points.emplace_back(step * (c + jitter * random.uniform(-0.5, 0.5)), step * (r + jitter * random.uniform(-0.5, 0.5)),
-                          jitter * step * random.uniform());
+      points.emplace_back(step * (c + jitter * random.uniform(-0.5, 0.5)),
+                          step * (r + jitter * random.uniform(-0.5, 0.5)), jitter * step * random.uniform());
   return points;
 }
 
@@ -40,14 +40,16 @@ std::vector<Case> cases() {
   all.push_back({"tiny far sheet", sheet(20, 20, 1e-4, 0.5, 3)});
   for (Vec3& p : all.back().points) p += Vec3(1e5, -2e5, 3e5);
   all.push_back({"volume", {}});
-  for (int i = 0; i < 1500; ++i) all.back().points.emplace_back(random.uniform(), random.uniform(), random.uniform());
+  for (int i = 0; i < 1500; ++i)
+    all.back().points.emplace_back(random.uniform(), random.uniform(), random.uniform());
   all.push_back({"all at one place", std::vector<Vec3>(300, Vec3(5, 5, 5))});
   all.push_back({"pile beside a sheet", sheet(20, 20, 1.0, 0.3, 4)});
   for (int i = 0; i < 400; ++i) all.back().points.emplace_back(3.25, 3.25, 0.0);
   all.push_back({"crowd and outliers", {}});
   for (int i = 0; i < 1200; ++i)
     all.back().points.emplace_back(1e-3 * random.normal(), 1e-3 * random.normal(), 1e-3 * random.normal());
-  for (int i = 0; i < 5; ++i) all.back().points.emplace_back(1e4 * random.normal(), 1e4 * random.normal(), 0.0);
+  for (int i = 0; i < 5; ++i)
+    all.back().points.emplace_back(1e4 * random.normal(), 1e4 * random.normal(), 0.0);
   all.push_back({"wide band of densities", {}});
   for (int i = 0; i < 1500; ++i) {
     const double r = std::pow(10.0, random.uniform(-3, 3)), a = random.uniform(0, 6.28);
@@ -74,7 +76,9 @@ NeighbourTable brute(const cloud::Cloud& cloud) {
   return table;
 }
 
-cloud::Cloud built(const std::vector<Vec3>& points) { return cloud::build_cloud(points, cloud::NonFinite::kRefuse).value(); }
+cloud::Cloud built(const std::vector<Vec3>& points) {
+  return cloud::build_cloud(points, cloud::NonFinite::kRefuse).value();
+}
 
 TEST(ExactKnn, EqualsBruteForceForAnyThreads) {
   for (const Case& c : cases()) {
@@ -89,8 +93,10 @@ TEST(ExactKnn, EqualsBruteForceForAnyThreads) {
   }
 }
 
-// The printed procedure, step by step: refine while the block holds more than nine, grow while it holds fewer.
-Neighbours stepwise(const cloud::Cloud& cloud, std::uint32_t self, const ModifiedKnnOptions& options, double start_mm) {
+// The printed procedure, step by step: refine while the block holds more than nine, grow while it holds
+// fewer.
+Neighbours stepwise(const cloud::Cloud& cloud, std::uint32_t self, const ModifiedKnnOptions& options,
+                    double start_mm) {
   const auto within = [&](double half) {
     std::vector<std::uint32_t> in;
     for (std::uint32_t j = 0; j < cloud.size(); ++j)
@@ -112,7 +118,8 @@ Neighbours stepwise(const cloud::Cloud& cloud, std::uint32_t self, const Modifie
     }
     at_most = smallest_enough.size() == 9 ? smallest_enough : next;
   }
-  const std::vector<std::uint32_t>& chosen = options.complete_to_eight && !limited ? smallest_enough : at_most;
+  const std::vector<std::uint32_t>& chosen =
+      options.complete_to_eight && !limited ? smallest_enough : at_most;
   std::vector<std::pair<double, std::uint32_t>> order;
   for (const std::uint32_t j : chosen)
     if (j != self) {
@@ -129,7 +136,8 @@ Neighbours stepwise(const cloud::Cloud& cloud, std::uint32_t self, const Modifie
 TEST(ModifiedKnn, IsThePrintedProcedure) {
   for (const bool complete : {true, false}) {
     for (const Case& c : cases()) {
-      if (c.name == "all at one place" || c.name == "pile beside a sheet") continue;  // no block separates a pile
+      if (c.name == "all at one place" || c.name == "pile beside a sheet")
+        continue;  // no block separates a pile
       SCOPED_TRACE(c.name + (complete ? ", completed" : ", as printed"));
       const cloud::Cloud cloud = built(c.points);
       ModifiedKnnOptions options;
