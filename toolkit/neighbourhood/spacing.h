@@ -22,8 +22,9 @@ struct Spacing {
   Percentiles nearest_mm;             ///< to the nearest neighbour at another position
   Percentiles eighth_mm;              ///< to the last neighbour of the table: the local resolution
   std::uint64_t without_nearest = 0;  ///< points whose neighbours all share their position: not in nearest_mm
-  double median_index_distance =
-      0.0;                       ///< |i - index of the nearest at another position|; 1 in a scanner's order
+  /// Median over the points of the smallest |i - j| to a neighbour at another position: 1 where points stand in
+  /// the order of a scanner, large where they are shuffled.
+  double median_index_distance = 0.0;
   bool high_resolution = false;  ///< resolution_mm <= kHighResolutionMm, the thesis's "highly detailed"
 };
 
