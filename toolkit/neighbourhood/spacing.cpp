@@ -34,19 +34,23 @@ Spacing describe_spacing(const cloud::Cloud& cloud, const NeighbourTable& table)
     const Vec3 p = cloud.local_mm(i);
     double nearest_sq = 0.0, last_sq = 0.0;
     std::size_t closest_in_order = cloud.size();
+    bool repeated = false;  // stands where an earlier point does
     for (const std::uint32_t other : table.of[i]) {
       if (other == i) continue;
       const Vec3 offset = cloud.local_mm(other) - p;
       const double sq = offset.squaredNorm();
       last_sq = std::max(last_sq, sq);
       longest_plan_sq = std::max(longest_plan_sq, offset.head<2>().squaredNorm());
-      if (sq > 0.0) {
+      if (sq == 0.0) {
+        repeated = repeated || other < i;
+      } else {
         if (nearest_sq == 0.0 || sq < nearest_sq) nearest_sq = sq;
         closest_in_order = std::min(closest_in_order, other > i ? other - i : i - other);
       }
     }
     longest_sq = std::max(longest_sq, last_sq);
     eighth.push_back(std::sqrt(last_sq));
+    if (repeated) continue;
     if (nearest_sq > 0.0) {
       nearest.push_back(std::sqrt(nearest_sq));
       index_distance.push_back(static_cast<double>(closest_in_order));

@@ -19,13 +19,17 @@ struct Spacing {
   /// The same with z left out: what the thesis prints for height fields (table 7: 0.1414 against 0.288 in
   /// 3D).
   double plan_resolution_mm = 0.0;
-  Percentiles nearest_mm;             ///< to the nearest neighbour at another position
-  Percentiles eighth_mm;              ///< to the last neighbour of the table: the local resolution
-  std::uint64_t without_nearest = 0;  ///< points whose neighbours all share their position: not in nearest_mm
-  /// Median over the points of the smallest |i - j| to a neighbour at another position: 1 where points stand in
-  /// the order of a scanner, large where they are shuffled.
+  /// From every distinct position to the nearest other one.
+  Percentiles nearest_mm;
+  /// From every point to the last neighbour of the table: the local resolution.
+  Percentiles eighth_mm;
+  /// Positions so often repeated that the table knows no neighbour elsewhere: not in nearest_mm.
+  std::uint64_t without_nearest = 0;
+  /// Median over the distinct positions of the smallest |i - j| to a neighbour at another one: 1 where points
+  /// stand in the order of a scanner, large where they are shuffled.
   double median_index_distance = 0.0;
-  bool high_resolution = false;  ///< resolution_mm <= kHighResolutionMm, the thesis's "highly detailed"
+  /// resolution_mm <= kHighResolutionMm: the thesis's "highly detailed".
+  bool high_resolution = false;
 };
 
 /// `table` belongs to `cloud`. Give the scanner-path table where the cloud is a raster (that is where the
