@@ -22,6 +22,12 @@ inline constexpr const char* kResultSchema = "palpate-result/1";
 
 enum class RunStatus { kOk, kDidNotFinish, kFailed };
 
+/// The model a renderer was prepared for.
+struct ResultModel {
+  std::uint64_t points = 0;
+  double resolution_mm = 0.0;
+};
+
 /// One entry of `renderers`. What was not run or has no reference is nothing here and null in the document.
 struct RendererResult {
   std::string label;
@@ -29,10 +35,7 @@ struct RendererResult {
   std::vector<std::pair<std::string, std::string>> options;  ///< as resolved, values as text
   RunStatus status = RunStatus::kOk;
   std::string reason;  ///< why it did not finish or failed
-  struct Model {
-    std::uint64_t points = 0;
-    double resolution_mm = 0.0;
-  };
+  using Model = ResultModel;
   std::optional<Model> model;
   std::optional<render::PrepareReport>
       prepare;      ///< prepare.*; its bytes become memory.bytes and memory.bytes_per_point
