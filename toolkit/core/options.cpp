@@ -11,7 +11,7 @@ namespace {
 
 std::string joined(const std::vector<std::string>& items) {
   std::string text;
-  for (const std::string& item : items) text.append(text.empty() ? "" : ", ").append(item);
+  for (const std::string& item : items) text += (text.empty() ? "" : ", ") + item;
   return text;
 }
 
@@ -114,8 +114,8 @@ Result<Options> validate(const Options& given, std::span<const OptionSpec> specs
   Options complete;
   for (const OptionSpec& spec : specs) complete.set(spec.key, spec.default_value);
   for (const auto& [key, value] : given.all()) {
-    const auto spec =
-        std::find_if(specs.begin(), specs.end(), [&](const OptionSpec& s) { return s.key == key; });
+    const auto spec = std::find_if(specs.begin(), specs.end(),
+                                   [&name = key](const OptionSpec& s) { return s.key == name; });
     if (spec == specs.end()) {
       std::vector<std::string> known;
       for (const OptionSpec& s : specs) known.push_back(s.key);
