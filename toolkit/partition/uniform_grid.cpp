@@ -76,6 +76,8 @@ UniformGrid UniformGrid::build(const cloud::Cloud& cloud, double cell_mm, int th
   for (std::size_t i = 1; i <= n; ++i) {
     if (i < n && (sorted.codes[i] >> kCellShift) == (sorted.codes[begin] >> kCellShift)) continue;
     const std::uint64_t code = sorted.codes[begin] >> kCellShift;
+    for (int axis = 0; axis < 3; ++axis)
+      grid.last_cell_ = std::max(grid.last_cell_, static_cast<std::int64_t>(compact(code >> axis)));
     grid.insert(packed(compact(code), compact(code >> 1), compact(code >> 2)),
                 {static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(i)});
     begin = i;

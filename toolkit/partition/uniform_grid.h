@@ -41,6 +41,8 @@ class UniformGrid {
   }
   /// The places of a cell, empty if it holds none. At most max_probes() slots are read.
   [[nodiscard]] PlaceRange find(const Cell& cell) const noexcept;
+  /// The largest cell coordinate of any axis that holds points.
+  [[nodiscard]] std::int64_t last_cell() const noexcept { return last_cell_; }
   [[nodiscard]] std::size_t occupied_cells() const noexcept { return occupied_; }
   [[nodiscard]] std::uint32_t max_points_per_cell() const noexcept { return max_points_; }
   [[nodiscard]] std::uint32_t max_probes() const noexcept { return max_probes_; }
@@ -62,6 +64,7 @@ class UniformGrid {
   std::vector<Slot> slots_;  ///< open addressing, linear probing, at most half full
   int shift_ = 0;
   std::size_t occupied_ = 0;
+  std::int64_t last_cell_ = 0;
   std::uint32_t max_points_ = 0;
   std::uint32_t max_probes_ = 0;
 };

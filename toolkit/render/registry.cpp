@@ -5,6 +5,9 @@
 #include <cassert>
 
 #include "toolkit/render/analytic_renderer.h"
+#include "toolkit/render/brute_force_renderer.h"
+#include "toolkit/render/cloud_literal_renderer.h"
+#include "toolkit/render/cloud_renderer.h"
 
 namespace palpate::render {
 
@@ -32,7 +35,10 @@ Result<std::unique_ptr<HapticRenderer>> Registry::make(std::string_view name, co
 }
 
 void register_toolkit_renderers(Registry& registry) {
+  registry.add(cloud_literal_info());
+  registry.add(cloud_info());
   registry.add(analytic_renderer_info());
+  registry.add(brute_force_info());
 }
 
 }  // namespace palpate::render

@@ -1,0 +1,174 @@
+#include "toolkit/render/point_model.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "toolkit/core/clock.h"
+#include "toolkit/core/parallel.h"
+#include "toolkit/core/tolerances.h"
+#include "toolkit/neighbourhood/knn.h"
+
+namespace palpate::render {
+namespace {
+
+constexpr std::size_t kPointsPerChunk = 16384;
+/// A cloud whose points all coincide has no spacing; its boxes get this share of the coordinates' size, or 1 mm at the
+/// origin, so that it is still there to be touched.
+constexpr double kPointlessShare = 1e-6;
+
+void phase(PrepareReport& report, const PrepareContext& context, Stopwatch& watch, const char* name) {
+  report.phases.push_back({name, watch.ms()});
+  report.total_ms += report.phases.back().ms;
+  if (context.progress != nullptr) context.progress->report(name, 1.0);
+  watch.restart();
+}
+
+Result<neighbourhood::NeighbourTable> neighbours_of(const cloud::Cloud& cloud, const PointModelOptions& options,
+                                                    const PrepareContext& context, PrepareReport& report) {
+  std::string choice = options.neighbours;
+  if (choice == "auto") choice = cloud.raster ? "scanner-path" : "modified-knn";
+  report.notes.push_back("neighbours: " + choice);
+  if (choice == "scanner-path") return neighbourhood::scanner_path(cloud, context.threads);
+  if (choice == "exact-knn") return neighbourhood::exact_knn(cloud, context.threads);
+  neighbourhood::ModifiedKnnOptions knn;
+  knn.complete_to_eight = options.complete_to_eight;
+  neighbourhood::ModifiedKnnReport found;
+  neighbourhood::NeighbourTable table = neighbourhood::modified_knn(cloud, knn, context.threads, &found);
+  if (found.fewer_than_eight > 0)
+    report.notes.push_back(fmt::format("{} points have fewer than eight neighbours", found.fewer_than_eight));
+  return table;
+}
+
+/// The largest distance between immediate neighbours (section 1.6).
+double worst_resolution(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& table, int threads) {
+  const std::size_t n = cloud.size();
+  std::vector<double> worst((n + kPointsPerChunk - 1) / kPointsPerChunk, 0.0);
+  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+    double here = 0.0;
+    for (std::size_t i = begin; i < end; ++i)
+      for (const std::uint32_t other : table.of[i])
+        here = std::max(here, (cloud.local_mm(other) - cloud.local_mm(i)).squaredNorm());
+    worst[begin / kPointsPerChunk] = here;
+  });
+  return std::sqrt(*std::max_element(worst.begin(), worst.end()));
+}
+
+void fill_points(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& table,
+                 const std::vector<surface::NormalCode>& normals, const PointModelOptions& options, int threads,
+                 PointModel& model) {
+  const std::size_t n = cloud.size();
+  const auto order = model.grid.order();
+  std::vector<std::uint32_t> place_of(n);
+  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t place = begin; place < end; ++place) place_of[order[place]] = static_cast<std::uint32_t>(place);
+  });
+  model.points.resize(n);
+  model.neighbours.resize(n);
+  if (options.box != BoxSize::kGlobal) model.half_box_mm.resize(n);
+  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t place = begin; place < end; ++place) {
+      const std::uint32_t i = order[place];
+      model.points[place] = {cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i],
+                             normals.empty() ? surface::kNoNormal : normals[i]};
+      Vec3 half = Vec3::Zero();
+      for (std::size_t k = 0; k < neighbourhood::kNeighbours; ++k) {
+        const std::uint32_t other = table.of[i][k];
+        model.neighbours[place][k] = place_of[other];
+        half = half.cwiseMax((cloud.local_mm(other) - cloud.local_mm(i)).cwiseAbs());
+      }
+      if (options.box == BoxSize::kPerVertexCube) half.setConstant(half.maxCoeff());
+      // Rounded up, so that the box still reaches the neighbour it was made for.
+      if (options.box != BoxSize::kGlobal)
+        for (int axis = 0; axis < 3; ++axis)
+          model.half_box_mm[place][axis] =
+              std::nextafter(static_cast<float>(half[axis]), std::numeric_limits<float>::infinity());
+    }
+  });
+}
+
+}  // namespace
+
+std::vector<OptionSpec> point_model_specs() {
+  using enum OptionKind;
+  return {
+      {"neighbours", kChoice, "auto", "how neighbours are found; auto: the scanner's path where the cloud is a raster",
+       {"auto", "scanner-path", "modified-knn", "exact-knn"}},
+      {"complete", kFlag, "true", "modified kNN completes to eight neighbours; false: as printed", {}},
+      {"box", kChoice, "global", "vertex boxes: one size, or per vertex", {"global", "per-vertex", "per-vertex-cube"}},
+      {"box_mm", kNumber, "0", "edge of the global box in mm; 0: the cloud's resolution", {}, 0.0, 1e12},
+      {"resolution_mm", kNumber, "0", "the cloud's resolution in mm; 0: measured", {}, 0.0, 1e12},
+      {"cell", kNumber, "5", "grid cell edge in resolutions", {}, 0.1, 1000.0},
+  };
+}
+
+PointModelOptions point_model_options(const Options& options) {
+  PointModelOptions o;
+  o.neighbours = options.text("neighbours");
+  o.complete_to_eight = options.flag("complete");
+  const std::string& box = options.text("box");
+  o.box = box == "global" ? BoxSize::kGlobal : box == "per-vertex" ? BoxSize::kPerVertex : BoxSize::kPerVertexCube;
+  o.box_mm = options.number("box_mm");
+  o.resolution_mm = options.number("resolution_mm");
+  o.cell_per_resolution = options.number("cell");
+  return o;
+}
+
+Result<PointModel> build_point_model(const SceneInput& scene, const PointModelOptions& options,
+                                     const PrepareContext& context, PrepareReport& report) {
+  if (scene.models.size() != 1)
+    return Error{fmt::format("the point renderers take one model, the scene has {}", scene.models.size()),
+                 "keep one [[model]] in the scene", {}, 0};
+  const ModelInput& input = scene.models.front();
+  const cloud::Cloud& cloud = *input.cloud;
+  if (cloud.empty()) return Error{"the cloud has no points", "give a file with at least one point", {}, 0};
+  if (!(input.surface.stiffness_n_per_mm > 0.0) || !std::isfinite(input.surface.stiffness_n_per_mm))
+    return Error{"the stiffness must be a positive number", "set stiffness_n_per_mm", {}, 0};
+
+  Stopwatch watch;
+  Result<neighbourhood::NeighbourTable> table = neighbours_of(cloud, options, context, report);
+  if (!table) return std::move(table).error();
+  phase(report, context, watch, "neighbours");
+
+  PointModel model;
+  model.origin_mm = cloud.origin_mm;
+  model.world_from_model = input.world_from_model;
+  model.model_from_world = input.world_from_model.inverse();
+  model.moved = !input.world_from_model.is_identity();
+  model.stiffness_n_per_mm = input.surface.stiffness_n_per_mm;
+  model.max_spacing_mm = worst_resolution(cloud, *table, context.threads);
+  model.resolution_mm = options.resolution_mm > 0.0 ? options.resolution_mm : model.max_spacing_mm;
+  if (!(model.resolution_mm > 0.0)) {
+    const double size = cloud.origin_mm.cwiseAbs().maxCoeff();
+    model.resolution_mm = size > 0.0 ? kPointlessShare * size : 1.0;
+    report.notes.push_back("all points coincide: the resolution is a stand-in");
+  }
+  phase(report, context, watch, "resolution");
+
+  std::vector<surface::NormalCode> normals;
+  if (options.normals) normals = surface::plane_normals(cloud, *table, context.threads);
+  phase(report, context, watch, "normals");
+
+  model.grid = partition::UniformGrid::build(cloud, options.cell_per_resolution * model.resolution_mm, context.threads);
+  phase(report, context, watch, "grid");
+
+  fill_points(cloud, *table, normals, options, context.threads, model);
+  model.grid.drop_order();
+  const double edge = options.box_mm > 0.0 ? options.box_mm : model.resolution_mm;
+  model.global_half_box_mm = Vec3::Constant(0.5 * edge);
+  model.largest_half_box_mm = model.global_half_box_mm;
+  if (!model.half_box_mm.empty()) {
+    model.largest_half_box_mm = Vec3::Zero();
+    for (const Vec3f& half : model.half_box_mm)
+      model.largest_half_box_mm = model.largest_half_box_mm.cwiseMax(half.cast<double>());
+  }
+  phase(report, context, watch, "store");
+  report.bytes += model.bytes();
+  report.notes.push_back(fmt::format("resolution {:.6g} mm, cell {:.6g} mm, box {:.6g} mm, {} cells, at most {} points a cell",
+                                     model.resolution_mm, model.grid.cell_mm(), edge, model.grid.occupied_cells(),
+                                     model.grid.max_points_per_cell()));
+  return model;
+}
+
+}  // namespace palpate::render

@@ -1,0 +1,88 @@
+// What the point renderers read in a frame, and how it is prepared from a cloud: points in grid order with the normal
+// of their local plane, their neighbours, their boxes and the grid.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "toolkit/core/result.h"
+#include "toolkit/core/vec.h"
+#include "toolkit/neighbourhood/neighbour_table.h"
+#include "toolkit/partition/uniform_grid.h"
+#include "toolkit/render/renderer.h"
+#include "toolkit/surface/normals.h"
+
+namespace palpate::render {
+
+/// Sixteen bytes, so that a point and its plane come with one cache line.
+struct StoredPoint {
+  float x_mm, y_mm, z_mm;  ///< relative to PointModel::origin_mm
+  surface::NormalCode normal;
+
+  [[nodiscard]] Vec3 at() const noexcept {
+    return {static_cast<double>(x_mm), static_cast<double>(y_mm), static_cast<double>(z_mm)};
+  }
+};
+
+enum class BoxSize : std::uint8_t {
+  kGlobal,         ///< one cube for all, of the worst resolution (section 3.1.1.1, rule of thumb)
+  kPerVertex,      ///< half lengths = the largest offset to a neighbour per axis
+  kPerVertexCube,  ///< a cube of the largest of the three
+};
+
+struct PointModelOptions {
+  std::string neighbours = "auto";  ///< auto, scanner-path, modified-knn, exact-knn
+  bool complete_to_eight = true;    ///< of modified kNN
+  BoxSize box = BoxSize::kGlobal;
+  double box_mm = 0.0;              ///< edge of the global cube; 0 = the resolution
+  double resolution_mm = 0.0;       ///< 0 = measured
+  double cell_per_resolution = 5.0;
+  bool normals = true;
+};
+
+/// Ready for frames. Places are indices in grid order. Immutable after build.
+struct PointModel {
+  Vec3 origin_mm = Vec3::Zero();
+  geometry::RigidTransform world_from_model;
+  geometry::RigidTransform model_from_world;
+  bool moved = false;  ///< world_from_model is not the identity
+  double stiffness_n_per_mm = 0.0;
+  std::vector<StoredPoint> points;
+  std::vector<neighbourhood::Neighbours> neighbours;
+  std::vector<Vec3f> half_box_mm;  ///< per place; empty when the box is global
+  Vec3 global_half_box_mm = Vec3::Zero();
+  Vec3 largest_half_box_mm = Vec3::Zero();
+  partition::UniformGrid grid;
+  double resolution_mm = 0.0;      ///< as measured, or as given
+  double max_spacing_mm = 0.0;     ///< largest distance to an immediate neighbour
+
+  [[nodiscard]] Vec3 to_local(const Vec3& world_mm) const noexcept {
+    return (moved ? model_from_world * world_mm : world_mm) - origin_mm;
+  }
+  [[nodiscard]] Vec3 to_world(const Vec3& local_mm) const noexcept {
+    const Vec3 in_model = local_mm + origin_mm;
+    return moved ? world_from_model * in_model : in_model;
+  }
+  [[nodiscard]] Vec3 direction_to_world(const Vec3& v) const noexcept {
+    return moved ? world_from_model.rotate(v) : v;
+  }
+  [[nodiscard]] Vec3 half_box(std::uint32_t place) const noexcept {
+    return half_box_mm.empty() ? global_half_box_mm : Vec3(half_box_mm[place].cast<double>());
+  }
+  [[nodiscard]] std::size_t bytes() const noexcept {
+    return points.capacity() * sizeof(StoredPoint) + neighbours.capacity() * sizeof(neighbourhood::Neighbours) +
+           half_box_mm.capacity() * sizeof(Vec3f) + grid.bytes();
+  }
+};
+
+/// Prepares the only model of a scene. Phases, notes and bytes go to `report`. The options that read themselves from
+/// a renderer's Options are point_model_specs().
+[[nodiscard]] Result<PointModel> build_point_model(const SceneInput& scene, const PointModelOptions& options,
+                                                   const PrepareContext& context, PrepareReport& report);
+
+/// The options every point renderer understands, with the given default for `box`.
+[[nodiscard]] std::vector<OptionSpec> point_model_specs();
+[[nodiscard]] PointModelOptions point_model_options(const Options& options);
+
+}  // namespace palpate::render

@@ -1,0 +1,80 @@
+// Force shading over three points: section 3.4 of the thesis, as printed and made right.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "toolkit/core/options.h"
+#include "toolkit/core/vec.h"
+
+namespace palpate::render {
+
+enum class Shading : std::uint8_t {
+  kNone,
+  kAreaRaw,           ///< areas opposite each point, formed with the HIP itself
+  kAreaProjected,     ///< areas formed with the HIP's projection on the triangle's plane
+  kAreaSigned,        ///< the same with signed areas: exact on a plane wherever the projection falls (ours)
+  kLengthPrinted,     ///< lengths as printed: the weights sum to 2
+  kLengthNormalised,  ///< the same divided by 2
+};
+
+/// The option `shading` of every renderer that shades over three points; the first choice, auto, is each one's own.
+[[nodiscard]] inline OptionSpec shading_spec(std::string help) {
+  return {"shading", OptionKind::kChoice, "auto", std::move(help),
+          {"auto", "none", "area-raw", "area-projected", "area-signed", "length-printed", "length-normalised"}};
+}
+/// A choice of shading_spec() other than auto.
+[[nodiscard]] inline Shading parse_shading(std::string_view name) noexcept {
+  if (name == "area-raw") return Shading::kAreaRaw;
+  if (name == "area-projected") return Shading::kAreaProjected;
+  if (name == "area-signed") return Shading::kAreaSigned;
+  if (name == "length-printed") return Shading::kLengthPrinted;
+  if (name == "length-normalised") return Shading::kLengthNormalised;
+  return Shading::kNone;
+}
+
+/// A triangle whose doubled area is below this share of its longest edge squared has no usable plane: its normal would
+/// move by more than a degree (1/64) when a point moves by a hundredth of the edge.
+inline constexpr double kSliverShare = 1.0 / 64.0;
+
+/// The shaded vector from the HIP `h` to the surface through the god object `a` and its two neighbours `b`, `c` that
+/// are nearest to the HIP. Falls back to a - h (no shading) for slivers. Scale free, allocates nothing.
+[[nodiscard]] inline Vec3 shaded_vector(Shading shading, const Vec3& h, const Vec3& a, const Vec3& b,
+                                        const Vec3& c) noexcept {
+  const Vec3 fa = a - h, fb = b - h, fc = c - h;
+  if (shading == Shading::kNone) return fa;
+  if (shading == Shading::kLengthPrinted || shading == Shading::kLengthNormalised) {
+    const double la = fa.norm(), lb = fb.norm(), lc = fc.norm();
+    const double sum = la + lb + lc;
+    if (!(sum > 0.0)) return fa;
+    const double divisor = shading == Shading::kLengthPrinted ? sum : 2.0 * sum;
+    return ((sum - la) * fa + (sum - lb) * fb + (sum - lc) * fc) / divisor;
+  }
+  const Vec3 ab = b - a, ac = c - a;
+  const Vec3 cross = ab.cross(ac);
+  const double area = cross.norm();
+  const double longest = std::max({ab.squaredNorm(), ac.squaredNorm(), (c - b).squaredNorm()});
+  if (!(area > kSliverShare * longest)) return fa;
+  const Vec3 normal = cross / area;
+  if (shading == Shading::kAreaSigned) return fa.dot(normal) * normal;
+  double wa, wb, wc;
+  if (shading == Shading::kAreaRaw) {
+    wa = fb.cross(fc).norm();
+    wb = fc.cross(fa).norm();
+    wc = fa.cross(fb).norm();
+  } else {
+    // Vectors from the projection: the part of each along the normal taken off.
+    const Vec3 off = fa.dot(normal) * normal;
+    const Vec3 pa = fa - off, pb = fb - off, pc = fc - off;
+    wa = pb.cross(pc).norm();
+    wb = pc.cross(pa).norm();
+    wc = pa.cross(pb).norm();
+  }
+  const double sum = wa + wb + wc;
+  if (!(sum > 0.0)) return fa;
+  return (wa * fa + wb * fb + wc * fc) / sum;
+}
+
+}  // namespace palpate::render
