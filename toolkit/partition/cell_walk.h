@@ -10,16 +10,19 @@
 
 namespace palpate::partition {
 
-/// Rounding of a position along the segment, relative to the coordinates' size: a cell border closer than this counts
-/// as crossed. Cell coordinates are below 2^21 and their rounding below 2^-51 of that, far below this share of a cell.
+/// Rounding of a position along the segment, relative to the coordinates' size: a cell border closer than
+/// this counts as crossed. Cell coordinates are below 2^21 and their rounding below 2^-51 of that, far below
+/// this share of a cell.
 inline constexpr double kCellSlack = 1e-7;
 
-/// Calls visit(cell) for every cell of the grid that the segment, widened by `reach_mm` on each axis, touches; a few
-/// more at corners. Cells come in order along the segment's longest axis. visit returns false to stop. Returns false
-/// when stopped. The segment is clipped to the cloud's box first, so the work is bounded by the grid's dimensions:
-/// at most (n + 2 r) (2 r + 2)^2 cells for a segment spanning n cells and a reach of r cells.
+/// Calls visit(cell) for every cell of the grid that the segment, widened by `reach_mm` on each axis,
+/// touches; a few more at corners. Cells come in order along the segment's longest axis. visit returns false
+/// to stop. Returns false when stopped. The segment is clipped to the cloud's box first, so the work is
+/// bounded by the grid's dimensions: at most (n + 2 r) (2 r + 2)^2 cells for a segment spanning n cells and a
+/// reach of r cells.
 template <class Visit>
-bool visit_cells(const UniformGrid& grid, const Vec3& a_mm, const Vec3& b_mm, const Vec3& reach_mm, Visit&& visit) {
+bool visit_cells(const UniformGrid& grid, const Vec3& a_mm, const Vec3& b_mm, const Vec3& reach_mm,
+                 Visit&& visit) {
   const Lattice& lattice = grid.lattice();
   // In cell units, where the lattice starts at 0.
   const Vec3 a = (a_mm - lattice.low_mm) * lattice.per_mm;
@@ -32,7 +35,9 @@ bool visit_cells(const UniformGrid& grid, const Vec3& a_mm, const Vec3& b_mm, co
   int axis = 0;
   const Vec3 d = b - a;
   d.cwiseAbs().maxCoeff(&axis);
-  const auto floor_in = [last](double x) { return static_cast<std::int64_t>(std::clamp(std::floor(x), 0.0, last)); };
+  const auto floor_in = [last](double x) {
+    return static_cast<std::int64_t>(std::clamp(std::floor(x), 0.0, last));
+  };
   const std::int64_t first_slab = floor_in(low[axis]), last_slab = floor_in(high[axis]);
   const bool forward = d[axis] >= 0.0;
   const int u = (axis + 1) % 3, v = (axis + 2) % 3;

@@ -13,8 +13,8 @@ namespace palpate::render {
 
 /// Box tests a frame may make: at some 5 ns each, 80 us of the 1 ms a frame has.
 inline constexpr std::uint64_t kMaxBoxTests = 16384;
-/// Cells a frame may look at: a segment of this many cells at a reach below one cell visits at most about nine times
-/// as many, each one look-up.
+/// Cells a frame may look at: a segment of this many cells at a reach below one cell visits at most about
+/// nine times as many, each one look-up.
 inline constexpr double kMaxSegmentCells = 64.0;
 /// Crossed boxes kept, nearest to the segment's start first.
 inline constexpr std::size_t kMaxCrossed = 4;
@@ -51,35 +51,36 @@ struct BoxScan {
     distance_sq_mm2[at] = d;
   }
 
-  /// Tests up to kMaxBoxTests more boxes. `skip(place)` rules out crossed boxes that are of no interest. True when all
-  /// boxes of the segment have been tested.
+  /// Tests up to kMaxBoxTests more boxes. `skip(place)` rules out crossed boxes that are of no interest. True
+  /// when all boxes of the segment have been tested.
   template <class Skip>
   bool advance(const PointModel& model, FrameCounters& counters, Skip&& skip) noexcept {
     const geometry::SegmentProbe probe(from_mm, to_mm);
     std::uint64_t seen = 0;  // boxes before this frame's first
     std::uint64_t left = kMaxBoxTests;
-    running = !visit_cells(model.grid, from_mm, to_mm, model.largest_half_box_mm, [&](const partition::Cell& cell) {
-      ++counters.cells_visited;
-      const partition::PlaceRange range = model.grid.find(cell);
-      const std::uint64_t here = range.end - range.begin;
-      std::uint64_t place = range.begin;
-      if (seen + here <= tested) {
-        seen += here;
-        return true;
-      }
-      if (seen < tested) place += tested - seen;
-      seen += place - range.begin;
-      for (; place < range.end; ++place, ++seen) {
-        if (left == 0) return false;
-        --left;
-        ++tested;
-        ++counters.box_tests;
-        const auto p = static_cast<std::uint32_t>(place);
-        if (!geometry::segment_touches_box(probe, model.points[p].at(), model.half_box(p))) continue;
-        if (!skip(p)) keep(p, distance_sq(model.points[p], from_mm));
-      }
-      return true;
-    });
+    running =
+        !visit_cells(model.grid, from_mm, to_mm, model.largest_half_box_mm, [&](const partition::Cell& cell) {
+          ++counters.cells_visited;
+          const partition::PlaceRange range = model.grid.find(cell);
+          const std::uint64_t here = range.end - range.begin;
+          std::uint64_t place = range.begin;
+          if (seen + here <= tested) {
+            seen += here;
+            return true;
+          }
+          if (seen < tested) place += tested - seen;
+          seen += place - range.begin;
+          for (; place < range.end; ++place, ++seen) {
+            if (left == 0) return false;
+            --left;
+            ++tested;
+            ++counters.box_tests;
+            const auto p = static_cast<std::uint32_t>(place);
+            if (!geometry::segment_touches_box(probe, model.points[p].at(), model.half_box(p))) continue;
+            if (!skip(p)) keep(p, distance_sq(model.points[p], from_mm));
+          }
+          return true;
+        });
     return !running;
   }
 };

@@ -11,10 +11,10 @@
 namespace palpate::render {
 namespace {
 
-/// The same surface as `cloud`, answered without grid or walk: the god object is the nearest of all points, contact
-/// begins when a crossed box belongs to a plane the HIP went under, and the side is the one the HIP came from. Where
-/// the nearest point is on the touched sheet (shallow probing of smooth parts) `cloud` must agree with it exactly; in
-/// thin parts it pops through, as every nearest-point method does.
+/// The same surface as `cloud`, answered without grid or walk: the god object is the nearest of all points,
+/// contact begins when a crossed box belongs to a plane the HIP went under, and the side is the one the HIP
+/// came from. Where the nearest point is on the touched sheet (shallow probing of smooth parts) `cloud` must
+/// agree with it exactly; in thin parts it pops through, as every nearest-point method does.
 class BruteForce final : public HapticRenderer {
  public:
   explicit BruteForce(const Options& options) : options_(options) {}
@@ -58,7 +58,8 @@ class BruteForce final : public HapticRenderer {
       const double height = outward_.dot(h - g);
       contact_ = height < 0.0;
       if (contact_) answer(h, place, frame);
-      if (!contact_ && (h - g).norm() > model_.largest_half_box_mm.norm() * kLeaveHalfDiagonals) near_ = false;
+      if (!contact_ && (h - g).norm() > model_.largest_half_box_mm.norm() * kLeaveHalfDiagonals)
+        near_ = false;
     }
     previous_ = h;
     return frame;
@@ -66,7 +67,8 @@ class BruteForce final : public HapticRenderer {
 
   FrameCounters counters() const noexcept override { return counters_; }
   Description describe() const override {
-    return {"brute-force", "every point, every frame", "oracle", "unbounded: every frame reads all points", options_};
+    return {"brute-force", "every point, every frame", "oracle", "unbounded: every frame reads all points",
+            options_};
   }
 
  private:

@@ -19,10 +19,11 @@ enum class CellRule : std::uint8_t {
   kAdjacent,  ///< and those whose boxes can reach into it (3.1.4's first remedy)
 };
 
-/// The god object sphere clears the box's corner by this share of the half diagonal (the printed "small margin").
+/// The god object sphere clears the box's corner by this share of the half diagonal (the printed "small
+/// margin").
 constexpr double kSphereMargin = 1e-3;
-/// A HIP that moved less than this share of the box per axis rests (the printed "small value"): below it a move is
-/// less than a hundredth of the box test's own meaning.
+/// A HIP that moved less than this share of the box per axis rests (the printed "small value"): below it a
+/// move is less than a hundredth of the box test's own meaning.
 constexpr double kRestShare = 1e-4;
 constexpr std::uint32_t kNone = ~std::uint32_t{0};
 
@@ -39,7 +40,9 @@ class CloudLiteral final : public HapticRenderer {
     model_ = std::move(*built);
     force_limit_n_ = scene.force_limit_n;
     const std::string& cells = options_.text("cells");
-    cells_ = cells == "sampled" ? CellRule::kSampled : cells == "crossed" ? CellRule::kCrossed : CellRule::kAdjacent;
+    cells_ = cells == "sampled"   ? CellRule::kSampled
+             : cells == "crossed" ? CellRule::kCrossed
+                                  : CellRule::kAdjacent;
     text_form_ = options_.text("exit_test") == "text";
     count_missed_ = options_.flag("count_missed");
     const std::string& shading = options_.text("shading");
@@ -72,7 +75,8 @@ class CloudLiteral final : public HapticRenderer {
     previous_ = h;
     // Figure 42.
     if (collided_) {
-      // The figure tests the way back to the old HIP, then to the sphere; the text, at t3, the way to the god object.
+      // The figure tests the way back to the old HIP, then to the sphere; the text, at t3, the way to the god
+      // object.
       if (crosses(h, before) != kNone) {
         const Vec3 g = model_.points[god_].at();
         const Vec3 aim = text_form_ ? g : Vec3(g + sphere_radius(god_) * last_direction_);
@@ -92,9 +96,10 @@ class CloudLiteral final : public HapticRenderer {
   FrameCounters counters() const noexcept override { return counters_; }
 
   Description describe() const override {
-    return {"cloud-literal", "chapter 3 as printed", "El-Far, chapter 3, figures 36 and 42",
-            "unbounded, as printed: cells crossed times points a cell; the walk is bounded by 64 moves a frame",
-            options_};
+    return {
+        "cloud-literal", "chapter 3 as printed", "El-Far, chapter 3, figures 36 and 42",
+        "unbounded, as printed: cells crossed times points a cell; the walk is bounded by 64 moves a frame",
+        options_};
   }
 
  private:
@@ -147,8 +152,9 @@ class CloudLiteral final : public HapticRenderer {
       const Vec3 reach = cells_ == CellRule::kAdjacent ? model_.largest_half_box_mm : Vec3(Vec3::Zero());
       return !visit_cells(model_.grid, a, b, reach, [&](const Cell& cell) { return !in_cell(cell); });
     }
-    // Sub-segments one cell long; the cell of each starting point. A HIP outside the cloud's box is far from all
-    // cells: the part of the segment inside it is all that is sampled, so the count is bounded by the grid.
+    // Sub-segments one cell long; the cell of each starting point. A HIP outside the cloud's box is far from
+    // all cells: the part of the segment inside it is all that is sampled, so the count is bounded by the
+    // grid.
     const Vec3 d = b - a;
     const double pieces = std::max(1.0, std::ceil(d.norm() / model_.grid.cell_mm()));
     const double most = 4.0 * static_cast<double>(model_.grid.last_cell() + 2);
@@ -204,7 +210,8 @@ class CloudLiteral final : public HapticRenderer {
     std::uint32_t found = kNone;
     any_in_cells(a, b, [&](std::uint32_t place) {
       ++counters_.box_tests;
-      if (!geometry::segment_touches_box(probe, model_.points[place].at(), model_.half_box(place))) return false;
+      if (!geometry::segment_touches_box(probe, model_.points[place].at(), model_.half_box(place)))
+        return false;
       found = place;
       return true;
     });
@@ -255,11 +262,19 @@ RendererInfo cloud_literal_info() {
   info.source = "El-Far, chapter 3, figures 36 and 42";
   info.options = point_model_specs();
   info.options.push_back(shading_spec("force shading; auto: area-raw above 0.2 mm, else none"));
-  info.options.push_back({"cells", kChoice, "sampled", "cells searched: sampled as printed, all crossed, or adjacent ones too",
+  info.options.push_back({"cells",
+                          kChoice,
+                          "sampled",
+                          "cells searched: sampled as printed, all crossed, or adjacent ones too",
                           {"sampled", "crossed", "adjacent"}});
-  info.options.push_back({"exit_test", kChoice, "figure", "what figure 42 tests on the way out: the sphere (figure) or the god object (text of 3.2.4)",
-                          {"figure", "text"}});
-  info.options.push_back({"count_missed", kFlag, "false", "count cells that the printed sampling skips (slower)", {}});
+  info.options.push_back(
+      {"exit_test",
+       kChoice,
+       "figure",
+       "what figure 42 tests on the way out: the sphere (figure) or the god object (text of 3.2.4)",
+       {"figure", "text"}});
+  info.options.push_back(
+      {"count_missed", kFlag, "false", "count cells that the printed sampling skips (slower)", {}});
   info.make = [](const Options& options) { return std::make_unique<CloudLiteral>(options); };
   return info;
 }

@@ -15,11 +15,11 @@ namespace {
 
 /// Sheets watched while free: two faces that meet and one more that comes near.
 constexpr std::size_t kMaxSheets = 3;
-/// A watched sheet is let go beyond this many half diagonals of the largest box: a HIP inside any of its boxes is
-/// within one.
+/// A watched sheet is let go beyond this many half diagonals of the largest box: a HIP inside any of its
+/// boxes is within one.
 constexpr double kLeaveHalfDiagonals = 1.5;
-/// Crossed boxes within this many half diagonals of a watched god object, with a plane within 60 degrees of its own,
-/// belong to that sheet.
+/// Crossed boxes within this many half diagonals of a watched god object, with a plane within 60 degrees of
+/// its own, belong to that sheet.
 constexpr double kSameSheetHalfDiagonals = 2.0;
 constexpr double kSameSheetCosine = 0.5;
 /// A neighbour within some 75 degrees of a direction continues the sheet that way.
@@ -37,14 +37,14 @@ class Cloud final : public HapticRenderer {
     force_limit_n_ = scene.force_limit_n;
     const std::string& shading = options_.text("shading");
     if (shading == "auto") {
-      // Each change of point moves the force by stiffness x spacing; where no spacing is large enough, nothing is
-      // shaded and the frame is built without it.
+      // Each change of point moves the force by stiffness x spacing; where no spacing is large enough,
+      // nothing is shaded and the frame is built without it.
       const double largest = model_.stiffness_n_per_mm * model_.max_spacing_mm;
       by_spacing_ = largest > kFeltForceStepN;
       shading_ = by_spacing_ ? Shading::kAreaSigned : Shading::kNone;
-      report.notes.push_back(fmt::format("shading: {}, stiffness x spacing is at most {:.3g} N ({} N is felt)",
-                                         by_spacing_ ? "area-signed where spacing asks for it" : "none", largest,
-                                         kFeltForceStepN));
+      report.notes.push_back(fmt::format(
+          "shading: {}, stiffness x spacing is at most {:.3g} N ({} N is felt)",
+          by_spacing_ ? "area-signed where spacing asks for it" : "none", largest, kFeltForceStepN));
       const double felt_mm = kFeltForceStepN / model_.stiffness_n_per_mm;
       felt_spacing_sq_mm2_ = felt_mm * felt_mm;
     } else {
@@ -53,7 +53,8 @@ class Cloud final : public HapticRenderer {
     }
     const double half_diagonal = model_.largest_half_box_mm.norm();
     leave_sq_mm2_ = (kLeaveHalfDiagonals * half_diagonal) * (kLeaveHalfDiagonals * half_diagonal);
-    same_sheet_sq_mm2_ = (kSameSheetHalfDiagonals * half_diagonal) * (kSameSheetHalfDiagonals * half_diagonal);
+    same_sheet_sq_mm2_ =
+        (kSameSheetHalfDiagonals * half_diagonal) * (kSameSheetHalfDiagonals * half_diagonal);
     reset(model_.to_world(Vec3::Zero()));
     return report;
   }
@@ -91,11 +92,13 @@ class Cloud final : public HapticRenderer {
   FrameCounters counters() const noexcept override { return counters_; }
 
   Description describe() const override {
-    return {"cloud", "chapter 3 made right", "El-Far, chapter 3; side and bounds ours",
-            fmt::format("{} moves of the god object, {} wider looks of 64 points, {} box tests, segments of {} cells a "
-                        "frame; what is left is done in the next",
-                        kMaxWalkSteps, kMaxRescues, kMaxBoxTests, kMaxSegmentCells),
-            options_};
+    return {
+        "cloud", "chapter 3 made right", "El-Far, chapter 3; side and bounds ours",
+        fmt::format(
+            "{} moves of the god object, {} wider looks of 64 points, {} box tests, segments of {} cells a "
+            "frame; what is left is done in the next",
+            kMaxWalkSteps, kMaxRescues, kMaxBoxTests, kMaxSegmentCells),
+        options_};
   }
 
  private:
@@ -111,7 +114,8 @@ class Cloud final : public HapticRenderer {
     }
     contact_ = false;
     sheets_ = 1;
-    // The way out crossed the plane somewhere; from there on the HIP was free, and may have met something else.
+    // The way out crossed the plane somewhere; from there on the HIP was free, and may have met something
+    // else.
     const double out = before < 0.0 && height > 0.0 ? before / (before - height) : 1.0;
     tested_to_ = previous_ + out * (h - previous_);
     look(h, frame);
@@ -163,15 +167,14 @@ class Cloud final : public HapticRenderer {
 
   /// Below the plane of the sheet, and below the sheet itself rather than beside its rim.
   bool under(const Sheet& sheet, const Vec3& h) const noexcept {
-    return height_mm(model_, sheet, h) < 0.0 &&
-           sideways_sq(model_, sheet, h) <= reach_sq(sheet.place);
+    return height_mm(model_, sheet, h) < 0.0 && sideways_sq(model_, sheet, h) <= reach_sq(sheet.place);
   }
   /// How far to the side a point still carries: its local resolution, and its box where it has no neighbours.
   double reach_sq(std::uint32_t place) const noexcept {
     return std::max(local_resolution_sq(model_, place), model_.half_box(place).squaredNorm());
   }
-  /// The HIP lies to the side of the god object where the sheet has no more points: it has left past the rim. In a
-  /// concave crease, where the HIP may lie to the side too, there are neighbours on that side.
+  /// The HIP lies to the side of the god object where the sheet has no more points: it has left past the rim.
+  /// In a concave crease, where the HIP may lie to the side too, there are neighbours on that side.
   bool beyond_rim(const Sheet& sheet, const Vec3& h) const noexcept {
     if (sideways_sq(model_, sheet, h) <= reach_sq(sheet.place)) return false;
     const Vec3 g = model_.points[sheet.place].at();
@@ -202,8 +205,9 @@ class Cloud final : public HapticRenderer {
     return false;
   }
 
-  /// Watches the sheet of a crossed box. Its side is where the HIP came from, judged at the sheet's point nearest to
-  /// there: that point lies straight below it, so the sign is not a matter of a tilted plane further on.
+  /// Watches the sheet of a crossed box. Its side is where the HIP came from, judged at the sheet's point
+  /// nearest to there: that point lies straight below it, so the sign is not a matter of a tilted plane
+  /// further on.
   void watch(std::uint32_t place, const Vec3& from) noexcept {
     Sheet sheet;
     sheet.place = place;
@@ -266,7 +270,8 @@ RendererInfo cloud_info() {
   info.summary = "chapter 3 made right: a contact state with a side, shading by stiffness and spacing";
   info.source = "El-Far, chapter 3; contact side and bounds are ours";
   info.options = point_model_specs();
-  info.options.push_back(shading_spec("force shading; auto: area-signed where stiffness x local spacing is felt"));
+  info.options.push_back(
+      shading_spec("force shading; auto: area-signed where stiffness x local spacing is felt"));
   info.make = [](const Options& options) { return std::make_unique<Cloud>(options); };
   return info;
 }

@@ -1,5 +1,6 @@
-// `cloud`: chapter 3 of the thesis made right. The same surface (touching boxes to be found by, points to rest on), a
-// contact state with a side that cannot stick, boxes of adjacent cells searched too, bounded work.
+// `cloud`: chapter 3 of the thesis made right. The same surface (touching boxes to be found by, points to
+// rest on), a contact state with a side that cannot stick, boxes of adjacent cells searched too, bounded
+// work.
 #pragma once
 
 #include "toolkit/render/registry.h"

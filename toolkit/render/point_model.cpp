@@ -14,8 +14,8 @@ namespace palpate::render {
 namespace {
 
 constexpr std::size_t kPointsPerChunk = 16384;
-/// A cloud whose points all coincide has no spacing; its boxes get this share of the coordinates' size, or 1 mm at the
-/// origin, so that it is still there to be touched.
+/// A cloud whose points all coincide has no spacing; its boxes get this share of the coordinates' size, or 1
+/// mm at the origin, so that it is still there to be touched.
 constexpr double kPointlessShare = 1e-6;
 
 void phase(PrepareReport& report, const PrepareContext& context, Stopwatch& watch, const char* name) {
@@ -25,7 +25,8 @@ void phase(PrepareReport& report, const PrepareContext& context, Stopwatch& watc
   watch.restart();
 }
 
-Result<neighbourhood::NeighbourTable> neighbours_of(const cloud::Cloud& cloud, const PointModelOptions& options,
+Result<neighbourhood::NeighbourTable> neighbours_of(const cloud::Cloud& cloud,
+                                                    const PointModelOptions& options,
                                                     const PrepareContext& context, PrepareReport& report) {
   std::string choice = options.neighbours;
   if (choice == "auto") choice = cloud.raster ? "scanner-path" : "modified-knn";
@@ -56,13 +57,14 @@ double worst_resolution(const cloud::Cloud& cloud, const neighbourhood::Neighbou
 }
 
 void fill_points(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& table,
-                 const std::vector<surface::NormalCode>& normals, const PointModelOptions& options, int threads,
-                 PointModel& model) {
+                 const std::vector<surface::NormalCode>& normals, const PointModelOptions& options,
+                 int threads, PointModel& model) {
   const std::size_t n = cloud.size();
   const auto order = model.grid.order();
   std::vector<std::uint32_t> place_of(n);
   parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t place = begin; place < end; ++place) place_of[order[place]] = static_cast<std::uint32_t>(place);
+    for (std::size_t place = begin; place < end; ++place)
+      place_of[order[place]] = static_cast<std::uint32_t>(place);
   });
   model.points.resize(n);
   model.neighbours.resize(n);
@@ -93,10 +95,17 @@ void fill_points(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable&
 std::vector<OptionSpec> point_model_specs() {
   using enum OptionKind;
   return {
-      {"neighbours", kChoice, "auto", "how neighbours are found; auto: the scanner's path where the cloud is a raster",
+      {"neighbours",
+       kChoice,
+       "auto",
+       "how neighbours are found; auto: the scanner's path where the cloud is a raster",
        {"auto", "scanner-path", "modified-knn", "exact-knn"}},
       {"complete", kFlag, "true", "modified kNN completes to eight neighbours; false: as printed", {}},
-      {"box", kChoice, "global", "vertex boxes: one size, or per vertex", {"global", "per-vertex", "per-vertex-cube"}},
+      {"box",
+       kChoice,
+       "global",
+       "vertex boxes: one size, or per vertex",
+       {"global", "per-vertex", "per-vertex-cube"}},
       {"box_mm", kNumber, "0", "edge of the global box in mm; 0: the cloud's resolution", {}, 0.0, 1e12},
       {"resolution_mm", kNumber, "0", "the cloud's resolution in mm; 0: measured", {}, 0.0, 1e12},
       {"cell", kNumber, "5", "grid cell edge in resolutions", {}, 0.1, 1000.0},
@@ -108,7 +117,9 @@ PointModelOptions point_model_options(const Options& options) {
   o.neighbours = options.text("neighbours");
   o.complete_to_eight = options.flag("complete");
   const std::string& box = options.text("box");
-  o.box = box == "global" ? BoxSize::kGlobal : box == "per-vertex" ? BoxSize::kPerVertex : BoxSize::kPerVertexCube;
+  o.box = box == "global"       ? BoxSize::kGlobal
+          : box == "per-vertex" ? BoxSize::kPerVertex
+                                : BoxSize::kPerVertexCube;
   o.box_mm = options.number("box_mm");
   o.resolution_mm = options.number("resolution_mm");
   o.cell_per_resolution = options.number("cell");
@@ -119,7 +130,9 @@ Result<PointModel> build_point_model(const SceneInput& scene, const PointModelOp
                                      const PrepareContext& context, PrepareReport& report) {
   if (scene.models.size() != 1)
     return Error{fmt::format("the point renderers take one model, the scene has {}", scene.models.size()),
-                 "keep one [[model]] in the scene", {}, 0};
+                 "keep one [[model]] in the scene",
+                 {},
+                 0};
   const ModelInput& input = scene.models.front();
   const cloud::Cloud& cloud = *input.cloud;
   if (cloud.empty()) return Error{"the cloud has no points", "give a file with at least one point", {}, 0};
@@ -150,7 +163,8 @@ Result<PointModel> build_point_model(const SceneInput& scene, const PointModelOp
   if (options.normals) normals = surface::plane_normals(cloud, *table, context.threads);
   phase(report, context, watch, "normals");
 
-  model.grid = partition::UniformGrid::build(cloud, options.cell_per_resolution * model.resolution_mm, context.threads);
+  model.grid = partition::UniformGrid::build(cloud, options.cell_per_resolution * model.resolution_mm,
+                                             context.threads);
   phase(report, context, watch, "grid");
 
   fill_points(cloud, *table, normals, options, context.threads, model);
@@ -165,9 +179,10 @@ Result<PointModel> build_point_model(const SceneInput& scene, const PointModelOp
   }
   phase(report, context, watch, "store");
   report.bytes += model.bytes();
-  report.notes.push_back(fmt::format("resolution {:.6g} mm, cell {:.6g} mm, box {:.6g} mm, {} cells, at most {} points a cell",
-                                     model.resolution_mm, model.grid.cell_mm(), edge, model.grid.occupied_cells(),
-                                     model.grid.max_points_per_cell()));
+  report.notes.push_back(
+      fmt::format("resolution {:.6g} mm, cell {:.6g} mm, box {:.6g} mm, {} cells, at most {} points a cell",
+                  model.resolution_mm, model.grid.cell_mm(), edge, model.grid.occupied_cells(),
+                  model.grid.max_points_per_cell()));
   return model;
 }
 

@@ -1,5 +1,5 @@
-// What the point renderers read in a frame, and how it is prepared from a cloud: points in grid order with the normal
-// of their local plane, their neighbours, their boxes and the grid.
+// What the point renderers read in a frame, and how it is prepared from a cloud: points in grid order with
+// the normal of their local plane, their neighbours, their boxes and the grid.
 #pragma once
 
 #include <cstdint>
@@ -35,8 +35,8 @@ struct PointModelOptions {
   std::string neighbours = "auto";  ///< auto, scanner-path, modified-knn, exact-knn
   bool complete_to_eight = true;    ///< of modified kNN
   BoxSize box = BoxSize::kGlobal;
-  double box_mm = 0.0;              ///< edge of the global cube; 0 = the resolution
-  double resolution_mm = 0.0;       ///< 0 = measured
+  double box_mm = 0.0;         ///< edge of the global cube; 0 = the resolution
+  double resolution_mm = 0.0;  ///< 0 = measured
   double cell_per_resolution = 5.0;
   bool normals = true;
 };
@@ -54,8 +54,8 @@ struct PointModel {
   Vec3 global_half_box_mm = Vec3::Zero();
   Vec3 largest_half_box_mm = Vec3::Zero();
   partition::UniformGrid grid;
-  double resolution_mm = 0.0;      ///< as measured, or as given
-  double max_spacing_mm = 0.0;     ///< largest distance to an immediate neighbour
+  double resolution_mm = 0.0;   ///< as measured, or as given
+  double max_spacing_mm = 0.0;  ///< largest distance to an immediate neighbour
 
   [[nodiscard]] Vec3 to_local(const Vec3& world_mm) const noexcept {
     return (moved ? model_from_world * world_mm : world_mm) - origin_mm;
@@ -71,13 +71,14 @@ struct PointModel {
     return half_box_mm.empty() ? global_half_box_mm : Vec3(half_box_mm[place].cast<double>());
   }
   [[nodiscard]] std::size_t bytes() const noexcept {
-    return points.capacity() * sizeof(StoredPoint) + neighbours.capacity() * sizeof(neighbourhood::Neighbours) +
+    return points.capacity() * sizeof(StoredPoint) +
+           neighbours.capacity() * sizeof(neighbourhood::Neighbours) +
            half_box_mm.capacity() * sizeof(Vec3f) + grid.bytes();
   }
 };
 
-/// Prepares the only model of a scene. Phases, notes and bytes go to `report`. The options that read themselves from
-/// a renderer's Options are point_model_specs().
+/// Prepares the only model of a scene. Phases, notes and bytes go to `report`. The options that read
+/// themselves from a renderer's Options are point_model_specs().
 [[nodiscard]] Result<PointModel> build_point_model(const SceneInput& scene, const PointModelOptions& options,
                                                    const PrepareContext& context, PrepareReport& report);
 

@@ -1,5 +1,5 @@
-// The constrained search for the god object: from point to neighbouring point, always nearer to the HIP (section
-// 3.2.3). Shared by every point renderer.
+// The constrained search for the god object: from point to neighbouring point, always nearer to the HIP
+// (section 3.2.3). Shared by every point renderer.
 #pragma once
 
 #include <cstdint>
@@ -8,8 +8,8 @@
 
 namespace palpate::render {
 
-/// Moves a frame may make over the neighbour graph. At 50 mm/s the HIP crosses half a spacing of 0.1 mm a frame; 64
-/// moves carry the god object over 6 mm of such a surface, 6 m/s at 1 kHz.
+/// Moves a frame may make over the neighbour graph. At 50 mm/s the HIP crosses half a spacing of 0.1 mm a
+/// frame; 64 moves carry the god object over 6 mm of such a surface, 6 m/s at 1 kHz.
 inline constexpr int kMaxWalkSteps = 64;
 
 /// The end of a walk.
@@ -25,9 +25,9 @@ struct WalkEnd {
   return dx * dx + dy * dy + dz * dz;
 }
 
-/// Steepest descent with strict decrease from `start` to a local minimum of the distance to `h`; ties go to the
-/// neighbour listed first. `moved(place)` is called for every move. `steps` counts down; at 0 the walk stops where it
-/// is. At most `steps` + 1 looks at eight neighbours.
+/// Steepest descent with strict decrease from `start` to a local minimum of the distance to `h`; ties go to
+/// the neighbour listed first. `moved(place)` is called for every move. `steps` counts down; at 0 the walk
+/// stops where it is. At most `steps` + 1 looks at eight neighbours.
 template <class Moved>
 [[nodiscard]] inline WalkEnd walk(const PointModel& model, std::uint32_t start, const Vec3& h, int& steps,
                                   Moved&& moved) noexcept {

@@ -20,10 +20,15 @@ enum class Shading : std::uint8_t {
   kLengthNormalised,  ///< the same divided by 2
 };
 
-/// The option `shading` of every renderer that shades over three points; the first choice, auto, is each one's own.
+/// The option `shading` of every renderer that shades over three points; the first choice, auto, is each
+/// one's own.
 [[nodiscard]] inline OptionSpec shading_spec(std::string help) {
-  return {"shading", OptionKind::kChoice, "auto", std::move(help),
-          {"auto", "none", "area-raw", "area-projected", "area-signed", "length-printed", "length-normalised"}};
+  return {
+      "shading",
+      OptionKind::kChoice,
+      "auto",
+      std::move(help),
+      {"auto", "none", "area-raw", "area-projected", "area-signed", "length-printed", "length-normalised"}};
 }
 /// A choice of shading_spec() other than auto.
 [[nodiscard]] inline Shading parse_shading(std::string_view name) noexcept {
@@ -35,12 +40,13 @@ enum class Shading : std::uint8_t {
   return Shading::kNone;
 }
 
-/// A triangle whose doubled area is below this share of its longest edge squared has no usable plane: its normal would
-/// move by more than a degree (1/64) when a point moves by a hundredth of the edge.
+/// A triangle whose doubled area is below this share of its longest edge squared has no usable plane: its
+/// normal would move by more than a degree (1/64) when a point moves by a hundredth of the edge.
 inline constexpr double kSliverShare = 1.0 / 64.0;
 
-/// The shaded vector from the HIP `h` to the surface through the god object `a` and its two neighbours `b`, `c` that
-/// are nearest to the HIP. Falls back to a - h (no shading) for slivers. Scale free, allocates nothing.
+/// The shaded vector from the HIP `h` to the surface through the god object `a` and its two neighbours `b`,
+/// `c` that are nearest to the HIP. Falls back to a - h (no shading) for slivers. Scale free, allocates
+/// nothing.
 [[nodiscard]] inline Vec3 shaded_vector(Shading shading, const Vec3& h, const Vec3& a, const Vec3& b,
                                         const Vec3& c) noexcept {
   const Vec3 fa = a - h, fb = b - h, fc = c - h;

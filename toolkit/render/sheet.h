@@ -11,12 +11,13 @@ namespace palpate::render {
 
 /// Wider looks a frame may take at a place where the greedy walk seems stuck; each reads at most 64 points.
 inline constexpr int kMaxRescues = 4;
-/// A true nearest sample lies within the covering radius of the samples, which is at most the distance to the eighth
-/// neighbour: when the HIP is further to the side than this many local resolutions, the walk may be stuck.
+/// A true nearest sample lies within the covering radius of the samples, which is at most the distance to the
+/// eighth neighbour: when the HIP is further to the side than this many local resolutions, the walk may be
+/// stuck.
 inline constexpr double kStuckResolutions = 1.0;
 
-/// The god object's point and the outward normal carried to it. A side is decided once, where the probe came from,
-/// and carried from point to point: neighbouring planes are less than a right angle apart.
+/// The god object's point and the outward normal carried to it. A side is decided once, where the probe came
+/// from, and carried from point to point: neighbouring planes are less than a right angle apart.
 struct Sheet {
   std::uint32_t place = 0;
   Vec3 outward = Vec3::UnitZ();
@@ -25,7 +26,8 @@ struct Sheet {
 };
 
 /// The plane at `place`, its sign chosen to agree with `like`; `like` itself where the points give no plane.
-[[nodiscard]] inline Vec3 plane_like(const PointModel& model, std::uint32_t place, const Vec3& like) noexcept {
+[[nodiscard]] inline Vec3 plane_like(const PointModel& model, std::uint32_t place,
+                                     const Vec3& like) noexcept {
   const surface::NormalCode code = model.points[place].normal;
   if (code == surface::kNoNormal) return like;
   const Vec3 n = surface::decode_normal(code);
@@ -53,9 +55,9 @@ struct Sheet {
   return r.squaredNorm() - height * height;
 }
 
-/// Moves the sheet's god object to the local minimum of the distance to `h`, carrying the side. Where the walk stops
-/// although the HIP is far to the side, the neighbours' neighbours are looked at too (a greedy walk on eight-neighbour
-/// graphs can stop at a false minimum) and the walk goes on from there.
+/// Moves the sheet's god object to the local minimum of the distance to `h`, carrying the side. Where the
+/// walk stops although the HIP is far to the side, the neighbours' neighbours are looked at too (a greedy
+/// walk on eight-neighbour graphs can stop at a false minimum) and the walk goes on from there.
 [[nodiscard]] inline WalkEnd follow(const PointModel& model, Sheet& sheet, const Vec3& h, int& steps,
                                     FrameCounters& counters) noexcept {
   const int before = steps;

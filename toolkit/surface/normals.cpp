@@ -11,9 +11,9 @@ namespace {
 
 constexpr std::size_t kPointsPerChunk = 8192;
 
-/// Points lie on a line, as far as rounding can tell, when the middle eigenvalue is below this share of the largest:
-/// coordinates are floats, so a true line's points stray by 2^-24 of their distance, the square of it in eigenvalues;
-/// a thousand times that leaves room for the solver's own error.
+/// Points lie on a line, as far as rounding can tell, when the middle eigenvalue is below this share of the
+/// largest: coordinates are floats, so a true line's points stray by 2^-24 of their distance, the square of
+/// it in eigenvalues; a thousand times that leaves room for the solver's own error.
 constexpr double kLineShare = 1000.0 * kUnitRoundoffFloat * kUnitRoundoffFloat;
 
 }  // namespace

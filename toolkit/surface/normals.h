@@ -1,5 +1,5 @@
-// Local planes of a cloud: the normal of each point from its neighbours, without a side. Which side is outside is
-// decided by where the probe comes from, not here.
+// Local planes of a cloud: the normal of each point from its neighbours, without a side. Which side is
+// outside is decided by where the probe comes from, not here.
 #pragma once
 
 #include <cmath>
@@ -12,7 +12,8 @@
 
 namespace palpate::surface {
 
-/// A direction in 32 bits: the octahedral map, 16 bits a coordinate (Meyer et al. 2010). Worst error 4e-5 rad.
+/// A direction in 32 bits: the octahedral map, 16 bits a coordinate (Meyer et al. 2010). Worst error 4e-5
+/// rad.
 using NormalCode = std::uint32_t;
 /// The code of "no plane": fewer than two neighbours, or all on a line.
 inline constexpr NormalCode kNoNormal = 0xFFFFFFFFu;
@@ -35,8 +36,8 @@ inline constexpr NormalCode kNoNormal = 0xFFFFFFFFu;
   return {x * scale, y * scale, z * scale};
 }
 
-/// The normal of the least-squares plane through each point and its neighbours (the eigenvector of the covariance's
-/// smallest eigenvalue), its sign arbitrary. Parallel; the same for any number of threads. O(n).
+/// The normal of the least-squares plane through each point and its neighbours (the eigenvector of the
+/// covariance's smallest eigenvalue), its sign arbitrary. Parallel; the same for any number of threads. O(n).
 [[nodiscard]] std::vector<NormalCode> plane_normals(const cloud::Cloud& cloud,
                                                     const neighbourhood::NeighbourTable& table, int threads);
 
