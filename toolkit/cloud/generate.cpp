@@ -312,6 +312,37 @@ Common read_common(const Options& options, bool by_spacing) {
   return common;
 }
 
+/// The surface (null where there is none) and its samples.
+Samples sample(const std::string& name, const Options& options, const Common& common,
+               std::shared_ptr<const AnalyticSurface>& surface) {
+  if (name == "sphere") {
+    surface = geometry::make_sphere(0.5 * common.extent_mm);
+    return surface ? sample_sphere(0.5 * common.extent_mm, common) : Samples{};
+  }
+  if (name == "torus") {
+    const double major = 0.5 * common.extent_mm / (1.0 + options.number("tube"));
+    const double minor = major * options.number("tube");
+    surface = geometry::make_torus(major, minor);
+    return surface ? sample_torus(surface, major, minor, common) : Samples{};
+  }
+  if (name == "slab") {
+    const double thickness = options.number("thickness_mm") * common.scale;
+    surface = geometry::make_slab(common.extent_mm, thickness);
+    return surface ? sample_slab(thickness, common) : Samples{};
+  }
+  if (name == "wedge") {
+    surface = geometry::make_wedge(options.number("angle_deg"), common.extent_mm);
+  } else if (name == "saddle") {
+    surface = geometry::make_saddle(options.number("curvature_per_mm") / common.scale, common.extent_mm);
+  } else if (name == "sinusoid") {
+    surface = geometry::make_sinusoid(options.number("amplitude_mm") * common.scale,
+                                      options.number("wavelength_mm") * common.scale, common.extent_mm);
+  } else {
+    surface = geometry::make_plane(common.extent_mm);
+  }
+  return surface ? sample_height_field(surface, common) : Samples{};
+}
+
 }  // namespace
 
 const std::vector<Generator>& generators() {
@@ -340,43 +371,17 @@ Result<GeneratedModel> generate(const NamedOptions& spec) {
     return Error{fmt::format("{}: points and spacing_mm both given", spec.name), "keep one of them", {}, 0};
   const Common common = read_common(options, by_spacing);
 
-  // Room for every shape: no body here has more than 4 pi extent^2 of surface, no slab more than 6.
   if (by_spacing && common.extent_mm / common.spacing_mm > std::sqrt(kMostPoints))
     return Error{fmt::format("{}: a spacing of {} mm over {} mm makes too many points", spec.name,
                              common.spacing_mm, common.extent_mm),
                  fmt::format("at most {} points a model", kMostPoints),
                  {},
                  0};
+  if (spec.name == "slab" && options.number("thickness_mm") > options.number("extent_mm"))
+    return Error{
+        "slab: thickness_mm is more than extent_mm", "give a thickness of at most the extent", {}, 0};
   GeneratedModel model;
-  Samples samples;
-  if (spec.name == "sphere") {
-    model.surface = geometry::make_sphere(0.5 * common.extent_mm);
-    samples = sample_sphere(0.5 * common.extent_mm, common);
-  } else if (spec.name == "torus") {
-    const double major = 0.5 * common.extent_mm / (1.0 + options.number("tube"));
-    const double minor = major * options.number("tube");
-    model.surface = geometry::make_torus(major, minor);
-    samples = sample_torus(model.surface, major, minor, common);
-  } else if (spec.name == "slab") {
-    const double thickness = options.number("thickness_mm") * common.scale;
-    if (!(thickness <= common.extent_mm))
-      return Error{
-          "slab: thickness_mm is more than extent_mm", "give a thickness of at most the extent", {}, 0};
-    model.surface = geometry::make_slab(common.extent_mm, thickness);
-    samples = sample_slab(thickness, common);
-  } else {
-    if (spec.name == "plane") model.surface = geometry::make_plane(common.extent_mm);
-    if (spec.name == "wedge")
-      model.surface = geometry::make_wedge(options.number("angle_deg"), common.extent_mm);
-    if (spec.name == "saddle")
-      model.surface =
-          geometry::make_saddle(options.number("curvature_per_mm") / common.scale, common.extent_mm);
-    if (spec.name == "sinusoid")
-      model.surface =
-          geometry::make_sinusoid(options.number("amplitude_mm") * common.scale,
-                                  options.number("wavelength_mm") * common.scale, common.extent_mm);
-    if (model.surface) samples = sample_height_field(model.surface, common);
-  }
+  const Samples samples = sample(spec.name, options, common, model.surface);
   if (!model.surface)
     return Error{fmt::format("{} makes no surface of this kind", spelled(spec.name, options)),
                  "a sinusoid's slope 2 pi A / L may be at most 8",

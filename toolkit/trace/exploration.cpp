@@ -20,11 +20,14 @@ constexpr double kRadiusFactor = 1.3;
 constexpr std::size_t kSampledBalls = 129;
 // A fit reads at most this many points, so that a clump of duplicates cannot make a frame slow.
 constexpr std::size_t kMostFitted = 4096;
-// Fewer than this many points, or a centroid farther than this part of the radius, and the surface ends here.
+// Fewer than this many points, or a centroid farther off than this part of the radius (a straight border seen
+// from the border itself has it at 0.37), and the surface ends here.
 constexpr std::size_t kFewestFitted = 6;
 constexpr double kBorderOffset = 0.5;
 // An open sheet's area vector keeps a good part of its area, a closed surface's vanishes.
 constexpr double kOpenShare = 0.1;
+// Radius of the tightest bend of the heading, in diagonals of the box.
+constexpr double kTightestTurnPerBox = 0.1;
 // Bits of a cell coordinate in a 64-bit key of three.
 constexpr std::uint64_t kCellBits = 21;
 
@@ -122,7 +125,7 @@ Fit fit_plane(const PointGrid& grid, const Vec3& p, double radius, const Vec3& s
   if (fit.normal.dot(side) < 0.0) fit.normal = -fit.normal;
   fit.height = radius * mean.dot(fit.normal);
   fit.good = (mean - mean.dot(fit.normal) * fit.normal).norm() < kBorderOffset &&
-             std::abs(mean.dot(fit.normal)) < 0.5;
+             std::abs(mean.dot(fit.normal)) < kBorderOffset;
   return fit;
 }
 
@@ -182,6 +185,57 @@ Result<Fitting> choose_radius(const cloud::Cloud& cloud, const geometry::Aabb& b
   return fitting;
 }
 
+/// Where the walk is, relative to the cloud's origin.
+struct Walk {
+  Vec3 on_surface, normal, heading;
+};
+
+/// One step of `length` along the heading, which then turns by `turn`; where points end only the heading
+/// turns.
+void take_step(Walk& walk, const Fitting& fitting, double length, double turn, Random& random) {
+  const Vec3 next = walk.on_surface + length * walk.heading;
+  if (const Fit fit = fit_plane(*fitting.grid, next, fitting.radius_mm, walk.normal); fit.good) {
+    walk.on_surface = next + fit.height * fit.normal;
+    walk.normal = fit.normal;
+    const Vec3 tangent = walk.heading - walk.heading.dot(fit.normal) * fit.normal;
+    walk.heading = rotated(tangent, fit.normal, turn);
+  } else {
+    // Somewhere back: a quarter to three quarters of a turn.
+    walk.heading = rotated(walk.heading, walk.normal, random.uniform(0.5, 1.5) * std::numbers::pi);
+  }
+  const double size = walk.heading.norm();
+  walk.heading = size > 0.0 ? Vec3(walk.heading / size) : any_tangent(walk.normal, 0.0);
+}
+
+/// The walk and the HIP above it, relative to the cloud's origin. `hip` is where the HIP starts.
+std::vector<Vec3> follow_walk(Walk walk, Vec3 hip, const Fitting& fitting, double tightest_turn_mm,
+                              const ExplorationOptions& options, Random& random) {
+  const double dt_s = 1.0 / options.rate_hz, farthest = options.fastest_mm_s * dt_s;
+  // Three slow, unrelated phases: of the speed and of two bends.
+  double phases[3];
+  for (double& phase : phases) phase = 2.0 * std::numbers::pi * random.uniform();
+  const double middle = 0.5 * (options.fastest_mm_s + options.slowest_mm_s);
+  const double swing = 0.5 * (options.fastest_mm_s - options.slowest_mm_s);
+  std::vector<Vec3> path;
+  path.reserve(options.frames);
+  for (std::size_t k = 0; k < options.frames; ++k) {
+    path.push_back(hip);
+    const double turn = 2.0 * std::numbers::pi * static_cast<double>(k) / options.period_frames;
+    // Wobbles that never repeat together: golden section and root of two.
+    const double length = dt_s * (middle + swing * std::sin(turn / std::numbers::phi + phases[0]));
+    const double bend = 0.5 *
+                        (std::sin(0.5 * turn / std::numbers::sqrt2 + phases[1]) +
+                         std::sin(0.5 * turn / std::numbers::phi + phases[2])) /
+                        tightest_turn_mm;
+    take_step(walk, fitting, length, bend * length, random);
+    const double offset = 0.5 * (options.depth_mm + options.clearance_mm) * std::cos(turn) -
+                          0.5 * (options.depth_mm - options.clearance_mm);
+    const Vec3 wish = walk.on_surface + offset * walk.normal - hip;
+    hip += wish.norm() > farthest ? Vec3(wish * (farthest / wish.norm())) : wish;
+  }
+  return path;
+}
+
 }  // namespace
 
 Result<std::vector<Vec3>> explore(const PathTarget& target, const ExplorationOptions& options) {
@@ -191,54 +245,21 @@ Result<std::vector<Vec3>> explore(const PathTarget& target, const ExplorationOpt
   const geometry::Aabb box = cloud.box_mm();
   Result<Fitting> fitting = choose_radius(cloud, box);
   if (!fitting) return std::move(fitting).error();
-  const double radius = fitting->radius_mm;
   Random random(options.seed);
   const Vec3 outward = outward_direction(target, random);
   std::size_t extreme = 0;
   for (std::size_t i = 1; i < cloud.size(); ++i)
     if (cloud.local_mm(i).dot(outward) > cloud.local_mm(extreme).dot(outward)) extreme = i;
 
-  Vec3 on_surface = cloud.local_mm(extreme);
-  Vec3 normal = outward;
-  if (const Fit fit = fit_plane(*fitting->grid, on_surface, radius, outward); fit.good) normal = fit.normal;
-  Vec3 heading = any_tangent(normal, 2.0 * std::numbers::pi * random.uniform());
+  Walk walk{cloud.local_mm(extreme), outward, Vec3::Zero()};
+  if (const Fit fit = fit_plane(*fitting->grid, walk.on_surface, fitting->radius_mm, outward); fit.good)
+    walk.normal = fit.normal;
+  walk.heading = any_tangent(walk.normal, 2.0 * std::numbers::pi * random.uniform());
   // Beyond the extreme point no part of the cloud can be: free space.
-  Vec3 hip = on_surface + options.clearance_mm * outward;
-  const double dt_s = 1.0 / options.rate_hz;
-  const double tightest_turn_mm = 0.1 * box.extent_mm().norm();
-  // Three slow, unrelated phases: of the speed and of two bends.
-  double phases[3];
-  for (double& phase : phases) phase = 2.0 * std::numbers::pi * random.uniform();
-  const double middle = 0.5 * (options.fastest_mm_s + options.slowest_mm_s);
-  const double swing = 0.5 * (options.fastest_mm_s - options.slowest_mm_s);
-
-  std::vector<Vec3> path;
-  path.reserve(options.frames);
-  for (std::size_t k = 0; k < options.frames; ++k) {
-    path.push_back(cloud.origin_mm + hip);
-    const double turn = 2.0 * std::numbers::pi * static_cast<double>(k) / options.period_frames;
-    // Wobbles that never repeat together: golden section and root of two.
-    const double speed = middle + swing * std::sin(turn / std::numbers::phi + phases[0]);
-    const double bend = 0.5 *
-                        (std::sin(turn / std::numbers::sqrt2 / 2.0 + phases[1]) +
-                         std::sin(turn / std::numbers::phi / 3.0 + phases[2])) /
-                        tightest_turn_mm;
-    const Vec3 next = on_surface + speed * dt_s * heading;
-    if (const Fit fit = fit_plane(*fitting->grid, next, radius, normal); fit.good) {
-      on_surface = next + fit.height * fit.normal;
-      normal = fit.normal;
-      heading = rotated(heading - heading.dot(normal) * normal, normal, bend * speed * dt_s);
-    } else {
-      heading = rotated(heading, normal, random.uniform(0.5, 1.5) * std::numbers::pi);
-    }
-    const double size = heading.norm();
-    heading = size > 0.0 ? Vec3(heading / size) : any_tangent(normal, 0.0);
-    const double offset = 0.5 * (options.depth_mm + options.clearance_mm) * std::cos(turn) -
-                          0.5 * (options.depth_mm - options.clearance_mm);
-    const Vec3 wish = on_surface + offset * normal - hip;
-    const double farthest = options.fastest_mm_s * dt_s;
-    hip += wish.norm() > farthest ? Vec3(wish * (farthest / wish.norm())) : wish;
-  }
+  const Vec3 hip = walk.on_surface + options.clearance_mm * outward;
+  std::vector<Vec3> path =
+      follow_walk(walk, hip, *fitting, kTightestTurnPerBox * box.extent_mm().norm(), options, random);
+  for (Vec3& p : path) p += cloud.origin_mm;
   return path;
 }
 
