@@ -130,7 +130,8 @@ void parse_remark(std::string_view rest, PlyHeader& header) {
 Status check_promises(const PlyHeader& header, const Input& in) {
   const std::optional<std::uint64_t> remaining = in.remaining();
   if (!remaining) return Done{};
-  std::uint64_t left = *remaining + 1;  // the last line may lack its end
+  // The last line of text may lack its end.
+  std::uint64_t left = *remaining + (header.format == PlyFormat::kAscii ? 1 : 0);
   for (const PlyElement& element : header.elements) {
     const std::uint64_t each = element.min_row_bytes(header.format == PlyFormat::kAscii);
     if (each == 0) continue;

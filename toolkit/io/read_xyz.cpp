@@ -154,9 +154,12 @@ class XyzReader {
         count = split(row, columns_.separator, fields_);
       }
     }
+    // A name starts with no digit, sign or point; "1,5" between semicolons is no name but a decimal comma.
+    constexpr std::string_view kNumberStarts = "+-.0123456789";
     bool any_number = false;
     for (std::size_t c = 0; c < std::min(count, fields_.size()); ++c)
-      any_number = any_number || parse_real(fields_[c]).has_value();
+      any_number = any_number || parse_real(fields_[c]) ||
+                   (!fields_[c].empty() && kNumberStarts.find(fields_[c].front()) != std::string_view::npos);
     if (!any_number && count >= kMinColumns && count <= kMaxColumns) {
       for (std::size_t c = 0; c < count; ++c) columns_.names.push_back(unquoted(fields_[c]));
       take_names(columns_, decoded_);

@@ -1,0 +1,235 @@
+// The same seeded points and faces through every format and compression: the same doubles come back, bit for
+// bit.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <cstring>
+
+#include "compress.h"
+#include "toolkit/core/hash.h"
+#include "toolkit/core/random.h"
+
+namespace palpate::io {
+namespace {
+
+constexpr std::uint64_t kSeed = 20260101;
+constexpr std::size_t kPoints = 150;
+constexpr std::size_t kFaces = 60;
+
+struct Sample {
+  std::vector<Vec3> points;
+  std::vector<std::array<std::uint32_t, 3>> faces;
+  std::vector<float> weight;
+};
+
+Sample make_sample() {
+  Random random(kSeed);
+  Sample sample;
+  for (std::size_t i = 0; i < kPoints; ++i) {
+    sample.points.emplace_back(random.uniform(-100, 100), random.uniform(-1, 1), random.uniform(0, 1e-3));
+    sample.weight.push_back(static_cast<float>(random.uniform()));
+  }
+  for (std::size_t i = 0; i < kFaces; ++i) {
+    const auto corner = [&] { return static_cast<std::uint32_t>(random.below(kPoints)); };
+    sample.faces.push_back({corner(), corner(), corner()});
+  }
+  return sample;
+}
+
+template <class T>
+void put(std::string& out, T value, bool big) {
+  char bytes[sizeof(T)];
+  std::memcpy(bytes, &value, sizeof(T));
+  if (big) std::reverse(bytes, bytes + sizeof(T));
+  out.append(bytes, sizeof(T));
+}
+
+std::string ply_ascii(const Sample& s) {
+  std::string out = fmt::format(
+      "ply\nformat ascii 1.0\ncomment hand made\nelement vertex {}\nproperty double x\nproperty double y\n"
+      "property double z\nproperty float weight\nelement face {}\nproperty list uchar int "
+      "vertex_indices\nend_header\n",
+      s.points.size(), s.faces.size());
+  for (std::size_t i = 0; i < s.points.size(); ++i)
+    out += fmt::format("{:.17g} {:.17g} {:.17g} {:.9g}\n", s.points[i].x(), s.points[i].y(), s.points[i].z(),
+                       s.weight[i]);
+  for (const auto& f : s.faces) out += fmt::format("3 {} {} {} \n", f[0], f[1], f[2]);
+  return out;
+}
+
+// Odd order, an element in front, lists in the vertices where asked for, other names for types.
+std::string ply_binary(const Sample& s, bool big, bool lists) {
+  std::string out = fmt::format(
+      "ply\nformat binary_{}_endian 1.0\nelement camera 1\nproperty int16 a\nproperty list uint8 float32 b\n"
+      "element vertex {}\nproperty uchar flag\nproperty float64 z\n{}property float weight\nproperty double "
+      "x\n"
+      "property double y\nelement face {}\nproperty uchar kind\nproperty list int32 uint vertex_index\n"
+      "property list uchar float texcoord\nend_header\n",
+      big ? "big" : "little", s.points.size(), lists ? "property list ushort short tags\n" : "",
+      s.faces.size());
+  put<std::int16_t>(out, 7, big);
+  put<std::uint8_t>(out, 2, big);
+  put<float>(out, 1.0F, big);
+  put<float>(out, 2.0F, big);
+  for (std::size_t i = 0; i < s.points.size(); ++i) {
+    put<std::uint8_t>(out, 200, big);
+    put<double>(out, s.points[i].z(), big);
+    if (lists) {
+      put<std::uint16_t>(out, static_cast<std::uint16_t>(i % 3), big);
+      for (std::size_t k = 0; k < i % 3; ++k) put<std::int16_t>(out, -5, big);
+    }
+    put<float>(out, s.weight[i], big);
+    put<double>(out, s.points[i].x(), big);
+    put<double>(out, s.points[i].y(), big);
+  }
+  for (const auto& f : s.faces) {
+    put<std::uint8_t>(out, 1, big);
+    put<std::int32_t>(out, 3, big);
+    for (const std::uint32_t corner : f) put<std::uint32_t>(out, corner, big);
+    put<std::uint8_t>(out, 1, big);
+    put<float>(out, 0.5F, big);
+  }
+  return out;
+}
+
+std::string columns(const Sample& s, const std::string& separator, const std::string& header) {
+  std::string out = "# by hand\n" + header;
+  for (std::size_t i = 0; i < s.points.size(); ++i)
+    out += fmt::format("{1:.17g}{0}{2:.17g}{0}{3:.17g}{0}{4:.9g}\r\n", separator, s.points[i].x(),
+                       s.points[i].y(), s.points[i].z(), s.weight[i]);
+  return out;
+}
+
+std::string obj(const Sample& s) {
+  std::string out = "# by hand\nmtllib none.mtl\no thing\n";
+  for (const Vec3& p : s.points) out += fmt::format("v {:.17g} {:.17g} {:.17g}\n", p.x(), p.y(), p.z());
+  out += "vt 0 0\nvn 0 0 1\n";
+  const auto n = static_cast<long long>(s.points.size());
+  for (std::size_t i = 0; i < s.faces.size(); ++i) {
+    const auto& f = s.faces[i];
+    if (i % 4 == 0) out += fmt::format("f {} {} {}\n", f[0] + 1, f[1] + 1, f[2] + 1);
+    if (i % 4 == 1) out += fmt::format("f {}/1 {}/1 {}/1\n", f[0] + 1, f[1] + 1, f[2] + 1);
+    if (i % 4 == 2) out += fmt::format("f {}//1 {}//1 {}//1\n", f[0] + 1, f[1] + 1, f[2] + 1);
+    if (i % 4 == 3) out += fmt::format("f {}/1/1 {}/1/1 {}/1/1\n", f[0] - n, f[1] - n, f[2] - n);
+  }
+  return out;
+}
+
+std::string off(const Sample& s, bool colours) {
+  std::string out =
+      fmt::format("{}\n# by hand\n\n{} {} 0\n", colours ? "COFF" : "OFF", s.points.size(), s.faces.size());
+  for (const Vec3& p : s.points)
+    out +=
+        fmt::format("{:.17g} {:.17g} {:.17g}{}\n", p.x(), p.y(), p.z(), colours ? " 255 0 0 255 # red" : "");
+  for (const auto& f : s.faces) out += fmt::format("3 {} {} {} 0.5 0.5 0.5\n", f[0], f[1], f[2]);
+  return out;
+}
+
+struct Format {
+  std::string name;  // of the file
+  std::string content;
+  bool faces;
+  std::string weight;  // the property that must carry Sample::weight, or empty
+};
+
+std::vector<Format> all_formats(const Sample& s) {
+  return {{"ascii.ply", ply_ascii(s), true, "weight"},
+          {"little.ply", ply_binary(s, false, false), true, "weight"},
+          {"big.PLY", ply_binary(s, true, false), true, "weight"},
+          {"lists_little.ply", ply_binary(s, false, true), true, "weight"},
+          {"lists_big.ply", ply_binary(s, true, true), true, "weight"},
+          {"blank.xyz", columns(s, "  ", ""), false, "column4"},
+          {"counted.pts", columns(s, " ", fmt::format("{}\n", s.points.size())), false, "column4"},
+          {"comma.csv", columns(s, ",", "X,Y,Z,Weight\n"), false, "weight"},
+          {"semicolon.csv", columns(s, " ; ", "\"x\";\"y\";\"z\";\"weight\"\n"), false, "weight"},
+          {"tab.txt", columns(s, "\t", ""), false, "column4"},
+          {"faces.obj", obj(s), true, ""},
+          {"plain.off", off(s, false), true, ""},
+          {"colour.off", off(s, true), true, ""}};
+}
+
+std::uint64_t hash_of(const Sample& s) {
+  Hash64 hash;
+  for (const Vec3& p : s.points) {
+    hash.real(p.x());
+    hash.real(p.y());
+    hash.real(p.z());
+  }
+  return hash.value();
+}
+
+TEST(Formats, EveryFormatAndCompressionGivesTheSameDoubles) {
+  const Sample sample = make_sample();
+  ReadOptions options;
+  options.unit = Unit::kMillimetre;
+  for (const Format& format : all_formats(sample)) {
+    const std::array<std::pair<std::string, std::string>, 3> packed{
+        {{"", format.content}, {".gz", gzipped(format.content)}, {".xz", xz_packed(format.content)}}};
+    for (const auto& [ending, content] : packed) {
+      SCOPED_TRACE(fmt::format("{}{}, seed {}", format.name, ending, kSeed));
+      const Result<ReadModel> model = read_text(content, "folder.d/" + format.name + ending, options);
+      ASSERT_TRUE(model) << model.error().message();
+      EXPECT_EQ(model->compression, ending.empty() ? "" : ending == ".gz" ? "gzip" : "xz");
+      EXPECT_EQ(model->cloud.size(), kPoints);
+      EXPECT_EQ(model->content_hash, hash_of(sample));
+      EXPECT_EQ(model->dropped_faces, 0u);
+      EXPECT_FALSE(model->unit_guessed);
+      if (format.faces) {
+        ASSERT_NE(model->mesh, nullptr);
+        EXPECT_EQ(model->mesh->triangles, sample.faces);
+        EXPECT_EQ(model->mesh->vertices_mm, sample.points);
+      } else {
+        EXPECT_EQ(model->mesh, nullptr);
+      }
+      bool found = format.weight.empty();
+      for (const cloud::Property& property : model->cloud.properties) {
+        if (property.name != format.weight) continue;
+        found = true;
+        EXPECT_EQ(property.values, sample.weight);
+      }
+      EXPECT_TRUE(found) << "no property " << format.weight;
+    }
+  }
+}
+
+TEST(Formats, ColumnsMayStandInAnyOrderAndNameTheUnit) {
+  const Result<ReadModel> model = read_text("label,z_m,x_m,y_m\nwood,3,1,2\nsteel,6,4,5\n", "a.csv");
+  ASSERT_TRUE(model) << model.error().message();
+  EXPECT_EQ(model->unit, Unit::kMetre);
+  EXPECT_FALSE(model->unit_guessed);
+  EXPECT_EQ(model->cloud.point_mm(0), Vec3(1000, 2000, 3000));
+  EXPECT_TRUE(model->cloud.properties.empty());  // the labels are left out, with a warning
+  ASSERT_EQ(model->warnings.size(), 1u);
+  EXPECT_NE(model->warnings[0].find("label"), std::string::npos);
+}
+
+TEST(Formats, PolygonsBecomeFansAndBadOnesGoWhole) {
+  const Result<ReadModel> model = read_text(
+      "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 2 0\nf 1 2 3 4 5\nf 1 2 3 99\nf 0 1 2\nf 1 2\nf 2 3 4\n",
+      "a.obj");
+  ASSERT_TRUE(model) << model.error().message();
+  ASSERT_NE(model->mesh, nullptr);
+  const std::vector<std::array<std::uint32_t, 3>> expected{{0, 1, 2}, {0, 2, 3}, {0, 3, 4}, {1, 2, 3}};
+  EXPECT_EQ(model->mesh->triangles, expected);
+  EXPECT_EQ(model->dropped_faces, 3u);
+}
+
+TEST(Formats, ConcatenatedCompressedStreamsAreOneFile) {
+  for (const bool xz : {false, true}) {
+    const auto pack = [&](const std::string& text) { return xz ? xz_packed(text) : gzipped(text); };
+    const Result<ReadModel> model =
+        read_text(pack("1 2 3\n4 5") + pack(" 6\n7 8 9\n"), xz ? "a.xyz.xz" : "a.xyz.gz");
+    ASSERT_TRUE(model) << model.error().message();
+    EXPECT_EQ(model->cloud.size(), 3u);
+  }
+}
+
+TEST(Formats, CompressionIsSeenWithoutItsEnding) {
+  const Result<ReadModel> model = read_text(gzipped("1 2 3\n"), "a.xyz");
+  ASSERT_TRUE(model) << model.error().message();
+  EXPECT_EQ(model->compression, "gzip");
+}
+
+}  // namespace
+}  // namespace palpate::io

@@ -1,0 +1,265 @@
+// Bad files: each gets an Error that names the file, the line where one means something, what is wrong and
+// what to do.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "compress.h"
+#include "toolkit/io/pcd_header.h"
+
+namespace palpate::io {
+namespace {
+
+const std::string kXyz = "property float x\nproperty float y\nproperty float z\n";
+
+std::string ply(const std::string& vertices, const std::string& rest, const std::string& format = "ascii") {
+  return "ply\nformat " + format + " 1.0\nelement vertex " + vertices + "\n" + kXyz + rest;
+}
+
+struct Case {
+  std::string name;
+  std::string content;
+  std::vector<std::string> parts;  // of the message
+  std::int64_t line;
+};
+
+std::vector<Case> text_cases() {
+  const std::string end = "end_header\n";
+  const std::string list = "property list uchar int vertex_indices\n";
+  return {
+      {"a.ply", "", {"empty"}, 0},
+      {"a.ply", "hello\n", {"no PLY file"}, 1},
+      {"a.ply", "ply\nelement vertex 1\n" + kXyz + end, {"no format line"}, 6},
+      {"a.ply", "ply\nformat ascii 2.0\n", {"version '2.0'"}, 2},
+      {"a.ply", ply("many", end), {"'many'", "vertex", "whole number"}, 3},
+      {"a.ply", ply("-3", end), {"'-3'", "whole number"}, 3},
+      {"a.ply", ply("1", "property half w\n" + end), {"unknown type 'half'"}, 7},
+      {"a.ply", ply("1", "property float x\n" + end), {"'x' stands twice"}, 7},
+      {"a.ply", ply("1", "property list float int l\n" + end), {"'float' is no type for a list's count"}, 7},
+      {"a.ply", ply("1", ""), {"ends before end_header"}, 6},
+      {"a.ply",
+       "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n" + end + "1\n",
+       {"x, y and z"},
+       0},
+      {"a.ply",
+       "ply\nformat ascii 1.0\nelement face 1\n" + list + end + "3 0 1 2\n",
+       {"no element 'vertex'"},
+       5},
+      {"a.ply", ply("0", end), {"no points"}, 0},
+      {"a.ply", ply("3", end + "1 2 3\n4 5 6\n"), {"promises 3", "'vertex'", "cut off"}, 0},
+      {"a.ply.gz", gzipped(ply("3", end + "1 2 3\n4 5 6\n")), {"after 2 of the 3 promised", "cut off"}, 9},
+      {"a.ply", ply("2", end + "1 2 3\n4 five 6\n"), {"'five' is not a number"}, 9},
+      {"a.ply", ply("2", end + "1 2 3\n4 5\n6 7 8\n"), {"too few values"}, 9},
+      {"a.ply", ply("2", end + "1 2 3\n4 5 6 7\n"), {"more values"}, 9},
+      {"a.ply", ply("1000000000000", end + "1 2 3\n"), {"1000000000000", "only 6 bytes"}, 0},
+      {"a.ply.xz",
+       xz_packed(ply("1000000000000", end + "1 2 3\n")),
+       {"1000000000000 points", "memory allowed"},
+       0},
+      {"a.ply",
+       ply("2", end + "12345678901234567890123", "binary_little_endian"),
+       {"promises 2", "cut off"},
+       0},
+      {"a.ply.gz",
+       gzipped(ply("2", end + "12345678901234567890123", "binary_little_endian")),
+       {"after 1 of the 2 promised"},
+       0},
+      {"a.ply", ply("1", "element face 1\n" + list + end + "1 2 3\n-1 0\n"), {"count is -1"}, 11},
+      {"a.ply",
+       ply("1", "element face 2\n" + list + end + "1 2 3\n3 0 0 0\n3 0 0\n"),
+       {"too few values"},
+       11},
+      {"a.xyz", "# nothing\n\n", {"no points"}, 2},
+      {"a.xyz", "1 2\n", {"at least 3 columns", "has 2"}, 1},
+      {"a.xyz", "1 2 3\n4 5\n", {"has 2 columns, the first has 3"}, 2},
+      {"a.xyz", "1 2 3\n4 5 6x\n", {"'6x' is not a number"}, 2},
+      {"a.csv", "1,5;2,5;3,5\n", {"'1,5'", "decimal commas"}, 1},
+      {"a.csv", "x,y,z\n", {"no points"}, 1},
+      {"a.csv", "x,y,z\n1,2,3,4\n", {"4 columns", "names 3"}, 2},
+      {"a.pts", "3\n1 2 3\n", {"promises 3 points", "holds 1"}, 2},
+      {"a.pts", "9000000000000000000\n1 2 3\n", {"9000000000000000000", "memory allowed"}, 0},
+      {"a.xyz", "0 0 0\n" + std::string((1u << 20) + 2, '1') + "\n", {"longer than"}, 2},
+      {"a.xyz", "nan nan nan\ninf 0 0\n", {"none of the file's 2 points is finite"}, 0},
+      {"a.xyz", "1e300 0 0\n-1e300 0 0\n", {"single precision"}, 0},
+      {"a.obj", "# nothing\n", {"no vertices"}, 0},
+      {"a.obj", "v 1 2\n", {"needs 3 coordinates", "has 2"}, 1},
+      {"a.obj", "v 1 2 three\n", {"'three' is not a number"}, 1},
+      {"a.obj", "v 1 2 3\nf 1 one 1\n", {"'one'", "not an index"}, 2},
+      {"a.off", "PLY\n", {"no OFF file"}, 1},
+      {"a.off", "4OFF\n1 0 0\n", {"three-dimensional"}, 1},
+      {"a.off", "OFF BINARY\n", {"binary OFF"}, 1},
+      {"a.off", "OFF\nmany 0 0\n", {"'many' is not a count"}, 2},
+      {"a.off", "OFF\n1000000000000 0 0\n1 2 3\n", {"memory allowed"}, 0},
+      {"a.off", "OFF\n9 0 0\n1 2 3\n", {"promises 9 vertices", "only 6 bytes"}, 2},
+      {"a.off.gz", gzipped("OFF\n9 0 0\n1 2 3\n"), {"after 1 of the 9 promised vertices"}, 3},
+      {"a.off", "OFF\n1 1 0\n1 2 3\n3 0 0\n", {"promises 3 corners and has 2"}, 4},
+      {"a.stl", "solid\n", {"'.stl'", "understood are", "ply"}, 0},
+      {"noending", "1 2 3\n", {"no ending", "understood are"}, 0},
+      {"a.xyz.gz", "1 2 3\n", {"named .gz", "not compressed"}, 0},
+      {"a.xyz.gz", gzipped("1 2 3\n4 5 6\n").substr(0, 20), {"gzip data is cut off"}, 0},
+      {"a.xyz.xz", xz_packed("1 2 3\n4 5 6\n").substr(0, 40), {"xz data is cut off"}, 0},
+      {"a.xyz.gz", gzipped("1 2 3\n") + "garbage", {"gzip data is damaged"}, 0},
+  };
+}
+
+TEST(Hostile, EachBadFileGetsItsMessage) {
+  for (const Case& bad : text_cases()) {
+    SCOPED_TRACE(fmt::format("{}: {:.60}", bad.name, bad.name.ends_with("z") ? "(compressed)" : bad.content));
+    const Result<ReadModel> model = read_text(bad.content, bad.name);
+    ASSERT_FALSE(model);
+    const std::string message = model.error().message();
+    for (const std::string& part : bad.parts) EXPECT_NE(message.find(part), std::string::npos) << message;
+    EXPECT_EQ(model.error().file, bad.name);
+    EXPECT_EQ(model.error().line, bad.line) << message;
+    EXPECT_FALSE(model.error().remedy.empty()) << message;
+  }
+}
+
+TEST(Hostile, DamagedCompressedBytesAreSeen) {
+  std::string text;
+  for (int i = 0; i < 500; ++i) text += fmt::format("{} {} {}\n", i, i * i, i % 7);
+  for (const bool xz : {false, true}) {
+    std::string packed = xz ? xz_packed(text) : gzipped(text);
+    packed[packed.size() / 2] = static_cast<char>(packed[packed.size() / 2] ^ 0x55);
+    const Result<ReadModel> model = read_text(packed, xz ? "a.xyz.xz" : "a.xyz.gz");
+    EXPECT_FALSE(model);
+  }
+}
+
+TEST(Hostile, DecompressionBombsStop) {
+  // Past the 64 MiB from which the ratio counts.
+  std::string blank(std::size_t{80} << 20, '#');
+  for (std::size_t i = 1000; i < blank.size(); i += 1000) blank[i] = '\n';
+  for (const bool xz : {false, true}) {
+    const std::string packed = xz ? xz_packed(blank) : gzipped(blank);
+    ASSERT_LT(packed.size(), std::size_t{1} << 20);
+    const std::string name = xz ? "a.xyz.xz" : "a.xyz.gz";
+    const Result<ReadModel> ratio = read_text(packed, name);
+    ASSERT_FALSE(ratio);
+    EXPECT_NE(ratio.error().what.find("500 times"), std::string::npos) << ratio.error().message();
+    ReadOptions small;
+    small.max_bytes = std::uint64_t{1} << 20;
+    const Result<ReadModel> bound = read_text(packed, name, small);
+    ASSERT_FALSE(bound);
+    EXPECT_NE(bound.error().what.find("1048576 bytes"), std::string::npos) << bound.error().message();
+  }
+}
+
+TEST(Hostile, WhatIsDecodedStaysWithinTheBound) {
+  std::string text;
+  for (int i = 0; i < 200000; ++i) text += "1 2 3\n";
+  ReadOptions small;
+  small.max_bytes = std::uint64_t{2} << 20;  // 200,000 points take 4.8 MB
+  const Result<ReadModel> model = read_text(text, "a.xyz", small);
+  ASSERT_FALSE(model);
+  EXPECT_NE(model.error().what.find("memory allowed"), std::string::npos) << model.error().message();
+}
+
+TEST(Hostile, PathsThatAreNoFiles) {
+  Readers readers;
+  add_standard_readers(readers);
+  const std::filesystem::path folder =
+      std::filesystem::path(testing::TempDir()) / fmt::format("palpate_io_{}.ply", getpid());
+  std::filesystem::create_directories(folder);
+  const auto missing = readers.read((folder / "none.ply").string(), {});
+  ASSERT_FALSE(missing);
+  EXPECT_NE(missing.error().message().find("none.ply: no such file"), std::string::npos);
+  const auto directory = readers.read(folder.string(), {});
+  ASSERT_FALSE(directory);
+  EXPECT_NE(directory.error().message().find("folder"), std::string::npos);
+  const std::string closed = (folder / "closed.ply").string();
+  std::ofstream(closed) << "ply\n";
+  std::filesystem::permissions(closed, std::filesystem::perms::none);
+  const auto unreadable = readers.read(closed, {});
+  ASSERT_FALSE(unreadable);
+  if (geteuid() != 0) {  // root reads everything
+    EXPECT_NE(unreadable.error().message().find("permissions"), std::string::npos);
+  }
+  std::filesystem::remove_all(folder);
+}
+
+std::string pcd(const std::string& width, const std::string& height, const std::string& points,
+                const std::string& data,
+                const std::string& fields = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n") {
+  return "# .PCD v0.7\nVERSION 0.7\n" + fields + "WIDTH " + width + "\nHEIGHT " + height +
+         "\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS " + points + "\nDATA " + data + "\n";
+}
+
+TEST(Hostile, PcdHeadersAreCheckedAgainstTheFile) {
+  const std::string sizes("\x0A\0\0\0\x0C\0\0\0", 8);  // 10 bytes unpack to 12: one point of three floats
+  const std::vector<std::pair<std::string, std::string>> cases{
+      {"hello\n", "unknown keyword 'hello'"},
+      {"# only\n", "no DATA line"},
+      {pcd("1", "1", "1", "morse"), "'morse' is not"},
+      {pcd("2", "2", "5", "ascii"), "POINTS is 5, but WIDTH x HEIGHT is 4"},
+      {pcd("-1", "1", "1", "ascii"), "whole number"},
+      {pcd("0", "1", "0", "ascii"), "no points"},
+      {pcd("4000000000", "4000000000", "1", "binary"), "more than can be told apart"},
+      {pcd("1000000000", "1", "1000000000", "binary"), "2 GiB"},
+      {pcd("50000000", "1", "50000000", "binary"), "only 0 bytes follow"},
+      {pcd("1", "1", "1", "ascii", "FIELDS x y\nSIZE 4 4\nTYPE F F\nCOUNT 1 1\n"), "x, y and z"},
+      {pcd("1", "1", "1", "ascii", "FIELDS x y z\nSIZE 4 4\nTYPE F F F\nCOUNT 1 1 1\n"),
+       "differ in their number"},
+      {pcd("1", "1", "1", "ascii", "FIELDS x y z\nSIZE 4 4 3\nTYPE F F F\nCOUNT 1 1 1\n"),
+       "do not go together"},
+      {pcd("1", "1", "1", "ascii", "FIELDS x y z w\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 99999999\n"),
+       "count"},
+      {pcd("2", "1", "2", "ascii") + "1 2 3\n4 5\n", "only 10 bytes follow"},
+      {pcd("2", "1", "2", "ascii") + "1 2 3\n41 51\n6 7 8\n", "has 2 values"},
+      {pcd("2", "1", "2", "ascii") + "1 2 3\n4 five 6\n", "'five' is not a number"},
+      {pcd("2", "1", "2", "ascii") + "1 2 3\n        \n", "after 1 of the 2 promised"},
+      {pcd("2", "1", "2", "binary") + std::string(23, 'a'), "only 23 bytes follow"},
+      {pcd("1", "1", "1", "binary_compressed") + "abc", "only 3 bytes follow"},
+      {pcd("1", "1", "1", "binary_compressed") + sizes + "abc", "only 3 follow"},
+      {pcd("2", "1", "2", "binary_compressed") + sizes + "abcdefghij", "the header promises 24"},
+      {pcd("1000", "1", "1000", "binary_compressed") + std::string("\x0A\0\0\0\xE0\x2E\0\0", 8) +
+           "abcdefghij",
+       "cannot unpack to 12000"},
+  };
+  for (const auto& [content, part] : cases) {
+    SCOPED_TRACE(content);
+    const Result<PcdHeader> header = check_pcd(std::as_bytes(std::span(content)), {});
+    ASSERT_FALSE(header);
+    EXPECT_NE(header.error().message().find(part), std::string::npos) << header.error().message();
+  }
+}
+
+// Everything that fuzzing starts from and has found: an Error or a model, never a crash.
+TEST(Hostile, CorpusReplays) {
+  const std::vector<std::pair<std::string, std::string>> folders{{"ply", "a.ply"},     {"xyz", "a.xyz"},
+                                                                 {"obj", "a.obj"},     {"off", "a.off"},
+                                                                 {"gzip", "a.xyz.gz"}, {"xz", "a.xyz.xz"}};
+  std::size_t files = 0;
+  std::size_t models = 0;
+  const auto load = [](const std::filesystem::path& path) {
+    std::ifstream file(path, std::ios::binary);
+    return std::string(std::istreambuf_iterator<char>(file), {});
+  };
+  for (const auto& [folder, name] : folders) {
+    for (const auto& entry :
+         std::filesystem::directory_iterator(std::string(PALPATE_CORPUS) + "/" + folder)) {
+      SCOPED_TRACE(entry.path().string());
+      const Result<ReadModel> model = read_text(load(entry.path()), name);
+      ++files;
+      if (model) {
+        ++models;
+        EXPECT_FALSE(model->cloud.empty());
+      } else {
+        EXPECT_FALSE(model.error().what.empty());
+      }
+    }
+  }
+  for (const auto& entry : std::filesystem::directory_iterator(std::string(PALPATE_CORPUS) + "/pcd")) {
+    const std::string content = load(entry.path());
+    if (check_pcd(std::as_bytes(std::span(content)), {})) ++models;
+    ++files;
+  }
+  EXPECT_GE(files, 40u);
+  EXPECT_GE(models, 15u);
+}
+
+}  // namespace
+}  // namespace palpate::io

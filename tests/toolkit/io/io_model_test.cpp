@@ -1,0 +1,197 @@
+// What happens between a format and the model: units, points that are not finite, far coordinates, writing.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+
+#include "compress.h"
+#include "toolkit/io/text.h"
+#include "toolkit/io/write_mesh.h"
+
+namespace palpate::io {
+namespace {
+
+std::string temporary(const std::string& name) {
+  return (std::filesystem::path(testing::TempDir()) / fmt::format("palpate_{}_{}", getpid(), name)).string();
+}
+
+TEST(Units, AreParsedAndNamed) {
+  EXPECT_EQ(*parse_unit("m"), Unit::kMetre);
+  EXPECT_EQ(*parse_unit(" Millimeter "), Unit::kMillimetre);
+  EXPECT_EQ(*parse_unit("inches"), Unit::kInch);
+  EXPECT_FALSE(parse_unit("furlong"));
+  EXPECT_DOUBLE_EQ(mm_per(Unit::kInch), 25.4);
+  EXPECT_EQ(unit_name(Unit::kMicrometre), "um");
+  for (const Unit unit : {Unit::kMetre, Unit::kCentimetre, Unit::kMillimetre, Unit::kMicrometre, Unit::kInch})
+    EXPECT_EQ(*parse_unit(unit_name(unit)), unit);
+}
+
+TEST(Units, GuessesSayWhatWhyAndHowToOverride) {
+  struct Row {
+    const char* text;
+    Unit unit;
+    const char* why;
+  };
+  for (const Row& row : {Row{"0 0 0\n0.2 0 0\n", Unit::kMetre, "below 10"},
+                         Row{"0 0 0\n200 0 0\n", Unit::kMillimetre, "not below 10"},
+                         Row{"500000 5000000 0\n500100 5000000 0\n", Unit::kMetre, "geographic"}}) {
+    const Result<ReadModel> model = read_text(row.text, "a.xyz");
+    ASSERT_TRUE(model);
+    EXPECT_TRUE(model->unit_guessed);
+    EXPECT_EQ(model->unit, row.unit) << row.text;
+    ASSERT_EQ(model->warnings.size(), 1u);
+    EXPECT_NE(model->warnings[0].find(row.why), std::string::npos) << model->warnings[0];
+    EXPECT_NE(model->warnings[0].find("--unit"), std::string::npos);
+  }
+}
+
+TEST(Units, GivenOnesWinAndScaleMultiplies) {
+  ReadOptions options;
+  options.unit = Unit::kInch;
+  options.scale = 2.0;
+  const Result<ReadModel> model = read_text("0 0 0\n1 0 0\n", "a.xyz", options);
+  ASSERT_TRUE(model);
+  EXPECT_FALSE(model->unit_guessed);
+  EXPECT_TRUE(model->warnings.empty());
+  EXPECT_NEAR(model->cloud.point_mm(1).x(), 50.8, 1e-5);  // a float's rounding over 50 mm
+  for (const double scale : {0.0, -1.0, std::nan(""), HUGE_VAL}) {
+    options.scale = scale;
+    EXPECT_FALSE(read_text("0 0 0\n1 0 0\n", "a.xyz", options));
+  }
+}
+
+TEST(NonFinitePoints, AreDroppedCountedAndTakenOutOfFaces) {
+  const std::string text =
+      "ply\nformat ascii 1.0\ncomment unit mm\nobj_info num_cols 3\nobj_info num_rows 2\nelement vertex 6\n"
+      "property float x\nproperty float y\nproperty float z\nproperty int id\nelement face 4\n"
+      "property list uchar int vertex_indices\nend_header\n"
+      "0 0 0 10\nnan 0 0 11\n1 0 0 12\n0 1 0 13\n0 -1.#IND 0 14\n0 0 1 15\n"
+      "3 0 2 3\n3 0 1 2\n4 0 2 3 5\n4 5 3 2 4\n";
+  const Result<ReadModel> model = read_text(text, "a.ply");
+  ASSERT_TRUE(model) << model.error().message();
+  EXPECT_EQ(model->file_points, 6u);
+  EXPECT_EQ(model->non_finite, 2u);
+  EXPECT_EQ(model->cloud.size(), 4u);
+  EXPECT_FALSE(model->cloud.raster);  // its rows have holes now
+  ASSERT_EQ(model->cloud.properties.size(), 1u);
+  EXPECT_EQ(model->cloud.properties[0].values, (std::vector<float>{10, 12, 13, 15}));
+  ASSERT_NE(model->mesh, nullptr);
+  const std::vector<std::array<std::uint32_t, 3>> expected{{0, 1, 2}, {0, 1, 2}, {0, 2, 3}};
+  EXPECT_EQ(model->mesh->triangles, expected);
+  EXPECT_EQ(model->dropped_faces, 2u);
+  EXPECT_EQ(model->warnings.size(), 2u);
+
+  ReadOptions refuse;
+  refuse.non_finite = cloud::NonFinite::kRefuse;
+  const Result<ReadModel> refused = read_text(text, "a.ply", refuse);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message().find("2 of 6 points are not finite, the first is point 2"),
+            std::string::npos);
+  EXPECT_NE(refused.error().message().find("--non-finite drop"), std::string::npos);
+}
+
+TEST(FarClouds, KeepTheirDetailInDoublePly) {
+  std::string text =
+      "ply\nformat ascii 1.0\nelement vertex 1000\nproperty double x\nproperty double y\nproperty double "
+      "z\nend_header\n";
+  for (int i = 0; i < 1000; ++i)
+    text += fmt::format("{:.4f} {:.4f} {}\n", 515369 + 0.0001 * i, 4918340 + 0.0002 * i, 2.5);
+  const Result<ReadModel> model = read_text(text, "utm.ply");
+  ASSERT_TRUE(model);
+  ASSERT_EQ(model->unit, Unit::kMetre);
+  // A tenth of a millimetre at 4,918 km: float alone would keep half a metre. What is left is the double's
+  // own ulp, 2^-20 mm at 5e9 mm, and the float's half ulp over a box of 200 mm, 2^-18 mm.
+  EXPECT_LT(model->max_rounding_mm, 1e-5);
+  for (std::size_t i = 1; i < 1000; ++i) {
+    EXPECT_NEAR(model->cloud.point_mm(i).x() - model->cloud.point_mm(i - 1).x(), 0.1, 1e-5);
+    EXPECT_NEAR(model->cloud.point_mm(i).y() - model->cloud.point_mm(i - 1).y(), 0.2, 1e-5);
+  }
+}
+
+TEST(Numbers, AreReadAsTheWorldWritesThem) {
+  EXPECT_EQ(parse_real("+1.5"), 1.5);
+  EXPECT_EQ(parse_real("-1.5e-3"), -0.0015);
+  EXPECT_EQ(parse_real("1e999"), HUGE_VAL);
+  EXPECT_EQ(parse_real("-1e999"), -HUGE_VAL);
+  EXPECT_EQ(parse_real("1e-999"), 0.0);
+  EXPECT_EQ(parse_real("0." + std::string(400, '0') + "1"), 0.0);
+  EXPECT_EQ(parse_real(std::string(400, '7')), HUGE_VAL);
+  EXPECT_TRUE(std::isnan(parse_real("NaN").value_or(0)));
+  EXPECT_TRUE(std::isnan(parse_real("-nan").value_or(0)));
+  EXPECT_TRUE(std::isnan(parse_real("1.#QNAN").value_or(0)));
+  EXPECT_EQ(parse_real("-1.#INF"), -HUGE_VAL);
+  for (const char* bad : {"", "+", "-", "+-1", "1,5", "0x10", "1.5.2", "1e", "abc", "1.#"})
+    EXPECT_FALSE(parse_real(bad)) << bad;
+  EXPECT_EQ(parse_whole("+12"), 12);
+  EXPECT_FALSE(parse_whole("99999999999999999999"));
+  EXPECT_EQ(to_float(1e300), HUGE_VALF);
+}
+
+TEST(Writing, ACloudComesBackAsItWas) {
+  Result<ReadModel> first =
+      read_text("x,y,z,friction rate\n1.25,2,3,0.5\n4,5,6,0.25\n7,8,9,\n1e-3,0,0,1\n", "a.csv");
+  ASSERT_TRUE(first);
+  first->cloud.raster = cloud::ScanRaster{2, 2};
+  const std::string path = temporary("cloud.ply");
+  ASSERT_TRUE(write_cloud_ply(path, first->cloud));
+  Readers readers;
+  add_standard_readers(readers);
+  const Result<ReadModel> second = readers.read(path, {});
+  std::filesystem::remove(path);
+  ASSERT_TRUE(second) << second.error().message();
+  EXPECT_EQ(second->unit, Unit::kMillimetre);
+  EXPECT_FALSE(second->unit_guessed);
+  EXPECT_EQ(second->cloud.x_mm, first->cloud.x_mm);
+  EXPECT_EQ(second->cloud.y_mm, first->cloud.y_mm);
+  EXPECT_EQ(second->cloud.z_mm, first->cloud.z_mm);
+  ASSERT_EQ(second->cloud.properties.size(), 1u);
+  EXPECT_EQ(second->cloud.properties[0].name, "friction_rate");
+  EXPECT_EQ(second->cloud.properties[0].values[1], 0.25F);
+  EXPECT_TRUE(std::isnan(second->cloud.properties[0].values[2]));
+  ASSERT_TRUE(second->cloud.raster);
+  EXPECT_EQ(second->cloud.raster->columns, 2u);
+}
+
+TEST(Writing, AMeshComesBackBitForBitAndLeavesNoPart) {
+  geometry::TriangleMesh mesh;
+  mesh.vertices_mm = {{0.1, 1e6, -3}, {1.0 / 3.0, 0, 5}, {4, 5, 6}, {7, 8, 9.25}};
+  mesh.triangles = {{0, 1, 2}, {3, 2, 1}};
+  const std::string path = temporary("mesh.ply");
+  ASSERT_TRUE(write_mesh_ply(path, mesh));
+  EXPECT_FALSE(std::filesystem::exists(path + ".part"));
+  Readers readers;
+  add_standard_readers(readers);
+  const Result<ReadModel> back = readers.read(path, {});
+  std::filesystem::remove(path);
+  ASSERT_TRUE(back) << back.error().message();
+  ASSERT_NE(back->mesh, nullptr);
+  EXPECT_EQ(back->mesh->vertices_mm, mesh.vertices_mm);
+  EXPECT_EQ(back->mesh->triangles, mesh.triangles);
+  EXPECT_FALSE(write_mesh_ply(path + "/not/there.ply", mesh));
+}
+
+class StopAtOnce final : public Progress {
+ public:
+  void report(std::string_view, double fraction) override { last_ = fraction; }
+  [[nodiscard]] bool cancelled() const override { return true; }
+  double last_ = -1.0;
+};
+
+TEST(Progressing, CanBeStopped) {
+  std::string text;
+  for (int i = 0; i < 100000; ++i) text += "1 2 3\n";
+  Readers readers;
+  add_standard_readers(readers);
+  StopAtOnce stop;
+  const Result<ReadModel> model =
+      readers.read(std::make_unique<MemorySource>(std::as_bytes(std::span(text))), "a.xyz", {}, stop);
+  ASSERT_FALSE(model);
+  EXPECT_NE(model.error().what.find("stopped"), std::string::npos);
+  EXPECT_GT(stop.last_, 0.0);
+  EXPECT_LE(stop.last_, 1.0);
+}
+
+}  // namespace
+}  // namespace palpate::io
