@@ -50,10 +50,10 @@ std::optional<double> parse_real(std::string_view token) noexcept {
   if (code != std::errc{}) return std::nullopt;
   if (end == last) return value;
   // "1.#QNAN", "-1.#IND", "1.#INF": from_chars stops at the '#'.
-  if (*end == '#') {
+  if (*end == '#' && *(end - 1) == '.') {
     const std::string_view rest(end + 1, static_cast<std::size_t>(last - end) - 1);
-    if (rest.substr(0, 3) == "INF") return std::copysign(std::numeric_limits<double>::infinity(), value);
-    if (rest.substr(0, 3) == "IND" || rest.substr(1, 3) == "NAN")
+    if (rest.starts_with("INF")) return std::copysign(std::numeric_limits<double>::infinity(), value);
+    if (rest.starts_with("IND") || rest.starts_with("QNAN") || rest.starts_with("SNAN"))
       return std::numeric_limits<double>::quiet_NaN();
   }
   return std::nullopt;
