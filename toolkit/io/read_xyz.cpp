@@ -205,7 +205,12 @@ class XyzReader {
   }
 
   Status add(std::string_view row) {
-    const std::size_t count = split(row, columns_.separator, fields_);
+    std::size_t count = split(row, columns_.separator, fields_);
+    // A separator at the end of a row stands before an empty last field, or for nothing: the first row
+    // decides.
+    if (count + 1 == columns_.count && columns_.separator != Separator::kBlank &&
+        (row.back() == ',' || row.back() == ';'))
+      fields_[count++] = {};
     if (count != columns_.count)
       return bad_row(fmt::format("this row has {} columns, the first has {}", count, columns_.count));
     Vec3 point;
