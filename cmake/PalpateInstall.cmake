@@ -1,7 +1,7 @@
 # Installation: libraries, headers, the palpate command, and the package files for find_package(palpate).
 #
 # One export set per component, so that who links the toolkit needs neither PCL nor CGAL:
-#   toolkit (always), device, pcd, baselines.   See docs/architecture.md.
+#   toolkit (always), scene, device, pcd, baselines.   See docs/architecture.md.
 include(CMakePackageConfigHelpers)
 
 set(palpate_package_dir "${CMAKE_INSTALL_LIBDIR}/cmake/palpate")
@@ -11,8 +11,8 @@ set(palpate_header_dir "${CMAKE_INSTALL_INCLUDEDIR}/palpate")
 function(palpate_component_of target out)
   get_target_property(folder ${target} SOURCE_DIR)
   file(RELATIVE_PATH folder "${PROJECT_SOURCE_DIR}" "${folder}")
-  if(folder MATCHES "^toolkit/pcd")
-    set(${out} pcd PARENT_SCOPE)
+  if(folder MATCHES "^toolkit/(pcd|scene)")
+    set(${out} ${CMAKE_MATCH_1} PARENT_SCOPE)
   elseif(folder MATCHES "^(toolkit|device|baselines)(/|$)")
     set(${out} ${CMAKE_MATCH_1} PARENT_SCOPE)
   else()

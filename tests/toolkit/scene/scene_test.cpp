@@ -1,0 +1,209 @@
+#include "toolkit/scene/scene.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+namespace palpate::scene {
+namespace {
+
+const char* const kWhole = R"toml(
+[[model]]
+cloud = "scans/dragon.ply.gz"
+unit = "m"
+scale = 1.025
+position_mm = [1, 2.5, -3]
+rotation = [0.7071, 0.7071, 0, 0]
+  [model.surface]
+  stiffness_n_per_mm = 0.8
+
+[[model]]
+generate = "sinusoid"
+points = 10201
+jitter = 0.1
+seed = 7
+
+[renderer]
+name = "cloud"
+shading = "none"
+box_mm = 0.15
+[control]
+force_limit_n = 3.3
+)toml";
+
+TEST(SceneFile, ReadsEverythingTheSchemaHas) {
+  const Result<SceneFile> scene = parse_scene(kWhole, "folder/scene.toml");
+  ASSERT_TRUE(scene.ok()) << scene.error().message();
+  ASSERT_EQ(scene->models.size(), 2u);
+  const SceneModel& dragon = scene->models[0];
+  EXPECT_EQ(dragon.cloud, "folder/scans/dragon.ply.gz");
+  EXPECT_EQ(dragon.name, "dragon");
+  EXPECT_EQ(dragon.unit, io::Unit::kMetre);
+  EXPECT_EQ(dragon.scale, 1.025);
+  EXPECT_EQ(dragon.world_from_model.translation_mm, Vec3(1, 2.5, -3));
+  EXPECT_NEAR(dragon.world_from_model.rotation.norm(), 1.0, 1e-15);
+  EXPECT_NEAR(dragon.world_from_model.rotation.w(), std::sqrt(0.5), 1e-15);
+  EXPECT_EQ(dragon.surface.stiffness_n_per_mm, 0.8);
+  const SceneModel& sinusoid = scene->models[1];
+  ASSERT_TRUE(sinusoid.generate.has_value());
+  EXPECT_EQ(sinusoid.generate->name, "sinusoid");
+  EXPECT_EQ(sinusoid.generate->options.text("points"), "10201");
+  EXPECT_EQ(sinusoid.generate->options.text("jitter"), "0.1");
+  EXPECT_TRUE(sinusoid.world_from_model.is_identity());
+  EXPECT_EQ(sinusoid.surface.stiffness_n_per_mm, surface::Surface{}.stiffness_n_per_mm);
+  ASSERT_TRUE(scene->renderer.has_value());
+  EXPECT_EQ(scene->renderer->name, "cloud");
+  EXPECT_EQ(scene->renderer->options.text("shading"), "none");
+  EXPECT_EQ(scene->renderer->options.text("box_mm"), "0.15");
+  EXPECT_EQ(scene->force_limit_n, 3.3);
+}
+
+TEST(SceneFile, IdentityRotationStaysExact) {
+  const Result<SceneFile> scene =
+      parse_scene("[[model]]\ncloud = \"a.ply\"\nrotation = [1, 0, 0, 0]\n", "s.toml");
+  ASSERT_TRUE(scene.ok());
+  EXPECT_TRUE(scene->models[0].world_from_model.is_identity());
+}
+
+struct Refused {
+  const char* name;
+  const char* text;
+  std::int64_t line;  // 0: any
+  const char* says;   // part of the message
+};
+
+class RefusedScene : public testing::TestWithParam<Refused> {};
+
+TEST_P(RefusedScene, NamesTheLineAndTheRemedy) {
+  const Result<SceneFile> scene = parse_scene(GetParam().text, "bad.toml");
+  ASSERT_FALSE(scene.ok());
+  EXPECT_EQ(scene.error().file, "bad.toml");
+  if (GetParam().line > 0) {
+    EXPECT_EQ(scene.error().line, GetParam().line);
+  }
+  EXPECT_NE(scene.error().message().find(GetParam().says), std::string::npos) << scene.error().message();
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All, RefusedScene,
+    testing::Values(
+        Refused{"empty", "", 1, "no model"}, Refused{"not_toml", "[[model]\ncloud = 3", 1, "column"},
+        Refused{"misspelt_key", "[[model]]\ncloud = \"a.ply\"\nscael = 2", 3, "did you mean 'scale'"},
+        Refused{"begun_key", "[[model]]\ncloud = \"a.ply\"\n[model.surface]\nstiffness = 2", 4,
+                "did you mean 'stiffness_n_per_mm'"},
+        Refused{"later_key", "[[model]]\ncloud = \"a.ply\"\n[model.surface]\nfriction = 0.7", 4,
+                "not in this version"},
+        Refused{"later_table", "[[model]]\ncloud = \"a.ply\"\n[device]\nname = \"x\"", 3,
+                "not in this version"},
+        Refused{"later_region", "[[model]]\ncloud = \"a.ply\"\n[[model.region]]\nfriction = 1", 0,
+                "not in this version"},
+        Refused{"unknown_table", "[[model]]\ncloud = \"a.ply\"\n[rendrer]\nname = \"x\"", 3,
+                "did you mean 'renderer'"},
+        Refused{"both_sources", "[[model]]\ncloud = \"a.ply\"\ngenerate = \"plane\"", 0,
+                "either 'cloud' or 'generate'"},
+        Refused{"no_source", "[[model]]\nscale = 2", 0, "either 'cloud' or 'generate'"},
+        Refused{"generator", "[[model]]\ngenerate = \"sinusiod\"", 2, "no generator"},
+        Refused{"generator_key", "[[model]]\ngenerate = \"plane\"\npoint = 100", 3, "did you mean 'points'"},
+        Refused{"generator_value", "[[model]]\ngenerate = \"plane\"\npoints = \"many\"", 0, "whole number"},
+        Refused{"unit_of_generated", "[[model]]\ngenerate = \"plane\"\nunit = \"m\"", 3, "no key 'unit'"},
+        Refused{"unit", "[[model]]\ncloud = \"a.ply\"\nunit = \"parsec\"", 3, "parsec"},
+        Refused{"scale_zero", "[[model]]\ncloud = \"a.ply\"\nscale = 0", 3, "above 0"},
+        Refused{"scale_nan", "[[model]]\ncloud = \"a.ply\"\nscale = nan", 3, "finite"},
+        Refused{"scale_text", "[[model]]\ncloud = \"a.ply\"\nscale = \"2\"", 3, "finite number"},
+        Refused{"rotation_length", "[[model]]\ncloud = \"a.ply\"\nrotation = [1, 1, 0, 0]", 3,
+                "length 1.41421"},
+        Refused{"rotation_zero", "[[model]]\ncloud = \"a.ply\"\nrotation = [0, 0, 0, 0]", 3, "length 0"},
+        Refused{"rotation_count", "[[model]]\ncloud = \"a.ply\"\nrotation = [1, 0, 0]", 3, "4 numbers"},
+        Refused{"position_inf", "[[model]]\ncloud = \"a.ply\"\nposition_mm = [inf, 0, 0]", 3, "finite"},
+        Refused{"stiffness_negative",
+                "[[model]]\ncloud = \"a.ply\"\n[model.surface]\nstiffness_n_per_mm = -1", 4, "above 0"},
+        Refused{"model_no_list", "[model]\ncloud = \"a.ply\"", 0, "two brackets"},
+        Refused{"renderer_unnamed", "[[model]]\ncloud = \"a.ply\"\n[renderer]\nshading = \"none\"", 3,
+                "needs 'name'"},
+        Refused{"force_limit", "[[model]]\ncloud = \"a.ply\"\n[control]\nforce_limit_n = 0", 4, "above 0"}),
+    [](const auto& tested) { return std::string(tested.param.name); });
+
+TEST(SceneFile, RefusesAFileTooLargeToBeAScene) {
+  const Result<SceneFile> scene = parse_scene(std::string(kMaxSceneBytes + 1, '#'), "big.toml");
+  ASSERT_FALSE(scene.ok());
+  EXPECT_NE(scene.error().what.find("larger"), std::string::npos);
+}
+
+TEST(SceneFile, SurvivesDeepNesting) {
+  const std::string deep = "a = " + std::string(100000, '[') + std::string(100000, ']');
+  EXPECT_FALSE(parse_scene(deep, "deep.toml").ok());
+}
+
+TEST(NearestName, FindsMisspellingsAndNothingElse) {
+  EXPECT_EQ(nearest_name("cluod", {"cloud", "mesh"}), "cloud");
+  EXPECT_EQ(nearest_name("stiff", {"stiffness_n_per_mm"}), "stiffness_n_per_mm");
+  EXPECT_EQ(nearest_name("zebra", {"cloud", "mesh"}), "");
+  EXPECT_EQ(nearest_name("", {"cloud"}), "");
+}
+
+class SceneOnDisk : public testing::Test {
+ protected:
+  SceneOnDisk() : folder_(std::filesystem::path(testing::TempDir()) / "palpate-scene-test") {
+    std::filesystem::remove_all(folder_);
+    std::filesystem::create_directories(folder_);
+  }
+  ~SceneOnDisk() override { std::filesystem::remove_all(folder_); }
+  std::string write(const std::string& name, const std::string& text) {
+    std::ofstream(folder_ / name) << text;
+    return (folder_ / name).string();
+  }
+  std::filesystem::path folder_;
+};
+
+TEST_F(SceneOnDisk, LoadsAFileBesideTheSceneInMillimetres) {
+  write("points.xyz", "0 0 0\n1 0 0\n0 1 0\n0 0 1\n");
+  const std::string file =
+      write("scene.toml", "[[model]]\ncloud = \"points.xyz\"\nunit = \"m\"\nscale = 2\n");
+  const Result<SceneFile> scene = open_scene(file);
+  ASSERT_TRUE(scene.ok()) << scene.error().message();
+  io::Readers readers;
+  io::add_standard_readers(readers);
+  const Result<LoadedScene> loaded = load(*scene, readers, {}, no_progress());
+  ASSERT_TRUE(loaded.ok()) << loaded.error().message();
+  ASSERT_EQ(loaded->input.models.size(), 1u);
+  const cloud::Cloud& cloud = *loaded->input.models[0].cloud;
+  ASSERT_EQ(cloud.size(), 4u);
+  EXPECT_NEAR(cloud.box_mm().extent_mm().x(), 2000.0, 1e-3);
+  EXPECT_EQ(loaded->provenance[0].content_hash.size(), 16u);
+  EXPECT_FALSE(loaded->provenance[0].unit_guessed);
+}
+
+TEST_F(SceneOnDisk, AMissingModelIsAnErrorWithAPlace) {
+  const std::string file = write("scene.toml", "\n[[model]]\ncloud = \"nowhere.ply\"\n");
+  const Result<SceneFile> scene = open_scene(file);
+  ASSERT_TRUE(scene.ok());
+  io::Readers readers;
+  io::add_standard_readers(readers);
+  const Result<LoadedScene> loaded = load(*scene, readers, {}, no_progress());
+  ASSERT_FALSE(loaded.ok());
+  EXPECT_NE(loaded.error().message().find("nowhere.ply"), std::string::npos) << loaded.error().message();
+}
+
+TEST_F(SceneOnDisk, GeneratorsLoadWithFormulaAndScale) {
+  const Result<SceneFile> scene = open_scene("plane:points=121:extent_mm=10:seed=1");
+  ASSERT_TRUE(scene.ok()) << scene.error().message();
+  LoadOptions options;
+  options.scale = 3.0;
+  const Result<LoadedScene> loaded = load(*scene, io::Readers{}, options, no_progress());
+  ASSERT_TRUE(loaded.ok()) << loaded.error().message();
+  EXPECT_NE(loaded->input.models[0].analytic, nullptr);
+  EXPECT_NE(loaded->input.models[0].original_mesh, nullptr);
+  EXPECT_NEAR(loaded->input.models[0].cloud->box_mm().extent_mm().x(), 30.0, 1e-4);
+}
+
+TEST_F(SceneOnDisk, NeitherFileNorGeneratorSaysWhatIsUnderstood) {
+  const Result<SceneFile> scene = open_scene("no-such-thing");
+  ASSERT_FALSE(scene.ok());
+  EXPECT_NE(scene.error().message().find("sinusoid"), std::string::npos);
+  EXPECT_FALSE(open_scene("missing.toml").ok());
+  EXPECT_FALSE(open_scene("plane:points=121:wrong=1").ok());
+}
+
+}  // namespace
+}  // namespace palpate::scene

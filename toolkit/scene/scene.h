@@ -1,0 +1,86 @@
+// Scenes: which models stand where, what their surfaces do, and with which renderer. The schema is
+// docs/scene.md.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "toolkit/cloud/cloud.h"
+#include "toolkit/core/options.h"
+#include "toolkit/core/progress.h"
+#include "toolkit/core/result.h"
+#include "toolkit/geometry/rigid_transform.h"
+#include "toolkit/io/read_model.h"
+#include "toolkit/render/renderer.h"
+#include "toolkit/surface/surface.h"
+
+namespace palpate::scene {
+
+/// One [[model]] of a scene: a file or a generator, never both.
+struct SceneModel {
+  std::string name;                      ///< file name without folders and endings, or the generator's name
+  std::string cloud;                     ///< path of the file, resolved against the scene file; or empty
+  std::optional<NamedOptions> generate;  ///< the generator with its options
+  std::optional<io::Unit> unit;          ///< of the file; empty: what the file says, else a guess
+  double scale = 1.0;                    ///< multiplies all lengths after the unit
+  geometry::RigidTransform world_from_model;
+  surface::Surface surface;
+  std::int64_t line = 0;  ///< in the scene file; 0 where there is none
+};
+
+/// A scene as written, nothing loaded.
+struct SceneFile {
+  std::string path;                ///< the file, or the model or generator it was made from
+  std::vector<SceneModel> models;  ///< at least one
+  std::optional<NamedOptions> renderer;
+  double force_limit_n = 0.0;  ///< 0 = none
+};
+
+/// Largest scene file that is read: a thousand models take some 300 kB.
+inline constexpr std::size_t kMaxSceneBytes = std::size_t{1} << 20;
+
+/// Parses a TOML scene. Unknown keys are errors with line, column and the nearest known key; keys that belong
+/// to later versions say so. Relative paths are resolved against the folder of `path`.
+[[nodiscard]] Result<SceneFile> parse_scene(std::string_view text, const std::string& path);
+[[nodiscard]] Result<SceneFile> read_scene(const std::string& path);
+
+/// What the commands call SCENE: a .toml file, a generator with options ("sinusoid:points=10201:seed=1"), or
+/// a model file. A file wins over a generator of the same name.
+[[nodiscard]] Result<SceneFile> open_scene(const std::string& argument);
+
+/// The command line's wishes for model files.
+struct LoadOptions {
+  std::optional<io::Unit> unit;  ///< for files whose scene does not say it
+  std::optional<double> scale;   ///< replaces the scene's scale of every model
+  cloud::NonFinite non_finite = cloud::NonFinite::kDrop;
+};
+
+/// Where a loaded model came from, for reports.
+struct Provenance {
+  std::string source;        ///< file, or the generator with every option
+  std::string format;        ///< "PLY, ASCII", "generated", ..
+  std::string content_hash;  ///< of the coordinates in mm: sixteen hexadecimal digits
+  io::Unit unit = io::Unit::kMillimetre;
+  bool unit_guessed = false;
+  std::size_t file_points = 0;  ///< before dropping
+  std::size_t non_finite = 0;   ///< dropped
+  std::vector<std::string> warnings;
+};
+
+struct LoadedScene {
+  render::SceneInput input;
+  std::vector<Provenance> provenance;  ///< one per model
+};
+
+/// Reads or generates every model. Reports progress; an Error names the file that failed.
+[[nodiscard]] Result<LoadedScene> load(const SceneFile& scene, const io::Readers& readers,
+                                       const LoadOptions& options, Progress& progress);
+
+/// The name among `known` with the fewest edits to `wrong`, or empty where none is near (at most a third of
+/// its letters differ).
+[[nodiscard]] std::string nearest_name(std::string_view wrong, const std::vector<std::string>& known);
+
+}  // namespace palpate::scene

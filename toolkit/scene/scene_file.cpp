@@ -1,0 +1,332 @@
+// The TOML side of a scene: the only file that sees toml++.
+#include <fmt/format.h>
+#include <toml++/toml.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "toolkit/cloud/generate.h"
+#include "toolkit/scene/scene.h"
+
+namespace palpate::scene {
+namespace {
+
+// A rotation whose length differs from 1 by more than this is a mistake, not rounding: four components
+// written with three digits are within 0.002.
+constexpr double kQuaternionSlack = 0.01;
+
+constexpr const char* kLater = "it comes with a later version; remove it";
+
+struct Place {
+  const std::string& file;
+
+  [[nodiscard]] Error at(const toml::source_region& source, std::string what, std::string remedy = {}) const {
+    return Error{fmt::format("{} (column {})", what, source.begin.column), std::move(remedy), file,
+                 static_cast<std::int64_t>(source.begin.line)};
+  }
+  [[nodiscard]] Error at(const toml::node& node, std::string what, std::string remedy = {}) const {
+    return at(node.source(), std::move(what), std::move(remedy));
+  }
+};
+
+/// Refuses keys of `table` that are neither known nor of a later version.
+Status check_keys(const toml::table& table, const std::vector<std::string>& known,
+                  const std::vector<std::string>& later, const std::string& where, const Place& place) {
+  for (const auto& [key, node] : table) {
+    const std::string name(key.str());
+    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+    if (std::find(later.begin(), later.end(), name) != later.end())
+      return place.at(key.source(), fmt::format("'{}' in {} is not in this version", name, where), kLater);
+    const std::string near = nearest_name(name, known);
+    std::string all;
+    for (const std::string& k : known) all += (all.empty() ? "" : ", ") + k;
+    return place.at(key.source(), fmt::format("{} has no key '{}'", where, name),
+                    near.empty() ? fmt::format("it has {}", all) : fmt::format("did you mean '{}'?", near));
+  }
+  return Done{};
+}
+
+Result<double> number(const toml::node& node, const std::string& key, const Place& place) {
+  const std::optional<double> value = node.is_number() ? node.value<double>() : std::nullopt;
+  if (!value || !std::isfinite(*value))
+    return place.at(node, fmt::format("'{}' must be a finite number", key));
+  return *value;
+}
+
+Result<std::string> text(const toml::node& node, const std::string& key, const Place& place) {
+  const std::optional<std::string> value = node.value_exact<std::string>();
+  if (!value || value->empty()) return place.at(node, fmt::format("'{}' must be a text in quotes", key));
+  return *value;
+}
+
+/// A value of an option, as the text that the command line would have.
+Result<std::string> option_text(const toml::node& node, const std::string& key, const Place& place) {
+  if (const auto value = node.value_exact<std::string>()) return *value;
+  if (const auto value = node.value_exact<bool>()) return std::string(*value ? "true" : "false");
+  if (const auto value = node.value_exact<std::int64_t>()) return fmt::format("{}", *value);
+  if (const auto value = node.value_exact<double>()) return fmt::format("{}", *value);
+  return place.at(node, fmt::format("'{}' must be a text, a number, true or false", key));
+}
+
+template <std::size_t n>
+Result<std::array<double, n>> numbers(const toml::node& node, const std::string& key, const Place& place) {
+  const toml::array* array = node.as_array();
+  if (array == nullptr || array->size() != n)
+    return place.at(node, fmt::format("'{}' must be a list of {} numbers", key, n));
+  std::array<double, n> values{};
+  for (std::size_t i = 0; i < n; ++i) {
+    const Result<double> value = number(*array->get(i), key, place);
+    if (!value) return value.error();
+    values[i] = *value;
+  }
+  return values;
+}
+
+Result<const toml::table*> table_of(const toml::node& node, const std::string& key, const Place& place) {
+  const toml::table* table = node.as_table();
+  if (table == nullptr) return place.at(node, fmt::format("'{}' must be a table, written [{}]", key, key));
+  return table;
+}
+
+Status read_pose(const toml::table& table, SceneModel& model, const Place& place) {
+  if (const toml::node* node = table.get("position_mm")) {
+    const auto p = numbers<3>(*node, "position_mm", place);
+    if (!p) return p.error();
+    model.world_from_model.translation_mm = Vec3((*p)[0], (*p)[1], (*p)[2]);
+  }
+  if (const toml::node* node = table.get("rotation")) {
+    const auto q = numbers<4>(*node, "rotation", place);
+    if (!q) return q.error();
+    const Eigen::Quaterniond rotation((*q)[0], (*q)[1], (*q)[2], (*q)[3]);
+    if (std::abs(rotation.norm() - 1.0) > kQuaternionSlack)
+      return place.at(*node, fmt::format("'rotation' has length {:.6g}", rotation.norm()),
+                      "a rotation is a unit quaternion w, x, y, z; [1, 0, 0, 0] is none");
+    // Exactly 1, 0, 0, 0 stays so, for is_identity().
+    model.world_from_model.rotation = rotation.norm() == 1.0 ? rotation : rotation.normalized();
+  }
+  return Done{};
+}
+
+Status read_surface(const toml::table& table, SceneModel& model, const Place& place) {
+  const toml::node* node = table.get("surface");
+  if (node == nullptr) return Done{};
+  const Result<const toml::table*> surface = table_of(*node, "model.surface", place);
+  if (!surface) return surface.error();
+  if (const Status keys = check_keys(**surface, {"stiffness_n_per_mm"},
+                                     {"friction", "deformation", "damping", "damping_n_s_per_mm", "texture"},
+                                     "[model.surface]", place);
+      !keys)
+    return keys.error();
+  if (const toml::node* stiffness = (*surface)->get("stiffness_n_per_mm")) {
+    const Result<double> value = number(*stiffness, "stiffness_n_per_mm", place);
+    if (!value) return value.error();
+    if (!(*value > 0.0)) return place.at(*stiffness, "'stiffness_n_per_mm' must be above 0");
+    model.surface.stiffness_n_per_mm = *value;
+  }
+  return Done{};
+}
+
+/// The file or the generator of a model, with the generator's own keys.
+Status read_source(const toml::table& table, SceneModel& model, const Place& place) {
+  std::vector<std::string> known = {"cloud", "unit", "scale", "position_mm", "rotation", "surface"};
+  const toml::node* cloud_node = table.get("cloud");
+  const toml::node* generate_node = table.get("generate");
+  if ((cloud_node == nullptr) == (generate_node == nullptr))
+    return place.at(table, "a [[model]] needs either 'cloud' or 'generate'",
+                    "cloud = \"file.ply\", or generate = \"sinusoid\"");
+  const std::vector<std::string> later = {"friction", "deformation", "region",       "shading",
+                                          "motion",   "texture",     "velocity_mm_s"};
+  if (cloud_node != nullptr) {
+    const Result<std::string> file = text(*cloud_node, "cloud", place);
+    if (!file) return file.error();
+    const std::filesystem::path folder = std::filesystem::path(place.file).parent_path();
+    model.cloud = (folder / *file).lexically_normal().string();
+    known.push_back("generate");
+    return check_keys(table, known, later, "a [[model]] with a file", place);
+  }
+  const Result<std::string> name = text(*generate_node, "generate", place);
+  if (!name) return name.error();
+  const cloud::Generator* generator = cloud::find_generator(*name);
+  if (generator == nullptr) {
+    std::string all;
+    for (const cloud::Generator& g : cloud::generators()) all += (all.empty() ? "" : ", ") + g.name;
+    return place.at(*generate_node, fmt::format("there is no generator '{}'", *name), "choose from " + all);
+  }
+  known = {"generate", "scale", "position_mm", "rotation", "surface"};
+  for (const OptionSpec& spec : generator->options) known.push_back(spec.key);
+  if (const Status keys =
+          check_keys(table, known, later, fmt::format("a [[model]] with generate = \"{}\"", *name), place);
+      !keys)
+    return keys.error();
+  model.generate = NamedOptions{*name, {}};
+  for (const OptionSpec& spec : generator->options) {
+    const toml::node* node = table.get(spec.key);
+    if (node == nullptr || spec.key == "scale") continue;
+    const Result<std::string> value = option_text(*node, spec.key, place);
+    if (!value) return value.error();
+    model.generate->options.set(spec.key, *value);
+  }
+  // A wrong value is found here, where the line is known.
+  if (const Result<Options> checked = validate(model.generate->options, generator->options, *name); !checked)
+    return place.at(table, checked.error().what, checked.error().remedy);
+  return Done{};
+}
+
+std::string base_name(const std::string& path) {
+  const std::string name = std::filesystem::path(path).filename().string();
+  return name.substr(0, name.find('.', 1));
+}
+
+Result<SceneModel> read_model_table(const toml::table& table, const Place& place) {
+  SceneModel model;
+  model.line = static_cast<std::int64_t>(table.source().begin.line);
+  if (const Status source = read_source(table, model, place); !source) return source.error();
+  model.name = model.generate ? model.generate->name : base_name(model.cloud);
+  if (const toml::node* node = table.get("unit")) {
+    const Result<std::string> name = text(*node, "unit", place);
+    if (!name) return name.error();
+    const Result<io::Unit> unit = io::parse_unit(*name);
+    if (!unit) return place.at(*node, unit.error().what, unit.error().remedy);
+    model.unit = *unit;
+  }
+  if (const toml::node* node = table.get("scale")) {
+    const Result<double> scale = number(*node, "scale", place);
+    if (!scale) return scale.error();
+    if (!(*scale > 0.0)) return place.at(*node, "'scale' must be above 0");
+    model.scale = *scale;
+  }
+  if (const Status pose = read_pose(table, model, place); !pose) return pose.error();
+  if (const Status surface = read_surface(table, model, place); !surface) return surface.error();
+  return model;
+}
+
+Status read_models(const toml::table& root, SceneFile& scene, const Place& place) {
+  const toml::node* node = root.get("model");
+  if (node == nullptr)
+    return Error{"the scene has no model",
+                 "add [[model]] with cloud = \"file.ply\" or generate = \"sinusoid\"", place.file, 1};
+  const toml::array* models = node->as_array();
+  if (models == nullptr || models->empty() || !models->is_homogeneous(toml::node_type::table))
+    return place.at(*node, "'model' must be a list of tables", "write [[model]] with two brackets");
+  for (const toml::node& entry : *models) {
+    Result<SceneModel> model = read_model_table(*entry.as_table(), place);
+    if (!model) return std::move(model).error();
+    scene.models.push_back(*std::move(model));
+  }
+  return Done{};
+}
+
+Status read_renderer(const toml::table& root, SceneFile& scene, const Place& place) {
+  const toml::node* node = root.get("renderer");
+  if (node == nullptr) return Done{};
+  const Result<const toml::table*> table = table_of(*node, "renderer", place);
+  if (!table) return table.error();
+  NamedOptions renderer;
+  for (const auto& [key, value] : **table) {
+    const std::string name(key.str());
+    Result<std::string> option = option_text(value, name, place);
+    if (!option) return std::move(option).error();
+    if (name == "name")
+      renderer.name = *option;
+    else
+      renderer.options.set(name, *option);
+  }
+  if (renderer.name.empty())
+    return place.at(*node, "[renderer] needs 'name'", "`palpate renderers` lists them");
+  scene.renderer = std::move(renderer);
+  return Done{};
+}
+
+Status read_control(const toml::table& root, SceneFile& scene, const Place& place) {
+  const toml::node* node = root.get("control");
+  if (node == nullptr) return Done{};
+  const Result<const toml::table*> table = table_of(*node, "control", place);
+  if (!table) return table.error();
+  if (const Status keys =
+          check_keys(**table, {"force_limit_n"}, {"coupling", "virtual_coupling", "filter", "passivity"},
+                     "[control]", place);
+      !keys)
+    return keys.error();
+  if (const toml::node* limit = (*table)->get("force_limit_n")) {
+    const Result<double> value = number(*limit, "force_limit_n", place);
+    if (!value) return value.error();
+    if (!(*value > 0.0))
+      return place.at(*limit, "'force_limit_n' must be above 0", "leave it out for no limit");
+    scene.force_limit_n = *value;
+  }
+  return Done{};
+}
+
+Result<SceneFile> from_table(const toml::table& root, const std::string& path) {
+  const Place place{path};
+  SceneFile scene;
+  scene.path = path;
+  if (const Status keys = check_keys(root, {"model", "renderer", "control"},
+                                     {"region", "plan", "device", "motion", "light"}, "the scene", place);
+      !keys)
+    return keys.error();
+  if (const Status models = read_models(root, scene, place); !models) return models.error();
+  if (const Status renderer = read_renderer(root, scene, place); !renderer) return renderer.error();
+  if (const Status control = read_control(root, scene, place); !control) return control.error();
+  return scene;
+}
+
+}  // namespace
+
+Result<SceneFile> parse_scene(std::string_view contents, const std::string& path) {
+  if (contents.size() > kMaxSceneBytes)
+    return Error{fmt::format("the scene file is larger than {} bytes", kMaxSceneBytes), "is it a scene?",
+                 path, 0};
+  try {
+    return from_table(toml::parse(contents, path), path);
+  } catch (const toml::parse_error& error) {
+    return Error{fmt::format("{} (column {})", error.description(), error.source().begin.column),
+                 "the file must be TOML; docs/scene.md has an example", path,
+                 static_cast<std::int64_t>(error.source().begin.line)};
+  }
+}
+
+Result<SceneFile> read_scene(const std::string& path) {
+  std::error_code code;
+  if (!std::filesystem::exists(path, code)) return Error{"there is no such file", "check the name", path, 0};
+  if (!std::filesystem::is_regular_file(path, code))
+    return Error{"is not a file", "give a scene file", path, 0};
+  std::ifstream file(path, std::ios::binary);
+  if (!file) return Error{"cannot be opened", "check its permissions", path, 0};
+  std::string contents(kMaxSceneBytes + 1, '\0');
+  file.read(contents.data(), static_cast<std::streamsize>(contents.size()));
+  contents.resize(static_cast<std::size_t>(file.gcount()));
+  return parse_scene(contents, path);
+}
+
+Result<SceneFile> open_scene(const std::string& argument) {
+  std::error_code code;
+  const bool exists = std::filesystem::exists(argument, code);
+  if (std::filesystem::path(argument).extension() == ".toml") return read_scene(argument);
+  SceneFile scene;
+  scene.path = argument;
+  SceneModel model;
+  if (exists) {
+    model.cloud = argument;
+    model.name = base_name(argument);
+  } else {
+    Result<NamedOptions> named = parse_named_options(argument);
+    const cloud::Generator* generator = named ? cloud::find_generator(named->name) : nullptr;
+    if (generator == nullptr) {
+      std::string all;
+      for (const cloud::Generator& g : cloud::generators()) all += (all.empty() ? "" : ", ") + g.name;
+      return Error{"there is no such file, and no generator of this name",
+                   "give a scene (.toml), a model file, or one of the generators " + all, argument, 0};
+    }
+    if (Result<Options> checked = validate(named->options, generator->options, named->name); !checked)
+      return std::move(checked).error();
+    model.name = named->name;
+    model.generate = *std::move(named);
+  }
+  scene.models.push_back(std::move(model));
+  return scene;
+}
+
+}  // namespace palpate::scene
