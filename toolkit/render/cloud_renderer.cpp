@@ -41,10 +41,10 @@ class Cloud final : public HapticRenderer {
       // nothing is shaded and the frame is built without it.
       const double largest = model_.stiffness_n_per_mm * model_.max_spacing_mm;
       by_spacing_ = largest > kFeltForceStepN;
-      shading_ = by_spacing_ ? Shading::kAreaSigned : Shading::kNone;
-      report.notes.push_back(fmt::format(
-          "shading: {}, stiffness x spacing is at most {:.3g} N ({} N is felt)",
-          by_spacing_ ? "area-signed where spacing asks for it" : "none", largest, kFeltForceStepN));
+      shading_ = by_spacing_ ? Shading::kFacet : Shading::kNone;
+      report.notes.push_back(
+          fmt::format("shading: {}, stiffness x spacing is at most {:.3g} N ({} N is felt)",
+                      by_spacing_ ? "facet where spacing asks for it" : "none", largest, kFeltForceStepN));
       const double felt_mm = kFeltForceStepN / model_.stiffness_n_per_mm;
       felt_spacing_sq_mm2_ = felt_mm * felt_mm;
     } else {
@@ -232,7 +232,8 @@ class Cloud final : public HapticRenderer {
     const Vec3 g = model_.points[end.place].at();
     Vec3 pull = g - h;
     if (shading_ != Shading::kNone) {
-      const NearestTwo two = nearest_two(model_, end);
+      const NearestTwo two = shading_ == Shading::kFacet ? enclosing_two(model_, end, near_[0].outward, h)
+                                                         : nearest_two(model_, end);
       const Vec3 b = model_.points[two.first].at();
       if (!by_spacing_ || (b - g).squaredNorm() > felt_spacing_sq_mm2_)
         pull = shaded_vector(shading_, h, g, b, model_.points[two.second].at());
@@ -270,8 +271,7 @@ RendererInfo cloud_info() {
   info.summary = "chapter 3 made right: a contact state with a side, shading by stiffness and spacing";
   info.source = "El-Far, chapter 3; contact side and bounds are ours";
   info.options = point_model_specs();
-  info.options.push_back(
-      shading_spec("force shading; auto: area-signed where stiffness x local spacing is felt"));
+  info.options.push_back(shading_spec("force shading; auto: facet where stiffness x local spacing is felt"));
   info.make = [](const Options& options) { return std::make_unique<Cloud>(options); };
   return info;
 }

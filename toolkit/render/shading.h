@@ -1,6 +1,7 @@
 // Force shading over three points: section 3.4 of the thesis, as printed and made right.
 #pragma once
 
+#include <Eigen/Geometry>  // cross products
 #include <algorithm>
 #include <cstdint>
 #include <string>
@@ -13,9 +14,10 @@ namespace palpate::render {
 
 enum class Shading : std::uint8_t {
   kNone,
-  kAreaRaw,           ///< areas opposite each point, formed with the HIP itself
-  kAreaProjected,     ///< areas formed with the HIP's projection on the triangle's plane
-  kAreaSigned,        ///< the same with signed areas: exact on a plane wherever the projection falls (ours)
+  kAreaRaw,        ///< areas opposite each point, formed with the HIP itself
+  kAreaProjected,  ///< areas formed with the HIP's projection on the triangle's plane
+  kFacet,  ///< the plane of the three points: signed areas, exact on a plane wherever the projection falls
+           ///< (ours)
   kLengthPrinted,     ///< lengths as printed: the weights sum to 2
   kLengthNormalised,  ///< the same divided by 2
 };
@@ -23,18 +25,17 @@ enum class Shading : std::uint8_t {
 /// The option `shading` of every renderer that shades over three points; the first choice, auto, is each
 /// one's own.
 [[nodiscard]] inline OptionSpec shading_spec(std::string help) {
-  return {
-      "shading",
-      OptionKind::kChoice,
-      "auto",
-      std::move(help),
-      {"auto", "none", "area-raw", "area-projected", "area-signed", "length-printed", "length-normalised"}};
+  return {"shading",
+          OptionKind::kChoice,
+          "auto",
+          std::move(help),
+          {"auto", "none", "area-raw", "area-projected", "facet", "length-printed", "length-normalised"}};
 }
 /// A choice of shading_spec() other than auto.
 [[nodiscard]] inline Shading parse_shading(std::string_view name) noexcept {
   if (name == "area-raw") return Shading::kAreaRaw;
   if (name == "area-projected") return Shading::kAreaProjected;
-  if (name == "area-signed") return Shading::kAreaSigned;
+  if (name == "facet") return Shading::kFacet;
   if (name == "length-printed") return Shading::kLengthPrinted;
   if (name == "length-normalised") return Shading::kLengthNormalised;
   return Shading::kNone;
@@ -64,7 +65,7 @@ inline constexpr double kSliverShare = 1.0 / 64.0;
   const double longest = std::max({ab.squaredNorm(), ac.squaredNorm(), (c - b).squaredNorm()});
   if (!(area > kSliverShare * longest)) return fa;
   const Vec3 normal = cross / area;
-  if (shading == Shading::kAreaSigned) return fa.dot(normal) * normal;
+  if (shading == Shading::kFacet) return fa.dot(normal) * normal;
   double wa, wb, wc;
   if (shading == Shading::kAreaRaw) {
     wa = fb.cross(fc).norm();

@@ -1,8 +1,10 @@
 // A piece of surface that the probe is near or in: the god object on it and the side that is outside.
 #pragma once
 
+#include <Eigen/Geometry>  // cross products
 #include <cmath>
 #include <cstdint>
+#include <limits>
 
 #include "toolkit/render/point_model.h"
 #include "toolkit/render/point_walk.h"
@@ -11,10 +13,13 @@ namespace palpate::render {
 
 /// Wider looks a frame may take at a place where the greedy walk seems stuck; each reads at most 64 points.
 inline constexpr int kMaxRescues = 4;
-/// A true nearest sample lies within the covering radius of the samples, which is at most the distance to the
-/// eighth neighbour: when the HIP is further to the side than this many local resolutions, the walk may be
-/// stuck.
-inline constexpr double kStuckResolutions = 1.0;
+/// On a square lattice the nearest sample lies within half the distance to the eighth neighbour (half a
+/// diagonal). Where the HIP is further to the side than this share of it, a fifth more than the lattice
+/// needs, the walk may be stuck and is worth a wider look.
+inline constexpr double kStuckResolutions = 0.6;
+
+/// The third corner of a facet stands at least 15 degrees off the line of the other two: sin 15 = 0.26.
+inline constexpr double kFacetCosine = 0.26;
 
 /// The god object's point and the outward normal carried to it. A side is decided once, where the probe came
 /// from, and carried from point to point: neighbouring planes are less than a right angle apart.
@@ -90,6 +95,34 @@ struct Sheet {
   sheet.walk_cut = steps == 0;
   counters.walk_steps += static_cast<std::uint64_t>(before - steps);
   return end;
+}
+
+/// Neighbours of the god object whose facet with it encloses the HIP's projection, as well as eight
+/// neighbours can tell: the first is the one nearest to the HIP, the second the nearest on the HIP's side of
+/// the line to the first. Unlike the two nearest of the printed shading they never lie on one line with the
+/// god object.
+[[nodiscard]] inline NearestTwo enclosing_two(const PointModel& model, const WalkEnd& end,
+                                              const Vec3& outward, const Vec3& h) noexcept {
+  const NearestTwo two = nearest_two(model, end);
+  const Vec3 g = model.points[end.place].at();
+  const Vec3 along = model.points[two.first].at() - g;
+  const Vec3 across = outward.cross(along);  // in the surface, square to the line
+  const double side = across.dot(h - g);
+  const double least = kFacetCosine * kFacetCosine * across.squaredNorm();
+  double nearest = std::numeric_limits<double>::infinity();
+  std::uint32_t second = two.second;
+  const neighbourhood::Neighbours& around = model.neighbours[end.place];
+  for (std::size_t k = 0; k < neighbourhood::kNeighbours; ++k) {
+    const Vec3 step = model.points[around[k]].at() - g;
+    const double aside = side < 0.0 ? -across.dot(step) : across.dot(step);
+    // aside^2 = |across|^2 |step|^2 cos^2; points on the line or behind it do not count.
+    if (!(aside > 0.0) || aside * aside < least * step.squaredNorm()) continue;
+    if (end.neighbour_sq_mm2[k] < nearest) {
+      nearest = end.neighbour_sq_mm2[k];
+      second = around[k];
+    }
+  }
+  return {two.first, second};
 }
 
 }  // namespace palpate::render
