@@ -45,7 +45,7 @@ const std::vector<Heavy> kHeavy = {
     {"vtk", {}, {}},
     {"gdal", {}, {}},
     {"CLI/", {"experiments/", "tests/experiments/"}, {}},
-    {"toml++/", {"experiments/", "tests/experiments/"}, {}},
+    {"toml++/", {"toolkit/scene/", "experiments/", "tests/toolkit/scene/", "tests/experiments/"}, {}},
     {"nlohmann/", {"toolkit/metrics/", "experiments/", "tests/toolkit/metrics/", "tests/experiments/"}, {}},
     {"spdlog/", {"experiments/", "tests/experiments/"}, {}},
     {"nanoflann", {"toolkit/neighbourhood/", "experiments/benchmarks/", "tests/"}, {}},
