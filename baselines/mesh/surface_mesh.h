@@ -1,0 +1,121 @@
+// A triangle mesh prepared for walking: welded vertices, flat facets, neighbourhood between half-facets,
+// normals of features, and the facets that cross others.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "baselines/mesh/facet.h"
+#include "toolkit/core/progress.h"
+#include "toolkit/core/result.h"
+#include "toolkit/geometry/aabb.h"
+#include "toolkit/geometry/triangle_mesh.h"
+
+namespace palpate::baselines {
+
+/// Facets around one vertex that a walk looks at, at most; the rest is left to the next frame. Scans have
+/// some 6, fans in CAD files up to some dozens.
+inline constexpr std::uint32_t kMaxFan = 256;
+
+/// What preparing found.
+struct SurfaceMeshCounts {
+  std::size_t vertices = 0;         ///< after welding
+  std::size_t welded_vertices = 0;  ///< given vertices at exactly the place of an earlier one, merged with it
+  std::size_t collapsed_facets = 0;  ///< with two corners at one vertex: dropped, their edges close over them
+  std::size_t flat_facets = 0;       ///< three vertices without area: kept, they are walked as edges
+  std::size_t boundary_edges = 0;
+  std::size_t radial_edges = 0;   ///< edges of three or more facets
+  std::size_t flipped_edges = 0;  ///< between two facets of opposite orientation
+};
+
+/// Immutable after building; safe to read from many threads. Everything in mm relative to origin_mm (the
+/// middle of the box), in double. Nothing in the const noexcept members allocates.
+class SurfaceMesh {
+ public:
+  /// Welds, numbers and connects. O(n log n) at worst, O(n) in practice. Indices out of range, non-finite
+  /// vertices and meshes without a usable facet are Errors. The same result for any number of threads.
+  [[nodiscard]] static Result<SurfaceMesh> build(const geometry::TriangleMesh& mesh, int threads);
+
+  [[nodiscard]] const Vec3& origin_mm() const noexcept { return origin_mm_; }
+  /// Relative to the origin.
+  [[nodiscard]] const geometry::Aabb& local_box_mm() const noexcept { return box_; }
+  [[nodiscard]] const std::vector<Facet>& facets() const noexcept { return facets_; }
+  [[nodiscard]] const Facet& facet(std::uint32_t i) const noexcept { return facets_[i]; }
+  [[nodiscard]] const std::vector<Vec3>& vertices() const noexcept { return vertices_; }
+  [[nodiscard]] const SurfaceMeshCounts& counts() const noexcept { return counts_; }
+  [[nodiscard]] std::size_t bytes() const noexcept;
+  /// The facets around a vertex, in order of their number.
+  [[nodiscard]] std::span<const std::uint32_t> star(std::uint32_t vertex) const noexcept {
+    return {star_.data() + star_begin_[vertex], star_begin_[vertex + 1] - star_begin_[vertex]};
+  }
+  /// Length that bounds the rounding of any double computation on local coordinates here: 64 operations on
+  /// numbers as large as the box (gamma(64) x half diagonal x 2).
+  [[nodiscard]] double rounding_mm() const noexcept { return rounding_mm_; }
+
+  /// The half-facet that one comes to from `half` over its edge without leaving its side: at an edge of two
+  /// facets the other one, at an edge of several the next one in rotation, kNoFacet at a boundary.
+  [[nodiscard]] HalfFacet neighbour(HalfFacet half, std::uint32_t edge) const noexcept {
+    const std::uint32_t across = facets_[facet_of(half)].across[edge];
+    if (across < kRadialBase) return across ^ side_of(half);
+    return across == kNoFacet ? kNoFacet : radial_[across - kRadialBase][side_of(half)];
+  }
+  /// Of the facet's given side, unit; zero for a facet without area.
+  [[nodiscard]] Vec3 normal(HalfFacet half) const noexcept;
+  /// Towards the free side at a feature: the facet's normal, the sum over the two facets of an edge, the
+  /// angle-weighted sum over the half-facets around a corner (Baerentzen and Aanaes 2005), unit; zero where
+  /// it vanishes. `boundary` says that the feature lies on a boundary, where nothing is behind it.
+  [[nodiscard]] Vec3 pseudonormal(HalfFacet half, Feature feature, bool* boundary) const noexcept;
+
+  /// Calls visit(HalfFacet) for every other half-facet around the corner, on the same side, until it has seen
+  /// kMaxFan. Returns true where the fan is open (the corner lies on a boundary).
+  template <class Visit>
+  bool around_corner(HalfFacet half, std::uint32_t corner, Visit&& visit) const noexcept {
+    std::uint32_t seen = 0;
+    const std::uint32_t vertex = facets_[facet_of(half)].vertex[corner];
+    if (turn(half, vertex, corner, half, seen, visit)) return false;
+    turn(half, vertex, before(corner), half, seen, visit);
+    return true;
+  }
+
+ private:
+  /// Facet numbers stay under 2^29, so that 2 * facet + side stays under this.
+  static constexpr std::uint32_t kRadialBase = 0x40000000u;
+
+  /// Walks from `from` over `edge` around `vertex`; true when it came back to `start`.
+  template <class Visit>
+  bool turn(HalfFacet from, std::uint32_t vertex, std::uint32_t edge, HalfFacet start, std::uint32_t& seen,
+            Visit& visit) const noexcept {
+    while (seen < kMaxFan) {
+      const Facet& here = facets_[facet_of(from)];
+      const std::uint32_t other_end =
+          here.vertex[edge] == vertex ? here.vertex[after(edge)] : here.vertex[edge];
+      const HalfFacet next = neighbour(from, edge);
+      if (next == kNoFacet) return false;
+      if (next == start) return true;
+      visit(next);
+      ++seen;
+      const Facet& there = facets_[facet_of(next)];
+      std::uint32_t corner = 0;
+      while (corner < 2 && there.vertex[corner] != vertex) ++corner;
+      edge = there.vertex[after(corner)] == other_end ? before(corner) : corner;
+      from = next;
+    }
+    return true;
+  }
+
+  void connect();
+  void connect_edge(std::span<const std::uint64_t> uses);
+  void connect_radial(std::span<const std::uint64_t> uses);
+
+  Vec3 origin_mm_ = Vec3::Zero();
+  geometry::Aabb box_;
+  double rounding_mm_ = 0.0;
+  std::vector<Vec3> vertices_;
+  std::vector<Facet> facets_;
+  std::vector<std::uint32_t> star_begin_, star_;
+  std::vector<std::array<HalfFacet, 2>> radial_;
+  SurfaceMeshCounts counts_;
+};
+
+}  // namespace palpate::baselines

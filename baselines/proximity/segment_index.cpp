@@ -1,0 +1,256 @@
+#include "baselines/proximity/segment_index.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <limits>
+
+#include "baselines/proximity/embree_shim.h"
+
+namespace palpate::baselines {
+namespace {
+
+/// Coordinates up to 2^22 quanta have differences up to 2^23, exact in the 24 bits of a float.
+constexpr int kGridBits = 22;
+/// Half a quantum of snapping and an eighth of vertex rounding per axis (x sqrt 3), and some ulps of the
+/// distance along the segment, come to under two; twice that for safety.
+constexpr double kMarginQuanta = 4.0;
+/// Quanta by which the box is grown before segments are clipped to it, so that no facet lies at a clipped
+/// end.
+constexpr double kClipQuanta = 64.0;
+
+bool monitor(void* counter, ssize_t bytes, bool /*post*/) {
+  static_cast<std::atomic<std::ptrdiff_t>*>(counter)->fetch_add(bytes, std::memory_order_relaxed);
+  return true;
+}
+
+struct FilterContext {
+  shim::Context context;  // first: Embree hands back its address
+  const SurfaceMesh* mesh;
+  std::uint32_t around;
+};
+
+bool share_vertex(const Facet& f, const Facet& g) noexcept {
+  for (const std::uint32_t a : f.vertex)
+    for (const std::uint32_t b : g.vertex)
+      if (a == b) return true;
+  return false;
+}
+
+void skip_neighbours(const RTCFilterFunctionNArguments* args) {
+  const auto* context = reinterpret_cast<const FilterContext*>(args->context);
+  const auto* hit = reinterpret_cast<const RTCHit*>(args->hit);
+  if (share_vertex(context->mesh->facet(hit->primID), context->mesh->facet(context->around)))
+    args->valid[0] = 0;
+}
+
+}  // namespace
+
+struct SegmentIndex::State {
+  const SurfaceMesh* mesh = nullptr;
+  RTCDevice device = nullptr;
+  RTCScene scene = nullptr;
+  std::atomic<std::ptrdiff_t> bytes{0};
+  double quantum_mm = 0.0;
+  double to_grid = 0.0;
+  geometry::Aabb clip_box;
+
+  State() = default;
+  State(const State&) = delete;
+  State& operator=(const State&) = delete;
+  ~State() {
+    if (scene != nullptr) rtcReleaseScene(scene);
+    if (device != nullptr) rtcReleaseDevice(device);
+  }
+
+  [[nodiscard]] Vec3f snapped(const Vec3& p) const noexcept {
+    Vec3f result;
+    for (int axis = 0; axis < 3; ++axis)
+      result[axis] = static_cast<float>(std::nearbyint(p[axis] * to_grid) * quantum_mm);
+    return result;
+  }
+
+  /// Cuts a -> b to the box, where it reaches out of it; false if it misses the box. Ends inside stay as they
+  /// are.
+  [[nodiscard]] bool clip(Vec3& a, Vec3& b, double& from, double& to) const noexcept {
+    from = 0.0;
+    to = 1.0;
+    if (clip_box.contains(a) && clip_box.contains(b)) return true;
+    const Vec3 d = b - a;
+    for (int axis = 0; axis < 3; ++axis) {
+      if (d[axis] == 0.0) {
+        if (a[axis] < clip_box.low_mm[axis] || a[axis] > clip_box.high_mm[axis]) return false;
+        continue;
+      }
+      const double t1 = (clip_box.low_mm[axis] - a[axis]) / d[axis];
+      const double t2 = (clip_box.high_mm[axis] - a[axis]) / d[axis];
+      from = std::max(from, std::min(t1, t2));
+      to = std::min(to, std::max(t1, t2));
+    }
+    if (!(from <= to)) return false;
+    const Vec3 start = a;
+    if (from > 0.0) a = start + d * from;
+    if (to < 1.0) b = start + d * to;
+    return true;
+  }
+};
+
+SegmentIndex::SegmentIndex(std::unique_ptr<State> state) noexcept : state_(std::move(state)) {}
+SegmentIndex::SegmentIndex(SegmentIndex&&) noexcept = default;
+SegmentIndex& SegmentIndex::operator=(SegmentIndex&&) noexcept = default;
+SegmentIndex::~SegmentIndex() = default;
+
+Result<SegmentIndex> SegmentIndex::build(const SurfaceMesh& mesh, int threads) {
+  auto state = std::make_unique<State>();
+  state->mesh = &mesh;
+  const std::string config = threads > 0 ? fmt::format("threads={}", threads) : std::string();
+  state->device = rtcNewDevice(config.empty() ? nullptr : config.c_str());
+  if (state->device == nullptr)
+    return Error{fmt::format("Embree did not start (code {})", static_cast<int>(rtcGetDeviceError(nullptr))),
+                 "check the installed Embree against this machine's processor",
+                 {},
+                 0};
+  rtcSetDeviceMemoryMonitorFunction(state->device, monitor, &state->bytes);
+
+  const double half =
+      mesh.local_box_mm().low_mm.cwiseAbs().cwiseMax(mesh.local_box_mm().high_mm.cwiseAbs()).maxCoeff();
+  // The grown box must stay within 2^kGridBits quanta, hence one quantum exponent up when it is nearly full.
+  const int exponent =
+      static_cast<int>(std::ceil(std::log2(std::max(half, std::numeric_limits<double>::min()) *
+                                           (1.0 + kClipQuanta * std::ldexp(2.0, -kGridBits)))));
+  state->quantum_mm = std::ldexp(1.0, exponent - kGridBits);
+  state->to_grid = std::ldexp(1.0, kGridBits - exponent);
+  state->clip_box = mesh.local_box_mm().grown(kClipQuanta * state->quantum_mm);
+  if (!(state->quantum_mm > static_cast<double>(std::numeric_limits<float>::min())))
+    return Error{"the mesh is too small for single precision", "give its unit, or scale it up", {}, 0};
+
+  RTCGeometry geometry = rtcNewGeometry(state->device, RTC_GEOMETRY_TYPE_TRIANGLE);
+  auto* vertices = static_cast<float*>(rtcSetNewGeometryBuffer(
+      geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 3 * sizeof(float), mesh.vertices().size()));
+  auto* indices = static_cast<std::uint32_t*>(rtcSetNewGeometryBuffer(
+      geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 3 * sizeof(std::uint32_t), mesh.facets().size()));
+  if (vertices == nullptr || indices == nullptr) {
+    rtcReleaseGeometry(geometry);
+    return Error{"not enough memory for Embree's copy of the mesh", "use a smaller mesh", {}, 0};
+  }
+  for (const Vec3& v : mesh.vertices())
+    for (int axis = 0; axis < 3; ++axis) *vertices++ = static_cast<float>(v[axis]);
+  for (const Facet& f : mesh.facets())
+    for (const std::uint32_t v : f.vertex) *indices++ = v;
+  rtcCommitGeometry(geometry);
+  state->scene = rtcNewScene(state->device);
+  rtcSetSceneFlags(state->scene, static_cast<RTCSceneFlags>(RTC_SCENE_FLAG_ROBUST | shim::kFilterFlag));
+  rtcAttachGeometryByID(state->scene, geometry, 0);
+  rtcReleaseGeometry(geometry);
+  rtcCommitScene(state->scene);
+  if (const RTCError code = rtcGetDeviceError(state->device); code != RTC_ERROR_NONE)
+    return Error{fmt::format("Embree could not build its tree (code {})", static_cast<int>(code)),
+                 "use a smaller mesh",
+                 {},
+                 0};
+  return SegmentIndex(std::move(state));
+}
+
+std::optional<SegmentHit> SegmentIndex::first_hit(const Vec3& a, const Vec3& b,
+                                                  std::uint32_t ignore_around) const noexcept {
+  Vec3 from = a, to = b;
+  double t_from = 0.0, t_to = 1.0;
+  if (!state_->clip(from, to, t_from, t_to)) return std::nullopt;
+  const Vec3f start = state_->snapped(from), end = state_->snapped(to);
+  const Vec3f direction = end - start;  // exact: see point 2 above
+  const double length = direction.cast<double>().norm();
+  if (!(length > 0.0)) return std::nullopt;
+  RTCRayHit ray;
+  ray.ray.org_x = start.x();
+  ray.ray.org_y = start.y();
+  ray.ray.org_z = start.z();
+  ray.ray.dir_x = direction.x();
+  ray.ray.dir_y = direction.y();
+  ray.ray.dir_z = direction.z();
+  ray.ray.tnear = 0.0f;
+  ray.ray.tfar = static_cast<float>(1.0 + margin_mm() / length);
+  ray.ray.time = 0.0f;
+  ray.ray.mask = 0xFFFFFFFFu;
+  ray.ray.id = 0;
+  ray.ray.flags = 0;
+  ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+  ray.hit.primID = RTC_INVALID_GEOMETRY_ID;
+  ray.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+  FilterContext context;
+  shim::init(context.context);
+  context.mesh = state_->mesh;
+  context.around = ignore_around;
+  shim::intersect(state_->scene, context.context, ignore_around == kNoFacet ? nullptr : skip_neighbours, ray);
+  if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
+  const double along = std::min(1.0, static_cast<double>(ray.ray.tfar));
+  return SegmentHit{ray.hit.primID, t_from + (t_to - t_from) * along};
+}
+
+namespace {
+
+struct NearQuery {
+  const SurfaceMesh* mesh;
+  Vec3 p;
+  double best_sq;
+  std::uint32_t facet = kNoFacet;
+  bool first_suffices;
+};
+
+bool visit_near(RTCPointQueryFunctionArguments* args) {
+  auto* query = static_cast<NearQuery*>(args->userPtr);
+  if (query->first_suffices && query->facet != kNoFacet) return false;
+  const FacetPoint point = closest_on_facet(query->mesh->facet(args->primID), query->p);
+  const bool tie = point.distance_sq == query->best_sq && args->primID < query->facet;
+  if (!(point.distance_sq < query->best_sq || tie)) return false;
+  query->best_sq = point.distance_sq;
+  query->facet = args->primID;
+  if (query->first_suffices) {
+    args->query->radius = 0.0f;
+    return true;
+  }
+  // Shrink the search to what was found, rounded outward.
+  const float radius = std::nextafter(static_cast<float>(std::sqrt(point.distance_sq)), INFINITY);
+  if (radius >= args->query->radius) return false;
+  args->query->radius = radius;
+  return true;
+}
+
+NearQuery run_near(RTCScene scene, const SurfaceMesh& mesh, const Vec3& p, double radius_mm, double slack_mm,
+                   bool first_suffices) noexcept {
+  NearQuery query{&mesh, p, radius_mm * radius_mm, kNoFacet, first_suffices};
+  RTCPointQuery point;
+  point.x = static_cast<float>(p.x());
+  point.y = static_cast<float>(p.y());
+  point.z = static_cast<float>(p.z());
+  point.time = 0.0f;
+  point.radius = static_cast<float>(radius_mm + slack_mm);
+  RTCPointQueryContext context;
+  rtcInitPointQueryContext(&context);
+  rtcPointQuery(scene, &point, &context, visit_near, &query);
+  return query;
+}
+
+}  // namespace
+
+bool SegmentIndex::within(const Vec3& p, double radius_mm) const noexcept {
+  if (!state_->clip_box.grown(radius_mm).contains(p)) return false;
+  return run_near(state_->scene, *state_->mesh, p, radius_mm, margin_mm(), true).facet != kNoFacet;
+}
+
+std::uint32_t SegmentIndex::nearest(const Vec3& p, double max_radius_mm) const noexcept {
+  return run_near(state_->scene, *state_->mesh, p, max_radius_mm, margin_mm(), false).facet;
+}
+
+double SegmentIndex::quantum_mm() const noexcept {
+  return state_->quantum_mm;
+}
+double SegmentIndex::margin_mm() const noexcept {
+  return kMarginQuanta * state_->quantum_mm;
+}
+std::size_t SegmentIndex::bytes() const noexcept {
+  return static_cast<std::size_t>(std::max<std::ptrdiff_t>(0, state_->bytes.load()));
+}
+
+}  // namespace palpate::baselines
