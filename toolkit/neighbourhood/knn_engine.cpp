@@ -188,6 +188,8 @@ void KnnEngine::run_level(const Level& level, const Choose& choose, NeighbourTab
             if (other == nullptr) continue;
             block[found++] = other;
             held += other->end - other->begin;
+            // Its own cell first: the nearest candidates seen early spare the rest their place in the list.
+            if (other == &cell) std::swap(block[0], block[found - 1]);
           }
       const bool crowded = held > 27 * kDenseCell || cell.end - cell.begin > kDenseCell;
       if (!crowded) {

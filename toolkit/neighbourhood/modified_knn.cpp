@@ -65,41 +65,52 @@ NeighbourTable modified_knn(const cloud::Cloud& cloud, const ModifiedKnnOptions&
         // The blocks' counts follow from the nearest points in the cube metric: a block holds at least nine
         // points exactly when the eighth other point is within it.
         BestEight cube;
-        std::size_t others = 0;
-        for (std::size_t i = 0; i < c.size(); ++i) {
-          if (c.index[i] == self) continue;
-          ++others;
-          const double distance = chebyshev(c, i, p);
-          if (distance <= cube.worst()) cube.offer(distance, c.index[i]);
+        constexpr std::size_t kBlock = 64;
+        double distance[kBlock];
+        for (std::size_t first = 0; first < c.size(); first += kBlock) {
+          const std::size_t n = std::min(kBlock, c.size() - first);
+          const double *x = c.x.data() + first, *y = c.y.data() + first, *z = c.z.data() + first;
+          for (std::size_t i = 0; i < n; ++i)
+            distance[i] =
+                std::max(std::max(std::abs(x[i] - p.x()), std::abs(y[i] - p.y())), std::abs(z[i] - p.z()));
+          for (std::size_t i = 0; i < n; ++i)
+            if (distance[i] <= cube.worst() && c.index[first + i] != self)
+              cube.offer(distance[i], c.index[first + i]);
         }
         // The smallest block with nine points or more, if any block up to the limit has them.
         const double* begin = sizes.half_mm.data();
         const double* end = begin + sizes.count;
-        const double* first_below = std::lower_bound(
-            begin, end, cube.worst(), [](double half, double distance) { return half >= distance; });
+        const double* first_below = std::lower_bound(begin, end, cube.worst(),
+                                                     [](double half, double reach) { return half >= reach; });
         const bool limit_reached = first_below == begin;
         const double needed_mm = limit_reached ? begin[0] : first_below[-1];
         if (needed_mm > radius_mm) return false;
         if (limit_reached) {
           store_within(begin[0], self, p, c, out);
           at_limit.fetch_add(1, std::memory_order_relaxed);
-          if (others < kNeighbours || cube.count() < kNeighbours || cube.worst() > begin[0])
+          if (cube.count() < kNeighbours || cube.worst() > begin[0])
             fewer.fetch_add(1, std::memory_order_relaxed);
           return true;
         }
+        // Those within the block, once for counting and choosing.
+        BestEight near;
         std::size_t held = 1;
-        for (std::size_t i = 0; i < c.size(); ++i)
-          held += c.index[i] != self && chebyshev(c, i, p) <= needed_mm;
-        double take_mm = needed_mm;
+        for (std::size_t i = 0; i < c.size(); ++i) {
+          if (!(chebyshev(c, i, p) <= needed_mm) || c.index[i] == self) continue;
+          ++held;
+          const double dx = c.x[i] - p.x(), dy = c.y[i] - p.y(), dz = c.z[i] - p.z();
+          near.offer(dx * dx + dy * dy + dz * dz, c.index[i]);
+        }
         if (held <= kAtMost) {
           at_nine.fetch_add(1, std::memory_order_relaxed);
         } else if (!options.complete_to_eight) {
           // As printed: the largest block with at most nine, which then holds fewer than nine.
-          take_mm = first_below == end ? 0.0 : *first_below;
           at_nine.fetch_add(1, std::memory_order_relaxed);
           fewer.fetch_add(1, std::memory_order_relaxed);
+          store_within(first_below == end ? 0.0 : *first_below, self, p, c, out);
+          return true;
         }
-        store_within(take_mm, self, p, c, out);
+        near.store(self, out);
         return true;
       },
       table);
