@@ -320,7 +320,7 @@ std::size_t densest_contact_stretch(const ForceTrace& trace, std::size_t frames)
   return best_start;
 }
 
-Result<ForceTrace> replay(HapticRenderer& renderer, const ProbePath& path) {
+Result<ForceTrace> replay(HapticRenderer& renderer, const ProbePath& path, bool start_is_free) {
   if (Status checked = check_path(path); !checked) return std::move(checked).error();
   ForceTrace trace;
   trace.label = renderer.describe().name;
@@ -328,7 +328,7 @@ Result<ForceTrace> replay(HapticRenderer& renderer, const ProbePath& path) {
   renderer.reset(path.hip_mm[0]);
   for (std::size_t i = 0; i < path.size(); ++i) {
     trace.frames.push_back(renderer.step(path.hip_mm[i], dt_of(path, i)));
-    if (i == 0 && trace.frames[0].contact)
+    if (i == 0 && trace.frames[0].contact && !start_is_free)
       return Error{"the path starts inside a model", "start the path in free space", path.name,
                    kFirstPathLine};
   }
@@ -336,7 +336,7 @@ Result<ForceTrace> replay(HapticRenderer& renderer, const ProbePath& path) {
 }
 
 Result<ReplayReport> measure(HapticRenderer& renderer, const ProbePath& path, const ReplayOptions& options) {
-  Result<ForceTrace> trace = replay(renderer, path);
+  Result<ForceTrace> trace = replay(renderer, path, options.start_is_free);
   if (!trace) return std::move(trace).error();
   ReplayReport report;
   report.trace = std::move(trace).value();

@@ -68,6 +68,9 @@ struct ReplayOptions {
   std::uint64_t paced_evicted_frames =
       0;                         ///< of the pass with eviction, which needs some 10 ms a frame; 0 = none
   Progress* progress = nullptr;  ///< may be null
+  /// The path is known to start in free space: a renderer in contact there is wrong, and measured like any
+  /// other.
+  bool start_is_free = false;
 };
 
 struct ReplayReport {
@@ -83,8 +86,10 @@ struct ReplayReport {
 /// One untimed pass: reset at the first sample, then a step at every sample. The first frame's dt is that of
 /// the second (1 ms for a single sample). A path without samples, with times that do not increase or that
 /// starts inside the model is an Error (file = the path's name, line = that of the sample in a CSV file with
-/// a header); the command answers it with exit status 2.
-[[nodiscard]] Result<ForceTrace> replay(render::HapticRenderer& renderer, const ProbePath& path);
+/// a header); the command answers it with exit status 2. With `start_is_free` contact at the first sample is
+/// the renderer's fault and goes into the trace.
+[[nodiscard]] Result<ForceTrace> replay(render::HapticRenderer& renderer, const ProbePath& path,
+                                        bool start_is_free = false);
 
 /// The untimed pass, then what `options` ask for. Memory: the trace and 8 bytes a frame, 64 MB more with
 /// eviction.

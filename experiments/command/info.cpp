@@ -1,0 +1,152 @@
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "experiments/command/commands.h"
+#include "experiments/command/session.h"
+#include "toolkit/cloud/statistics.h"
+#include "toolkit/core/tolerances.h"
+#include "toolkit/neighbourhood/knn.h"
+#include "toolkit/neighbourhood/spacing.h"
+
+namespace palpate::experiments {
+namespace {
+
+struct Info {
+  const render::ModelInput& model;
+  const scene::Provenance& provenance;
+  cloud::Statistics statistics;
+  neighbourhood::Spacing spacing;
+  std::string neighbours;  ///< which neighbours the resolution is about
+  std::vector<std::string> warnings;
+};
+
+Info describe(const render::ModelInput& model, const scene::Provenance& provenance, int threads,
+              Progress& progress) {
+  Info info{model, provenance, {}, {}, {}, provenance.warnings};
+  progress.report("counting", -1.0);
+  info.statistics = cloud::describe(*model.cloud);
+  progress.report("finding neighbours", -1.0);
+  const bool raster = model.cloud->raster.has_value();
+  Result<neighbourhood::NeighbourTable> table = raster ? neighbourhood::scanner_path(*model.cloud, threads)
+                                                       : neighbourhood::exact_knn(*model.cloud, threads);
+  if (!table) table = neighbourhood::exact_knn(*model.cloud, threads);
+  info.neighbours = raster ? "the scanner's path" : "the eight nearest points";
+  info.spacing = neighbourhood::describe_spacing(*model.cloud, *table);
+  if (!info.spacing.high_resolution)
+    info.warnings.push_back(
+        fmt::format("the resolution of {:.4g} mm is above the {} mm that the thesis calls highly detailed",
+                    info.spacing.resolution_mm, kHighResolutionMm));
+  if (info.statistics.duplicates > 0)
+    info.warnings.push_back(
+        fmt::format("{} points stand where another one stands", info.statistics.duplicates));
+  return info;
+}
+
+nlohmann::ordered_json percentiles(const neighbourhood::Percentiles& p) {
+  return {{"min", p.min}, {"p50", p.p50}, {"p99", p.p99}, {"p999", p.p999}, {"max", p.max}};
+}
+
+nlohmann::ordered_json to_json(const Info& info) {
+  const cloud::Statistics& s = info.statistics;
+  const auto vector = [](const Vec3& v) { return nlohmann::ordered_json{v.x(), v.y(), v.z()}; };
+  nlohmann::ordered_json j = {
+      {"name", info.model.name},
+      {"source", info.provenance.source},
+      {"format", info.provenance.format},
+      {"content_hash", info.provenance.content_hash},
+      {"unit", io::unit_name(info.provenance.unit)},
+      {"unit_guessed", info.provenance.unit_guessed},
+      {"points", s.points},
+      {"file_points", info.provenance.file_points},
+      {"non_finite", info.provenance.non_finite},
+      {"duplicates", s.duplicates},
+      {"box_mm",
+       {{"low", vector(s.box_mm.low_mm)},
+        {"high", vector(s.box_mm.high_mm)},
+        {"extent", vector(s.box_mm.extent_mm())}}},
+      {"resolution_mm", info.spacing.resolution_mm},
+      {"resolution_over", info.neighbours},
+      {"plan_resolution_mm", info.spacing.plan_resolution_mm},
+      {"density_per_mm3", s.density_per_mm3},
+      {"nearest_mm", percentiles(info.spacing.nearest_mm)},
+      {"eighth_mm", percentiles(info.spacing.eighth_mm)},
+      {"median_index_distance", info.spacing.median_index_distance},
+      {"height_field", s.height_field},
+      {"triangles", info.model.original_mesh ? info.model.original_mesh->triangles.size() : 0},
+      {"formula", info.model.analytic ? nlohmann::ordered_json(info.model.analytic->formula())
+                                      : nlohmann::ordered_json(nullptr)},
+      {"warnings", info.warnings}};
+  j["raster"] = s.raster ? nlohmann::ordered_json{{"columns", s.raster->columns}, {"rows", s.raster->rows}}
+                         : nlohmann::ordered_json(nullptr);
+  // JSON has no infinity: a flat box has no volume to be dense in.
+  if (!std::isfinite(s.density_per_mm3)) j["density_per_mm3"] = nullptr;
+  return j;
+}
+
+void print_text(const Info& info) {
+  const cloud::Statistics& s = info.statistics;
+  const Vec3 low = s.box_mm.low_mm, high = s.box_mm.high_mm, extent = s.box_mm.extent_mm();
+  const auto row = [](const char* key, const std::string& value) { fmt::print("  {:<18} {}\n", key, value); };
+  const auto spread = [](const neighbourhood::Percentiles& p) {
+    return fmt::format("min {:.4g}, median {:.4g}, 99 % {:.4g}, 99.9 % {:.4g}, max {:.4g} mm", p.min, p.p50,
+                       p.p99, p.p999, p.max);
+  };
+  fmt::print("{}\n", info.model.name);
+  row("source", info.provenance.source);
+  row("format", info.provenance.format);
+  row("unit", fmt::format("{}{}", io::unit_name(info.provenance.unit),
+                          info.provenance.unit_guessed ? " (guessed)" : ""));
+  if (info.model.analytic) row("formula", info.model.analytic->formula());
+  row("points", fmt::format("{}", s.points));
+  row("not finite", fmt::format("{} dropped", info.provenance.non_finite));
+  row("duplicates", fmt::format("{}", s.duplicates));
+  row("box", fmt::format("({:.6g}, {:.6g}, {:.6g}) to ({:.6g}, {:.6g}, {:.6g}) mm", low.x(), low.y(), low.z(),
+                         high.x(), high.y(), high.z()));
+  row("extent", fmt::format("{:.4g} x {:.4g} x {:.4g} mm", extent.x(), extent.y(), extent.z()));
+  row("resolution",
+      fmt::format("{:.4g} mm, largest distance over {}", info.spacing.resolution_mm, info.neighbours));
+  if (s.height_field)
+    row("plan resolution",
+        fmt::format("{:.4g} mm, the same seen from above", info.spacing.plan_resolution_mm));
+  row("density", std::isfinite(s.density_per_mm3)
+                     ? fmt::format("{:.4g} points per mm3 of the box", s.density_per_mm3)
+                     : std::string("none: the box is flat"));
+  row("nearest point", spread(info.spacing.nearest_mm));
+  row("eighth point", spread(info.spacing.eighth_mm));
+  row("scanner order", s.raster ? fmt::format("yes, {} rows of {}", s.raster->rows, s.raster->columns)
+                                : std::string("no full raster"));
+  row("index distance", fmt::format("{:.4g} (median to the nearest point; 1 in a scanner's order)",
+                                    info.spacing.median_index_distance));
+  row("height field", s.height_field ? "yes" : "no");
+  row("own mesh", info.model.original_mesh
+                      ? fmt::format("{} triangles", info.model.original_mesh->triangles.size())
+                      : std::string("none"));
+  row("content hash", info.provenance.content_hash);
+  for (const std::string& warning : info.warnings) fmt::print("  warning: {}\n", warning);
+}
+
+}  // namespace
+
+int run_info(const InfoArguments& arguments, Context& context) {
+  const Result<scene::LoadOptions> options = load_options(arguments.load);
+  if (!options) return fail(options.error(), kExitBadInput);
+  const Result<scene::SceneFile> file = scene::open_scene(arguments.model);
+  if (!file) return fail(file.error(), kExitBadInput);
+  const Result<scene::LoadedScene> loaded = scene::load(*file, all_readers(), *options, context.progress);
+  if (!loaded) return fail(loaded.error(), kExitBadInput, &context.progress);
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  for (std::size_t i = 0; i < loaded->input.models.size(); ++i) {
+    const Info info =
+        describe(loaded->input.models[i], loaded->provenance[i], arguments.load.threads, context.progress);
+    context.progress.clear();
+    if (arguments.json)
+      list.push_back(to_json(info));
+    else
+      print_text(info);
+  }
+  if (arguments.json) fmt::print("{}\n", (list.size() == 1 ? list.front() : list).dump(2));
+  return kExitOk;
+}
+
+}  // namespace palpate::experiments

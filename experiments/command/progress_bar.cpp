@@ -1,0 +1,90 @@
+#include "experiments/command/progress_bar.h"
+
+#include <fmt/format.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <csignal>
+#include <cstdio>
+
+#include "toolkit/core/clock.h"
+
+namespace palpate::experiments {
+namespace {
+
+constexpr std::int64_t kSilentNs = 1'000'000'000;  // shorter work needs no bar
+constexpr std::int64_t kRedrawNs = 100'000'000;    // ten times a second
+constexpr double kBelievableFraction = 0.02;       // before that a time left would only jump about
+constexpr int kBarCells = 24;
+constexpr std::size_t kDefaultColumns = 80;
+
+volatile std::sig_atomic_t stop_asked = 0;
+
+extern "C" void on_stop(int) {
+  stop_asked = 1;
+}
+
+std::size_t columns() {
+  winsize size{};
+  if (::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0) return size.ws_col;
+  return kDefaultColumns;
+}
+
+std::string seconds(double s) {
+  constexpr int kMinute = 60;
+  const int whole = static_cast<int>(s + 0.5);
+  return whole < kMinute ? fmt::format("{} s", whole)
+                         : fmt::format("{} min {:02} s", whole / kMinute, whole % kMinute);
+}
+
+}  // namespace
+
+ProgressBar::ProgressBar() : terminal_(::isatty(STDERR_FILENO) == 1) {
+  struct sigaction action {};
+  action.sa_handler = on_stop;
+  action.sa_flags = static_cast<int>(SA_RESETHAND);
+  ::sigaction(SIGINT, &action, nullptr);
+  ::sigaction(SIGTERM, &action, nullptr);
+}
+
+ProgressBar::~ProgressBar() {
+  clear();
+}
+
+bool ProgressBar::cancelled() const {
+  return stop_asked != 0;
+}
+
+void ProgressBar::clear() {
+  if (drawn_) std::fputs("\r\033[K", stderr);
+  drawn_ = false;
+}
+
+void ProgressBar::report(std::string_view what, double fraction) {
+  if (!terminal_) return;
+  const std::int64_t now = monotonic_ns();
+  if (phase_ != what) {
+    phase_ = what;
+    // A phase whose text changes with every report ("12.3 MB") goes on from where it began.
+    if (fraction >= 0.0 || phase_start_ns_ == 0) phase_start_ns_ = now;
+  }
+  if (now - phase_start_ns_ < kSilentNs || now - last_draw_ns_ < kRedrawNs) return;
+  last_draw_ns_ = now;
+  const double elapsed_s = static_cast<double>(now - phase_start_ns_) * 1e-9;
+  std::string line = prefix_ + phase_;
+  if (fraction >= 0.0) {
+    const double f = std::clamp(fraction, 0.0, 1.0);
+    const auto filled = static_cast<std::size_t>(f * kBarCells);
+    line += fmt::format("  [{}{}] {:3.0f} %", std::string(filled, '#'), std::string(kBarCells - filled, '.'),
+                        100.0 * f);
+    if (f > kBelievableFraction) line += fmt::format("  {} left", seconds(elapsed_s * (1.0 - f) / f));
+  } else {
+    line += fmt::format("  {}", seconds(elapsed_s));
+  }
+  fmt::print(stderr, "\r\033[K{}", line.substr(0, columns() - 1));
+  std::fflush(stderr);
+  drawn_ = true;
+}
+
+}  // namespace palpate::experiments

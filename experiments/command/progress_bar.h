@@ -1,0 +1,34 @@
+// A progress bar with the time left, on a terminal only.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "toolkit/core/progress.h"
+
+namespace palpate::experiments {
+
+/// Draws on standard error from the second second of a phase on; on anything but a terminal it draws nothing.
+/// Ctrl-C and SIGTERM make cancelled() true; a second one ends the program at once.
+class ProgressBar final : public Progress {
+ public:
+  ProgressBar();
+  ~ProgressBar() override;
+  void report(std::string_view what, double fraction) override;
+  [[nodiscard]] bool cancelled() const override;
+
+  /// Removes what is drawn, before other text is printed.
+  void clear();
+  /// Put before every phase, "[2/5] sinusoid: ".
+  void set_prefix(std::string prefix) { prefix_ = std::move(prefix); }
+
+ private:
+  bool terminal_ = false;
+  bool drawn_ = false;
+  std::string prefix_;
+  std::string phase_;
+  std::int64_t phase_start_ns_ = 0;
+  std::int64_t last_draw_ns_ = 0;
+};
+
+}  // namespace palpate::experiments

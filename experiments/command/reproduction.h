@@ -1,0 +1,42 @@
+// The parts of `palpate reproduce`.
+#pragma once
+
+#include <map>
+#include <memory>
+
+#include "experiments/command/session.h"
+#include "experiments/report/page.h"
+#include "experiments/run/run.h"
+#include "experiments/tables/manifest.h"
+#include "toolkit/core/clock.h"
+
+namespace palpate::experiments {
+
+/// What the parts share.
+struct Reproduction {
+  const ReproduceArguments& arguments;
+  Context& context;
+  const OutputFolder& folder;
+  render::Registry registry;
+  io::Readers readers;
+  Page page;
+  std::vector<Table> tables;         ///< in the order they are printed at the end
+  std::vector<std::string> missing;  ///< what could not be done, and why
+  bool fell_short = false;           ///< something that was asked for failed
+  Stopwatch watch;
+};
+
+/// The scene of a manifest's model: generated, or a scan found or fetched.
+[[nodiscard]] Result<scene::SceneFile> scene_of(const ManifestModel& model, Reproduction& r);
+
+/// Table 6.
+void reproduce_neighbours(const Manifest& manifest, Reproduction& r);
+/// Tables 7 and 9, each with its comparison.
+void reproduce_frames(const Manifest& manifest, Reproduction& r);
+/// Mean frame and preparation from ten thousand to ten million points.
+void measure_growth(Reproduction& r);
+
+/// The thesis's column beside ours. A pure function of manifest and results.
+[[nodiscard]] Table frames_table(const Manifest& manifest, const metrics::ResultDocument& document);
+
+}  // namespace palpate::experiments

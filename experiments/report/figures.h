@@ -1,0 +1,57 @@
+// Figures of a study: gnuplot draws them as SVG; the script and its data stay beside the picture.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "experiments/run/output_folder.h"
+#include "experiments/run/run.h"
+
+namespace palpate::experiments {
+
+struct Figure {
+  std::string name;  ///< of its files: NAME.gp, NAME.dat, NAME.svg
+  std::string title;
+  std::string caption;
+  std::string svg;    ///< to be put into a page; empty where gnuplot failed
+  bool wide = false;  ///< takes the whole width
+};
+
+/// The same colour for the same renderer in every figure (Okabe and Ito's palette, told apart by the
+/// colour-blind). The truth is black and not among them.
+[[nodiscard]] std::string colour_of(const std::string& label, std::size_t index);
+
+/// One line of a chart.
+struct Series {
+  std::string label;
+  std::string colour;
+  std::vector<double> x, y;
+};
+
+/// What gnuplot is told about a chart.
+struct Chart {
+  std::string name, title, caption;
+  std::string x_label, y_label;
+  bool log_x = false, log_y = false;
+  enum class Style {
+    kLines,
+    kSteps,
+    kMarkedLines,
+    kBoxes,
+    kMap
+  };  ///< kMap: the first series a line, the others dots
+  Style style = Style::kLines;
+  bool wide = false;
+  std::string extra;  ///< gnuplot commands before `plot`
+  std::vector<Series> series;
+};
+
+/// Writes data and script into `folder` and runs gnuplot there. Failing leaves Figure::svg empty and says why
+/// in the caption: a report without one picture is better than none.
+[[nodiscard]] Figure draw(const Chart& chart, const OutputFolder& folder);
+
+/// All figures of a study; `prefix` begins their names.
+[[nodiscard]] std::vector<Figure> draw_study(const Study& study, const std::string& prefix,
+                                             const OutputFolder& folder);
+
+}  // namespace palpate::experiments

@@ -1,0 +1,134 @@
+// Charts through gnuplot.
+#include <fmt/format.h>
+
+#include <cmath>
+#include <fstream>
+#include <sstream>
+
+#include "experiments/data/process.h"
+#include "experiments/report/figures.h"
+
+namespace palpate::experiments {
+namespace {
+
+constexpr double kGnuplotLimitS = 60.0;
+constexpr int kHeight = 380, kWidth = 680, kWideWidth = 1080;
+
+std::string quoted(const std::string& text) {
+  std::string out = "'";
+  for (const char c : text)
+    out += c == '\'' ? std::string("''") : c == '\n' ? std::string(" ") : std::string(1, c);
+  return out + "'";
+}
+
+std::string data_text(const Chart& chart) {
+  std::string text;
+  for (const Series& s : chart.series) {
+    text += "# " + s.label + "\n";
+    for (std::size_t i = 0; i < s.x.size(); ++i)
+      text += std::isfinite(s.y[i]) ? fmt::format("{:.7g} {:.7g}\n", s.x[i], s.y[i]) : "\n";
+    if (s.x.empty()) text += "NaN NaN\n";
+    text += "\n\n";
+  }
+  return text;
+}
+
+const char* style_name(Chart::Style style, std::size_t index) {
+  switch (style) {
+    case Chart::Style::kLines:
+      return "lines lw 1.4";
+    case Chart::Style::kSteps:
+      return "steps lw 1.2";
+    case Chart::Style::kMarkedLines:
+      return "linespoints pt 7 ps 0.6 lw 1.6";
+    case Chart::Style::kBoxes:
+      return "boxes";
+    case Chart::Style::kMap:
+      return index == 0 ? "lines lw 0.8" : "points pt 7 ps 0.25";
+  }
+  return "lines";
+}
+
+std::string script_text(const Chart& chart) {
+  std::string s = fmt::format(
+      "# Run `gnuplot {0}.gp` in this folder to draw {0}.svg again.\n"
+      "set terminal svg size {1},{2} dynamic font 'Helvetica,15' linewidth 1.4 background "
+      "'#ffffff'\n"
+      "set output '{0}.svg'\nset encoding utf8\n"
+      "set border 3 lc rgb '#555555'\nset tics nomirror textcolor rgb '#333333'\nset grid lc rgb '#e4e4e4' "
+      "lt 1 lw 0.6\n"
+      "set key outside bottom center horizontal noenhanced samplen 2\nset xlabel {3}\nset ylabel {4}\n",
+      chart.name, chart.wide ? kWideWidth : kWidth, kHeight, quoted(chart.x_label), quoted(chart.y_label));
+  if (chart.log_x) s += "set logscale x\nset format x '%g'\n";
+  if (chart.log_y) s += "set logscale y\nset format y '%g'\n";
+  s += chart.extra;
+  std::string plot;
+  for (std::size_t i = 0; i < chart.series.size(); ++i) {
+    const Series& series = chart.series[i];
+    if (series.x.empty()) continue;
+    const bool truth = series.label == "truth";
+    plot += fmt::format("{}'{}.dat' index {} using 1:2 with {}{} lc rgb '{}' title {}",
+                        plot.empty() ? "plot " : ", \\\n     ", chart.name, i,
+                        truth ? "lines lw 3.5" : style_name(chart.style, i), "", series.colour,
+                        quoted(series.label));
+  }
+  return s + plot + "\n";
+}
+
+/// The XML head goes, and names are made unique within a page.
+std::string for_page(std::string svg, const std::string& name) {
+  const std::size_t at = svg.find("<svg");
+  if (at == std::string::npos) return {};
+  svg.erase(0, at);
+  const auto replace_all = [&](const std::string& from, const std::string& to) {
+    for (std::size_t i = svg.find(from); i != std::string::npos; i = svg.find(from, i + to.size()))
+      svg.replace(i, from.size(), to);
+  };
+  for (const char* id : {"gpDot", "gpPt", "gnuplot_plot_", "textbox"}) {
+    for (const char quote : {'\'', '"'}) {
+      replace_all(fmt::format("id={}{}", quote, id), fmt::format("id={}{}-{}", quote, name, id));
+      replace_all(fmt::format("xlink:href={}#{}", quote, id),
+                  fmt::format("xlink:href={}#{}-{}", quote, name, id));
+      replace_all(fmt::format(" href={}#{}", quote, id), fmt::format(" href={}#{}-{}", quote, name, id));
+    }
+  }
+  return svg;
+}
+
+}  // namespace
+
+std::string colour_of(const std::string& label, std::size_t index) {
+  static const std::vector<std::pair<std::string, std::string>> known = {{"cloud", "#0072b2"},
+                                                                         {"cloud-literal", "#d55e00"},
+                                                                         {"mesh-godobject", "#009e73"},
+                                                                         {"brute-force", "#cc79a7"},
+                                                                         {"analytic", "#56b4e9"}};
+  for (const auto& [name, colour] : known)
+    if (name == label) return colour;
+  static const std::vector<std::string> others = {"#cc79a7", "#e69f00", "#56b4e9",
+                                                  "#7f3fbf", "#8c6d31", "#666666"};
+  return others[index % others.size()];
+}
+
+Figure draw(const Chart& chart, const OutputFolder& folder) {
+  Figure figure{chart.name, chart.title, chart.caption, {}, chart.wide};
+  const auto give_up = [&](const std::string& why) {
+    figure.caption = "This figure could not be drawn: " + why;
+    return figure;
+  };
+  if (const Status s = folder.write(chart.name + ".dat", data_text(chart)); !s)
+    return give_up(s.error().message());
+  if (const Status s = folder.write(chart.name + ".gp", script_text(chart)); !s)
+    return give_up(s.error().message());
+  const Result<ProcessOutcome> run =
+      run_process({"gnuplot", chart.name + ".gp"}, kGnuplotLimitS, {}, folder.path().string());
+  if (!run) return give_up(run.error().message());
+  if (run->exit_code != 0) return give_up(run->err.empty() ? "gnuplot failed" : run->err);
+  std::ifstream file(folder.file(chart.name + ".svg"), std::ios::binary);
+  std::ostringstream svg;
+  svg << file.rdbuf();
+  figure.svg = for_page(svg.str(), chart.name);
+  return figure.svg.empty() ? give_up("gnuplot wrote no picture") : figure;
+}
+
+}  // namespace palpate::experiments

@@ -1,0 +1,116 @@
+#include "experiments/run/arguments.h"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <set>
+
+#include "toolkit/scene/scene.h"
+#include "toolkit/trace/trace_io.h"
+
+namespace palpate::experiments {
+namespace {
+
+constexpr std::size_t kLongestLabel = 64;  // becomes part of a file name
+
+Status check_label(const std::string& label) {
+  constexpr const char* kFileLetters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
+  if (label.empty() || label.size() > kLongestLabel || label.front() == '.' ||
+      label.find_first_not_of(kFileLetters) != std::string::npos)
+    return Error{fmt::format("'{}' cannot be a label", label),
+                 fmt::format("labels have 1 to {} letters, digits, dots, - and _", kLongestLabel),
+                 {},
+                 0};
+  return Done{};
+}
+
+Result<trace::ProbePath> open_traj(const NamedOptions& named) {
+  const std::vector<OptionSpec> specs = {
+      {"t", OptionKind::kInteger, "0", "column of the time, from 0; -1 for none", {}, -1, 1000},
+      {"x", OptionKind::kInteger, "1", "column of x", {}, 0, 1000},
+      {"y", OptionKind::kInteger, "2", "column of y", {}, 0, 1000},
+      {"z", OptionKind::kInteger, "3", "column of z", {}, 0, 1000},
+      {"mm_per_unit", OptionKind::kNumber, "1", "length of the file's unit, mm", {}, 1e-12, 1e12},
+      {"s_per_unit", OptionKind::kNumber, "1", "length of the file's unit of time, s", {}, 1e-12, 1e12},
+      {"rate_hz", OptionKind::kNumber, "0", "sample rate where there is no column of time", {}, 0, 1e9}};
+  const Result<Options> options = validate(named.options, specs, named.name);
+  if (!options) return options.error();
+  trace::TrajColumns columns;
+  columns.t = static_cast<int>(options->integer("t"));
+  columns.x = static_cast<int>(options->integer("x"));
+  columns.y = static_cast<int>(options->integer("y"));
+  columns.z = static_cast<int>(options->integer("z"));
+  columns.mm_per_unit = options->number("mm_per_unit");
+  columns.s_per_unit = options->number("s_per_unit");
+  columns.sample_rate_hz = options->number("rate_hz");
+  Result<trace::TrajRecording> recording = trace::read_traj(named.name, columns);
+  if (!recording) return std::move(recording).error();
+  return std::move(recording->path);
+}
+
+std::string generator_names() {
+  std::string all;
+  for (const trace::PathGenerator& g : trace::path_generators()) all += (all.empty() ? "" : ", ") + g.name;
+  return all;
+}
+
+}  // namespace
+
+Result<RendererRequest> request_of(NamedOptions named, const render::Registry& registry) {
+  RendererRequest request{named.name, named.name, {}};
+  for (const auto& [key, value] : named.options.all()) {
+    if (key == "label")
+      request.label = value;
+    else
+      request.options.set(key, value);
+  }
+  if (const Status label = check_label(request.label); !label) return label.error();
+  // Making one checks the name and every option; nothing is prepared.
+  if (Result<std::unique_ptr<render::HapticRenderer>> made = registry.make(request.name, request.options);
+      !made) {
+    Error error = std::move(made).error();
+    std::vector<std::string> known;
+    for (const render::RendererInfo& info : registry.all()) known.push_back(info.name);
+    const std::string near =
+        registry.find(request.name) == nullptr ? scene::nearest_name(request.name, known) : "";
+    if (!near.empty()) error.remedy = fmt::format("did you mean '{}'? {}", near, error.remedy);
+    return error;
+  }
+  return request;
+}
+
+Result<std::vector<RendererRequest>> parse_renderers(std::string_view text,
+                                                     const render::Registry& registry) {
+  std::vector<RendererRequest> requests;
+  std::set<std::string> labels;
+  for (const std::string& item : split_list(text)) {
+    Result<NamedOptions> named = parse_named_options(item);
+    if (!named) return std::move(named).error();
+    Result<RendererRequest> request = request_of(*std::move(named), registry);
+    if (!request) return std::move(request).error();
+    if (!labels.insert(request->label).second)
+      return Error{fmt::format("two renderers are called '{}'", request->label),
+                   fmt::format("name one: {}:label=another", item),
+                   {},
+                   0};
+    requests.push_back(*std::move(request));
+  }
+  return requests;
+}
+
+Result<trace::ProbePath> open_path(const std::string& argument, const trace::PathTarget& target) {
+  std::error_code code;
+  if (std::filesystem::path(argument).extension() == ".csv" || std::filesystem::exists(argument, code)) {
+    if (std::filesystem::path(argument).extension() == ".traj") return open_traj({argument, {}});
+    return trace::read_path_csv(argument);
+  }
+  Result<NamedOptions> named = parse_named_options(argument);
+  if (!named) return std::move(named).error();
+  if (std::filesystem::path(named->name).extension() == ".traj") return open_traj(*named);
+  if (trace::find_path_generator(named->name) == nullptr)
+    return Error{"there is no such file, and no path generator of this name",
+                 "give a .csv or .traj file, or one of " + generator_names(), argument, 0};
+  return trace::make_path(*named, target);
+}
+
+}  // namespace palpate::experiments

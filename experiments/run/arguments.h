@@ -1,0 +1,33 @@
+// What the command line calls PATH and RENDERERS, turned into what the toolkit takes.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "toolkit/core/options.h"
+#include "toolkit/core/result.h"
+#include "toolkit/render/registry.h"
+#include "toolkit/trace/paths.h"
+#include "toolkit/trace/trace.h"
+
+namespace palpate::experiments {
+
+/// One renderer to run, under a label that is unique in its run.
+struct RendererRequest {
+  std::string label;
+  std::string name;
+  Options options;  ///< as given
+};
+
+/// "cloud,mesh-godobject:mesh=original:label=file-mesh". Names and options are checked against the registry;
+/// labels must be unique and fit a file name.
+[[nodiscard]] Result<std::vector<RendererRequest>> parse_renderers(std::string_view text,
+                                                                   const render::Registry& registry);
+[[nodiscard]] Result<RendererRequest> request_of(NamedOptions named, const render::Registry& registry);
+
+/// A CSV file, a .traj file with its columns ("probe.traj:t=0:x=1:mm_per_unit=1000") or a path generator.
+[[nodiscard]] Result<trace::ProbePath> open_path(const std::string& argument,
+                                                 const trace::PathTarget& target);
+
+}  // namespace palpate::experiments

@@ -1,0 +1,148 @@
+#include "experiments/run/run.h"
+
+#include <fmt/format.h>
+
+#ifdef PALPATE_WITH_BASELINES
+#include "baselines/mesh_holder.h"
+#endif
+#include "toolkit/core/clock.h"
+#include "toolkit/core/parallel.h"
+#include "toolkit/io/write_mesh.h"
+#include "toolkit/trace/replay.h"
+#include "toolkit/trace/trace_io.h"
+
+namespace palpate::experiments {
+namespace {
+
+/// Passes progress on and asks to stop when time is up.
+class TimeLimit final : public Progress {
+ public:
+  TimeLimit(Progress& inner, double limit_s) : inner_(inner), limit_s_(limit_s) {}
+  void report(std::string_view what, double fraction) override { inner_.report(what, fraction); }
+  [[nodiscard]] bool cancelled() const override { return inner_.cancelled() || expired(); }
+  [[nodiscard]] bool expired() const { return limit_s_ > 0.0 && watch_.ms() * 1e-3 > limit_s_; }
+
+ private:
+  Progress& inner_;
+  double limit_s_;
+  Stopwatch watch_;
+};
+
+metrics::RendererResult begin(const Stage& stage, const RendererRequest& request,
+                              const render::Registry& registry, int threads) {
+  metrics::RendererResult result;
+  result.label = request.label;
+  result.name = request.name;
+  result.threads = threads > 0 ? threads : available_threads();
+  std::uint64_t points = 0;
+  for (const render::ModelInput& model : stage.scene.input.models) points += model.cloud->size();
+  result.model = metrics::RendererResult::Model{points, stage.spacing.resolution_mm};
+  if (const Result<Options> complete =
+          validate(request.options, registry.find(request.name)->options, request.name))
+    result.options.assign(complete->all().begin(), complete->all().end());
+  return result;
+}
+
+Status save_mesh(const render::HapticRenderer& renderer, const std::string& file, bool& saved) {
+#ifdef PALPATE_WITH_BASELINES
+  const auto* holder = dynamic_cast<const baselines::MeshHolder*>(&renderer);
+  const geometry::TriangleMesh* mesh = holder == nullptr ? nullptr : holder->mesh(0);
+  if (mesh != nullptr) {
+    saved = true;
+    return io::write_mesh_ply(file, *mesh);
+  }
+#else
+  (void)renderer, (void)file;
+#endif
+  saved = false;
+  return Done{};
+}
+
+Status add_scores(const Stage& stage, Run& run, Progress& progress) {
+  const double stiffness = stage.scene.input.models.front().surface.stiffness_n_per_mm;
+  progress.report("scoring " + run.result.label, -1.0);
+  if (const Result<metrics::Energy> energy = metrics::observe_energy(stage.path, run.trace, stiffness))
+    run.result.energy = *energy;
+  if (!stage.reference) return Done{};
+  metrics::AccuracyOptions options;
+  options.stiffness_n_per_mm = stiffness;
+  const Result<metrics::Accuracy> accuracy =
+      metrics::score(stage.path, run.trace, *stage.reference, stage.truth.get(), options, &run.per_frame);
+  if (!accuracy) return accuracy.error();
+  run.result.accuracy = *accuracy;
+  return Done{};
+}
+
+}  // namespace
+
+Result<Run> run_renderer(const Stage& stage, const RendererRequest& request, const render::Registry& registry,
+                         const RunOptions& options, Progress& progress) {
+  Run run;
+  run.result = begin(stage, request, registry, options.threads);
+  Result<std::unique_ptr<render::HapticRenderer>> renderer = registry.make(request.name, request.options);
+  if (!renderer) return std::move(renderer).error();
+  TimeLimit limit(progress, options.prepare_limit_s);
+  const auto give_up = [&](metrics::RunStatus status, std::string reason) {
+    run.result.status = status;
+    run.result.reason = std::move(reason);
+    return std::move(run);
+  };
+  progress.report("preparing " + request.label, -1.0);
+  Result<render::PrepareReport> prepared = (*renderer)->prepare(stage.scene.input, {options.threads, &limit});
+  if (!prepared)
+    return limit.expired() ? give_up(metrics::RunStatus::kDidNotFinish,
+                                     fmt::format("preparation stopped after {} s", options.prepare_limit_s))
+                           : give_up(metrics::RunStatus::kFailed, prepared.error().message());
+  run.result.prepare = *std::move(prepared);
+  if (!options.save_mesh.empty())
+    if (const Status saved = save_mesh(**renderer, options.save_mesh, run.saved_mesh); !saved)
+      return saved.error();
+  if (progress.cancelled()) return give_up(metrics::RunStatus::kDidNotFinish, "stopped by the user");
+
+  trace::ReplayOptions replay;
+  replay.paced_frames = options.paced_frames;
+  replay.paced_evicted_frames =
+      (options.paced_frames + kWarmFramesPerEvictedFrame - 1) / kWarmFramesPerEvictedFrame;
+  replay.start_is_free = stage.reference.has_value();
+  replay.progress = &progress;
+  Result<trace::ReplayReport> report = trace::measure(**renderer, stage.path, replay);
+  if (!report) {
+    // The path is named where the path is at fault.
+    if (report.error().file == stage.path.name) return std::move(report).error();
+    return give_up(progress.cancelled() ? metrics::RunStatus::kDidNotFinish : metrics::RunStatus::kFailed,
+                   report.error().message());
+  }
+  run.result.take(*report);
+  run.trace = std::move(report->trace);
+  run.trace.label = request.label;
+  if (const Status scored = add_scores(stage, run, progress); !scored)
+    return give_up(metrics::RunStatus::kFailed, scored.error().message());
+  return run;
+}
+
+void finish_document(Study& study) {
+  study.document.scene = study.stage.scene_name;
+  study.document.path = study.stage.path.name;
+  study.document.renderers.clear();
+  for (const Run& run : study.runs) study.document.renderers.push_back(run.result);
+}
+
+Status write_study(const Study& study, const OutputFolder& folder) {
+  const trace::ProbePath& path = study.stage.path;
+  const bool alone = study.runs.size() == 1;
+  for (const Run& run : study.runs) {
+    if (run.trace.frames.empty()) continue;
+    const std::string name = alone ? "trace.csv" : fmt::format("trace-{}.csv", run.result.label);
+    if (const Status written = trace::write_trace_csv(path, run.trace, folder.file(name).string()); !written)
+      return written.error();
+  }
+  if (study.stage.reference) {
+    const trace::ForceTrace truth = metrics::as_trace(*study.stage.reference);
+    if (const Status written = trace::write_trace_csv(path, truth, folder.file("reference.csv").string());
+        !written)
+      return written.error();
+  }
+  return folder.write("result.json", metrics::to_json(study.document));
+}
+
+}  // namespace palpate::experiments

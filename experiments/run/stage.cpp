@@ -1,0 +1,132 @@
+#include "experiments/run/stage.h"
+
+#include <fmt/format.h>
+
+#include "experiments/run/arguments.h"
+#include "experiments/run/mesh_truth.h"
+#include "toolkit/metrics/reference.h"
+#include "toolkit/neighbourhood/knn.h"
+#include "toolkit/trace/paths.h"
+
+namespace palpate::experiments {
+namespace {
+
+/// Which reference `choice` means for this scene, or an Error where it cannot be had.
+Result<ReferenceChoice> resolve(ReferenceChoice choice, const render::SceneInput& scene,
+                                std::vector<std::string>& notes) {
+  const render::ModelInput& model = scene.models.front();
+  const bool single = scene.models.size() == 1;
+  switch (choice) {
+    case ReferenceChoice::kNone:
+      return choice;
+    case ReferenceChoice::kAnalytic:
+      if (single && model.analytic) return choice;
+      return Error{"the analytic reference needs one generated model", "use --reference auto", {}, 0};
+    case ReferenceChoice::kOriginalMesh:
+      if (single && model.original_mesh) return choice;
+      return Error{"the original-mesh reference needs one model with a mesh of its own",
+                   "use --reference auto",
+                   {},
+                   0};
+    case ReferenceChoice::kAuto:
+      break;
+  }
+  if (single && model.analytic) return ReferenceChoice::kAnalytic;
+  if (single && model.original_mesh) return ReferenceChoice::kOriginalMesh;
+  notes.push_back(single ? "There is no ground truth: the model has neither a formula nor a mesh of its own."
+                         : "There is no ground truth: this version has none for scenes of several models.");
+  return ReferenceChoice::kNone;
+}
+
+Status add_reference(Stage& stage, ReferenceChoice choice, const neighbourhood::NeighbourTable& neighbours,
+                     Progress& progress) {
+  const render::ModelInput& model = stage.scene.input.models.front();
+  const double stiffness = model.surface.stiffness_n_per_mm;
+  const double limit = stage.scene.input.force_limit_n;
+  progress.report("computing the ground truth", -1.0);
+  if (choice == ReferenceChoice::kAnalytic) {
+    if (const Status free =
+            trace::check_path_starts_free(stage.path, *model.analytic, model.world_from_model);
+        !free)
+      return free.error();
+    Result<trace::ReferenceTrace> reference =
+        metrics::analytic_reference(*model.analytic, stage.path, stiffness, limit, model.world_from_model);
+    if (!reference) return std::move(reference).error();
+    stage.reference = *std::move(reference);
+    stage.truth = std::make_unique<metrics::AnalyticTruth>(*model.analytic, model.world_from_model);
+  } else {
+    Result<MeshTruth> mesh = mesh_truth(model, stage.path, limit, progress);
+    if (!mesh) return std::move(mesh).error();
+    stage.reference = std::move(mesh->reference);
+    stage.truth = std::move(mesh->surface);
+  }
+  return metrics::fill_local_resolution(*stage.reference, stage.path, *model.cloud, neighbours,
+                                        model.world_from_model);
+}
+
+void cut(Stage& stage, std::uint64_t contact_frames) {
+  if (contact_frames == 0 || !stage.reference) return;
+  std::uint64_t seen = 0;
+  for (std::size_t i = 0; i < stage.path.size(); ++i) {
+    if (stage.reference->frames[i].frame.contact) ++seen;
+    if (seen < contact_frames) continue;
+    stage.path.t_s.resize(i + 1);
+    stage.path.hip_mm.resize(i + 1);
+    stage.reference->frames.resize(i + 1);
+    stage.path.name += fmt::format(" (ended after {} frames of true contact)", contact_frames);
+    return;
+  }
+  stage.notes.push_back(
+      fmt::format("The path has {} frames of true contact, not the {} asked for.", seen, contact_frames));
+}
+
+}  // namespace
+
+Result<ReferenceChoice> parse_reference(const std::string& text) {
+  if (text == "auto") return ReferenceChoice::kAuto;
+  if (text == "analytic") return ReferenceChoice::kAnalytic;
+  if (text == "original-mesh") return ReferenceChoice::kOriginalMesh;
+  if (text == "none") return ReferenceChoice::kNone;
+  return Error{fmt::format("there is no reference '{}'", text),
+               "choose from auto, analytic, original-mesh, none",
+               {},
+               0};
+}
+
+Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Progress& progress) {
+  Stage stage;
+  stage.scene_name = request.scene_name;
+  Result<scene::LoadedScene> loaded = scene::load(request.scene, readers, request.load, progress);
+  if (!loaded) return std::move(loaded).error();
+  stage.scene = *std::move(loaded);
+  for (const scene::Provenance& p : stage.scene.provenance)
+    for (const std::string& warning : p.warnings) stage.notes.push_back(warning);
+  const render::ModelInput& model = stage.scene.input.models.front();
+  const Result<ReferenceChoice> choice = resolve(request.reference, stage.scene.input, stage.notes);
+  if (!choice) return choice.error();
+
+  progress.report("finding neighbours", -1.0);
+  const neighbourhood::NeighbourTable nearest = neighbourhood::exact_knn(*model.cloud, request.threads);
+  // The printed resolutions of rasters are those of the scanner's path.
+  Result<neighbourhood::NeighbourTable> raster =
+      model.cloud->raster ? neighbourhood::scanner_path(*model.cloud, request.threads) : Error{};
+  stage.spacing = neighbourhood::describe_spacing(*model.cloud, raster ? *raster : nearest);
+
+  progress.report("making the path", -1.0);
+  trace::PathTarget target;
+  target.surface = model.analytic.get();
+  target.cloud = model.cloud.get();
+  target.mesh = model.original_mesh.get();
+  target.box_mm = model.cloud->box_mm();
+  target.spacing_mm = stage.spacing.nearest_mm.p50;
+  target.world_from_model = model.world_from_model;
+  Result<trace::ProbePath> path = open_path(request.path, target);
+  if (!path) return std::move(path).error();
+  stage.path = *std::move(path);
+  if (*choice != ReferenceChoice::kNone)
+    if (const Status added = add_reference(stage, *choice, nearest, progress); !added) return added.error();
+  cut(stage, request.contact_frames);
+  return stage;
+}
+
+}  // namespace palpate::experiments

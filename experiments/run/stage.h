@@ -1,0 +1,48 @@
+// A stage: a scene, a probe path and the truth along it, ready for renderers to be run on, one after the
+// other.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "toolkit/core/progress.h"
+#include "toolkit/core/result.h"
+#include "toolkit/io/read_model.h"
+#include "toolkit/metrics/truth.h"
+#include "toolkit/neighbourhood/spacing.h"
+#include "toolkit/scene/scene.h"
+#include "toolkit/trace/trace.h"
+
+namespace palpate::experiments {
+
+enum class ReferenceChoice { kAuto, kAnalytic, kOriginalMesh, kNone };
+/// "auto", "analytic", "original-mesh", "none".
+[[nodiscard]] Result<ReferenceChoice> parse_reference(const std::string& text);
+
+struct StageRequest {
+  std::string scene_name;  ///< as the user wrote it
+  scene::SceneFile scene;
+  scene::LoadOptions load;
+  std::string path;  ///< a file or a generator
+  ReferenceChoice reference = ReferenceChoice::kAuto;
+  int threads = 0;
+  std::uint64_t contact_frames = 0;  ///< the path ends after so many frames of true contact; 0 = whole
+};
+
+struct Stage {
+  std::string scene_name;
+  scene::LoadedScene scene;
+  trace::ProbePath path;
+  std::optional<trace::ReferenceTrace> reference;
+  std::unique_ptr<metrics::TruthSurface> truth;  ///< null without a reference
+  neighbourhood::Spacing spacing;                ///< of the first model
+  std::vector<std::string> notes;                ///< what a reader should know, whole sentences
+};
+
+/// Loads, makes the path, computes the reference (slow, never timed). Every Error is bad input.
+[[nodiscard]] Result<Stage> set_up(const StageRequest& request, const io::Readers& readers,
+                                   Progress& progress);
+
+}  // namespace palpate::experiments

@@ -1,0 +1,115 @@
+#include "experiments/tables/manifest.h"
+
+#include <fmt/format.h>
+#include <toml++/toml.h>
+
+#include <algorithm>
+
+#include "toolkit/core/options.h"
+
+namespace palpate::experiments {
+namespace {
+
+std::string text_of(const toml::table& table, const char* key) {
+  const toml::node* node = table.get(key);
+  return node == nullptr ? std::string() : node->value_or(std::string());
+}
+
+double number_of(const toml::table& table, const char* key, double otherwise) {
+  const toml::node* node = table.get(key);
+  return node == nullptr ? otherwise : node->value_or(otherwise);
+}
+
+/// The tables of an array of tables; none where the key is missing.
+std::vector<const toml::table*> tables_of(const toml::table& root, const char* key) {
+  std::vector<const toml::table*> found;
+  const toml::array* array = root.get(key) == nullptr ? nullptr : root.get(key)->as_array();
+  if (array == nullptr) return found;
+  for (const toml::node& node : *array)
+    if (node.is_table()) found.push_back(node.as_table());
+  return found;
+}
+
+void read_printed(const toml::table& root, Manifest& manifest) {
+  const toml::node* node = root.get("printed");
+  if (node == nullptr || !node->is_table()) return;
+  const toml::table& printed = *node->as_table();
+  manifest.hardware = text_of(printed, "hardware");
+  manifest.printed_frames = static_cast<std::uint64_t>(number_of(printed, "frames", 0.0));
+  manifest.printed_min_ms = number_of(printed, "min_ms", 0.0);
+  manifest.printed_max_ms = number_of(printed, "max_ms", 0.0);
+  manifest.printed_mean_ms = number_of(printed, "mean_ms", 0.0);
+}
+
+Manifest from_table(const toml::table& root) {
+  Manifest manifest;
+  manifest.table = static_cast<int>(number_of(root, "table", 0.0));
+  manifest.kind =
+      text_of(root, "kind") == "neighbours" ? Manifest::Kind::kNeighbours : Manifest::Kind::kFrames;
+  manifest.title = text_of(root, "title");
+  manifest.text = text_of(root, "text");
+  if (const toml::array* notes = root.get("notes") == nullptr ? nullptr : root.get("notes")->as_array())
+    for (const toml::node& note : *notes) manifest.notes.push_back(note.value_or(std::string()));
+  read_printed(root, manifest);
+  for (const toml::table* t : tables_of(root, "model")) {
+    ManifestModel model{text_of(*t, "name"),
+                        text_of(*t, "generate"),
+                        text_of(*t, "scan"),
+                        text_of(*t, "quick"),
+                        text_of(*t, "unit"),
+                        number_of(*t, "scale", 1.0),
+                        {}};
+    if (t->get("printed_min") != nullptr) model.printed_min = number_of(*t, "printed_min", 0.0);
+    manifest.models.push_back(std::move(model));
+  }
+  if (const toml::node* node = root.get("path"); node != nullptr && node->is_table()) {
+    manifest.path = text_of(*node->as_table(), "spec");
+    manifest.quick_path = text_of(*node->as_table(), "quick");
+    manifest.contact_frames = static_cast<std::uint64_t>(number_of(*node->as_table(), "contact_frames", 0.0));
+  }
+  for (const toml::table* t : tables_of(root, "run"))
+    manifest.runs.push_back({text_of(*t, "renderer"), text_of(*t, "quick")});
+  return manifest;
+}
+
+}  // namespace
+
+Result<Manifest> parse_manifest(std::string_view text, const std::string& name) {
+  try {
+    Manifest manifest = from_table(toml::parse(text, name));
+    if (manifest.table <= 0 || manifest.models.empty())
+      return Error{"a manifest needs 'table' and at least one [[model]]", {}, name, 1};
+    return manifest;
+  } catch (const toml::parse_error& error) {
+    return Error{std::string(error.description()), "a manifest is TOML", name,
+                 static_cast<std::int64_t>(error.source().begin.line)};
+  }
+}
+
+Result<std::vector<Manifest>> manifests_for(const std::string& tables) {
+  std::vector<Manifest> all;
+  std::string known;
+  for (const EmbeddedManifest& embedded : embedded_manifests()) {
+    Result<Manifest> manifest = parse_manifest(embedded.text, embedded.name);
+    if (!manifest) return std::move(manifest).error();
+    all.push_back(*std::move(manifest));
+  }
+  std::sort(all.begin(), all.end(), [](const Manifest& a, const Manifest& b) { return a.table < b.table; });
+  if (tables.empty()) return all;
+  for (const Manifest& m : all) known += (known.empty() ? "" : ", ") + fmt::format("{}", m.table);
+  std::vector<Manifest> chosen;
+  for (const std::string& item : split_list(tables)) {
+    const Result<long long> number = parse_integer(item);
+    const auto found =
+        std::find_if(all.begin(), all.end(), [&](const Manifest& m) { return number && m.table == *number; });
+    if (found == all.end())
+      return Error{
+          fmt::format("there is no table '{}' in this version", item), "choose from " + known, {}, 0};
+    const bool twice =
+        std::any_of(chosen.begin(), chosen.end(), [&](const Manifest& m) { return m.table == found->table; });
+    if (!twice) chosen.push_back(*found);
+  }
+  return chosen;
+}
+
+}  // namespace palpate::experiments

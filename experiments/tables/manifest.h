@@ -1,0 +1,58 @@
+// One manifest per table of the thesis: what is run, and what is printed there.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "toolkit/core/result.h"
+
+namespace palpate::experiments {
+
+struct EmbeddedManifest {
+  const char* name;
+  const char* text;
+};
+/// The files of experiments/tables, as they were when the program was built.
+[[nodiscard]] std::span<const EmbeddedManifest> embedded_manifests();
+
+struct ManifestModel {
+  std::string name;
+  std::string generate;  ///< a generator with options; or
+  std::string scan;      ///< a scan known by name
+  std::string quick;     ///< the generator of a quick trial; empty: the same
+  std::string unit;
+  double scale = 1.0;
+  std::optional<double> printed_min;  ///< table 6: minutes
+};
+
+struct ManifestRun {
+  std::string renderer;
+  std::string quick;  ///< of a quick trial; empty: the same
+};
+
+struct Manifest {
+  int table = 0;
+  enum class Kind { kFrames, kNeighbours };
+  Kind kind = Kind::kFrames;
+  std::string title, text;
+  std::vector<std::string> notes;
+  std::string hardware;  ///< of the printed values
+  std::uint64_t printed_frames = 0;
+  double printed_min_ms = 0.0, printed_max_ms = 0.0, printed_mean_ms = 0.0;
+  std::vector<ManifestModel> models;
+  std::string path, quick_path;
+  std::uint64_t contact_frames = 0;  ///< the path ends after so many
+  std::vector<ManifestRun> runs;
+};
+
+[[nodiscard]] Result<Manifest> parse_manifest(std::string_view text, const std::string& name);
+
+/// The built-in manifests of the tables asked for ("6,7"; empty: all), in order. An unknown table is an Error
+/// that names those there are.
+[[nodiscard]] Result<std::vector<Manifest>> manifests_for(const std::string& tables);
+
+}  // namespace palpate::experiments

@@ -1,0 +1,247 @@
+// Every command on tiny scenes: what it prints, what it leaves behind, how it ends.
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "experiments/command/session.h"
+#include "tests/experiments/program.h"
+
+namespace palpate::experiments {
+namespace {
+
+using nlohmann::json;
+
+const char* const kScene = "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1:seed=1";
+const char* const kPath = "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1";
+
+class Command : public InFolder {};
+
+TEST_F(Command, HelpOfEveryCommandHasAnExample) {
+  for (const char* name : {"info", "renderers", "replay", "compare", "reproduce", "fetch"}) {
+    const ProcessOutcome run = palpate_command({name, "--help"});
+    EXPECT_EQ(run.exit_code, 0) << name;
+    EXPECT_NE(run.out.find(std::string("palpate ") + name), std::string::npos) << name << "\n" << run.out;
+    EXPECT_EQ(run.err, "") << name;
+  }
+  EXPECT_EQ(palpate_command({"--help"}).exit_code, 0);
+}
+
+TEST_F(Command, VersionNamesCommitAndBuild) {
+  const ProcessOutcome run = palpate_command({"--version"});
+  EXPECT_EQ(run.exit_code, 0);
+  EXPECT_NE(run.out.find("palpate "), std::string::npos);
+  EXPECT_NE(run.out.find("commit "), std::string::npos);
+}
+
+TEST_F(Command, RenderersAreThoseOfTheRegistry) {
+  const ProcessOutcome text = palpate_command({"renderers"});
+  const ProcessOutcome run = palpate_command({"renderers", "--json"});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const json list = json::parse(run.out);
+  const render::Registry registry = all_renderers();
+  ASSERT_EQ(list.size(), registry.all().size());
+  for (std::size_t i = 0; i < list.size(); ++i) {
+    const render::RendererInfo& info = registry.all()[i];
+    EXPECT_EQ(list[i]["name"], info.name);
+    ASSERT_EQ(list[i]["options"].size(), info.options.size());
+    EXPECT_NE(text.out.find(info.source), std::string::npos) << info.name;
+    for (const OptionSpec& option : info.options)
+      EXPECT_NE(text.out.find(option.key + "=" + option.default_value), std::string::npos) << option.key;
+  }
+}
+
+TEST_F(Command, InfoKnowsAPlane) {
+  const ProcessOutcome run = palpate_command({"info", "plane:points=441:extent_mm=20", "--json"});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const json info = json::parse(run.out);
+  EXPECT_EQ(info["points"], 441);
+  EXPECT_NEAR(info["resolution_mm"].get<double>(), std::sqrt(2.0), 1e-5);  // the diagonal of 1 mm cells
+  EXPECT_NEAR(info["nearest_mm"]["p50"].get<double>(), 1.0, 1e-5);
+  EXPECT_EQ(info["duplicates"], 0);
+  EXPECT_TRUE(info["height_field"].get<bool>());
+  EXPECT_EQ(info["raster"]["columns"], 21);
+  EXPECT_TRUE(info["density_per_mm3"].is_null());
+  EXPECT_EQ(info["triangles"], 800);
+}
+
+TEST_F(Command, InfoWarnsOfCoarseGuessedDuplicatedAndBroken) {
+  std::string points = "0 0 0\n0 0 0\nnan 0 0\n";
+  for (int i = 1; i < 60; ++i) points += std::to_string(5 * i) + " " + std::to_string((7 * i) % 50) + " 0\n";
+  write_text(folder_ / "coarse.xyz", points);
+  const ProcessOutcome run = palpate_command({"info", in("coarse.xyz"), "--json"});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const json info = json::parse(run.out);
+  EXPECT_EQ(info["duplicates"], 1);
+  EXPECT_EQ(info["non_finite"], 1);
+  EXPECT_TRUE(info["unit_guessed"].get<bool>());
+  EXPECT_GE(info["warnings"].size(), 3u) << info["warnings"].dump(1);
+  const ProcessOutcome refused = palpate_command({"info", in("coarse.xyz"), "--non-finite", "refuse"});
+  EXPECT_EQ(refused.exit_code, 2);
+}
+
+TEST_F(Command, ReplayLeavesTraceAndResult) {
+  const ProcessOutcome run = palpate_command(
+      {"replay", kScene, "--renderer", "cloud", "--path", kPath, "--out", in("out"), "--paced", "20"});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const std::string trace = file_text(in("out/trace.csv"));
+  EXPECT_EQ(trace.substr(0, trace.find('\n')),
+            "t_s,x_mm,y_mm,z_mm,fx_n,fy_n,fz_n,contact,gx_mm,gy_mm,gz_mm,frame_ns");
+  EXPECT_EQ(std::count(trace.begin(), trace.end(), '\n'), 1501);
+  const json result = json::parse(file_text(in("out/result.json")));
+  EXPECT_EQ(result["renderers"].size(), 1u);
+  const json& r = result["renderers"][0];
+  EXPECT_EQ(r["status"], "ok");
+  EXPECT_EQ(r["frame"]["frames"], 1500);
+  EXPECT_GT(r["frame"]["contact_frames"].get<int>(), 0);
+  EXPECT_FALSE(r["frame_paced"].is_null());
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_))
+    EXPECT_NE(entry.path().extension(), ".part") << entry.path();
+}
+
+/// Keys of `value` against a JSON schema: required ones are there, others are declared. Enough of the
+/// standard for ours.
+void check_keys(const json& schema, const json& root, const json& value, const std::string& where) {
+  if (schema.contains("$ref")) {
+    const std::string ref = schema["$ref"].get<std::string>().substr(1);
+    return check_keys(root.at(json::json_pointer(ref)), root, value, where);
+  }
+  for (const char* any : {"anyOf", "oneOf"}) {
+    if (schema.contains(any)) {
+      for (const json& option : schema[any])
+        if (!(option.contains("type") && option["type"] == "null") && !value.is_null())
+          check_keys(option, root, value, where);
+      return;
+    }
+  }
+  if (value.is_object() && schema.contains("properties")) {
+    if (schema.contains("required")) {
+      for (const json& key : schema["required"])
+        EXPECT_TRUE(value.contains(key.get<std::string>())) << where << " lacks " << key;
+    }
+    for (const auto& [key, inner] : value.items()) {
+      if (!schema["properties"].contains(key)) {
+        EXPECT_NE(schema.value("additionalProperties", json(true)), json(false)) << where << " has " << key;
+        continue;
+      }
+      check_keys(schema["properties"][key], root, inner, where + "." + key);
+    }
+  }
+  if (value.is_array() && schema.contains("items"))
+    for (const json& item : value) check_keys(schema["items"], root, item, where + "[]");
+}
+
+TEST_F(Command, CompareRunsEveryRendererThereIs) {
+  std::string names;
+  std::set<std::string> labels;
+  const render::Registry registry = all_renderers();
+  for (const render::RendererInfo& info : registry.all()) {
+    names += (names.empty() ? "" : ",") + info.name;
+    labels.insert(info.name);
+  }
+  const ProcessOutcome run =
+      palpate_command({"compare", kScene, "--renderers", names, "--path", kPath, "--out", in("out")});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const json result = json::parse(file_text(in("out/result.json")));
+  check_keys(json::parse(file_text(PALPATE_RESULT_SCHEMA)), json::parse(file_text(PALPATE_RESULT_SCHEMA)),
+             result, "result");
+  ASSERT_EQ(result["renderers"].size(), labels.size());
+  for (const json& r : result["renderers"]) {
+    const std::string label = r["label"];
+    EXPECT_EQ(labels.count(label), 1u);
+    EXPECT_EQ(r["status"], "ok") << label;
+    EXPECT_FALSE(r["accuracy"].is_null()) << label;
+    EXPECT_TRUE(std::filesystem::exists(in("out/trace-" + label + ".csv"))) << label;
+    if (label == "analytic") {
+      EXPECT_EQ(r["accuracy"]["missed_contact_frames"], 0);
+      EXPECT_LT(r["accuracy"]["force_rms_n"].get<double>(), 1e-3);
+    }
+  }
+  const std::string report = file_text(in("out/report.html"));
+  EXPECT_NE(report.find("<svg"), std::string::npos);
+  EXPECT_EQ(report.find("<script"), std::string::npos);
+  EXPECT_EQ(report.find("src="), std::string::npos) << "the report must need nothing else";
+  EXPECT_EQ(report.find("<link"), std::string::npos);
+  EXPECT_TRUE(std::filesystem::exists(in("out/figures/study-force.gp")));
+}
+
+TEST_F(Command, TracesAreTheSameForAnyThreadsAndFromRunToRun) {
+  std::set<std::string> hashes;
+  int run_number = 0;
+  for (const char* threads : {"1", "2", "2"}) {
+    const std::string out = in("out" + std::to_string(run_number++));
+    const ProcessOutcome run = palpate_command(
+        {"replay", kScene, "--renderer", "cloud", "--path", kPath, "--out", out, "--threads", threads});
+    ASSERT_EQ(run.exit_code, 0) << run.err;
+    hashes.insert(
+        json::parse(file_text(out + "/result.json"))["renderers"][0]["trace_hash"].get<std::string>());
+  }
+  EXPECT_EQ(hashes.size(), 1u);
+}
+
+TEST_F(Command, LabelsNameOneRendererTwice) {
+  const ProcessOutcome run =
+      palpate_command({"compare", kScene, "--renderers", "cloud,cloud:shading=none:label=bare", "--path",
+                       kPath, "--out", in("out"), "--json"});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const json result = json::parse(run.out);
+  EXPECT_EQ(result["renderers"][1]["label"], "bare");
+  EXPECT_TRUE(std::filesystem::exists(in("out/trace-bare.csv")));
+}
+
+TEST_F(Command, ASceneFileNamesItsRenderer) {
+  write_text(folder_ / "s.toml",
+             "[[model]]\ngenerate = \"plane\"\npoints = 961\nextent_mm = 30\n[renderer]\nname = "
+             "\"cloud\"\nshading = \"none\"\n");
+  const ProcessOutcome run =
+      palpate_command({"replay", in("s.toml"), "--path", "tap:frames=800", "--out", in("out"), "--json"});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_EQ(json::parse(run.out)["renderers"][0]["options"]["shading"], "none");
+}
+
+TEST_F(Command, ASecondRunReplacesTheFirst) {
+  const std::vector<std::string> replay = {"replay", kScene, "--renderer", "cloud",
+                                           "--path", kPath,  "--out",      in("out")};
+  ASSERT_EQ(palpate_command(replay).exit_code, 0);
+  EXPECT_EQ(palpate_command(replay).exit_code, 0);
+}
+
+TEST_F(Command, SaveMeshWritesAMeshThatReadsBack) {
+  if (all_renderers().find("mesh-godobject") == nullptr) GTEST_SKIP() << "built without mesh-godobject";
+  const ProcessOutcome run =
+      palpate_command({"replay", kScene, "--renderer", "mesh-godobject:mesh=original", "--path", kPath,
+                       "--out", in("out"), "--save-mesh", in("mesh.ply")});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const ProcessOutcome info = palpate_command({"info", in("mesh.ply"), "--json"});
+  ASSERT_EQ(info.exit_code, 0) << info.err;
+  EXPECT_EQ(json::parse(info.out)["triangles"], 5000);
+  EXPECT_EQ(palpate_command({"replay", kScene, "--renderer", "cloud", "--path", kPath, "--out", in("out"),
+                             "--save-mesh", in("none.ply")})
+                .exit_code,
+            1);
+}
+
+TEST_F(Command, ReproduceQuickPrintsPrintedValuesBesideOurs) {
+  const ProcessOutcome run = palpate_command({"reproduce", "--tables", "7", "--quick", "--out", in("out")});
+  // Without the baselines a run of the table is missing, which is a shortfall.
+  ASSERT_EQ(run.exit_code, all_renderers().find("mesh-godobject") != nullptr ? 0 : 1) << run.err;
+  EXPECT_NE(run.out.find("54,717"), std::string::npos) << run.out;
+  EXPECT_NE(run.out.find("37.4"), std::string::npos);
+  EXPECT_NE(run.out.find("report.html"), std::string::npos);
+  EXPECT_TRUE(std::filesystem::exists(in("out/report.html")));
+  EXPECT_TRUE(std::filesystem::exists(in("out/table7/result.json")));
+}
+
+TEST_F(Command, FetchListsWithLicenceAndChecksum) {
+  const ProcessOutcome run = palpate_command({"fetch", "--json"});
+  ASSERT_EQ(run.exit_code, 0);
+  const json list = json::parse(run.out);
+  ASSERT_GE(list.size(), 1u);
+  for (const json& scan : list) {
+    EXPECT_FALSE(scan["licence"].get<std::string>().empty());
+    for (const json& source : scan["sources"]) EXPECT_EQ(source["sha256"].get<std::string>().size(), 64u);
+  }
+}
+
+}  // namespace
+}  // namespace palpate::experiments

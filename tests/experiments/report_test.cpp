@@ -1,0 +1,153 @@
+// Tables, headlines and the page are pure functions of results.
+#include <gtest/gtest.h>
+
+#include "experiments/command/reproduction.h"
+#include "experiments/report/page.h"
+#include "experiments/tables/manifest.h"
+#include "tests/experiments/program.h"
+
+namespace palpate::experiments {
+namespace {
+
+metrics::RendererResult result(const std::string& label, double mean_us, double prepare_ms,
+                               std::uint64_t false_frames) {
+  metrics::RendererResult r;
+  r.label = r.name = label;
+  r.model = metrics::RendererResult::Model{1000, 0.1};
+  r.prepare = render::PrepareReport{};
+  r.prepare->total_ms = prepare_ms;
+  r.prepare->bytes = 48000;
+  r.frame = trace::FrameStatistics{};
+  r.frame->frames = 100;
+  r.frame->contact_frames = 70;
+  r.frame->mean_us = mean_us;
+  r.frame->min_us = mean_us / 2;
+  r.frame->max_us = mean_us * 3;
+  r.accuracy = metrics::Accuracy{};
+  r.accuracy->force_rms_n = 0.01;
+  r.accuracy->false_contact_frames = false_frames;
+  r.accuracy->longest_stick_frames = false_frames;
+  return r;
+}
+
+metrics::ResultDocument document() {
+  metrics::ResultDocument d;
+  d.scene = "plane";
+  d.path = "tap <&>";
+  d.renderers = {result("cloud", 0.2, 100.0, 0), result("cloud-literal", 1.5, 120.0, 1234)};
+  return d;
+}
+
+TEST(Numbers, AreShortAndReadable) {
+  EXPECT_EQ(count_text(0), "0");
+  EXPECT_EQ(count_text(999), "999");
+  EXPECT_EQ(count_text(1002001), "1,002,001");
+  EXPECT_EQ(short_number(0.0), "0");
+  EXPECT_EQ(short_number(37.4), "37.4");
+  EXPECT_EQ(short_number(267.4), "267");
+  EXPECT_EQ(short_number(0.0374), "0.0374");
+  EXPECT_EQ(short_number(2.4), "2.40");
+  EXPECT_EQ(short_number(12345.6), "12,346");
+  EXPECT_EQ(short_number(-5.0), "-5.00");
+  EXPECT_EQ(short_number(std::nullopt), "–");
+  EXPECT_EQ(duration_text(0.5), "0.5 ms");
+  EXPECT_EQ(duration_text(2500.0), "2.50 s");
+  EXPECT_EQ(duration_text(90000.0), "1.50 min");
+}
+
+TEST(ComparisonTable, MarksTheBestOfARow) {
+  const Table table = comparison_table(document());
+  ASSERT_EQ(table.columns.size(), 3u);
+  bool found = false;
+  for (const auto& row : table.rows) {
+    if (row.size() > 1) {
+      EXPECT_EQ(row.size(), 3u);
+    }
+    if (row[0].text != "mean, µs") continue;
+    found = true;
+    EXPECT_TRUE(row[1].best);
+    EXPECT_FALSE(row[2].best);
+    EXPECT_EQ(row[1].text, "0.2");
+  }
+  EXPECT_TRUE(found);
+}
+
+TEST(ComparisonTable, ARunThatDidNotFinishSaysSo) {
+  metrics::ResultDocument d = document();
+  d.renderers[1].status = metrics::RunStatus::kDidNotFinish;
+  d.renderers[1].reason = "preparation stopped after 3 s";
+  d.renderers[1].frame.reset();
+  d.renderers[1].accuracy.reset();
+  const std::string text = to_text(comparison_table(d));
+  EXPECT_NE(text.find("did not finish"), std::string::npos);
+  EXPECT_NE(text.find("preparation stopped after 3 s"), std::string::npos);
+  bool said = false;
+  for (const std::string& line : headlines_of(d, ""))
+    said = said || line.find("did not finish") != std::string::npos;
+  EXPECT_TRUE(said);
+}
+
+TEST(Headlines, NameWinnerAndShortfall) {
+  const std::vector<std::string> lines = headlines_of(document(), "Test");
+  std::string all;
+  for (const std::string& line : lines) all += line + "\n";
+  EXPECT_NE(all.find("the fastest frame in contact is cloud's, 0.2 µs"), std::string::npos) << all;
+  EXPECT_NE(all.find("cloud-literal: 1,234 of false contact"), std::string::npos) << all;
+}
+
+TEST(Page, EscapesWhatItIsGiven) {
+  Page page = begin_page("A <title>", document());
+  page.headlines = {"<script>alert(1)</script>"};
+  page.sections.push_back({"s", "Section", {}, {comparison_table(document())}, {}, {}});
+  const std::string html = to_html(page);
+  EXPECT_EQ(html.find("<script"), std::string::npos);
+  EXPECT_NE(html.find("tap &lt;&amp;&gt;"), std::string::npos);
+  EXPECT_NE(html.find("A &lt;title&gt;"), std::string::npos);
+}
+
+TEST(Manifests, HoldThePrintedValues) {
+  const auto manifests = manifests_for("");
+  ASSERT_TRUE(manifests.ok()) << manifests.error().message();
+  ASSERT_EQ(manifests->size(), 3u);
+  EXPECT_EQ((*manifests)[0].table, 6);
+  const Manifest& seven = (*manifests)[1];
+  EXPECT_EQ(seven.table, 7);
+  EXPECT_EQ(seven.printed_frames, 54717u);
+  EXPECT_EQ(seven.printed_mean_ms, 0.0374);
+  EXPECT_EQ((*manifests)[2].contact_frames, 116013u);
+  EXPECT_EQ((*manifests)[2].models[0].scale, 1.025);
+  const render::Registry registry = all_renderers();
+  for (const Manifest& m : *manifests)
+    for (const ManifestRun& run : m.runs) {
+      const bool baseline = run.renderer.rfind("mesh-", 0) == 0;
+      if (baseline && registry.find("mesh-godobject") == nullptr) continue;  // built without the baselines
+      const auto requests = parse_renderers(run.renderer, registry);
+      EXPECT_TRUE(requests.ok()) << requests.error().message();
+    }
+  const auto chosen = manifests_for("9,7,9");
+  ASSERT_TRUE(chosen.ok());
+  EXPECT_EQ(chosen->size(), 2u);
+}
+
+TEST(FramesTable, StandsBesideTheThesis) {
+  const auto manifests = manifests_for("7");
+  ASSERT_TRUE(manifests.ok());
+  const std::string text = to_text(frames_table(manifests->front(), document()));
+  EXPECT_NE(text.find("54,717"), std::string::npos);
+  EXPECT_NE(text.find("37.4"), std::string::npos);
+  EXPECT_NE(text.find("0 / 1,234"), std::string::npos) << text;
+}
+
+class Folder : public InFolder {};
+
+TEST_F(Folder, IsMadeMarkedAndKeptFromStrangers) {
+  const auto made = OutputFolder::open(in("a/b"));
+  ASSERT_TRUE(made.ok()) << made.error().message();
+  ASSERT_TRUE(made->write("result.json", "{}").ok());
+  ASSERT_TRUE(OutputFolder::open(in("a/b")).ok());
+  EXPECT_FALSE(std::filesystem::exists(in("a/b/result.json"))) << "old results must not look like new ones";
+  EXPECT_FALSE(OutputFolder::open(in("a")).ok()) << "a folder with somebody's files";
+}
+
+}  // namespace
+}  // namespace palpate::experiments
