@@ -39,6 +39,11 @@ add_library(palpate_build_flags INTERFACE)
 target_compile_options(palpate_build_flags INTERFACE
   -ffp-contract=off -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wnon-virtual-dtor
   -Wold-style-cast -Wcast-qual -Woverloaded-virtual -Wdouble-promotion)
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_GREATER_EQUAL 12
+    AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 14)
+  # A false positive on "literal" + std::string at -O3: gcc bug 105651, mended in gcc 13.3 and 14.
+  target_compile_options(palpate_build_flags INTERFACE -Wno-restrict)
+endif()
 if(PALPATE_WARNINGS_AS_ERRORS AND PROJECT_IS_TOP_LEVEL)
   target_compile_options(palpate_build_flags INTERFACE -Werror)
 endif()

@@ -1,9 +1,16 @@
 #include "tests/house/all_renderers.h"
 
+#ifdef PALPATE_WITH_BASELINES
+#include "baselines/register.h"
+#endif
+
 namespace palpate::house {
 
 void register_all_renderers(render::Registry& registry) {
   render::register_toolkit_renderers(registry);
+#ifdef PALPATE_WITH_BASELINES
+  baselines::register_baseline_renderers(registry);
+#endif
 }
 
 }  // namespace palpate::house
