@@ -1,9 +1,26 @@
 #include "experiments/run/mesh_truth.h"
 
+#ifdef PALPATE_WITH_BASELINES
+#include "baselines/reference/mesh_reference.h"
+#endif
+
 namespace palpate::experiments {
 
-Result<MeshTruth> mesh_truth(const render::ModelInput&, const trace::ProbePath&, double, Progress&) {
-  return Error{"the original-mesh reference is not built yet", "use --reference none", {}, 0};
+#ifdef PALPATE_WITH_BASELINES
+Result<MeshTruth> mesh_truth(const render::ModelInput& model, const trace::ProbePath& path,
+                             double force_limit_n, Progress& progress) {
+  auto truth = baselines::MeshTruth::build(*model.original_mesh, model.world_from_model);
+  if (!truth) return std::move(truth).error();
+  Result<trace::ReferenceTrace> reference =
+      baselines::mesh_reference(**truth, path, model.surface.stiffness_n_per_mm, force_limit_n, progress);
+  if (!reference) return std::move(reference).error();
+  return MeshTruth{std::move(*reference), std::move(*truth)};
 }
+#else
+Result<MeshTruth> mesh_truth(const render::ModelInput&, const trace::ProbePath&, double, Progress&) {
+  return Error{
+      "this build has no baselines, so there is no reference on a mesh", "use --reference none", {}, 0};
+}
+#endif
 
 }  // namespace palpate::experiments
