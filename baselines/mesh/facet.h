@@ -1,9 +1,10 @@
 // One triangle of a mesh as the mesh renderers and the reference walk it, and the closest point on it.
 #pragma once
 
-#include <Eigen/Geometry>  // cross products
 #include <array>
 #include <cstdint>
+
+#include <Eigen/Geometry>
 
 #include "toolkit/core/tolerances.h"
 #include "toolkit/core/vec.h"

@@ -2,90 +2,107 @@
 
 #include <fmt/format.h>
 
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wconversion"
+#pragma GCC diagnostic ignored "-Wsign-conversion"
+#pragma GCC diagnostic ignored "-Wold-style-cast"
+#pragma GCC diagnostic ignored "-Wcast-qual"
+#pragma GCC diagnostic ignored "-Wshadow"
+#pragma GCC diagnostic ignored "-Wpedantic"
 #include <OpenMesh/Core/Mesh/TriMesh_ArrayKernelT.hh>
-#include <OpenMesh/Core/Utils/vector_cast.hh>
-#include <vector>
+#pragma GCC diagnostic pop
 
 namespace palpate::baselines {
 namespace {
 
-struct DoubleTraits : OpenMesh::DefaultTraits {
+struct Traits : OpenMesh::DefaultTraits {
   using Point = OpenMesh::Vec3d;
 };
-using HalfEdgeMesh = OpenMesh::TriMesh_ArrayKernelT<DoubleTraits>;
+using HalfEdges = OpenMesh::TriMesh_ArrayKernelT<Traits>;
 
-std::size_t count_components(const HalfEdgeMesh& mesh) {
-  std::vector<char> seen(mesh.n_faces(), 0);
+std::size_t count_components(const HalfEdges& mesh) {
+  std::vector<bool> seen(mesh.n_faces(), false);
   std::vector<OpenMesh::FaceHandle> open;
   std::size_t components = 0;
-  for (const auto first : mesh.faces()) {
-    if (seen[static_cast<std::size_t>(first.idx())] != 0) continue;
+  for (const OpenMesh::FaceHandle start : mesh.faces()) {
+    if (seen[static_cast<std::size_t>(start.idx())]) continue;
     ++components;
-    open.assign(1, first);
-    seen[static_cast<std::size_t>(first.idx())] = 1;
+    seen[static_cast<std::size_t>(start.idx())] = true;
+    open.push_back(start);
     while (!open.empty()) {
-      const auto face = open.back();
+      const OpenMesh::FaceHandle face = open.back();
       open.pop_back();
-      for (auto other = mesh.cff_iter(face); other.is_valid(); ++other) {
-        char& mark = seen[static_cast<std::size_t>(other->idx())];
-        if (mark == 0) {
-          mark = 1;
-          open.push_back(*other);
-        }
+      for (auto next = mesh.cff_iter(face); next.is_valid(); ++next) {
+        const auto index = static_cast<std::size_t>(next->idx());
+        if (seen[index]) continue;
+        seen[index] = true;
+        open.push_back(*next);
       }
     }
   }
   return components;
 }
 
-std::size_t count_loops(const HalfEdgeMesh& mesh) {
-  std::vector<char> seen(mesh.n_halfedges(), 0);
-  std::size_t loops = 0;
-  for (const auto start : mesh.halfedges()) {
-    if (!mesh.is_boundary(start) || seen[static_cast<std::size_t>(start.idx())] != 0) continue;
-    ++loops;
-    OpenMesh::HalfedgeHandle at = start;
-    do {
-      seen[static_cast<std::size_t>(at.idx())] = 1;
-      at = mesh.next_halfedge_handle(at);
-    } while (at != start && seen[static_cast<std::size_t>(at.idx())] == 0);
+void count_boundary(const HalfEdges& mesh, MeshReport& report) {
+  std::vector<bool> seen(mesh.n_halfedges(), false);
+  for (const OpenMesh::HalfedgeHandle start : mesh.halfedges()) {
+    if (!mesh.is_boundary(start)) continue;
+    ++report.boundary_edges;
+    if (seen[static_cast<std::size_t>(start.idx())]) continue;
+    ++report.boundary_loops;
+    for (OpenMesh::HalfedgeHandle at = start; !seen[static_cast<std::size_t>(at.idx())];
+         at = mesh.next_halfedge_handle(at))
+      seen[static_cast<std::size_t>(at.idx())] = true;
   }
-  return loops;
 }
 
 }  // namespace
 
-std::string MeshReport::text() const {
-  return fmt::format(
-      "mesh: {} vertices, {} faces, {} component(s), {}, {} faces not manifold, {} isolated vertices",
-      vertices, faces, components,
-      boundary_edges == 0 ? std::string("no boundary")
-                          : fmt::format("{} boundary edges in {} loops", boundary_edges, boundary_loops),
-      refused_faces, isolated_vertices);
-}
-
-MeshReport check_mesh(const geometry::TriangleMesh& mesh) {
-  HalfEdgeMesh held;
-  held.reserve(mesh.vertices_mm.size(), mesh.triangles.size() * 3 / 2, mesh.triangles.size());
-  std::vector<OpenMesh::VertexHandle> handles;
-  handles.reserve(mesh.vertices_mm.size());
-  for (const Vec3& v : mesh.vertices_mm)
-    handles.push_back(held.add_vertex(OpenMesh::Vec3d(v.x(), v.y(), v.z())));
+MeshReport report_on(const SurfaceMesh& mesh) {
+  HalfEdges held;
+  held.reserve(mesh.vertices().size(), mesh.facets().size() * 3 / 2, mesh.facets().size());
+  for (const Vec3& v : mesh.vertices()) held.add_vertex({v.x(), v.y(), v.z()});
+  omerr().disable();  // refused faces are counted below; OpenMesh would print a line for each
   MeshReport report;
-  ::omerr().disable();  // it prints every refused face; they are counted instead
-  for (const auto& t : mesh.triangles) {
-    const bool collapsed = t[0] == t[1] || t[1] == t[2] || t[2] == t[0];
-    if (collapsed || !held.add_face(handles[t[0]], handles[t[1]], handles[t[2]]).is_valid())
-      ++report.refused_faces;
+  for (const Facet& f : mesh.facets()) {
+    const auto vertex = [&](std::size_t i) { return OpenMesh::VertexHandle(static_cast<int>(f.vertex[i])); };
+    if (!held.add_face(vertex(0), vertex(1), vertex(2)).is_valid()) ++report.refused_faces;
   }
-  ::omerr().enable();
+  omerr().enable();
   report.vertices = held.n_vertices();
   report.faces = held.n_faces();
-  for (const auto edge : held.edges()) report.boundary_edges += held.is_boundary(edge);
-  for (const auto vertex : held.vertices()) report.isolated_vertices += held.is_isolated(vertex);
+  report.flat_faces = mesh.counts().flat_facets;
+  for (std::uint32_t v = 0; v < mesh.vertices().size(); ++v) report.isolated_vertices += mesh.star(v).empty();
   report.components = count_components(held);
-  report.boundary_loops = count_loops(held);
+  count_boundary(held, report);
+  report.closed = report.boundary_edges == 0 && report.refused_faces == 0;
   return report;
+}
+
+std::vector<std::string> describe(const MeshReport& report, const SurfaceMeshCounts& counts) {
+  std::vector<std::string> lines;
+  lines.push_back(fmt::format("mesh: {} vertices, {} faces, {} component{}, {}", report.vertices,
+                              report.faces + report.refused_faces, report.components,
+                              report.components == 1 ? "" : "s", report.closed ? "closed" : "open"));
+  if (report.boundary_edges > 0)
+    lines.push_back(
+        fmt::format("mesh: {} boundary edges in {} loops: the god object stops there and the probe "
+                    "leaves past them",
+                    report.boundary_edges, report.boundary_loops));
+  if (report.refused_faces + counts.radial_edges > 0)
+    lines.push_back(
+        fmt::format("mesh: {} edges of three or more faces; {} faces at complex edges or corners are "
+                    "not held by OpenMesh but rendered all the same",
+                    counts.radial_edges, report.refused_faces));
+  if (counts.welded_vertices > 0)
+    lines.push_back(fmt::format("mesh: {} repeated vertices welded, {} collapsed faces dropped",
+                                counts.welded_vertices, counts.collapsed_facets));
+  if (report.flat_faces + report.isolated_vertices + counts.flipped_edges > 0)
+    lines.push_back(
+        fmt::format("mesh: {} faces without area, {} isolated vertices, {} edges between faces of "
+                    "opposite orientation",
+                    report.flat_faces, report.isolated_vertices, counts.flipped_edges));
+  return lines;
 }
 
 }  // namespace palpate::baselines

@@ -225,6 +225,14 @@ std::size_t SurfaceMesh::bytes() const noexcept {
          radial_.capacity() * sizeof(radial_[0]);
 }
 
+double SurfaceMesh::longest_edge_sq(std::uint32_t facet) const noexcept {
+  const Facet& f = facets_[facet];
+  double longest = 0.0;
+  for (std::uint32_t e = 0; e < 3; ++e)
+    longest = std::max(longest, (f.corner[after(e)] - f.corner[e]).squaredNorm());
+  return longest;
+}
+
 Vec3 SurfaceMesh::normal(HalfFacet half) const noexcept {
   const Facet& f = facets_[facet_of(half)];
   const Vec3 n = f.scaled_normal();

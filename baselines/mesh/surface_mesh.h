@@ -60,6 +60,10 @@ class SurfaceMesh {
     if (across < kRadialBase) return across ^ side_of(half);
     return across == kNoFacet ? kNoFacet : radial_[across - kRadialBase][side_of(half)];
   }
+  /// Square of the facet's longest edge. At the rim of an open mesh a HIP that is behind the facet and no
+  /// further than this edge beyond it is still held, so that reconstructions with pinholes of a facet or two
+  /// do not swallow it.
+  [[nodiscard]] double longest_edge_sq(std::uint32_t facet) const noexcept;
   /// Of the facet's given side, unit; zero for a facet without area.
   [[nodiscard]] Vec3 normal(HalfFacet half) const noexcept;
   /// Towards the free side at a feature: the facet's normal, the sum over the two facets of an edge, the

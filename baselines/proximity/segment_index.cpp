@@ -46,6 +46,43 @@ void skip_neighbours(const RTCFilterFunctionNArguments* args) {
     args->valid[0] = 0;
 }
 
+RTCRayHit ray_between(const Vec3f& start, const Vec3f& direction, float end) noexcept {
+  RTCRayHit ray;
+  ray.ray.org_x = start.x();
+  ray.ray.org_y = start.y();
+  ray.ray.org_z = start.z();
+  ray.ray.dir_x = direction.x();
+  ray.ray.dir_y = direction.y();
+  ray.ray.dir_z = direction.z();
+  ray.ray.tnear = 0.0f;
+  ray.ray.tfar = end;
+  ray.ray.time = 0.0f;
+  ray.ray.mask = 0xFFFFFFFFu;
+  ray.ray.id = 0;
+  ray.ray.flags = 0;
+  ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+  ray.hit.primID = RTC_INVALID_GEOMETRY_ID;
+  ray.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+  return ray;
+}
+
+struct CollectContext {
+  shim::Context context;  // first, as above
+  const SurfaceMesh* mesh;
+  std::uint32_t from_vertex, to_vertex;
+  std::vector<std::uint32_t>* facets;
+};
+
+/// Notes the hit and lets the ray go on.
+void collect(const RTCFilterFunctionNArguments* args) {
+  const auto* context = reinterpret_cast<const CollectContext*>(args->context);
+  const std::uint32_t facet = reinterpret_cast<const RTCHit*>(args->hit)->primID;
+  args->valid[0] = 0;
+  for (const std::uint32_t v : context->mesh->facet(facet).vertex)
+    if (v == context->from_vertex || v == context->to_vertex) return;
+  context->facets->push_back(facet);
+}
+
 }  // namespace
 
 struct SegmentIndex::State {
@@ -162,22 +199,7 @@ std::optional<SegmentHit> SegmentIndex::first_hit(const Vec3& a, const Vec3& b,
   const Vec3f direction = end - start;  // exact: see point 2 above
   const double length = direction.cast<double>().norm();
   if (!(length > 0.0)) return std::nullopt;
-  RTCRayHit ray;
-  ray.ray.org_x = start.x();
-  ray.ray.org_y = start.y();
-  ray.ray.org_z = start.z();
-  ray.ray.dir_x = direction.x();
-  ray.ray.dir_y = direction.y();
-  ray.ray.dir_z = direction.z();
-  ray.ray.tnear = 0.0f;
-  ray.ray.tfar = static_cast<float>(1.0 + margin_mm() / length);
-  ray.ray.time = 0.0f;
-  ray.ray.mask = 0xFFFFFFFFu;
-  ray.ray.id = 0;
-  ray.ray.flags = 0;
-  ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-  ray.hit.primID = RTC_INVALID_GEOMETRY_ID;
-  ray.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+  RTCRayHit ray = ray_between(start, direction, static_cast<float>(1.0 + margin_mm() / length));
   FilterContext context;
   shim::init(context.context);
   context.mesh = state_->mesh;
@@ -186,6 +208,20 @@ std::optional<SegmentHit> SegmentIndex::first_hit(const Vec3& a, const Vec3& b,
   if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
   const double along = std::min(1.0, static_cast<double>(ray.ray.tfar));
   return SegmentHit{ray.hit.primID, t_from + (t_to - t_from) * along};
+}
+
+void SegmentIndex::all_hits(std::uint32_t from_vertex, std::uint32_t to_vertex,
+                            std::vector<std::uint32_t>& facets) const {
+  const Vec3f start = state_->mesh->vertices()[from_vertex].cast<float>();
+  const Vec3f end = state_->mesh->vertices()[to_vertex].cast<float>();
+  RTCRayHit ray = ray_between(start, end - start, 1.0f);
+  CollectContext context;
+  shim::init(context.context);
+  context.mesh = state_->mesh;
+  context.from_vertex = from_vertex;
+  context.to_vertex = to_vertex;
+  context.facets = &facets;
+  shim::intersect(state_->scene, context.context, collect, ray);
 }
 
 namespace {

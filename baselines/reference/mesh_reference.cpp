@@ -2,133 +2,238 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
-#include <limits>
 
-#include "baselines/renderers/facet_walk.h"
+#include "baselines/reference/box_tree.h"
 
 namespace palpate::baselines {
 namespace {
 
-/// Pieces that the way of one frame is walked in.
-constexpr int kPieces = 8;
-/// Rounds of one walk; the reference may take its time, and says if this was not enough.
-constexpr int kRounds = 100000;
-/// The closest point of all facets is the god object when their distances differ by no more than this share:
-/// both come from the same double formulas over different facets of one place, some tens of rounded
-/// operations.
-constexpr double kSameShare = 1e-9;
+/// Facets around a vertex looked at in one step are all of its star; a walk of a piece that takes more steps
+/// than this is cut and counted: pieces are a quarter of an edge, so a handful is usual.
+constexpr int kMaxSteps = 4096;
+/// Times one piece may leave one place and meet another.
+constexpr int kMaxFlights = 16;
+/// The god object's distance agrees with the closest point's when they differ by no more than this part and
+/// rounding.
+constexpr double kAgreement = 1e-9;
+/// Frames between two reports of progress; decides nothing.
+constexpr std::size_t kReportEvery = 1024;
 
-struct Nearest {
-  MeshPoint at;
-  Vec3 normal = Vec3::UnitZ();
-  double signed_distance = 0.0;
+struct Tally {
+  std::size_t contact = 0, agree = 0, next_facet = 0, other_sheet = 0, cut_frames = 0, cut_walks = 0,
+              free = 0;
 };
 
-Nearest nearest_of(const MeshTruth& truth, const Vec3& p) {
-  const SurfaceMesh& mesh = truth.mesh();
-  // Far enough for any place: the distance to the box and across it.
-  const double radius = 2.0 * (p.norm() + mesh.local_box_mm().extent_mm().norm());
-  const std::uint32_t facet = truth.index().nearest(p, radius);
-  const FacetPoint point = closest_on_facet(mesh.facet(facet), p);
-  Nearest found;
-  found.at = {half_facet(facet, 0), point.feature, point.point, point.distance_sq};
-  bool boundary = false;
-  const Vec3 n = mesh.pseudonormal(found.at.half, point.feature, &boundary);
-  found.normal = n.squaredNorm() > 0.0 ? n : Vec3(Vec3::UnitZ());
-  const double distance = std::sqrt(point.distance_sq);
-  found.signed_distance = n.dot(p - point.point) < 0.0 ? -distance : distance;
-  return found;
+/// The reference's own probe: facets by the star of a vertex instead of half-facets, the side as a sign
+/// against the facets' own orientation.
+class ReferenceProbe {
+ public:
+  ReferenceProbe(const SurfaceMesh& mesh, const BoxTree& tree, Tally& tally)
+      : mesh_(mesh), tree_(tree), tally_(tally) {}
+
+  void reset(const Vec3& hip) { from_ = hip; }
+  bool advance(const Vec3& hip);
+
+  [[nodiscard]] const Vec3& point() const { return at_.point; }
+  [[nodiscard]] double distance() const { return std::sqrt(at_.distance_sq); }
+  [[nodiscard]] Vec3 outward() const {
+    bool boundary = false;
+    return mesh_.pseudonormal(half_facet(facet_, side_), at_.feature, &boundary);
+  }
+
+ private:
+  void descend(const Vec3& hip);
+  bool enter(std::uint32_t facet, double fraction, const Vec3& from, const Vec3& to);
+  [[nodiscard]] bool outside(const Vec3& hip) const {
+    bool boundary = false;
+    const Vec3 n = mesh_.pseudonormal(half_facet(facet_, side_), at_.feature, &boundary);
+    const Vec3 r = hip - at_.point;
+    const double height = n.dot(r);
+    return height > 0.0 || (boundary && r.squaredNorm() - height * height > mesh_.longest_edge_sq(facet_));
+  }
+  [[nodiscard]] std::uint32_t side_across(std::uint32_t next) const;
+
+  const SurfaceMesh& mesh_;
+  const BoxTree& tree_;
+  Tally& tally_;
+  bool attached_ = false;
+  std::uint32_t facet_ = kNoFacet, side_ = 0;
+  FacetPoint at_;
+  Vec3 from_ = Vec3::Zero();
+};
+
+/// The side of `next` that continues the present side: unchanged where all edges between agree, which a fan
+/// walk tells.
+std::uint32_t ReferenceProbe::side_across(std::uint32_t next) const {
+  for (std::uint32_t corner = 0; corner < 3; ++corner) {
+    std::uint32_t found = kNoFacet;
+    mesh_.around_corner(half_facet(facet_, side_), corner, [&](HalfFacet half) {
+      if (facet_of(half) == next && found == kNoFacet) found = side_of(half);
+    });
+    if (found != kNoFacet) return found;
+  }
+  return kNoFacet;  // touches at a vertex alone: another fan
+}
+
+void ReferenceProbe::descend(const Vec3& hip) {
+  at_ = closest_on_facet(mesh_.facet(facet_), hip);
+  for (int step = 0; step < kMaxSteps; ++step) {
+    if (at_.feature == kInside) return;
+    const Facet& here = mesh_.facet(facet_);
+    std::uint32_t best = kNoFacet, best_side = 0;
+    FacetPoint target = at_;
+    const auto look = [&](std::uint32_t vertex, std::uint32_t also) {
+      for (const std::uint32_t other : mesh_.star(vertex)) {
+        if (other == facet_) continue;
+        if (also != kNoFacet &&
+            std::ranges::find(mesh_.facet(other).vertex, also) == mesh_.facet(other).vertex.end())
+          continue;
+        const FacetPoint p = closest_on_facet(mesh_.facet(other), hip);
+        if (!(p.distance_sq < target.distance_sq)) continue;
+        const std::uint32_t side = side_across(other);
+        if (side == kNoFacet) continue;
+        target = p;
+        best = other;
+        best_side = side;
+      }
+    };
+    if (at_.feature >= kCorner) {
+      look(here.vertex[static_cast<std::size_t>(at_.feature - kCorner)], kNoFacet);
+    } else {
+      const auto edge = static_cast<std::uint32_t>(at_.feature - kEdge);
+      look(here.vertex[edge], here.vertex[after(edge)]);
+    }
+    if (best == kNoFacet) return;
+    facet_ = best;
+    side_ = best_side;
+    at_ = target;
+  }
+  ++tally_.cut_walks;
+}
+
+bool ReferenceProbe::enter(std::uint32_t facet, double fraction, const Vec3& from, const Vec3& to) {
+  const Vec3 n = mesh_.normal(half_facet(facet, 0));
+  facet_ = facet;
+  side_ = n.dot(to - from) < 0.0 ? 0 : 1;
+  at_ = closest_on_facet(mesh_.facet(facet), from + (to - from) * fraction);
+  attached_ = true;
+  return true;
+}
+
+bool ReferenceProbe::advance(const Vec3& hip) {
+  for (int flight = 0; flight < kMaxFlights; ++flight) {
+    if (!attached_) {
+      const BoxTree::Crossing crossing = tree_.first_crossing(from_, hip);
+      if (crossing.facet == kNoFacet) {
+        from_ = hip;
+        return false;
+      }
+      enter(crossing.facet, crossing.fraction, from_, hip);
+    }
+    descend(hip);
+    if (!outside(hip)) return true;
+    // Leaving: the facets that the god object touches do not count, everything else on the way does.
+    const Vec3 start = at_.point + outward() * mesh_.rounding_mm();
+    const BoxTree::Crossing crossing = tree_.first_crossing(start, hip, facet_);
+    if (crossing.facet == kNoFacet) {
+      attached_ = false;
+      from_ = hip;
+      return false;
+    }
+    enter(crossing.facet, crossing.fraction, start, hip);
+  }
+  ++tally_.cut_walks;
+  return attached_;
+}
+
+double median_edge_mm(const SurfaceMesh& mesh) {
+  std::vector<double> lengths;
+  lengths.reserve(mesh.facets().size());
+  for (const Facet& f : mesh.facets()) lengths.push_back((f.corner[1] - f.corner[0]).norm());
+  const auto middle = lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2);
+  std::nth_element(lengths.begin(), middle, lengths.end());
+  return *middle;
+}
+
+std::string exactness(const Tally& t, double edge_mm, const MeshReferenceOptions& o, double rounding_mm) {
+  return fmt::format(
+      "double precision on the original mesh, rounding under {:.1e} mm; the HIP's way in pieces of at most "
+      "{:.3g} of the "
+      "median edge ({:.4g} mm); of {} contact frames the god object is the exact closest point of the whole "
+      "mesh in {}, in "
+      "{} a facet within an edge length is nearer (both hold a local minimum), in {} another part of the "
+      "surface is (the "
+      "god object does not change sheets); {} free frames; {} frames with longer pieces, {} walks cut",
+      rounding_mm, o.piece_per_edge, edge_mm, t.contact, t.agree, t.next_facet, t.other_sheet, t.free,
+      t.cut_frames, t.cut_walks);
 }
 
 }  // namespace
 
-Result<std::unique_ptr<MeshTruth>> MeshTruth::build(const geometry::TriangleMesh& mesh,
-                                                    const geometry::RigidTransform& world_from_model) {
-  std::unique_ptr<MeshTruth> truth(new MeshTruth());
-  Result<SurfaceMesh> surface = SurfaceMesh::build(mesh, 0);
-  if (!surface) return std::move(surface).error();
-  truth->mesh_ = std::make_unique<SurfaceMesh>(std::move(*surface));
-  Result<SegmentIndex> index = SegmentIndex::build(*truth->mesh_, 0);
-  if (!index) return std::move(index).error();
-  truth->index_ = std::make_unique<SegmentIndex>(std::move(*index));
-  truth->world_from_model_ = world_from_model;
-  truth->model_from_world_ = world_from_model.inverse();
-  return truth;
-}
-
-double MeshTruth::signed_distance_mm(const Vec3& p_mm) const {
-  return nearest_of(*this, model_from_world_ * p_mm - mesh_->origin_mm()).signed_distance;
-}
-
-geometry::SurfacePoint MeshTruth::closest(const Vec3& p_mm) const {
-  const Nearest found = nearest_of(*this, model_from_world_ * p_mm - mesh_->origin_mm());
-  return {world_from_model_ * (found.at.point + mesh_->origin_mm()), world_from_model_.rotate(found.normal)};
-}
-
 Result<trace::ReferenceTrace> mesh_reference(const MeshTruth& truth, const trace::ProbePath& path,
                                              double stiffness_n_per_mm, double force_limit_n,
-                                             Progress& progress) {
-  if (Status free = metrics::check_starts_free(path, truth); !free) return free.error();
+                                             Progress& progress, const MeshReferenceOptions& options) {
+  if (Status starts_free = metrics::check_starts_free(path, truth); !starts_free.ok())
+    return std::move(starts_free).error();
   const SurfaceMesh& mesh = truth.mesh();
-  const geometry::RigidTransform& pose = truth.world_from_model();
-  const geometry::RigidTransform back = pose.inverse();
-  trace::ReferenceTrace reference;
-  reference.name = "original-mesh";
-  reference.frames.reserve(path.size());
-  bool contact = false;
-  MeshPoint at;
-  Vec3 normal = Vec3::UnitZ();
-  std::size_t contacts = 0, agree = 0, unfinished = 0;
-  Vec3 from = back * path.hip_mm.front() - mesh.origin_mm();
-  constexpr std::size_t kReportEvery = 1024;
+  const BoxTree& tree = truth.tree();
+  const geometry::RigidTransform& world_from_model = truth.world_from_model();
+  const double edge_mm = median_edge_mm(mesh);
+  const geometry::RigidTransform model_from_world = world_from_model.inverse();
+  Tally tally;
+  ReferenceProbe probe(mesh, tree, tally);
+  trace::ReferenceTrace result;
+  result.name = "original-mesh";
+  result.frames.reserve(path.size());
+  Vec3 last = Vec3::Zero();
   for (std::size_t i = 0; i < path.size(); ++i) {
-    const Vec3 to = back * path.hip_mm[i] - mesh.origin_mm();
-    Nearest nearest;
-    for (int piece = 1; piece <= kPieces; ++piece) {
-      const Vec3 h = from + (static_cast<double>(piece) / kPieces) * (to - from);
-      if (!contact) {
-        nearest = nearest_of(truth, h);
-        if (nearest.signed_distance >= 0.0) continue;
-        contact = true;
-        at = nearest.at;
-      }
-      int rounds = kRounds;
-      at = descend(mesh, at, h, rounds, [](const MeshPoint&, const MeshPoint&) { return true; });
-      unfinished += rounds == 0;
-      bool boundary = false;
-      const Vec3 n = mesh.pseudonormal(at.half, at.feature, &boundary);
-      if (n.squaredNorm() > 0.0) normal = n;
-      if (normal.dot(h - at.point) >= 0.0) contact = false;
+    if (i % kReportEvery == 0) {
+      progress.report("reference on the original mesh",
+                      static_cast<double>(i) / static_cast<double>(path.size()));
+      if (progress.cancelled()) return Error{"the reference was stopped", "", {}, 0};
     }
-    nearest = nearest_of(truth, to);
-    trace::TruthFrame truth_frame;
-    truth_frame.frame.contact = contact;
-    truth_frame.frame.god_object_mm = path.hip_mm[i];
+    const Vec3 hip = model_from_world * path.hip_mm[i] - mesh.origin_mm();
+    if (i == 0) {
+      probe.reset(hip);
+      last = hip;
+    }
+    const double wanted = std::ceil((hip - last).norm() / (options.piece_per_edge * edge_mm));
+    const int pieces = static_cast<int>(std::clamp(wanted, 1.0, static_cast<double>(options.max_pieces)));
+    tally.cut_frames += wanted > options.max_pieces;
+    bool contact = false;
+    for (int piece = 1; piece <= pieces; ++piece)
+      contact = probe.advance(piece == pieces ? hip : Vec3(last + (hip - last) * (double(piece) / pieces)));
+    last = hip;
+    const BoxTree::Nearest near = tree.closest(hip);
+    const double nearest = std::sqrt(near.point.distance_sq);
+    trace::TruthFrame frame;
     if (contact) {
-      ++contacts;
-      const Vec3 pull = at.point - to;
-      agree += pull.norm() <= std::abs(nearest.signed_distance) * (1.0 + kSameShare) + mesh.rounding_mm();
-      truth_frame.frame.model = 0;
-      truth_frame.frame.god_object_mm = pose * (at.point + mesh.origin_mm());
-      truth_frame.frame.force_n = render::limited(pose.rotate(stiffness_n_per_mm * pull), force_limit_n);
-      truth_frame.normal = pose.rotate(normal);
-      truth_frame.signed_distance_mm = -pull.norm();
+      ++tally.contact;
+      const bool agrees = probe.distance() - nearest <= kAgreement * nearest + mesh.rounding_mm();
+      const bool beside = (near.point.point - probe.point()).norm() <= edge_mm;
+      ++(agrees ? tally.agree : beside ? tally.next_facet : tally.other_sheet);
+      frame.frame.contact = true;
+      frame.frame.model = 0;
+      frame.frame.god_object_mm = world_from_model * (probe.point() + mesh.origin_mm());
+      frame.frame.force_n =
+          render::limited((frame.frame.god_object_mm - path.hip_mm[i]) * stiffness_n_per_mm, force_limit_n);
+      frame.normal = world_from_model.rotate(probe.outward());
+      frame.signed_distance_mm = -probe.distance();
     } else {
-      truth_frame.normal = pose.rotate(nearest.normal);
-      truth_frame.signed_distance_mm = std::abs(nearest.signed_distance);
+      ++tally.free;
+      frame.frame.god_object_mm = path.hip_mm[i];
+      // Towards the HIP, on whichever side of the surface it is.
+      const Vec3 away = hip - near.point.point;
+      frame.normal = nearest > 0.0 ? Vec3(world_from_model.rotate(away / nearest))
+                                   : Vec3(world_from_model.rotate(mesh.normal(half_facet(near.facet, 0))));
+      frame.signed_distance_mm = nearest;
     }
-    reference.frames.push_back(truth_frame);
-    from = to;
-    if (i % kReportEvery == 0)
-      progress.report("reference", static_cast<double>(i) / static_cast<double>(path.size()));
+    result.frames.push_back(frame);
   }
-  reference.exactness = fmt::format(
-      "double precision on {} facets, {} pieces a frame, {} walks cut short; in {} of {} contact frames the "
-      "god object "
-      "is the exact closest point of the whole mesh, in the others some other part is nearer to the HIP",
-      mesh.facets().size(), kPieces, unfinished, agree, contacts);
-  return reference;
+  result.exactness = exactness(tally, edge_mm, options, mesh.rounding_mm());
+  return result;
 }
 
 }  // namespace palpate::baselines

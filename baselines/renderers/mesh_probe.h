@@ -1,0 +1,46 @@
+// One probe against one mesh: the contact state of `mesh-godobject`, without forces.
+#pragma once
+
+#include "baselines/proximity/segment_index.h"
+#include "baselines/renderers/facet_walk.h"
+
+namespace palpate::baselines {
+
+/// Times a frame may leave one place of the surface and meet another; the rest is done in the next frame.
+inline constexpr int kMaxFlights = 4;
+
+/// Contact with sides. Free, or attached to a half-facet; attached but outside within the float margin counts
+/// as no contact, so that the next segment never starts where float cannot tell the side. Everything relative
+/// to the mesh's origin, mm. Allocates nothing. Not thread-safe; the mesh, index and crossings are only read.
+class MeshProbe {
+ public:
+  MeshProbe(const SurfaceMesh& mesh, const SegmentIndex& index, const Crossings& crossings) noexcept
+      : mesh_(&mesh), index_(&index), crossings_(crossings.any() ? &crossings : nullptr) {}
+
+  void reset(const Vec3& hip) noexcept;
+  /// True in contact: god_object() is then valid.
+  bool update(const Vec3& hip) noexcept;
+
+  [[nodiscard]] const SurfacePosition& god_object() const noexcept { return at_; }
+  [[nodiscard]] bool bound_hit() const noexcept { return bound_hit_; }
+  [[nodiscard]] std::uint64_t moves() const noexcept { return moves_; }
+
+ private:
+  bool attach(std::uint32_t facet, const Vec3& near, const Vec3& from, const Vec3& to) noexcept;
+  bool attach_near_feature(std::uint32_t facet, const Vec3& near, const Vec3& from) noexcept;
+  [[nodiscard]] bool outside(const Vec3& hip, Vec3& away) const noexcept;
+  enum class Flight { kFree, kStays, kMet };
+  Flight fly(const Vec3& hip, const Vec3& away) noexcept;
+  [[nodiscard]] std::uint32_t first_around(const Vec3& hip, double& fraction) const noexcept;
+
+  const SurfaceMesh* mesh_;
+  const SegmentIndex* index_;
+  const Crossings* crossings_;
+  bool attached_ = false;
+  bool bound_hit_ = false;
+  Vec3 anchor_ = Vec3::Zero();  ///< last point known to be clear of the surface, when free
+  SurfacePosition at_;
+  std::uint64_t moves_ = 0;
+};
+
+}  // namespace palpate::baselines

@@ -1,0 +1,58 @@
+// Small meshes for the tests of the mesh side.
+#pragma once
+
+#include <cmath>
+#include <functional>
+
+#include "toolkit/geometry/rigid_transform.h"
+#include "toolkit/geometry/triangle_mesh.h"
+
+namespace palpate::test {
+
+using geometry::TriangleMesh;
+
+/// z = f(x, y) over [-half, half]^2, `cells` by `cells` squares of two triangles, seen from above.
+inline TriangleMesh height_mesh(int cells, double half, const std::function<double(double, double)>& f) {
+  TriangleMesh mesh;
+  for (int row = 0; row <= cells; ++row)
+    for (int column = 0; column <= cells; ++column) {
+      const double x = -half + 2 * half * column / cells, y = -half + 2 * half * row / cells;
+      mesh.vertices_mm.push_back({x, y, f(x, y)});
+    }
+  const auto at = [&](int row, int column) { return static_cast<std::uint32_t>(row * (cells + 1) + column); };
+  for (int row = 0; row < cells; ++row)
+    for (int column = 0; column < cells; ++column) {
+      mesh.triangles.push_back({at(row, column), at(row, column + 1), at(row + 1, column + 1)});
+      mesh.triangles.push_back({at(row, column), at(row + 1, column + 1), at(row + 1, column)});
+    }
+  return mesh;
+}
+
+/// The box [-x, x] x [-y, y] x [-z, z], outward.
+inline TriangleMesh box_mesh(double x, double y, double z) {
+  TriangleMesh mesh;
+  for (int i = 0; i < 8; ++i) mesh.vertices_mm.push_back({i & 1 ? x : -x, i & 2 ? y : -y, i & 4 ? z : -z});
+  mesh.triangles = {{0, 2, 3}, {0, 3, 1}, {4, 5, 7}, {4, 7, 6}, {0, 1, 5}, {0, 5, 4},
+                    {2, 6, 7}, {2, 7, 3}, {0, 4, 6}, {0, 6, 2}, {1, 3, 7}, {1, 7, 5}};
+  return mesh;
+}
+
+inline TriangleMesh joined(TriangleMesh a, const TriangleMesh& b) {
+  const auto shift = static_cast<std::uint32_t>(a.vertices_mm.size());
+  a.vertices_mm.insert(a.vertices_mm.end(), b.vertices_mm.begin(), b.vertices_mm.end());
+  for (const auto& t : b.triangles) a.triangles.push_back({t[0] + shift, t[1] + shift, t[2] + shift});
+  return a;
+}
+
+inline TriangleMesh moved(TriangleMesh mesh, const geometry::RigidTransform& motion, double scale = 1.0) {
+  for (Vec3& v : mesh.vertices_mm) v = motion * Vec3(v * scale);
+  return mesh;
+}
+
+/// Table 7's surface.
+inline double sinusoid(double x, double y) {
+  constexpr double kRate = 0.04 * 3.14159265358979323846;
+  return 10.0 * (std::cos(kRate * x) + std::cos(kRate * y));
+}
+
+}  // namespace palpate::test
