@@ -346,8 +346,8 @@ Samples sample(const std::string& name, const Options& options, const Common& co
 }  // namespace
 
 const std::vector<Generator>& generators() {
-  static const std::vector<Generator> all = make_generators();
-  return all;
+  static const std::vector<Generator> kAll = make_generators();
+  return kAll;
 }
 
 const Generator* find_generator(std::string_view name) {

@@ -29,28 +29,28 @@ inline constexpr int kSegmentBoxOperations = 8;
 /// is relative to the operands and so works at every scale. No branch depends on the segment's length.
 [[nodiscard]] inline bool segment_touches_box(const SegmentProbe& segment, const Vec3& centre_mm,
                                               const Vec3& half_box_mm) noexcept {
-  constexpr double slack = 1.0 + 2.0 * gamma(kSegmentBoxOperations);
+  constexpr double kSlack = 1.0 + 2.0 * gamma(kSegmentBoxOperations);
   const Vec3 m = segment.middle_mm - centre_mm;
   const Vec3 ma = m.cwiseAbs();
   const Vec3& d = segment.half_mm;
   const Vec3& da = segment.half_abs_mm;
-  if (ma.x() > (half_box_mm.x() + da.x()) * slack) return false;
-  if (ma.y() > (half_box_mm.y() + da.y()) * slack) return false;
-  if (ma.z() > (half_box_mm.z() + da.z()) * slack) return false;
+  if (ma.x() > (half_box_mm.x() + da.x()) * kSlack) return false;
+  if (ma.y() > (half_box_mm.y() + da.y()) * kSlack) return false;
+  if (ma.z() > (half_box_mm.z() + da.z()) * kSlack) return false;
   // On a cross axis the rounding error is relative to the products themselves, so it is added, not
   // multiplied.
-  constexpr double bound = gamma(kSegmentBoxOperations);
+  constexpr double kBound = gamma(kSegmentBoxOperations);
   const double yz = ma.y() * da.z() + ma.z() * da.y();
   const double zx = ma.z() * da.x() + ma.x() * da.z();
   const double xy = ma.x() * da.y() + ma.y() * da.x();
   if (std::abs(m.y() * d.z() - m.z() * d.y()) >
-      half_box_mm.y() * da.z() + half_box_mm.z() * da.y() + bound * yz)
+      half_box_mm.y() * da.z() + half_box_mm.z() * da.y() + kBound * yz)
     return false;
   if (std::abs(m.z() * d.x() - m.x() * d.z()) >
-      half_box_mm.z() * da.x() + half_box_mm.x() * da.z() + bound * zx)
+      half_box_mm.z() * da.x() + half_box_mm.x() * da.z() + kBound * zx)
     return false;
   return std::abs(m.x() * d.y() - m.y() * d.x()) <=
-         half_box_mm.x() * da.y() + half_box_mm.y() * da.x() + bound * xy;
+         half_box_mm.x() * da.y() + half_box_mm.y() * da.x() + kBound * xy;
 }
 
 }  // namespace palpate::geometry

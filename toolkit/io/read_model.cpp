@@ -241,7 +241,7 @@ Result<ReadModel> finish_model(DecodedFile&& decoded, const ReadOptions& options
   return model;
 }
 
-void Readers::add(const std::vector<std::string>& extensions, Reader reader) {
+void Readers::add(const std::vector<std::string>& extensions, const Reader& reader) {
   for (const std::string& extension : extensions) {
     std::erase_if(entries_, [&](const Entry& entry) { return entry.extension == extension; });
     entries_.push_back({extension, reader});

@@ -95,7 +95,7 @@ using Reader = std::function<Result<DecodedFile>(const ReaderInput&)>;
 class Readers {
  public:
   /// `extensions` in lower case without the dot ({"xyz", "txt"}). A later reader replaces an earlier one.
-  void add(const std::vector<std::string>& extensions, Reader reader);
+  void add(const std::vector<std::string>& extensions, const Reader& reader);
   /// Sorted, without the dot.
   [[nodiscard]] std::vector<std::string> extensions() const;
 

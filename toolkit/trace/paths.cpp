@@ -276,8 +276,8 @@ Result<std::vector<Vec3>> positions(const std::string& name, const Options& o, c
 }  // namespace
 
 const std::vector<PathGenerator>& path_generators() {
-  static const std::vector<PathGenerator> all = make_generators();
-  return all;
+  static const std::vector<PathGenerator> kAll = make_generators();
+  return kAll;
 }
 
 const PathGenerator* find_path_generator(std::string_view name) {
