@@ -1,32 +1,28 @@
-#include <algorithm>
-
 #include "toolkit/neighbourhood/knn.h"
 #include "toolkit/neighbourhood/knn_engine.h"
 
 namespace palpate::neighbourhood {
+namespace {
+
+/// The eighth neighbour's squared distance is guessed from the point before, with a quarter of the distance
+/// to spare.
+constexpr double kGuessRoom = 1.25 * 1.25;
+
+}  // namespace
 
 NeighbourTable exact_knn(const cloud::Cloud& cloud, int threads) {
   const KnnEngine engine(cloud, threads);
   NeighbourTable table;
   engine.run(
-      [](std::uint32_t self, const Vec3& p, const Candidates& c, double radius_mm, Neighbours& out) {
-        // Distances first, in a loop without branches, then the choice: a block of candidates at a time.
-        BestEight best;
-        constexpr std::size_t kBlock = 64;
-        double square[kBlock];
-        for (std::size_t begin = 0; begin < c.size(); begin += kBlock) {
-          const std::size_t n = std::min(kBlock, c.size() - begin);
-          const double *x = c.x.data() + begin, *y = c.y.data() + begin, *z = c.z.data() + begin;
-          for (std::size_t i = 0; i < n; ++i) {
-            const double dx = x[i] - p.x(), dy = y[i] - p.y(), dz = z[i] - p.z();
-            square[i] = dx * dx + dy * dy + dz * dz;
-          }
-          for (std::size_t i = 0; i < n; ++i)
-            if (square[i] <= best.worst() && c.index[begin + i] != self)
-              best.offer(square[i], c.index[begin + i]);
-        }
-        best.store(self, out);
-        return best.worst() < radius_mm * radius_mm || radius_mm == std::numeric_limits<double>::infinity();
+      [](std::uint32_t self, const Vec3& p, const Candidates& c, double radius_mm, Neighbours& out,
+         Scratch& scratch) {
+        square_distances(c, p, scratch);
+        keep_within(scratch.guess, scratch);
+        // The point itself and eight others; fewer: the guess was too small.
+        if (scratch.kept.size() <= kNeighbours) keep_within(kEverything, scratch);
+        const double worst = choose_eight(self, c, scratch.key, scratch.kept, out);
+        scratch.guess = kGuessRoom * worst;
+        return worst < radius_mm * radius_mm || radius_mm == kEverything;
       },
       table);
   return table;

@@ -28,6 +28,9 @@ constexpr double kFirstCubes = 1024.0;
 /// Rounding of (p - low) * per_mm, a cell coordinate below 2^21: the block may be smaller by this share of a
 /// cell.
 constexpr double kCellRounding = 1e-9;
+/// Kept candidates up to which ranks are counted pair by pair, without a branch to mispredict: a guess from
+/// the point before keeps some fourteen. Beyond, eight places are filled by insertion.
+constexpr std::size_t kMostRanked = 24;
 /// Cells a parallel chunk, so that its table lookups stay in cache.
 constexpr std::size_t kCellsPerChunk = 2048;
 
@@ -102,6 +105,77 @@ struct KnnEngine::Fallback {
   std::unique_ptr<Tree> tree;
 };
 
+/// What a pass over the points leaves: places that no candidates were enough for, and the builder's sums.
+struct KnnEngine::Pass {
+  std::mutex gate;
+  std::vector<std::uint32_t> rejected;
+  std::array<std::uint64_t, 3> sums{};
+  void merge(const std::vector<std::uint32_t>& more, const Scratch& scratch) {
+    const std::lock_guard lock(gate);
+    rejected.insert(rejected.end(), more.begin(), more.end());
+    for (std::size_t k = 0; k < sums.size(); ++k) sums[k] += scratch.sums[k];
+  }
+};
+
+void square_distances(const Candidates& candidates, const Vec3& p, Scratch& scratch) {
+  const std::size_t n = candidates.size();
+  scratch.key.resize(n);
+  const double *x = candidates.x.data(), *y = candidates.y.data(), *z = candidates.z.data();
+  const double px = p.x(), py = p.y(), pz = p.z();
+  double* key = scratch.key.data();
+  for (std::size_t i = 0; i < n; ++i) {
+    const double dx = x[i] - px, dy = y[i] - py, dz = z[i] - pz;
+    key[i] = dx * dx + dy * dy + dz * dz;
+  }
+}
+
+void keep_within(double limit, Scratch& scratch) {
+  const std::size_t n = scratch.key.size();
+  scratch.kept.resize(n);
+  const double* key = scratch.key.data();
+  std::uint32_t* kept = scratch.kept.data();
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    kept[count] = static_cast<std::uint32_t>(i);
+    count += static_cast<std::size_t>(key[i] <= limit);
+  }
+  scratch.kept.resize(count);
+}
+
+double choose_eight(std::uint32_t self, const Candidates& candidates, std::span<const double> key,
+                    std::span<const std::uint32_t> kept, Neighbours& out) noexcept {
+  if (kept.size() > kMostRanked) {
+    BestEight best;
+    for (const std::uint32_t i : kept)
+      if (key[i] <= best.worst() && candidates.index[i] != self) best.offer(key[i], candidates.index[i]);
+    best.store(self, out);
+    return best.worst();
+  }
+  std::array<double, kMostRanked> k;
+  std::array<std::uint32_t, kMostRanked> index;
+  std::array<unsigned, kMostRanked> rank{};
+  std::size_t n = 0;
+  for (const std::uint32_t i : kept) {
+    k[n] = key[i];
+    index[n] = candidates.index[i];
+    n += static_cast<std::size_t>(candidates.index[i] != self);
+  }
+  for (std::size_t i = 1; i < n; ++i)
+    for (std::size_t j = 0; j < i; ++j) {
+      const auto before = static_cast<unsigned>(k[j] < k[i]) |
+                          (static_cast<unsigned>(k[j] == k[i]) & static_cast<unsigned>(index[j] < index[i]));
+      rank[i] += before;
+      rank[j] += 1u - before;
+    }
+  out.fill(self);
+  double worst = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < n; ++i) {
+    if (rank[i] < kNeighbours) out[rank[i]] = index[i];
+    if (rank[i] == kNeighbours - 1) worst = k[i];
+  }
+  return worst;
+}
+
 KnnEngine::~KnnEngine() = default;
 
 KnnEngine::KnnEngine(const cloud::Cloud& cloud, int threads)
@@ -160,11 +234,11 @@ KnnEngine::KnnEngine(const cloud::Cloud& cloud, int threads)
   }
 }
 
-void KnnEngine::run_level(const Level& level, const Choose& choose, NeighbourTable& table,
-                          std::vector<std::uint32_t>& rejected, std::span<const std::uint8_t> pending) const {
-  std::mutex gate;
+void KnnEngine::run_level(const Level& level, const Choose& choose, NeighbourTable& table, Pass& pass,
+                          std::span<const std::uint8_t> pending) const {
   parallel_chunks(level.cells.size(), kCellsPerChunk, threads_, [&](std::size_t begin, std::size_t end) {
     Candidates candidates;
+    Scratch scratch;
     std::vector<std::uint32_t> mine;
     for (std::size_t c = begin; c < end; ++c) {
       const CellRange& cell = level.cells[c];
@@ -215,33 +289,36 @@ void KnnEngine::run_level(const Level& level, const Choose& choose, NeighbourTab
         // Everything closer than the nearest face of the block is in it.
         const double radius = level.cell_mm * (1.0 - kCellRounding) +
                               std::min(into.minCoeff(), level.cell_mm - into.maxCoeff());
-        if (crowded || !choose(self, p, candidates, radius, table.of[self])) mine.push_back(place);
+        if (crowded || !choose(self, p, candidates, radius, table.of[self], scratch)) mine.push_back(place);
       }
     }
-    const std::lock_guard lock(gate);
-    rejected.insert(rejected.end(), mine.begin(), mine.end());
+    pass.merge(mine, scratch);
   });
 }
 
-void KnnEngine::run(const Choose& choose, NeighbourTable& table) const {
+std::array<std::uint64_t, 3> KnnEngine::run(const Choose& choose, NeighbourTable& table) const {
   const std::size_t n = cloud_.size();
   table.of.resize(n);
-  std::vector<std::uint32_t> rejected;
+  Pass pass;
   std::vector<std::uint8_t> pending;
   for (int step = 0; step < kGridLevels; ++step) {
     const int level = first_level_ + step;
     if (level > partition::kMortonBits) break;
-    rejected.clear();
-    run_level(Level(sorted_, lattice_, level), choose, table, rejected, pending);
-    if (rejected.empty()) return;
+    pass.rejected.clear();
+    run_level(Level(sorted_, lattice_, level), choose, table, pass, pending);
+    if (pass.rejected.empty()) return pass.sums;
     pending.assign(n, 0);
-    for (const std::uint32_t place : rejected) pending[place] = 1;
+    for (const std::uint32_t place : pass.rejected) pending[place] = 1;
   }
-  std::sort(rejected.begin(), rejected.end());
+  run_tree(choose, table, pass);
+  return pass.sums;
+}
 
+void KnnEngine::run_tree(const Choose& choose, NeighbourTable& table, Pass& pass) const {
+  std::sort(pass.rejected.begin(), pass.rejected.end());
   std::call_once(fallback_->once, [&] {
     Candidates& points = fallback_->points;
-    for (std::size_t place = 0; place < n; ++place) {
+    for (std::size_t place = 0; place < cloud_.size(); ++place) {
       if (candidate_[place] == 0) continue;
       const std::uint32_t i = sorted_.order[place];
       const Vec3 p = cloud_.local_mm(i);
@@ -254,11 +331,12 @@ void KnnEngine::run(const Choose& choose, NeighbourTable& table) const {
   });
   const Fallback& fallback = *fallback_;
   constexpr std::size_t kQueriesPerChunk = 256;
-  parallel_chunks(rejected.size(), kQueriesPerChunk, threads_, [&](std::size_t begin, std::size_t end) {
+  parallel_chunks(pass.rejected.size(), kQueriesPerChunk, threads_, [&](std::size_t begin, std::size_t end) {
     Candidates candidates;
+    Scratch scratch;
     std::vector<std::pair<std::uint32_t, double>> hits;
     for (std::size_t r = begin; r < end; ++r) {
-      const std::uint32_t self = sorted_.order[rejected[r]];
+      const std::uint32_t self = sorted_.order[pass.rejected[r]];
       const Vec3 p = cloud_.local_mm(self);
       // The eighth other point bounds every radius that a builder asks for first; later ones double it.
       std::array<std::uint32_t, kSamePlace> near{};
@@ -281,10 +359,11 @@ void KnnEngine::run(const Choose& choose, NeighbourTable& table) const {
         }
         // The ball of radius sqrt(3) r covers the cube of half edge r.
         const double covered = whole ? std::numeric_limits<double>::infinity() : radius;
-        if (choose(self, p, candidates, covered, table.of[self]) || whole) break;
+        if (choose(self, p, candidates, covered, table.of[self], scratch) || whole) break;
         radius = radius > 0.0 ? 2.0 * radius : mean_spacing_mm_;
       }
     }
+    pass.merge({}, scratch);
   });
 }
 

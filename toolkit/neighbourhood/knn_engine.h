@@ -2,6 +2,7 @@
 // sorted cloud. Builders differ only in how they choose eight of the candidates.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -29,11 +30,23 @@ struct Candidates {
   [[nodiscard]] std::size_t size() const noexcept { return index.size(); }
 };
 
+inline constexpr double kEverything = std::numeric_limits<double>::infinity();
+
+/// What a builder keeps from point to point within a chunk of cells: room for its loops, a guess from the
+/// last point (it changes the time, never the result) and three sums of its own.
+struct Scratch {
+  std::vector<double> key;          ///< one a candidate
+  std::vector<std::uint32_t> kept;  ///< candidates that passed the guess
+  double guess = kEverything;
+  std::size_t size_guess = 0;
+  std::array<std::uint64_t, 3> sums{};
+};
+
 /// Chooses the neighbours of the point `self` at `p` from candidates that hold every point within `radius_mm`
 /// of it (in the Chebyshev sense too, since a cube of half edge radius_mm is covered). Returns false when a
-/// larger radius is needed. Called from several threads.
+/// larger radius is needed. Called from several threads, each with scratch of its own.
 using Choose = std::function<bool(std::uint32_t self, const Vec3& p, const Candidates& candidates,
-                                  double radius_mm, Neighbours& out)>;
+                                  double radius_mm, Neighbours& out, Scratch& scratch)>;
 
 /// A cloud sorted for neighbour search.
 class KnnEngine {
@@ -41,16 +54,19 @@ class KnnEngine {
   KnnEngine(const cloud::Cloud& cloud, int threads);
   ~KnnEngine();
 
-  /// Calls `choose` for every point until it accepts; each point's final radius covers the whole cloud.
-  void run(const Choose& choose, NeighbourTable& table) const;
+  /// Calls `choose` for every point until it accepts; each point's final radius covers the whole cloud. The
+  /// sums of all scratches.
+  std::array<std::uint64_t, 3> run(const Choose& choose, NeighbourTable& table) const;
   /// sqrt(occupied area / points), the area from occupied cells: the length that start sizes are given in.
   [[nodiscard]] double mean_spacing_mm() const noexcept { return mean_spacing_mm_; }
 
  private:
   struct Fallback;
   struct Level;
-  void run_level(const Level& level, const Choose& choose, NeighbourTable& table,
-                 std::vector<std::uint32_t>& rejected, std::span<const std::uint8_t> pending) const;
+  struct Pass;
+  void run_level(const Level& level, const Choose& choose, NeighbourTable& table, Pass& pass,
+                 std::span<const std::uint8_t> pending) const;
+  void run_tree(const Choose& choose, NeighbourTable& table, Pass& pass) const;
 
   const cloud::Cloud& cloud_;
   int threads_;
@@ -61,6 +77,17 @@ class KnnEngine {
   int first_level_ = 0;
   std::unique_ptr<Fallback> fallback_;
 };
+
+/// The eight of the kept candidates with the smallest (key, index), in that order, `self` left out and put
+/// into unused places. Returns the largest key chosen, infinite where there are fewer than eight.
+double choose_eight(std::uint32_t self, const Candidates& candidates, std::span<const double> key,
+                    std::span<const std::uint32_t> kept, Neighbours& out) noexcept;
+
+/// Fills scratch.key with the squared distances of all candidates to `p`.
+void square_distances(const Candidates& candidates, const Vec3& p, Scratch& scratch);
+
+/// Fills scratch.kept with the candidates whose key is at most `limit`, in their order.
+void keep_within(double limit, Scratch& scratch);
 
 /// Keeps the eight smallest (key, index) pairs seen.
 class BestEight {

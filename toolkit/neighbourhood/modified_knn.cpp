@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cmath>
 
 #include "toolkit/neighbourhood/knn.h"
@@ -33,20 +32,51 @@ Sizes sizes_of(const ModifiedKnnOptions& options, double spacing_mm) {
   return sizes;
 }
 
-double chebyshev(const Candidates& c, std::size_t i, const Vec3& p) noexcept {
-  return std::max({std::abs(c.x[i] - p.x()), std::abs(c.y[i] - p.y()), std::abs(c.z[i] - p.z())});
+void chebyshev_distances(const Candidates& c, const Vec3& p, Scratch& scratch) {
+  scratch.key.resize(c.size());
+  const double *x = c.x.data(), *y = c.y.data(), *z = c.z.data();
+  const double px = p.x(), py = p.y(), pz = p.z();
+  double* key = scratch.key.data();
+  const std::size_t n = c.size();
+  for (std::size_t i = 0; i < n; ++i) {
+    const double xy = std::max(std::abs(x[i] - px), std::abs(y[i] - py));
+    key[i] = std::max(xy, std::abs(z[i] - pz));
+  }
 }
 
-/// The eight nearest by (distance, index) of the candidates within the block.
-void store_within(double half_mm, std::uint32_t self, const Vec3& p, const Candidates& c, Neighbours& out) {
-  BestEight best;
-  for (std::size_t i = 0; i < c.size(); ++i) {
-    if (c.index[i] == self || chebyshev(c, i, p) > half_mm) continue;
-    const double dx = c.x[i] - p.x(), dy = c.y[i] - p.y(), dz = c.z[i] - p.z();
-    best.offer(dx * dx + dy * dy + dz * dz, c.index[i]);
-  }
-  best.store(self, out);
+std::size_t count_within(const std::vector<double>& key, double half_mm) noexcept {
+  std::size_t count = 0;
+  for (const double k : key) count += static_cast<std::size_t>(k <= half_mm);
+  return count;
 }
+
+/// The smallest block that holds nine points, as far as the candidates tell; `sizes.count` where none does.
+std::size_t smallest_with_nine(const Sizes& sizes, const std::vector<double>& key,
+                               std::size_t guess) noexcept {
+  std::size_t at = std::min(guess, sizes.count - 1);
+  while (count_within(key, sizes.half_mm[at]) < kAtMost) {
+    if (at == 0) return sizes.count;
+    --at;
+  }
+  while (at + 1 < sizes.count && count_within(key, sizes.half_mm[at + 1]) >= kAtMost) ++at;
+  return at;
+}
+
+/// The eight nearest by (distance, index) of the candidates in the block, whose keys are cube distances.
+/// Returns how many the block holds.
+std::size_t store_within(double half_mm, std::uint32_t self, const Vec3& p, const Candidates& c,
+                         Neighbours& out, Scratch& scratch) {
+  keep_within(half_mm, scratch);
+  for (const std::uint32_t i : scratch.kept) {
+    const double dx = c.x[i] - p.x(), dy = c.y[i] - p.y(), dz = c.z[i] - p.z();
+    scratch.key[i] = dx * dx + dy * dy + dz * dz;
+  }
+  choose_eight(self, c, scratch.key, scratch.kept, out);
+  return scratch.kept.size();
+}
+
+/// Places in Scratch::sums.
+enum Sum : std::size_t { kAtNine, kAtLimit, kFewer };
 
 }  // namespace
 
@@ -58,63 +88,35 @@ NeighbourTable modified_knn(const cloud::Cloud& cloud, const ModifiedKnnOptions&
                             ModifiedKnnReport* report) {
   const KnnEngine engine(cloud, threads);
   const Sizes sizes = sizes_of(options, engine.mean_spacing_mm());
-  std::atomic<std::uint64_t> at_nine{0}, at_limit{0}, fewer{0};
   NeighbourTable table;
-  engine.run(
-      [&](std::uint32_t self, const Vec3& p, const Candidates& c, double radius_mm, Neighbours& out) {
-        // The blocks' counts follow from the nearest points in the cube metric: a block holds at least nine
-        // points exactly when the eighth other point is within it.
-        BestEight cube;
-        constexpr std::size_t kBlock = 64;
-        double distance[kBlock];
-        for (std::size_t first = 0; first < c.size(); first += kBlock) {
-          const std::size_t n = std::min(kBlock, c.size() - first);
-          const double *x = c.x.data() + first, *y = c.y.data() + first, *z = c.z.data() + first;
-          for (std::size_t i = 0; i < n; ++i)
-            distance[i] =
-                std::max(std::max(std::abs(x[i] - p.x()), std::abs(y[i] - p.y())), std::abs(z[i] - p.z()));
-          for (std::size_t i = 0; i < n; ++i)
-            if (distance[i] <= cube.worst() && c.index[first + i] != self)
-              cube.offer(distance[i], c.index[first + i]);
-        }
-        // The smallest block with nine points or more, if any block up to the limit has them.
-        const double* begin = sizes.half_mm.data();
-        const double* end = begin + sizes.count;
-        const double* first_below = std::lower_bound(begin, end, cube.worst(),
-                                                     [](double half, double reach) { return half >= reach; });
-        const bool limit_reached = first_below == begin;
-        const double needed_mm = limit_reached ? begin[0] : first_below[-1];
+  const auto sums = engine.run(
+      [&](std::uint32_t self, const Vec3& p, const Candidates& c, double radius_mm, Neighbours& out,
+          Scratch& scratch) {
+        chebyshev_distances(c, p, scratch);
+        const std::size_t size = smallest_with_nine(sizes, scratch.key, scratch.size_guess);
+        const bool at_limit = size == sizes.count;
+        const double needed_mm = sizes.half_mm[at_limit ? 0 : size];
         if (needed_mm > radius_mm) return false;
-        if (limit_reached) {
-          store_within(begin[0], self, p, c, out);
-          at_limit.fetch_add(1, std::memory_order_relaxed);
-          if (cube.count() < kNeighbours || cube.worst() > begin[0])
-            fewer.fetch_add(1, std::memory_order_relaxed);
-          return true;
-        }
-        // Those within the block, once for counting and choosing.
-        BestEight near;
-        std::size_t held = 1;
-        for (std::size_t i = 0; i < c.size(); ++i) {
-          if (!(chebyshev(c, i, p) <= needed_mm) || c.index[i] == self) continue;
-          ++held;
-          const double dx = c.x[i] - p.x(), dy = c.y[i] - p.y(), dz = c.z[i] - p.z();
-          near.offer(dx * dx + dy * dy + dz * dz, c.index[i]);
-        }
-        if (held <= kAtMost) {
-          at_nine.fetch_add(1, std::memory_order_relaxed);
-        } else if (!options.complete_to_eight) {
+        scratch.size_guess = at_limit ? 0 : size;
+        if (!at_limit && !options.complete_to_eight && count_within(scratch.key, needed_mm) > kAtMost) {
           // As printed: the largest block with at most nine, which then holds fewer than nine.
-          at_nine.fetch_add(1, std::memory_order_relaxed);
-          fewer.fetch_add(1, std::memory_order_relaxed);
-          store_within(first_below == end ? 0.0 : *first_below, self, p, c, out);
+          ++scratch.sums[kAtNine];
+          ++scratch.sums[kFewer];
+          const bool smallest = size + 1 == sizes.count;
+          store_within(smallest ? 0.0 : sizes.half_mm[size + 1], self, p, c, out, scratch);
           return true;
         }
-        near.store(self, out);
+        const std::size_t held = store_within(needed_mm, self, p, c, out, scratch);
+        if (at_limit) {
+          ++scratch.sums[kAtLimit];
+          scratch.sums[kFewer] += held < kAtMost;
+        } else {
+          scratch.sums[kAtNine] += held == kAtMost;
+        }
         return true;
       },
       table);
-  if (report != nullptr) *report = {at_nine.load(), at_limit.load(), fewer.load()};
+  if (report != nullptr) *report = {sums[kAtNine], sums[kAtLimit], sums[kFewer]};
   return table;
 }
 
