@@ -48,12 +48,11 @@ class BruteForce final : public HapticRenderer {
     if (!near_ && crosses_a_box(previous_, h)) {
       near_ = true;
       const std::uint32_t start = nearest(previous_);
-      outward_ = plane_like(model_, start, (previous_ - model_.points[start].at()).normalized());
-      if (outward_.dot(previous_ - model_.points[start].at()) < 0.0) outward_ = -outward_;
+      outward_ = outward_at(start, (previous_ - model_.points[start].at()).normalized());
     }
     if (near_) {
       const std::uint32_t place = nearest(h);
-      outward_ = plane_like(model_, place, outward_);
+      outward_ = outward_at(place, outward_);
       const Vec3 g = model_.points[place].at();
       const double height = outward_.dot(h - g);
       contact_ = height < 0.0;
@@ -74,6 +73,16 @@ class BruteForce final : public HapticRenderer {
  private:
   /// As `cloud` leaves a sheet.
   static constexpr double kLeaveHalfDiagonals = 1.5;
+
+  /// The outward normal at a point: of a closed surface as stored, of any other the one nearer to `like`, and
+  /// `like` itself where the points give no plane. The nearest point may jump from sheet to sheet, so no sign
+  /// can be kept.
+  Vec3 outward_at(std::uint32_t place, const Vec3& like) const noexcept {
+    const surface::NormalCode code = model_.points[place].normal;
+    if (code == surface::kNoNormal) return like;
+    const Vec3 n = surface::decode_normal(code);
+    return surface::is_one_sided(code) || n.dot(like) >= 0.0 ? n : Vec3(-n);
+  }
 
   std::uint32_t nearest(const Vec3& h) const noexcept {
     std::uint32_t best = 0;

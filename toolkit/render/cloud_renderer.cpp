@@ -105,9 +105,9 @@ class Cloud final : public HapticRenderer {
   /// In contact: the god object follows; the HIP is out when it is above the plane there.
   void stay(const Vec3& h, Frame& frame) noexcept {
     Sheet& sheet = near_[0];
-    const double before = height_mm(model_, sheet, previous_);
+    const double before = height_mm_;  // of the last frame's HIP over the last frame's plane
     const WalkEnd end = follow(model_, sheet, h, steps_, counters_);
-    const double height = height_mm(model_, sheet, h);
+    const double height = height_mm_ = height_mm(model_, sheet, h);
     if (sheet.walk_cut || (height < 0.0 && !beyond_rim(sheet, h))) {
       answer(h, end, frame);
       return;
@@ -148,12 +148,9 @@ class Cloud final : public HapticRenderer {
         sheets_ = 1;
         contact_ = true;
         scan_.running = false;
-        if (behind) {
-          const WalkEnd rest = follow(model_, near_[0], h, steps_, counters_);
-          answer(h, rest, frame);
-        } else {
-          answer(h, end, frame);
-        }
+        const WalkEnd rest = behind ? follow(model_, near_[0], h, steps_, counters_) : end;
+        height_mm_ = height_mm(model_, near_[0], h);
+        answer(h, rest, frame);
         return;
       }
       if (near_[i].distance_sq_mm2 > leave_sq_mm2_) {
@@ -176,6 +173,7 @@ class Cloud final : public HapticRenderer {
   /// The HIP lies to the side of the god object where the sheet has no more points: it has left past the rim.
   /// In a concave crease, where the HIP may lie to the side too, there are neighbours on that side.
   bool beyond_rim(const Sheet& sheet, const Vec3& h) const noexcept {
+    if (surface::is_one_sided(model_.points[sheet.place].normal)) return false;  // a closed surface has none
     if (sideways_sq(model_, sheet, h) <= reach_sq(sheet.place)) return false;
     const Vec3 g = model_.points[sheet.place].at();
     const Vec3 r = h - g;
@@ -205,19 +203,25 @@ class Cloud final : public HapticRenderer {
     return false;
   }
 
-  /// Watches the sheet of a crossed box. Its side is where the HIP came from, judged at the sheet's point
-  /// nearest to there: that point lies straight below it, so the sign is not a matter of a tilted plane
-  /// further on.
+  /// Watches the sheet of a crossed box. A closed surface is touched from outside. Any other's side is where
+  /// the HIP came from, judged at the sheet's point nearest to there: that point lies straight below it, so
+  /// the sign is not a matter of a tilted plane further on.
   void watch(std::uint32_t place, const Vec3& from) noexcept {
     Sheet sheet;
     sheet.place = place;
-    const Vec3 start = model_.points[place].at();
-    sheet.outward = plane_like(model_, place, (from - start).normalized());
+    sheet.outward = (from - model_.points[place].at()).normalized();
     (void)follow(model_, sheet, from, steps_, counters_);
     for (std::size_t i = 0; i < sheets_; ++i)
       if (near_[i].place == sheet.place) return;
-    const Vec3 up = from - model_.points[sheet.place].at();
-    if (sheet.outward.dot(up) < 0.0) sheet.outward = -sheet.outward;
+    const bool below = sheet.outward.dot(from - model_.points[sheet.place].at()) < 0.0;
+    if (below && surface::is_one_sided(model_.points[sheet.place].normal)) {
+      // Inside the surface, unless a nearer sheet stands between: then this is the far side of a thin part.
+      for (std::size_t i = 0; i < sheets_; ++i)
+        if (distance_sq(model_.points[near_[i].place], from) <= sheet.distance_sq_mm2) return;
+    } else if (below) {
+      sheet.side = -sheet.side;
+      sheet.outward = -sheet.outward;
+    }
     if (sheets_ < kMaxSheets) {
       near_[sheets_++] = sheet;
       return;
@@ -258,6 +262,7 @@ class Cloud final : public HapticRenderer {
   BoxScan scan_;
   std::array<Sheet, kMaxSheets> near_;  ///< in contact: the first alone
   std::size_t sheets_ = 0;
+  double height_mm_ = 0.0;  ///< in contact: the last frame's HIP over its sheet's plane
   bool contact_ = false;
   int steps_ = 0;
   FrameCounters counters_;

@@ -9,6 +9,7 @@
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/neighbourhood/knn.h"
+#include "toolkit/neighbourhood/returns.h"
 
 namespace palpate::render {
 namespace {
@@ -25,11 +26,16 @@ void phase(PrepareReport& report, const PrepareContext& context, Stopwatch& watc
   watch.restart();
 }
 
+bool is_scanner_path(const cloud::Cloud& cloud, const PointModelOptions& options) {
+  return options.neighbours == "scanner-path" || (options.neighbours == "auto" && cloud.raster);
+}
+
 Result<neighbourhood::NeighbourTable> neighbours_of(const cloud::Cloud& cloud,
                                                     const PointModelOptions& options,
                                                     const PrepareContext& context, PrepareReport& report) {
-  std::string choice = options.neighbours;
-  if (choice == "auto") choice = cloud.raster ? "scanner-path" : "modified-knn";
+  const std::string choice = is_scanner_path(cloud, options) ? "scanner-path"
+                             : options.neighbours == "auto"  ? "modified-knn"
+                                                             : options.neighbours;
   report.notes.push_back("neighbours: " + choice);
   if (choice == "scanner-path") return neighbourhood::scanner_path(cloud, context.threads);
   if (choice == "exact-knn") return neighbourhood::exact_knn(cloud, context.threads);
@@ -57,8 +63,7 @@ double worst_resolution(const cloud::Cloud& cloud, const neighbourhood::Neighbou
 }
 
 void fill_points(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& table,
-                 const std::vector<surface::NormalCode>& normals, const PointModelOptions& options,
-                 int threads, PointModel& model) {
+                 const PointModelOptions& options, int threads, PointModel& model) {
   const std::size_t n = cloud.size();
   const auto order = model.grid.order();
   std::vector<std::uint32_t> place_of(n);
@@ -72,8 +77,7 @@ void fill_points(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable&
   parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t place = begin; place < end; ++place) {
       const std::uint32_t i = order[place];
-      model.points[place] = {cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i],
-                             normals.empty() ? surface::kNoNormal : normals[i]};
+      model.points[place] = {cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i], surface::kNoNormal};
       Vec3 half = Vec3::Zero();
       for (std::size_t k = 0; k < neighbourhood::kNeighbours; ++k) {
         const std::uint32_t other = table.of[i][k];
@@ -159,15 +163,19 @@ Result<PointModel> build_point_model(const SceneInput& scene, const PointModelOp
   }
   phase(report, context, watch, "resolution");
 
-  std::vector<surface::NormalCode> normals;
-  if (options.normals) normals = surface::plane_normals(cloud, *table, context.threads);
-  phase(report, context, watch, "normals");
+  // The resolution is that of the nearest eight; links out of clumps may be longer. The scanner's path has a
+  // link back for each of its own.
+  if (options.normals && !is_scanner_path(cloud, options)) {
+    const std::size_t changed = neighbourhood::add_missing_returns(cloud, *table, context.threads);
+    if (changed > 0) report.notes.push_back(fmt::format("{} points in clumps got links out", changed));
+    phase(report, context, watch, "links");
+  }
 
   model.grid = partition::UniformGrid::build(cloud, options.cell_per_resolution * model.resolution_mm,
                                              context.threads);
   phase(report, context, watch, "grid");
 
-  fill_points(cloud, *table, normals, options, context.threads, model);
+  fill_points(cloud, *table, options, context.threads, model);
   model.grid.drop_order();
   const double edge = options.box_mm > 0.0 ? options.box_mm : model.resolution_mm;
   model.global_half_box_mm = Vec3::Constant(0.5 * edge);
@@ -178,6 +186,15 @@ Result<PointModel> build_point_model(const SceneInput& scene, const PointModelOp
       model.largest_half_box_mm = model.largest_half_box_mm.cwiseMax(half.cast<double>());
   }
   phase(report, context, watch, "store");
+  if (options.normals) {
+    surface::fit_planes(model.points, model.neighbours, context.threads);
+    phase(report, context, watch, "planes");
+    const surface::OrientReport sides =
+        surface::orient_planes(model.points, model.neighbours, context.threads);
+    report.notes.push_back(fmt::format("{} pieces; {} points on closed ones, touched from outside",
+                                       sides.pieces, sides.one_sided_points));
+    phase(report, context, watch, "sides");
+  }
   report.bytes += model.bytes();
   report.notes.push_back(
       fmt::format("resolution {:.6g} mm, cell {:.6g} mm, box {:.6g} mm, {} cells, at most {} points a cell",

@@ -11,19 +11,11 @@
 #include "toolkit/neighbourhood/neighbour_table.h"
 #include "toolkit/partition/uniform_grid.h"
 #include "toolkit/render/renderer.h"
-#include "toolkit/surface/normals.h"
+#include "toolkit/surface/planes.h"
 
 namespace palpate::render {
 
-/// Sixteen bytes, so that a point and its plane come with one cache line.
-struct StoredPoint {
-  float x_mm, y_mm, z_mm;  ///< relative to PointModel::origin_mm
-  surface::NormalCode normal;
-
-  [[nodiscard]] Vec3 at() const noexcept {
-    return {static_cast<double>(x_mm), static_cast<double>(y_mm), static_cast<double>(z_mm)};
-  }
-};
+using StoredPoint = surface::SurfacePoint;
 
 enum class BoxSize : std::uint8_t {
   kGlobal,         ///< one cube for all, of the worst resolution (section 3.1.1.1, rule of thumb)
@@ -38,7 +30,8 @@ struct PointModelOptions {
   double box_mm = 0.0;         ///< edge of the global cube; 0 = the resolution
   double resolution_mm = 0.0;  ///< 0 = measured
   double cell_per_resolution = 5.0;
-  bool normals = true;
+  bool normals =
+      true;  ///< local planes with a side; and links back, so that a walk cannot be caught in a clump
 };
 
 /// Ready for frames. Places are indices in grid order. Immutable after build.

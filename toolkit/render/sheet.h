@@ -21,23 +21,20 @@ inline constexpr double kStuckResolutions = 0.6;
 /// The third corner of a facet stands at least 15 degrees off the line of the other two: sin 15 = 0.26.
 inline constexpr double kFacetCosine = 0.26;
 
-/// The god object's point and the outward normal carried to it. A side is decided once, where the probe came
-/// from, and carried from point to point: neighbouring planes are less than a right angle apart.
+/// The god object's point and the side that is outside. The normals of a surface agree on a side (surface
+/// orientation), so one sign, decided where the probe came from, holds wherever the god object goes.
 struct Sheet {
   std::uint32_t place = 0;
-  Vec3 outward = Vec3::UnitZ();
+  double side = 1.0;             ///< 1: the stored normals point outward, -1: inward
+  Vec3 outward = Vec3::UnitZ();  ///< at `place`; kept from before where the points give no plane
   double distance_sq_mm2 = 0.0;  ///< HIP to the point at `place`
   bool walk_cut = false;         ///< the bound on steps was reached; the walk goes on in the next frame
-};
 
-/// The plane at `place`, its sign chosen to agree with `like`; `like` itself where the points give no plane.
-[[nodiscard]] inline Vec3 plane_like(const PointModel& model, std::uint32_t place,
-                                     const Vec3& like) noexcept {
-  const surface::NormalCode code = model.points[place].normal;
-  if (code == surface::kNoNormal) return like;
-  const Vec3 n = surface::decode_normal(code);
-  return n.dot(like) < 0.0 ? Vec3(-n) : n;
-}
+  void set_outward(const PointModel& model) noexcept {
+    const surface::NormalCode code = model.points[place].normal;
+    if (code != surface::kNoNormal) outward = side * surface::decode_normal(code);
+  }
+};
 
 /// Height of `h` over the sheet's plane; negative inside.
 [[nodiscard]] inline double height_mm(const PointModel& model, const Sheet& sheet, const Vec3& h) noexcept {
@@ -60,20 +57,21 @@ struct Sheet {
   return r.squaredNorm() - height * height;
 }
 
-/// Moves the sheet's god object to the local minimum of the distance to `h`, carrying the side. Where the
-/// walk stops although the HIP is far to the side, the neighbours' neighbours are looked at too (a greedy
-/// walk on eight-neighbour graphs can stop at a false minimum) and the walk goes on from there.
+/// Moves the sheet's god object to the local minimum of the distance to `h`. Where the walk stops although
+/// the HIP is far to the side, the neighbours' neighbours are looked at too (a greedy walk on eight-neighbour
+/// graphs can stop at a false minimum) and the walk goes on from there.
 [[nodiscard]] inline WalkEnd follow(const PointModel& model, Sheet& sheet, const Vec3& h, int& steps,
                                     FrameCounters& counters) noexcept {
   const int before = steps;
-  const auto carry = [&](std::uint32_t place) { sheet.outward = plane_like(model, place, sheet.outward); };
-  WalkEnd end = walk(model, sheet.place, h, steps, carry);
-  for (int rescue = 0; rescue < kMaxRescues && steps > 0; ++rescue) {
+  WalkEnd end = walk(model, sheet.place, h, steps, [](std::uint32_t) {});
+  for (int rescue = 0;; ++rescue) {
     sheet.place = end.place;
-    if (!(sideways_sq(model, sheet, h) >
+    sheet.set_outward(model);
+    if (rescue == kMaxRescues || steps <= 0 ||
+        !(sideways_sq(model, sheet, h) >
           kStuckResolutions * kStuckResolutions * local_resolution_sq(model, end.place)))
       break;
-    std::uint32_t better = end.place, via = end.place;
+    std::uint32_t better = end.place;
     double nearest = end.distance_sq_mm2;
     for (const std::uint32_t first : model.neighbours[end.place])
       for (const std::uint32_t second : model.neighbours[first]) {
@@ -81,16 +79,12 @@ struct Sheet {
         if (d < nearest) {
           nearest = d;
           better = second;
-          via = first;
         }
       }
     if (better == end.place) break;
     ++counters.local_minima;
-    carry(via);
-    carry(better);
-    end = walk(model, better, h, steps, carry);
+    end = walk(model, better, h, steps, [](std::uint32_t) {});
   }
-  sheet.place = end.place;
   sheet.distance_sq_mm2 = end.distance_sq_mm2;
   sheet.walk_cut = steps == 0;
   counters.walk_steps += static_cast<std::uint64_t>(before - steps);

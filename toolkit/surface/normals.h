@@ -1,31 +1,35 @@
-// Local planes of a cloud: the normal of each point from its neighbours, without a side. Which side is
-// outside is decided by where the probe comes from, not here.
+// Directions of local planes, in 32 bits.
 #pragma once
 
 #include <cmath>
 #include <cstdint>
-#include <vector>
 
-#include "toolkit/cloud/cloud.h"
 #include "toolkit/core/vec.h"
-#include "toolkit/neighbourhood/neighbour_table.h"
 
 namespace palpate::surface {
 
-/// A direction in 32 bits: the octahedral map, 16 bits a coordinate (Meyer et al. 2010). Worst error 4e-5
-/// rad.
+/// A direction in 31 bits, the octahedral map with 16 and 15 bits a coordinate (Meyer et al. 2010), worst
+/// error 1e-4 rad; and one bit: the surface is closed and the direction points out of it.
 using NormalCode = std::uint32_t;
 /// The code of "no plane": fewer than two neighbours, or all on a line.
 inline constexpr NormalCode kNoNormal = 0xFFFFFFFFu;
+/// Set where the surface encloses a volume and the normal points out of it: it is touched from one side.
+inline constexpr NormalCode kOneSided = 0x80000000u;
+
+/// Steps over [-1, 1]: even, so that 0 is exact; of x one less than its bits hold, so that kNoNormal never
+/// occurs.
+inline constexpr double kNormalStepsX = 65534.0, kNormalStepsY = 32766.0;
 
 [[nodiscard]] NormalCode encode_normal(const Vec3& unit) noexcept;
 
+[[nodiscard]] inline bool is_one_sided(NormalCode code) noexcept {
+  return (code & kOneSided) != 0 && code != kNoNormal;
+}
+
 /// The unit vector of a code other than kNoNormal. Allocates nothing.
 [[nodiscard]] inline Vec3 decode_normal(NormalCode code) noexcept {
-  // 65534 steps over [-1, 1], so that 0 is exact and 0xFFFF never occurs.
-  constexpr double kStep = 1.0 / 32767.0;
-  double x = static_cast<double>(code & 0xFFFFu) * kStep - 1.0;
-  double y = static_cast<double>(code >> 16) * kStep - 1.0;
+  double x = static_cast<double>(code & 0xFFFFu) * (2.0 / kNormalStepsX) - 1.0;
+  double y = static_cast<double>((code >> 16) & 0x7FFFu) * (2.0 / kNormalStepsY) - 1.0;
   const double z = 1.0 - std::abs(x) - std::abs(y);
   if (z < 0.0) {
     const double folded_x = std::copysign(1.0 - std::abs(y), x);
@@ -36,9 +40,7 @@ inline constexpr NormalCode kNoNormal = 0xFFFFFFFFu;
   return {x * scale, y * scale, z * scale};
 }
 
-/// The normal of the least-squares plane through each point and its neighbours (the eigenvector of the
-/// covariance's smallest eigenvalue), its sign arbitrary. Parallel; the same for any number of threads. O(n).
-[[nodiscard]] std::vector<NormalCode> plane_normals(const cloud::Cloud& cloud,
-                                                    const neighbourhood::NeighbourTable& table, int threads);
+/// The code of the opposite direction, the side bit kept.
+[[nodiscard]] NormalCode opposite(NormalCode code) noexcept;
 
 }  // namespace palpate::surface

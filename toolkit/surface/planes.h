@@ -1,0 +1,43 @@
+// Points with their local planes: the normal of each from its neighbours, then a side that the whole surface
+// agrees on.
+#pragma once
+
+#include <cstddef>
+#include <span>
+
+#include "toolkit/core/vec.h"
+#include "toolkit/neighbourhood/neighbour_table.h"
+#include "toolkit/surface/normals.h"
+
+namespace palpate::surface {
+
+/// Sixteen bytes, so that a point and its plane come with one cache line. Relative to some local origin.
+struct SurfacePoint {
+  float x_mm, y_mm, z_mm;
+  NormalCode normal;
+
+  [[nodiscard]] Vec3 at() const noexcept {
+    return {static_cast<double>(x_mm), static_cast<double>(y_mm), static_cast<double>(z_mm)};
+  }
+};
+
+/// Sets every normal to that of the least-squares plane through the point and its neighbours, its sign
+/// arbitrary. `neighbours` is parallel to `points` and indexes it. Parallel; the same for any number of
+/// threads. O(n).
+void fit_planes(std::span<SurfacePoint> points, std::span<const neighbourhood::Neighbours> neighbours,
+                int threads);
+
+struct OrientReport {
+  std::size_t pieces = 0;            ///< connected by neighbour links
+  std::size_t one_sided_points = 0;  ///< in pieces that enclose a volume
+};
+
+/// Turns the normals so that linked points agree, over each connected piece: links in order of confidence,
+/// the most confident first (the minimum spanning tree of Hoppe et al. 1992 in five classes), each judged by
+/// reflecting one normal at the link's bisector (Koenig and Gumhold 2009), which holds across edges and thin
+/// rims too. A piece that encloses a volume gets its normals outward and kOneSided; on any other the side is
+/// whatever the first point's is. Parallel; the same for any number of threads. O(n) in practice.
+OrientReport orient_planes(std::span<SurfacePoint> points,
+                           std::span<const neighbourhood::Neighbours> neighbours, int threads);
+
+}  // namespace palpate::surface
