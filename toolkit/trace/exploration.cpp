@@ -26,6 +26,10 @@ constexpr std::size_t kFewestFitted = 6;
 constexpr double kBorderOffset = 0.5;
 // An open sheet's area vector keeps a good part of its area, a closed surface's vanishes.
 constexpr double kOpenShare = 0.1;
+// The point below a HIP at some depth is about as far away as it is deep; one nearer than this share of the
+// depth lies on another part of the surface. Tried from the full depth down in steps of a fifth.
+constexpr double kClearOfOthers = 0.75, kGiveWayStep = 0.8;
+constexpr int kGiveWayTrials = 12;
 // Radius of the tightest bend of the heading, in diagonals of the box.
 constexpr double kTightestTurnPerBox = 0.1;
 // Bits of a cell coordinate in a 64-bit key of three.
@@ -207,6 +211,20 @@ void take_step(Walk& walk, const Fitting& fitting, double length, double turn, R
   walk.heading = size > 0.0 ? Vec3(walk.heading / size) : any_tangent(walk.normal, 0.0);
 }
 
+/// `depth_mm`, or less where another part of the surface comes nearer to the HIP than the one it went
+/// through: no hand pushes through a thin part against the force that a renderer would give.
+double give_way(const Walk& walk, const Fitting& fitting, double depth_mm) {
+  for (int trial = 0; trial < kGiveWayTrials; ++trial, depth_mm *= kGiveWayStep) {
+    const Vec3 hip = walk.on_surface - depth_mm * walk.normal;
+    const double near = kClearOfOthers * depth_mm;
+    bool clear = true;
+    fitting.grid->around(hip,
+                         [&](const Vec3& q) { clear = clear && (q - hip).squaredNorm() >= near * near; });
+    if (clear) return depth_mm;
+  }
+  return 0.0;
+}
+
 /// The walk and the HIP above it, relative to the cloud's origin. `hip` is where the HIP starts.
 std::vector<Vec3> follow_walk(Walk walk, Vec3 hip, const Fitting& fitting, double tightest_turn_mm,
                               const ExplorationOptions& options, Random& random) {
@@ -230,7 +248,8 @@ std::vector<Vec3> follow_walk(Walk walk, Vec3 hip, const Fitting& fitting, doubl
     take_step(walk, fitting, length, bend * length, random);
     const double offset = 0.5 * (options.depth_mm + options.clearance_mm) * std::cos(turn) -
                           0.5 * (options.depth_mm - options.clearance_mm);
-    const Vec3 wish = walk.on_surface + offset * walk.normal - hip;
+    const double height = offset < 0.0 ? -give_way(walk, fitting, -offset) : offset;
+    const Vec3 wish = walk.on_surface + height * walk.normal - hip;
     hip += wish.norm() > farthest ? Vec3(wish * (farthest / wish.norm())) : wish;
   }
   return path;
