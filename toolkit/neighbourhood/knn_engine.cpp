@@ -296,11 +296,16 @@ void KnnEngine::run_level(const Level& level, const Choose& choose, NeighbourTab
   });
 }
 
-std::array<std::uint64_t, 3> KnnEngine::run(const Choose& choose, NeighbourTable& table) const {
+std::array<std::uint64_t, 3> KnnEngine::run(const Choose& choose, NeighbourTable& table,
+                                            std::span<const std::uint8_t> wanted) const {
   const std::size_t n = cloud_.size();
   table.of.resize(n);
   Pass pass;
   std::vector<std::uint8_t> pending;
+  if (!wanted.empty()) {
+    pending.resize(n);
+    for (std::size_t place = 0; place < n; ++place) pending[place] = wanted[sorted_.order[place]];
+  }
   for (int step = 0; step < kGridLevels; ++step) {
     const int level = first_level_ + step;
     if (level > partition::kMortonBits) break;

@@ -55,8 +55,10 @@ class KnnEngine {
   ~KnnEngine();
 
   /// Calls `choose` for every point until it accepts; each point's final radius covers the whole cloud. The
-  /// sums of all scratches.
-  std::array<std::uint64_t, 3> run(const Choose& choose, NeighbourTable& table) const;
+  /// sums of all scratches. With `wanted` (by cloud index) only for points marked there; the others' rows
+  /// stay.
+  std::array<std::uint64_t, 3> run(const Choose& choose, NeighbourTable& table,
+                                   std::span<const std::uint8_t> wanted = {}) const;
   /// sqrt(occupied area / points), the area from occupied cells: the length that start sizes are given in.
   [[nodiscard]] double mean_spacing_mm() const noexcept { return mean_spacing_mm_; }
 

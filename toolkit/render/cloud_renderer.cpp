@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "toolkit/core/tolerances.h"
 #include "toolkit/render/box_scan.h"
@@ -135,31 +137,48 @@ class Cloud final : public HapticRenderer {
       // A segment cut at the bound goes on in the next frame.
       if (tested_to_ != h) scan_.running = false;
     }
-    const bool behind = tested_to_ != h;
-    // Follow to where the path has been tested; a sheet that the HIP is under has been touched.
-    for (std::size_t i = 0; i < sheets_;) {
-      const WalkEnd end = follow(model_, near_[i], tested_to_, steps_, counters_);
-      if (is_duplicate(i)) {
-        near_[i] = near_[--sheets_];
-        continue;
-      }
-      if (under(near_[i], tested_to_)) {
-        near_[0] = near_[i];
-        sheets_ = 1;
-        contact_ = true;
-        scan_.running = false;
-        const WalkEnd rest = behind ? follow(model_, near_[0], h, steps_, counters_) : end;
-        height_mm_ = height_mm(model_, near_[0], h);
-        answer(h, rest, frame);
-        return;
-      }
-      if (near_[i].distance_sq_mm2 > leave_sq_mm2_) {
-        near_[i] = near_[--sheets_];
-        continue;
-      }
-      ++i;
+    follow_sheets();
+    const std::size_t touched = touched_sheet();
+    if (touched < sheets_) {
+      near_[0] = near_[touched];
+      sheets_ = 1;
+      contact_ = true;
+      scan_.running = false;
+      const WalkEnd end = follow(model_, near_[0], h, steps_, counters_);
+      height_mm_ = height_mm(model_, near_[0], h);
+      answer(h, end, frame);
+      return;
     }
-    if (behind) frame.status = FrameStatus::kBoundHit;
+    if (tested_to_ != h) frame.status = FrameStatus::kBoundHit;
+  }
+
+  /// Brings the watched sheets to where the path has been tested, and lets go of those left behind.
+  void follow_sheets() noexcept {
+    for (std::size_t i = 0; i < sheets_;) {
+      (void)follow(model_, near_[i], tested_to_, steps_, counters_);
+      if (is_duplicate(i) || (near_[i].distance_sq_mm2 > leave_sq_mm2_ && !under(near_[i], tested_to_)))
+        near_[i] = near_[--sheets_];
+      else
+        ++i;
+    }
+  }
+
+  /// The nearest sheet that the HIP is under; sheets_ where there is none. Under a closed surface's sheet it
+  /// is inside only if no nearer sheet has it above: that other one stands between, and the plane of the
+  /// first reaches out beyond a fold.
+  std::size_t touched_sheet() const noexcept {
+    std::size_t found = sheets_;
+    double above_sq = std::numeric_limits<double>::infinity();
+    for (std::size_t i = 0; i < sheets_; ++i) {
+      if (!under(near_[i], tested_to_))
+        above_sq = std::min(above_sq, near_[i].distance_sq_mm2);
+      else if (found == sheets_ || near_[i].distance_sq_mm2 < near_[found].distance_sq_mm2)
+        found = i;
+    }
+    if (found < sheets_ && surface::is_one_sided(model_.points[near_[found].place].normal) &&
+        above_sq < near_[found].distance_sq_mm2)
+      return sheets_;
+    return found;
   }
 
   /// Below the plane of the sheet, and below the sheet itself rather than beside its rim.

@@ -9,7 +9,7 @@
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/neighbourhood/knn.h"
-#include "toolkit/neighbourhood/returns.h"
+#include "toolkit/neighbourhood/walkable.h"
 
 namespace palpate::render {
 namespace {
@@ -166,8 +166,10 @@ Result<PointModel> build_point_model(const SceneInput& scene, const PointModelOp
   // The resolution is that of the nearest eight; links out of clumps may be longer. The scanner's path has a
   // link back for each of its own.
   if (options.normals && !is_scanner_path(cloud, options)) {
-    const std::size_t changed = neighbourhood::add_missing_returns(cloud, *table, context.threads);
-    if (changed > 0) report.notes.push_back(fmt::format("{} points in clumps got links out", changed));
+    const neighbourhood::WalkableReport mended = neighbourhood::make_walkable(cloud, *table, context.threads);
+    if (mended.spread + mended.returned > 0)
+      report.notes.push_back(fmt::format("neighbours spread at {} points, links back given to {}",
+                                         mended.spread, mended.returned));
     phase(report, context, watch, "links");
   }
 

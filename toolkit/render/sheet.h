@@ -13,10 +13,12 @@ namespace palpate::render {
 
 /// Wider looks a frame may take at a place where the greedy walk seems stuck; each reads at most 64 points.
 inline constexpr int kMaxRescues = 4;
-/// On a square lattice the nearest sample lies within half the distance to the eighth neighbour (half a
-/// diagonal). Where the HIP is further to the side than this share of it, a fifth more than the lattice
-/// needs, the walk may be stuck and is worth a wider look.
-inline constexpr double kStuckResolutions = 0.6;
+/// On a square lattice the nearest sample lies within half a diagonal, 0.71 of the distance to the fourth
+/// neighbour. Where the HIP is further to the side than this many times that distance, a fifth more than the
+/// lattice needs, the walk may be stuck and is worth a wider look. The fourth and not the eighth: neighbours
+/// that were chosen to go different ways may end far away.
+inline constexpr double kStuckSpacings = 0.85;
+inline constexpr std::size_t kFourth = 3;
 
 /// The third corner of a facet stands at least 15 degrees off the line of the other two: sin 15 = 0.26.
 inline constexpr double kFacetCosine = 0.26;
@@ -50,6 +52,11 @@ struct Sheet {
   return 0.0;
 }
 
+/// Squared distance from a point to its fourth neighbour; 0 where it has fewer.
+[[nodiscard]] inline double fourth_sq(const PointModel& model, std::uint32_t place) noexcept {
+  return distance_sq(model.points[model.neighbours[place][kFourth]], model.points[place].at());
+}
+
 /// Squared sideways distance of `h` from the sheet's normal line.
 [[nodiscard]] inline double sideways_sq(const PointModel& model, const Sheet& sheet, const Vec3& h) noexcept {
   const Vec3 r = h - model.points[sheet.place].at();
@@ -68,8 +75,7 @@ struct Sheet {
     sheet.place = end.place;
     sheet.set_outward(model);
     if (rescue == kMaxRescues || steps <= 0 ||
-        !(sideways_sq(model, sheet, h) >
-          kStuckResolutions * kStuckResolutions * local_resolution_sq(model, end.place)))
+        !(sideways_sq(model, sheet, h) > kStuckSpacings * kStuckSpacings * fourth_sq(model, end.place)))
       break;
     std::uint32_t better = end.place;
     double nearest = end.distance_sq_mm2;

@@ -30,6 +30,11 @@ constexpr double kOpenShare = 0.1;
 // depth lies on another part of the surface. Tried from the full depth down in steps of a fifth.
 constexpr double kClearOfOthers = 0.75, kGiveWayStep = 0.8;
 constexpr int kGiveWayTrials = 12;
+// A ball of points that slides by a length over a surface as sharp as a right-angled edge turns its plane by
+// about that length over the radius, and lifts it by less than the length; three times that is a jump.
+constexpr double kSharpestBend = 3.0;
+// Where every way is a jump, as on the tip of a spike, one is taken after so many.
+constexpr int kRefusals = 32;
 // Radius of the tightest bend of the heading, in diagonals of the box.
 constexpr double kTightestTurnPerBox = 0.1;
 // Bits of a cell coordinate in a 64-bit key of three.
@@ -192,18 +197,26 @@ Result<Fitting> choose_radius(const cloud::Cloud& cloud, const geometry::Aabb& b
 /// Where the walk is, relative to the cloud's origin.
 struct Walk {
   Vec3 on_surface, normal, heading;
+  int refused = 0;  ///< steps turned back in a row
 };
 
 /// One step of `length` along the heading, which then turns by `turn`; where points end only the heading
 /// turns.
 void take_step(Walk& walk, const Fitting& fitting, double length, double turn, Random& random) {
   const Vec3 next = walk.on_surface + length * walk.heading;
-  if (const Fit fit = fit_plane(*fitting.grid, next, fitting.radius_mm, walk.normal); fit.good) {
+  const Fit fit = fit_plane(*fitting.grid, next, fitting.radius_mm, walk.normal);
+  // A fold: the fitted plane jumps to another sheet. The walk turns back as at a border.
+  const double most = kSharpestBend * length / fitting.radius_mm;
+  const bool jumps =
+      std::abs(fit.height) > kSharpestBend * length || (fit.normal - walk.normal).norm() > most;
+  if (fit.good && (!jumps || walk.refused >= kRefusals)) {
+    walk.refused = 0;
     walk.on_surface = next + fit.height * fit.normal;
     walk.normal = fit.normal;
     const Vec3 tangent = walk.heading - walk.heading.dot(fit.normal) * fit.normal;
     walk.heading = rotated(tangent, fit.normal, turn);
   } else {
+    ++walk.refused;
     // Somewhere back: a quarter to three quarters of a turn.
     walk.heading = rotated(walk.heading, walk.normal, random.uniform(0.5, 1.5) * std::numbers::pi);
   }
