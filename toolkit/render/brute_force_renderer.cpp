@@ -108,8 +108,7 @@ class BruteForce final : public HapticRenderer {
     if (shading_ != Shading::kNone) {
       WalkEnd end;
       end.place = place;
-      for (std::size_t k = 0; k < neighbourhood::kNeighbours; ++k)
-        end.neighbour_sq_mm2[k] = distance_sq(model_.points[model_.neighbours[place][k]], h);
+      end.look_around(model_, h);
       const NearestTwo two = nearest_two(model_, end);
       pull = shaded_vector(shading_, h, g, model_.points[two.first].at(), model_.points[two.second].at());
     }

@@ -229,6 +229,7 @@ class Cloud final : public HapticRenderer {
     Sheet sheet;
     sheet.place = place;
     sheet.outward = (from - model_.points[place].at()).normalized();
+    sheet.set_outward(model_);
     (void)follow(model_, sheet, from, steps_, counters_);
     for (std::size_t i = 0; i < sheets_; ++i)
       if (near_[i].place == sheet.place) return;
@@ -257,6 +258,7 @@ class Cloud final : public HapticRenderer {
     if (shading_ != Shading::kNone) {
       const NearestTwo two = shading_ == Shading::kFacet ? enclosing_two(model_, end, near_[0].outward, h)
                                                          : nearest_two(model_, end);
+      __builtin_prefetch(&model_.neighbours[two.first]);  // where the god object most likely goes next
       const Vec3 b = model_.points[two.first].at();
       if (!by_spacing_ || (b - g).squaredNorm() > felt_spacing_sq_mm2_)
         pull = shaded_vector(shading_, h, g, b, model_.points[two.second].at());

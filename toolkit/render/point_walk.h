@@ -2,6 +2,8 @@
 // (section 3.2.3). Shared by every point renderer.
 #pragma once
 
+#include <algorithm>
+#include <bit>
 #include <cstdint>
 
 #include "toolkit/render/point_model.h"
@@ -12,11 +14,28 @@ namespace palpate::render {
 /// frame; 64 moves carry the god object over 6 mm of such a surface, 6 m/s at 1 kHz.
 inline constexpr int kMaxWalkSteps = 64;
 
-/// The end of a walk.
+/// The end of a walk, with what was seen around it: arrays by neighbour, so that loops over the eight
+/// vectorise.
 struct WalkEnd {
   std::uint32_t place = 0;
   double distance_sq_mm2 = 0.0;
   double neighbour_sq_mm2[neighbourhood::kNeighbours];  ///< from the HIP to each neighbour of `place`
+  double x_mm[neighbourhood::kNeighbours], y_mm[neighbourhood::kNeighbours], z_mm[neighbourhood::kNeighbours];
+
+  void look_around(const PointModel& model, const Vec3& h) noexcept {
+    const neighbourhood::Neighbours& around = model.neighbours[place];
+    for (std::size_t k = 0; k < neighbourhood::kNeighbours; ++k) {
+      const StoredPoint& p = model.points[around[k]];
+      x_mm[k] = static_cast<double>(p.x_mm);
+      y_mm[k] = static_cast<double>(p.y_mm);
+      z_mm[k] = static_cast<double>(p.z_mm);
+    }
+    const double hx = h.x(), hy = h.y(), hz = h.z();
+    for (std::size_t k = 0; k < neighbourhood::kNeighbours; ++k) {
+      const double dx = x_mm[k] - hx, dy = y_mm[k] - hy, dz = z_mm[k] - hz;
+      neighbour_sq_mm2[k] = dx * dx + dy * dy + dz * dz;
+    }
+  }
 };
 
 [[nodiscard]] inline double distance_sq(const StoredPoint& p, const Vec3& h) noexcept {
@@ -24,6 +43,15 @@ struct WalkEnd {
                dz = static_cast<double>(p.z_mm) - h.z();
   return dx * dx + dy * dy + dz * dz;
 }
+
+/// Orders squared distances together with which neighbour they belong to, so that a minimum is found without
+/// a branch: the bits of a positive double order as it does, and the last three are given to the neighbour.
+/// Distances that agree to 50 bits count as equal; of those the neighbour listed first comes first.
+[[nodiscard]] inline std::uint64_t order_key(double square, std::size_t k) noexcept {
+  return (std::bit_cast<std::uint64_t>(square) & ~std::uint64_t{7}) | k;
+}
+inline constexpr std::uint64_t kNoKey = ~std::uint64_t{0};
+static_assert(neighbourhood::kNeighbours == 8, "three bits name a neighbour");
 
 /// Steepest descent with strict decrease from `start` to a local minimum of the distance to `h`; ties go to
 /// the neighbour listed first. `moved(place)` is called for every move. `steps` counts down; at 0 the walk
@@ -35,15 +63,14 @@ template <class Moved>
   end.place = start;
   end.distance_sq_mm2 = distance_sq(model.points[start], h);
   while (true) {
-    const neighbourhood::Neighbours& around = model.neighbours[end.place];
+    end.look_around(model, h);
+    std::uint64_t least = kNoKey;
     for (std::size_t k = 0; k < neighbourhood::kNeighbours; ++k)
-      end.neighbour_sq_mm2[k] = distance_sq(model.points[around[k]], h);
-    std::size_t best = 0;
-    for (std::size_t k = 1; k < neighbourhood::kNeighbours; ++k)
-      if (end.neighbour_sq_mm2[k] < end.neighbour_sq_mm2[best]) best = k;
+      least = std::min(least, order_key(end.neighbour_sq_mm2[k], k));
+    const std::size_t best = least & 7u;
     if (!(end.neighbour_sq_mm2[best] < end.distance_sq_mm2) || steps <= 0) return end;
     --steps;
-    end.place = around[best];
+    end.place = model.neighbours[end.place][best];
     end.distance_sq_mm2 = end.neighbour_sq_mm2[best];
     moved(end.place);
   }
@@ -55,23 +82,15 @@ struct NearestTwo {
 };
 [[nodiscard]] inline NearestTwo nearest_two(const PointModel& model, const WalkEnd& end) noexcept {
   const neighbourhood::Neighbours& around = model.neighbours[end.place];
-  constexpr double kFar = 1e300;  // beyond any squared distance of floats
-  double d1 = kFar, d2 = kFar;
-  NearestTwo two{end.place, end.place};
+  std::uint64_t first = kNoKey, second = kNoKey;
   for (std::size_t k = 0; k < neighbourhood::kNeighbours; ++k) {
-    if (around[k] == end.place) continue;
-    const double d = end.neighbour_sq_mm2[k];
-    if (d < d1) {
-      d2 = d1;
-      two.second = two.first;
-      d1 = d;
-      two.first = around[k];
-    } else if (d < d2) {
-      d2 = d;
-      two.second = around[k];
-    }
+    const std::uint64_t key =
+        around[k] == end.place ? kNoKey : order_key(end.neighbour_sq_mm2[k], k);  // itself: no neighbour
+    second = std::min(second, std::max(first, key));
+    first = std::min(first, key);
   }
-  return two;
+  return {first == kNoKey ? end.place : around[first & 7u],
+          second == kNoKey ? end.place : around[second & 7u]};
 }
 
 }  // namespace palpate::render

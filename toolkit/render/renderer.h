@@ -117,8 +117,9 @@ class HapticRenderer {
 
 /// `force_n` with its magnitude limited, direction kept; limit 0 means none.
 [[nodiscard]] inline Vec3 limited(const Vec3& force_n, double limit_n) noexcept {
+  if (!(limit_n > 0.0)) return force_n;
   const double size = force_n.norm();
-  return limit_n > 0.0 && size > limit_n ? Vec3(force_n * (limit_n / size)) : force_n;
+  return size > limit_n ? Vec3(force_n * (limit_n / size)) : force_n;
 }
 
 }  // namespace palpate::render

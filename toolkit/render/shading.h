@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>  // cross products
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -61,11 +62,11 @@ inline constexpr double kSliverShare = 1.0 / 64.0;
   }
   const Vec3 ab = b - a, ac = c - a;
   const Vec3 cross = ab.cross(ac);
-  const double area = cross.norm();
+  const double area_sq = cross.squaredNorm();
   const double longest = std::max({ab.squaredNorm(), ac.squaredNorm(), (c - b).squaredNorm()});
-  if (!(area > kSliverShare * longest)) return fa;
-  const Vec3 normal = cross / area;
-  if (shading == Shading::kFacet) return fa.dot(normal) * normal;
+  if (!(area_sq > (kSliverShare * longest) * (kSliverShare * longest))) return fa;
+  if (shading == Shading::kFacet) return (fa.dot(cross) / area_sq) * cross;
+  const Vec3 normal = cross / std::sqrt(area_sq);
   double wa, wb, wc;
   if (shading == Shading::kAreaRaw) {
     wa = fb.cross(fc).norm();

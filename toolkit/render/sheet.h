@@ -32,6 +32,7 @@ struct Sheet {
   double distance_sq_mm2 = 0.0;  ///< HIP to the point at `place`
   bool walk_cut = false;         ///< the bound on steps was reached; the walk goes on in the next frame
 
+  /// The normal of the new place.
   void set_outward(const PointModel& model) noexcept {
     const surface::NormalCode code = model.points[place].normal;
     if (code != surface::kNoNormal) outward = side * surface::decode_normal(code);
@@ -72,8 +73,10 @@ struct Sheet {
   const int before = steps;
   WalkEnd end = walk(model, sheet.place, h, steps, [](std::uint32_t) {});
   for (int rescue = 0;; ++rescue) {
-    sheet.place = end.place;
-    sheet.set_outward(model);
+    if (end.place != sheet.place || rescue > 0) {
+      sheet.place = end.place;
+      sheet.set_outward(model);
+    }
     if (rescue == kMaxRescues || steps <= 0 ||
         !(sideways_sq(model, sheet, h) > kStuckSpacings * kStuckSpacings * fourth_sq(model, end.place)))
       break;
@@ -109,20 +112,24 @@ struct Sheet {
   const Vec3 across = outward.cross(along);  // in the surface, square to the line
   const double side = across.dot(h - g);
   const double least = kFacetCosine * kFacetCosine * across.squaredNorm();
-  double nearest = std::numeric_limits<double>::infinity();
-  std::uint32_t second = two.second;
-  const neighbourhood::Neighbours& around = model.neighbours[end.place];
+  const double turn = side < 0.0 ? -1.0 : 1.0;
+  const double ax = turn * across.x(), ay = turn * across.y(), az = turn * across.z();
+  const double gx = g.x(), gy = g.y(), gz = g.z();
+  double aside[neighbourhood::kNeighbours], enough[neighbourhood::kNeighbours];
   for (std::size_t k = 0; k < neighbourhood::kNeighbours; ++k) {
-    const Vec3 step = model.points[around[k]].at() - g;
-    const double aside = side < 0.0 ? -across.dot(step) : across.dot(step);
-    // aside^2 = |across|^2 |step|^2 cos^2; points on the line or behind it do not count.
-    if (!(aside > 0.0) || aside * aside < least * step.squaredNorm()) continue;
-    if (end.neighbour_sq_mm2[k] < nearest) {
-      nearest = end.neighbour_sq_mm2[k];
-      second = around[k];
-    }
+    const double dx = end.x_mm[k] - gx, dy = end.y_mm[k] - gy, dz = end.z_mm[k] - gz;
+    aside[k] = ax * dx + ay * dy + az * dz;
+    enough[k] = least * (dx * dx + dy * dy + dz * dz);
   }
-  return {two.first, second};
+  // aside^2 = |across|^2 |step|^2 cos^2; points on the line or behind it do not count. Without a branch:
+  // which neighbours count changes from frame to frame.
+  std::uint64_t nearest = kNoKey;
+  for (std::size_t k = 0; k < neighbourhood::kNeighbours; ++k) {
+    const bool counts = (aside[k] > 0.0) & (aside[k] * aside[k] >= enough[k]);
+    nearest = std::min(nearest, order_key(end.neighbour_sq_mm2[k], k) | (std::uint64_t{counts} - 1));
+  }
+  const neighbourhood::Neighbours& around = model.neighbours[end.place];
+  return {two.first, nearest == kNoKey ? two.second : around[nearest & 7u]};
 }
 
 }  // namespace palpate::render
