@@ -4,9 +4,9 @@
 namespace palpate::neighbourhood {
 namespace {
 
-/// The eighth neighbour's squared distance is guessed from the point before, with a quarter of the distance
+/// The eighth neighbour's squared distance is guessed from the point before, with an eighth of the distance
 /// to spare.
-constexpr double kGuessRoom = 1.25 * 1.25;
+constexpr double kGuessRoom = 1.125 * 1.125;
 
 }  // namespace
 
@@ -16,13 +16,16 @@ NeighbourTable exact_knn(const cloud::Cloud& cloud, int threads) {
   engine.run(
       [](std::uint32_t self, const Vec3& p, const Candidates& c, double radius_mm, Neighbours& out,
          Scratch& scratch) {
-        square_distances(c, p, scratch);
-        keep_within(scratch.guess, scratch);
-        // The point itself and eight others; fewer: the guess was too small.
-        if (scratch.kept.size() <= kNeighbours) keep_within(kEverything, scratch);
-        const double worst = choose_eight(self, c, scratch.key, scratch.kept, out);
-        scratch.guess = kGuessRoom * worst;
-        return worst < radius_mm * radius_mm || radius_mm == kEverything;
+        const double covered = radius_mm * radius_mm;
+        for (double guess = scratch.guess;; guess = larger_guess(guess)) {
+          const bool all = !(guess < covered);
+          keep_ball(c, p, all ? kEverything : guess, scratch);
+          const double worst = choose_eight(self, c, scratch, out);
+          // Up to the guess nothing was left out.
+          if (!all && !(worst <= guess)) continue;
+          scratch.guess = kGuessRoom * worst;
+          return worst < covered || radius_mm == kEverything;
+        }
       },
       table);
   return table;

@@ -6,8 +6,10 @@
 #include <cmath>
 #include <mutex>
 #include <nanoflann.hpp>
+#include <numeric>
 
 #include "toolkit/core/parallel.h"
+#include "toolkit/core/tolerances.h"
 
 namespace palpate::neighbourhood {
 namespace {
@@ -22,9 +24,9 @@ constexpr std::size_t kDenseCell = 256;
 constexpr int kGridLevels = 3;
 /// Points at one place that can matter to any point: itself and eight others.
 constexpr std::size_t kSamePlace = kNeighbours + 1;
-/// First lattice: 2^10 cubes along the longest side, enough to count occupied cells of most clouds before
-/// refining.
-constexpr double kFirstCubes = 1024.0;
+/// First lattice: its cubes' codes fit 32 bits, and it is enough to count occupied cells of most clouds
+/// before refining.
+constexpr double kFirstCubes = 1023.0;
 /// Rounding of (p - low) * per_mm, a cell coordinate below 2^21: the block may be smaller by this share of a
 /// cell.
 constexpr double kCellRounding = 1e-9;
@@ -33,18 +35,48 @@ constexpr double kCellRounding = 1e-9;
 constexpr std::size_t kMostRanked = 24;
 /// Cells a parallel chunk, so that its table lookups stay in cache.
 constexpr std::size_t kCellsPerChunk = 2048;
+constexpr std::size_t kPlacesPerChunk = std::size_t{1} << 16;
 
 /// Occupied cells when the lowest `shift` bits of every code are ignored.
-std::size_t occupied(const std::vector<std::uint64_t>& codes, int shift) {
-  std::size_t cells = codes.empty() ? 0 : 1;
-  for (std::size_t i = 1; i < codes.size(); ++i) cells += (codes[i] >> shift) != (codes[i - 1] >> shift);
-  return cells;
+template <class Code>
+std::size_t occupied(const std::vector<Code>& codes, int shift, int threads) {
+  std::vector<std::size_t> parts((codes.size() + kPlacesPerChunk - 1) / kPlacesPerChunk);
+  parallel_chunks(codes.size(), kPlacesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+    std::size_t cells = begin == 0 ? 1 : 0;
+    for (std::size_t i = std::max<std::size_t>(begin, 1); i < end; ++i)
+      cells += (codes[i] >> shift) != (codes[i - 1] >> shift);
+    parts[begin / kPlacesPerChunk] = cells;
+  });
+  return std::accumulate(parts.begin(), parts.end(), std::size_t{0});
 }
 
-struct CellRange {
-  std::uint64_t code;
-  std::uint32_t begin, end;
+struct PlaceRange {
+  std::uint32_t begin = 0, end = 0;
 };
+struct Cell {
+  std::uint64_t code = 0;
+  PlaceRange places;
+};
+
+/// The cells of sorted codes, in order.
+std::vector<Cell> cells_of(const std::vector<std::uint64_t>& codes, int shift, int threads) {
+  const std::size_t n = codes.size();
+  std::vector<std::vector<Cell>> parts((n + kPlacesPerChunk - 1) / kPlacesPerChunk);
+  parallel_chunks(n, kPlacesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+    // A chunk has the cells that begin in it, however far they reach.
+    auto& mine = parts[begin / kPlacesPerChunk];
+    for (std::size_t i = begin; i < end; ++i) {
+      const std::uint64_t code = codes[i] >> shift;
+      if (i > 0 && (codes[i - 1] >> shift) == code) continue;
+      mine.push_back({code, {static_cast<std::uint32_t>(i), 0}});
+    }
+  });
+  std::vector<Cell> cells;
+  for (const auto& part : parts) cells.insert(cells.end(), part.begin(), part.end());
+  for (std::size_t c = 0; c < cells.size(); ++c)
+    cells[c].places.end = c + 1 < cells.size() ? cells[c + 1].places.begin : static_cast<std::uint32_t>(n);
+  return cells;
+}
 
 }  // namespace
 
@@ -52,36 +84,30 @@ struct CellRange {
 struct KnnEngine::Level {
   int shift = 0;  ///< code bits below a cell
   double cell_mm = 0.0;
-  std::vector<CellRange> cells;
-  std::vector<std::uint32_t> slots;  ///< hash of cells: index + 1, 0 = free
+  std::vector<Cell> cells;
+  std::vector<Cell> slots;  ///< hash of cells; free where the range is empty
   int hash_shift = 0;
 
-  Level(const partition::MortonOrder& sorted, const partition::Lattice& lattice, int level)
+  Level(const partition::MortonOrder& sorted, const partition::Lattice& lattice, int level, int threads)
       : shift(3 * level), cell_mm(lattice.unit_mm * static_cast<double>(std::int64_t{1} << level)) {
-    const std::size_t n = sorted.codes.size();
-    for (std::size_t begin = 0; begin < n;) {
-      const std::uint64_t code = sorted.codes[begin] >> shift;
-      std::size_t end = begin + 1;
-      while (end < n && (sorted.codes[end] >> shift) == code) ++end;
-      cells.push_back({code, static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(end)});
-      begin = end;
-    }
+    cells = cells_of(sorted.codes, shift, threads);
     const std::size_t size = std::bit_ceil(std::max<std::size_t>(2 * cells.size(), 2));
-    slots.assign(size, 0);
+    slots.assign(size, Cell{});
     hash_shift = 64 - std::countr_zero(size);
-    for (std::size_t c = 0; c < cells.size(); ++c) {
-      std::size_t at = slot(cells[c].code);
-      while (slots[at] != 0) at = (at + 1) & (size - 1);
-      slots[at] = static_cast<std::uint32_t>(c + 1);
+    for (const Cell& cell : cells) {
+      std::size_t at = slot(cell.code);
+      while (slots[at].places.end != 0) at = (at + 1) & (size - 1);
+      slots[at] = cell;
     }
   }
   [[nodiscard]] std::size_t slot(std::uint64_t code) const noexcept {
     return (code * 0x9E3779B97F4A7C15u) >> hash_shift;
   }
-  [[nodiscard]] const CellRange* find(std::uint64_t code) const noexcept {
-    for (std::size_t at = slot(code); slots[at] != 0; at = (at + 1) & (slots.size() - 1))
-      if (cells[slots[at] - 1].code == code) return &cells[slots[at] - 1];
-    return nullptr;
+  /// Empty where no cell has that code.
+  [[nodiscard]] PlaceRange find(std::uint64_t code) const noexcept {
+    for (std::size_t at = slot(code); slots[at].places.end != 0; at = (at + 1) & (slots.size() - 1))
+      if (slots[at].code == code) return slots[at].places;
+    return {};
   }
 };
 
@@ -93,7 +119,7 @@ struct KnnEngine::Fallback {
 
   std::size_t kdtree_get_point_count() const { return points.size(); }
   double kdtree_get_pt(std::size_t i, std::size_t axis) const {
-    return axis == 0 ? points.x[i] : axis == 1 ? points.y[i] : points.z[i];
+    return static_cast<double>(axis == 0 ? points.x[i] : axis == 1 ? points.y[i] : points.z[i]);
   }
   template <class Box>
   bool kdtree_get_bbox(Box&) const {
@@ -117,100 +143,163 @@ struct KnnEngine::Pass {
   }
 };
 
-void square_distances(const Candidates& candidates, const Vec3& p, Scratch& scratch) {
-  const std::size_t n = candidates.size();
-  scratch.key.resize(n);
-  const double *x = candidates.x.data(), *y = candidates.y.data(), *z = candidates.z.data();
-  const double px = p.x(), py = p.y(), pz = p.z();
-  double* key = scratch.key.data();
-  for (std::size_t i = 0; i < n; ++i) {
-    const double dx = x[i] - px, dy = y[i] - py, dz = z[i] - pz;
-    key[i] = dx * dx + dy * dy + dz * dz;
-  }
+namespace {
+
+/// The rough keys are floats: three differences, squared and summed, each rounded, and the limit rounded
+/// once. Eight roundings are bounded by nine units; squares below the smallest float vanish, hence the floor.
+constexpr double kRoughRoom = 1.0 + 9.0 * 2.0 * kUnitRoundoffFloat;
+constexpr double kRoughFloor = std::numeric_limits<float>::min();
+
+float rough_limit(double limit) noexcept {
+  const double wide = limit * kRoughRoom + kRoughFloor;
+  return wide < static_cast<double>(std::numeric_limits<float>::max())
+             ? static_cast<float>(wide)
+             : std::numeric_limits<float>::infinity();
 }
 
-void keep_within(double limit, Scratch& scratch) {
-  const std::size_t n = scratch.key.size();
+/// Positions of the rough keys up to the limit, without a branch.
+void sieve(float limit, Scratch& scratch) {
+  const std::size_t n = scratch.rough.size();
   scratch.kept.resize(n);
-  const double* key = scratch.key.data();
+  const float* rough = scratch.rough.data();
   std::uint32_t* kept = scratch.kept.data();
   std::size_t count = 0;
   for (std::size_t i = 0; i < n; ++i) {
     kept[count] = static_cast<std::uint32_t>(i);
-    count += static_cast<std::size_t>(key[i] <= limit);
+    count += static_cast<std::size_t>(rough[i] <= limit);
   }
   scratch.kept.resize(count);
+  scratch.key.resize(count);
 }
 
-double choose_eight(std::uint32_t self, const Candidates& candidates, std::span<const double> key,
-                    std::span<const std::uint32_t> kept, Neighbours& out) noexcept {
-  if (kept.size() > kMostRanked) {
+}  // namespace
+
+void keep_ball(const Candidates& candidates, const Vec3& p, double limit_sq_mm2, Scratch& scratch) {
+  const std::size_t n = candidates.size();
+  scratch.rough.resize(n);
+  const float *x = candidates.x.data(), *y = candidates.y.data(), *z = candidates.z.data();
+  // The points' own coordinates are floats.
+  const auto px = static_cast<float>(p.x()), py = static_cast<float>(p.y()), pz = static_cast<float>(p.z());
+  float* rough = scratch.rough.data();
+  for (std::size_t i = 0; i < n; ++i) {
+    const float dx = x[i] - px, dy = y[i] - py, dz = z[i] - pz;
+    rough[i] = dx * dx + dy * dy + dz * dz;
+  }
+  sieve(rough_limit(limit_sq_mm2), scratch);
+  for (std::size_t k = 0; k < scratch.kept.size(); ++k) {
+    const std::uint32_t i = scratch.kept[k];
+    const double dx = static_cast<double>(x[i]) - p.x(), dy = static_cast<double>(y[i]) - p.y(),
+                 dz = static_cast<double>(z[i]) - p.z();
+    scratch.key[k] = dx * dx + dy * dy + dz * dz;
+  }
+}
+
+void keep_cube(const Candidates& candidates, const Vec3& p, double half_mm, Scratch& scratch) {
+  const std::size_t n = candidates.size();
+  scratch.rough.resize(n);
+  const float *x = candidates.x.data(), *y = candidates.y.data(), *z = candidates.z.data();
+  const auto px = static_cast<float>(p.x()), py = static_cast<float>(p.y()), pz = static_cast<float>(p.z());
+  float* rough = scratch.rough.data();
+  for (std::size_t i = 0; i < n; ++i) {
+    const float xy = std::max(std::abs(x[i] - px), std::abs(y[i] - py));
+    rough[i] = std::max(xy, std::abs(z[i] - pz));
+  }
+  sieve(rough_limit(half_mm), scratch);
+  for (std::size_t k = 0; k < scratch.kept.size(); ++k) {
+    const std::uint32_t i = scratch.kept[k];
+    const double xy =
+        std::max(std::abs(static_cast<double>(x[i]) - p.x()), std::abs(static_cast<double>(y[i]) - p.y()));
+    scratch.key[k] = std::max(xy, std::abs(static_cast<double>(z[i]) - p.z()));
+  }
+}
+
+double choose_eight(std::uint32_t self, const Candidates& candidates, const Scratch& scratch,
+                    Neighbours& out) noexcept {
+  if (scratch.kept.size() > kMostRanked) {
     BestEight best;
-    for (const std::uint32_t i : kept)
-      if (key[i] <= best.worst() && candidates.index[i] != self) best.offer(key[i], candidates.index[i]);
+    for (std::size_t k = 0; k < scratch.kept.size(); ++k) {
+      const std::uint32_t index = candidates.index[scratch.kept[k]];
+      if (scratch.key[k] <= best.worst() && index != self) best.offer(scratch.key[k], index);
+    }
     best.store(self, out);
     return best.worst();
   }
-  std::array<double, kMostRanked> k;
+  // Each one's rank is the number of keys before its own; equal keys keep their order for now. A fixed number
+  // of comparisons and no branch, so that they run side by side.
+  std::array<double, kMostRanked> key;
   std::array<std::uint32_t, kMostRanked> index;
-  std::array<unsigned, kMostRanked> rank{};
   std::size_t n = 0;
-  for (const std::uint32_t i : kept) {
-    k[n] = key[i];
-    index[n] = candidates.index[i];
-    n += static_cast<std::size_t>(candidates.index[i] != self);
+  for (std::size_t k = 0; k < scratch.kept.size(); ++k) {
+    key[n] = scratch.key[k];
+    index[n] = candidates.index[scratch.kept[k]];
+    n += static_cast<std::size_t>(index[n] != self);
   }
-  for (std::size_t i = 1; i < n; ++i)
-    for (std::size_t j = 0; j < i; ++j) {
-      const auto before = static_cast<unsigned>(k[j] < k[i]) |
-                          (static_cast<unsigned>(k[j] == k[i]) & static_cast<unsigned>(index[j] < index[i]));
-      rank[i] += before;
-      rank[j] += 1u - before;
-    }
-  out.fill(self);
-  double worst = std::numeric_limits<double>::infinity();
+  std::array<double, kMostRanked + 1> sorted;
+  std::array<std::uint32_t, kMostRanked + 1> order;
   for (std::size_t i = 0; i < n; ++i) {
-    if (rank[i] < kNeighbours) out[rank[i]] = index[i];
-    if (rank[i] == kNeighbours - 1) worst = k[i];
+    std::int64_t rank = 0;
+    const double own = key[i];
+    for (std::size_t j = 0; j < i; ++j) rank += static_cast<std::int64_t>(key[j] <= own);
+    for (std::size_t j = i + 1; j < n; ++j) rank += static_cast<std::int64_t>(key[j] < own);
+    sorted[static_cast<std::size_t>(rank)] = own;
+    order[static_cast<std::size_t>(rank)] = index[i];
   }
-  return worst;
+  // Now equal keys by index; they are rare, and then few.
+  for (std::size_t i = 1; i < n; ++i)
+    for (std::size_t j = i; j > 0 && sorted[j - 1] == sorted[j] && order[j - 1] > order[j]; --j)
+      std::swap(order[j - 1], order[j]);
+  for (std::size_t k = 0; k < kNeighbours; ++k) out[k] = k < n ? order[k] : self;
+  return n < kNeighbours ? kEverything : sorted[kNeighbours - 1];
 }
 
 KnnEngine::~KnnEngine() = default;
 
 KnnEngine::KnnEngine(const cloud::Cloud& cloud, int threads)
     : cloud_(cloud), threads_(threads), fallback_(std::make_unique<Fallback>()) {
-  geometry::Aabb box;
-  for (std::size_t i = 0; i < cloud.size(); ++i) box.add(cloud.local_mm(i));
+  find_lattice();
+  limit_piles();
+  copy_places();
+}
+
+void KnnEngine::find_lattice() {
+  const geometry::Aabb box = partition::local_box(cloud_, threads_);
   const double extent = box.extent_mm().maxCoeff();
-  // A single place has no extent; any unit serves.
-  double unit = extent > 0.0 ? extent / kFirstCubes : 1.0;
-  // Two looks: the first lattice tells the occupancy, the second has cells of the wanted size.
-  for (int look = 0; look < 2; ++look) {
-    lattice_ = partition::Lattice::over(cloud, unit);
-    sorted_ = partition::sort_by_morton(cloud, lattice_, threads);
-    const std::size_t n = cloud.size();
+  const auto n = static_cast<double>(cloud_.size());
+  // The first level with at least the wanted points a cell.
+  const auto level_of = [&](const auto& codes) {
     int level = 0;
     while (level < partition::kMortonBits &&
-           static_cast<double>(n) < kPointsPerCell * static_cast<double>(occupied(sorted_.codes, 3 * level)))
+           n < kPointsPerCell * static_cast<double>(occupied(codes, 3 * level, threads_)))
       ++level;
-    // `level` is the first with at least the wanted points a cell.
-    const double cells = static_cast<double>(occupied(sorted_.codes, 3 * level));
-    const double edge = lattice_.unit_mm * static_cast<double>(std::int64_t{1} << level);
-    const double points = static_cast<double>(n) / cells;
-    mean_spacing_mm_ = edge / std::sqrt(points);
-    first_level_ = level;
-    // Of a surface, points a cell grow with the square of the edge. Level 0 is already right or too coarse.
-    const double wanted = edge * std::sqrt(kPointsPerCell / points);
-    if (look == 1) break;
-    // One level below stays in the lattice, so that a later look can still go finer once.
-    unit = wanted / 2.0;
-    if (!(unit > 0.0) || extent <= 0.0) break;
+    return level;
+  };
+  // Two looks: a first lattice tells the occupancy, the second has cells of the wanted size. A single place
+  // has no extent; any unit serves.
+  double unit = 1.0;
+  if (extent > 0.0) {
+    const partition::Lattice coarse = partition::Lattice::over(box, extent / kFirstCubes);
+    const std::vector<std::uint32_t> codes = partition::sorted_coarse_codes(cloud_, coarse, threads_);
+    const int level = level_of(codes);
+    // Of a surface, points a cell grow with the square of the edge.
+    const double points = n / static_cast<double>(occupied(codes, 3 * level, threads_));
+    const double wanted =
+        coarse.unit_mm * static_cast<double>(std::int64_t{1} << level) * std::sqrt(kPointsPerCell / points);
+    // One level below stays in the lattice, for a cloud denser than the first look could tell.
+    if (wanted > 0.0) unit = 0.5 * wanted;
   }
-  // More than nine points at one place: only the nine of lowest index are candidates. Equal points have equal
-  // codes.
-  const std::size_t n = cloud.size();
-  candidate_.assign(n, 1);
+  lattice_ = partition::Lattice::over(box, unit);
+  sorted_ = partition::sort_by_morton(cloud_, lattice_, threads_);
+  first_level_ = level_of(sorted_.codes);
+  const double edge = lattice_.unit_mm * static_cast<double>(std::int64_t{1} << first_level_);
+  mean_spacing_mm_ =
+      edge / std::sqrt(n / static_cast<double>(occupied(sorted_.codes, 3 * first_level_, threads_)));
+}
+
+/// More than nine points at one place: only the nine of lowest index are candidates. Equal points have equal
+/// codes.
+void KnnEngine::limit_piles() {
+  const std::size_t n = cloud_.size();
+  const auto at = [&](std::uint32_t i) { return std::array{cloud_.x_mm[i], cloud_.y_mm[i], cloud_.z_mm[i]}; };
   std::vector<std::uint32_t> run;
   for (std::size_t begin = 0; begin < n;) {
     std::size_t end = begin + 1;
@@ -218,12 +307,10 @@ KnnEngine::KnnEngine(const cloud::Cloud& cloud, int threads)
     if (end - begin > kSamePlace) {
       run.assign(sorted_.order.begin() + static_cast<std::ptrdiff_t>(begin),
                  sorted_.order.begin() + static_cast<std::ptrdiff_t>(end));
-      const auto at = [&](std::uint32_t i) {
-        return std::array{cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i]};
-      };
       std::sort(run.begin(), run.end(),
                 [&](std::uint32_t a, std::uint32_t b) { return at(a) != at(b) ? at(a) < at(b) : a < b; });
       std::size_t same = 0;
+      if (candidate_.empty()) candidate_.assign(n, 1);
       for (std::size_t i = 0; i < run.size(); ++i) {
         same = i > 0 && at(run[i]) == at(run[i - 1]) ? same + 1 : 1;
         sorted_.order[begin + i] = run[i];
@@ -234,6 +321,51 @@ KnnEngine::KnnEngine(const cloud::Cloud& cloud, int threads)
   }
 }
 
+void KnnEngine::copy_places() {
+  const std::size_t n = cloud_.size();
+  places_.resize(n);
+  parallel_chunks(n, kPlacesPerChunk, threads_, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t place = begin; place < end; ++place) {
+      const std::uint32_t i = sorted_.order[place];
+      places_.x[place] = cloud_.x_mm[i];
+      places_.y[place] = cloud_.y_mm[i];
+      places_.z[place] = cloud_.z_mm[i];
+      places_.index[place] = i;
+    }
+  });
+}
+
+bool KnnEngine::gather(const Level& level, const std::array<std::int64_t, 3>& at,
+                       Candidates& candidates) const {
+  std::array<PlaceRange, 27> block;
+  std::size_t found = 0, held = 0;
+  const std::int64_t last = (std::int64_t{1} << partition::kMortonBits) - 1;
+  for (std::int64_t z = at[2] - 1; z <= at[2] + 1; ++z)
+    for (std::int64_t y = at[1] - 1; y <= at[1] + 1; ++y)
+      for (std::int64_t x = at[0] - 1; x <= at[0] + 1; ++x) {
+        if (x < 0 || y < 0 || z < 0 || x > last || y > last || z > last) continue;
+        const PlaceRange range = level.find(partition::morton_code(
+            static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y), static_cast<std::uint32_t>(z)));
+        if (range.begin == range.end) continue;
+        block[found++] = range;
+        held += range.end - range.begin;
+      }
+  if (held > kDenseCell * block.size()) return false;
+  candidates.resize(held);
+  std::size_t count = 0;
+  for (std::size_t b = 0; b < found; ++b) {
+    if (candidate_.empty()) {
+      candidates.copy(count, places_, block[b].begin, block[b].end);
+      count += block[b].end - block[b].begin;
+    } else {
+      for (std::uint32_t place = block[b].begin; place < block[b].end; ++place)
+        if (candidate_[place] != 0) candidates.copy(count++, places_, place, place + 1);
+    }
+  }
+  candidates.resize(count);
+  return true;
+}
+
 void KnnEngine::run_level(const Level& level, const Choose& choose, NeighbourTable& table, Pass& pass,
                           std::span<const std::uint8_t> pending) const {
   parallel_chunks(level.cells.size(), kCellsPerChunk, threads_, [&](std::size_t begin, std::size_t end) {
@@ -241,47 +373,21 @@ void KnnEngine::run_level(const Level& level, const Choose& choose, NeighbourTab
     Scratch scratch;
     std::vector<std::uint32_t> mine;
     for (std::size_t c = begin; c < end; ++c) {
-      const CellRange& cell = level.cells[c];
+      const Cell& cell = level.cells[c];
       bool any = pending.empty();
-      for (std::uint32_t place = cell.begin; place < cell.end && !any; ++place) any = pending[place] != 0;
+      for (std::uint32_t place = cell.places.begin; place < cell.places.end && !any; ++place)
+        any = pending[place] != 0;
       if (!any) continue;
-      // The block of cells around this one.
-      const Vec3 somewhere = cloud_.local_mm(sorted_.order[cell.begin]);
-      std::int64_t at[3];
-      for (int axis = 0; axis < 3; ++axis)
-        at[axis] = lattice_.coordinate(somewhere[axis], axis) >> (level.shift / 3);
-      std::array<const CellRange*, 27> block{};
-      std::size_t found = 0, held = 0;
-      const std::int64_t last = (std::int64_t{1} << partition::kMortonBits) - 1;
-      for (std::int64_t z = at[2] - 1; z <= at[2] + 1; ++z)
-        for (std::int64_t y = at[1] - 1; y <= at[1] + 1; ++y)
-          for (std::int64_t x = at[0] - 1; x <= at[0] + 1; ++x) {
-            if (x < 0 || y < 0 || z < 0 || x > last || y > last || z > last) continue;
-            const CellRange* other = level.find(partition::morton_code(
-                static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y), static_cast<std::uint32_t>(z)));
-            if (other == nullptr) continue;
-            block[found++] = other;
-            held += other->end - other->begin;
-            // Its own cell first: the nearest candidates seen early spare the rest their place in the list.
-            if (other == &cell) std::swap(block[0], block[found - 1]);
-          }
-      const bool crowded = held > 27 * kDenseCell || cell.end - cell.begin > kDenseCell;
-      if (!crowded) {
-        candidates.clear();
-        for (std::size_t b = 0; b < found; ++b)
-          for (std::uint32_t place = block[b]->begin; place < block[b]->end; ++place) {
-            if (candidate_[place] == 0) continue;
-            const std::uint32_t i = sorted_.order[place];
-            candidates.x.push_back(static_cast<double>(cloud_.x_mm[i]));
-            candidates.y.push_back(static_cast<double>(cloud_.y_mm[i]));
-            candidates.z.push_back(static_cast<double>(cloud_.z_mm[i]));
-            candidates.index.push_back(i);
-          }
-      }
+      const Vec3 somewhere = cloud_.local_mm(sorted_.order[cell.places.begin]);
+      std::array<std::int64_t, 3> at;
+      for (std::size_t axis = 0; axis < 3; ++axis)
+        at[axis] = lattice_.coordinate(somewhere[static_cast<int>(axis)], static_cast<int>(axis)) >>
+                   (level.shift / 3);
+      const bool crowded = cell.places.end - cell.places.begin > kDenseCell || !gather(level, at, candidates);
       const Vec3 low(lattice_.low_mm + level.cell_mm * Vec3(static_cast<double>(at[0]),
                                                             static_cast<double>(at[1]),
                                                             static_cast<double>(at[2])));
-      for (std::uint32_t place = cell.begin; place < cell.end; ++place) {
+      for (std::uint32_t place = cell.places.begin; place < cell.places.end; ++place) {
         if (!pending.empty() && pending[place] == 0) continue;
         const std::uint32_t self = sorted_.order[place];
         const Vec3 p = cloud_.local_mm(self);
@@ -310,7 +416,7 @@ std::array<std::uint64_t, 3> KnnEngine::run(const Choose& choose, NeighbourTable
     const int level = first_level_ + step;
     if (level > partition::kMortonBits) break;
     pass.rejected.clear();
-    run_level(Level(sorted_, lattice_, level), choose, table, pass, pending);
+    run_level(Level(sorted_, lattice_, level, threads_), choose, table, pass, pending);
     if (pass.rejected.empty()) return pass.sums;
     pending.assign(n, 0);
     for (const std::uint32_t place : pass.rejected) pending[place] = 1;
@@ -323,15 +429,11 @@ void KnnEngine::run_tree(const Choose& choose, NeighbourTable& table, Pass& pass
   std::sort(pass.rejected.begin(), pass.rejected.end());
   std::call_once(fallback_->once, [&] {
     Candidates& points = fallback_->points;
-    for (std::size_t place = 0; place < cloud_.size(); ++place) {
-      if (candidate_[place] == 0) continue;
-      const std::uint32_t i = sorted_.order[place];
-      const Vec3 p = cloud_.local_mm(i);
-      points.x.push_back(p.x());
-      points.y.push_back(p.y());
-      points.z.push_back(p.z());
-      points.index.push_back(i);
-    }
+    points.resize(cloud_.size());
+    std::size_t count = 0;
+    for (std::size_t place = 0; place < cloud_.size(); ++place)
+      if (candidate_.empty() || candidate_[place] != 0) points.copy(count++, places_, place, place + 1);
+    points.resize(count);
     fallback_->tree = std::make_unique<Fallback::Tree>(3, *fallback_);
   });
   const Fallback& fallback = *fallback_;
@@ -355,13 +457,9 @@ void KnnEngine::run_tree(const Choose& choose, NeighbourTable& table, Pass& pass
         unsorted.sorted = false;
         fallback.tree->radiusSearch(p.data(), 3.0 * radius * radius * (1.0 + 1e-12) + 1e-300, hits, unsorted);
         whole = hits.size() == fallback.points.size();
-        candidates.clear();
-        for (const auto& [i, square] : hits) {
-          candidates.x.push_back(fallback.points.x[i]);
-          candidates.y.push_back(fallback.points.y[i]);
-          candidates.z.push_back(fallback.points.z[i]);
-          candidates.index.push_back(fallback.points.index[i]);
-        }
+        candidates.resize(hits.size());
+        for (std::size_t k = 0; k < hits.size(); ++k)
+          candidates.copy(k, fallback.points, hits[k].first, hits[k].first + std::size_t{1});
         // The ball of radius sqrt(3) r covers the cube of half edge r.
         const double covered = whole ? std::numeric_limits<double>::infinity() : radius;
         if (choose(self, p, candidates, covered, table.of[self], scratch) || whole) break;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -16,27 +17,42 @@
 
 namespace palpate::neighbourhood {
 
-/// Points that may be neighbours, local coordinates in mm. Of more than nine points at one place only the
-/// nine of lowest index are candidates: a point needs no more than eight others at distance 0.
+/// Points that may be neighbours, local coordinates in mm, floats as the cloud has them. Of more than nine
+/// points at one place only the nine of lowest index are candidates: a point needs no more than eight others
+/// at distance 0.
 struct Candidates {
-  std::vector<double> x, y, z;
+  std::vector<float> x, y, z;
   std::vector<std::uint32_t> index;  ///< into the cloud
-  void clear() {
-    x.clear();
-    y.clear();
-    z.clear();
-    index.clear();
+  void resize(std::size_t n) {
+    x.resize(n);
+    y.resize(n);
+    z.resize(n);
+    index.resize(n);
+  }
+  /// Places [begin, end) of `from` to `at` and on.
+  void copy(std::size_t at, const Candidates& from, std::size_t begin, std::size_t end) noexcept {
+    for (std::size_t i = begin; i < end; ++i, ++at) {
+      x[at] = from.x[i];
+      y[at] = from.y[i];
+      z[at] = from.z[i];
+      index[at] = from.index[i];
+    }
   }
   [[nodiscard]] std::size_t size() const noexcept { return index.size(); }
 };
 
 inline constexpr double kEverything = std::numeric_limits<double>::infinity();
+/// The next guess of a squared distance where one was too small: half as far again; from 0 (piles) everything.
+[[nodiscard]] inline double larger_guess(double guess) noexcept {
+  return guess > 0.0 ? 1.5 * 1.5 * guess : kEverything;
+}
 
 /// What a builder keeps from point to point within a chunk of cells: room for its loops, a guess from the
 /// last point (it changes the time, never the result) and three sums of its own.
 struct Scratch {
-  std::vector<double> key;          ///< one a candidate
-  std::vector<std::uint32_t> kept;  ///< candidates that passed the guess
+  std::vector<float> rough;         ///< one a candidate, rounded: for the first sieve
+  std::vector<std::uint32_t> kept;  ///< candidates that passed it
+  std::vector<double> key;          ///< one a kept candidate, exact
   double guess = kEverything;
   std::size_t size_guess = 0;
   std::array<std::uint64_t, 3> sums{};
@@ -66,6 +82,10 @@ class KnnEngine {
   struct Fallback;
   struct Level;
   struct Pass;
+  void find_lattice();
+  void limit_piles();
+  void copy_places();
+  bool gather(const Level& level, const std::array<std::int64_t, 3>& at, Candidates& candidates) const;
   void run_level(const Level& level, const Choose& choose, NeighbourTable& table, Pass& pass,
                  std::span<const std::uint8_t> pending) const;
   void run_tree(const Choose& choose, NeighbourTable& table, Pass& pass) const;
@@ -75,21 +95,23 @@ class KnnEngine {
   double mean_spacing_mm_ = 1.0;
   partition::Lattice lattice_;
   partition::MortonOrder sorted_;
-  std::vector<std::uint8_t> candidate_;  ///< by place: 0 for the tenth and later points of one place
+  Candidates places_;  ///< all points in the order of the sort
+  std::vector<std::uint8_t>
+      candidate_;  ///< by place: 0 for the tenth and later points of one place; or empty
   int first_level_ = 0;
   std::unique_ptr<Fallback> fallback_;
 };
 
+/// Sieves the candidates: scratch.kept gets, in order, every candidate within `limit_mm` of `p` and perhaps
+/// some a rounding farther; scratch.key their squared distances.
+void keep_ball(const Candidates& candidates, const Vec3& p, double limit_sq_mm2, Scratch& scratch);
+/// The same for the cube of half edge `half_mm`, with the distances along the farthest axis for keys.
+void keep_cube(const Candidates& candidates, const Vec3& p, double half_mm, Scratch& scratch);
+
 /// The eight of the kept candidates with the smallest (key, index), in that order, `self` left out and put
 /// into unused places. Returns the largest key chosen, infinite where there are fewer than eight.
-double choose_eight(std::uint32_t self, const Candidates& candidates, std::span<const double> key,
-                    std::span<const std::uint32_t> kept, Neighbours& out) noexcept;
-
-/// Fills scratch.key with the squared distances of all candidates to `p`.
-void square_distances(const Candidates& candidates, const Vec3& p, Scratch& scratch);
-
-/// Fills scratch.kept with the candidates whose key is at most `limit`, in their order.
-void keep_within(double limit, Scratch& scratch);
+double choose_eight(std::uint32_t self, const Candidates& candidates, const Scratch& scratch,
+                    Neighbours& out) noexcept;
 
 /// Keeps the eight smallest (key, index) pairs seen.
 class BestEight {

@@ -32,47 +32,45 @@ Sizes sizes_of(const ModifiedKnnOptions& options, double spacing_mm) {
   return sizes;
 }
 
-void chebyshev_distances(const Candidates& c, const Vec3& p, Scratch& scratch) {
-  scratch.key.resize(c.size());
-  const double *x = c.x.data(), *y = c.y.data(), *z = c.z.data();
-  const double px = p.x(), py = p.y(), pz = p.z();
-  double* key = scratch.key.data();
-  const std::size_t n = c.size();
-  for (std::size_t i = 0; i < n; ++i) {
-    const double xy = std::max(std::abs(x[i] - px), std::abs(y[i] - py));
-    key[i] = std::max(xy, std::abs(z[i] - pz));
-  }
-}
-
 std::size_t count_within(const std::vector<double>& key, double half_mm) noexcept {
   std::size_t count = 0;
   for (const double k : key) count += static_cast<std::size_t>(k <= half_mm);
   return count;
 }
 
-/// The smallest block that holds nine points, as far as the candidates tell; `sizes.count` where none does.
-std::size_t smallest_with_nine(const Sizes& sizes, const std::vector<double>& key,
-                               std::size_t guess) noexcept {
-  std::size_t at = std::min(guess, sizes.count - 1);
-  while (count_within(key, sizes.half_mm[at]) < kAtMost) {
-    if (at == 0) return sizes.count;
+/// Sieves to the smallest block that holds nine points, as far as the candidates tell; `sizes.count` where
+/// none up to `largest_mm` does (or the largest of all, when that is smaller).
+std::size_t smallest_with_nine(const Sizes& sizes, const Vec3& p, const Candidates& c, double largest_mm,
+                               Scratch& scratch) {
+  std::size_t at = std::min(scratch.size_guess, sizes.count - 1);
+  keep_cube(c, p, sizes.half_mm[at], scratch);
+  while (count_within(scratch.key, sizes.half_mm[at]) < kAtMost) {
+    if (at == 0 || sizes.half_mm[at - 1] > largest_mm) return sizes.count;
     --at;
+    keep_cube(c, p, sizes.half_mm[at], scratch);
   }
-  while (at + 1 < sizes.count && count_within(key, sizes.half_mm[at + 1]) >= kAtMost) ++at;
+  while (at + 1 < sizes.count && count_within(scratch.key, sizes.half_mm[at + 1]) >= kAtMost) ++at;
   return at;
 }
 
-/// The eight nearest by (distance, index) of the candidates in the block, whose keys are cube distances.
-/// Returns how many the block holds.
+/// The eight nearest by (distance, index) of the kept candidates in the block; their keys are cube distances
+/// before, squared ones after. Returns how many the block holds.
 std::size_t store_within(double half_mm, std::uint32_t self, const Vec3& p, const Candidates& c,
                          Neighbours& out, Scratch& scratch) {
-  keep_within(half_mm, scratch);
-  for (const std::uint32_t i : scratch.kept) {
-    const double dx = c.x[i] - p.x(), dy = c.y[i] - p.y(), dz = c.z[i] - p.z();
-    scratch.key[i] = dx * dx + dy * dy + dz * dz;
+  std::size_t held = 0;
+  for (std::size_t k = 0; k < scratch.kept.size(); ++k) {
+    const std::uint32_t i = scratch.kept[k];
+    const bool in = scratch.key[k] <= half_mm;
+    const double dx = static_cast<double>(c.x[i]) - p.x(), dy = static_cast<double>(c.y[i]) - p.y(),
+                 dz = static_cast<double>(c.z[i]) - p.z();
+    scratch.kept[held] = i;
+    scratch.key[held] = dx * dx + dy * dy + dz * dz;
+    held += static_cast<std::size_t>(in);
   }
-  choose_eight(self, c, scratch.key, scratch.kept, out);
-  return scratch.kept.size();
+  scratch.kept.resize(held);
+  scratch.key.resize(held);
+  choose_eight(self, c, scratch, out);
+  return held;
 }
 
 /// Places in Scratch::sums.
@@ -92,8 +90,7 @@ NeighbourTable modified_knn(const cloud::Cloud& cloud, const ModifiedKnnOptions&
   const auto sums = engine.run(
       [&](std::uint32_t self, const Vec3& p, const Candidates& c, double radius_mm, Neighbours& out,
           Scratch& scratch) {
-        chebyshev_distances(c, p, scratch);
-        const std::size_t size = smallest_with_nine(sizes, scratch.key, scratch.size_guess);
+        const std::size_t size = smallest_with_nine(sizes, p, c, radius_mm, scratch);
         const bool at_limit = size == sizes.count;
         const double needed_mm = sizes.half_mm[at_limit ? 0 : size];
         if (needed_mm > radius_mm) return false;

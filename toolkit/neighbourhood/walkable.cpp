@@ -99,20 +99,23 @@ std::size_t spread_uneven(const cloud::Cloud& cloud, NeighbourTable& table, int 
   engine.run(
       [&cloud](std::uint32_t self, const Vec3& p, const Candidates& c, double radius_mm, Neighbours& out,
                Scratch& scratch) {
-        square_distances(c, p, scratch);
-        keep_within(scratch.guess, scratch);
-        if (scratch.kept.size() <= kConsidered) keep_within(kEverything, scratch);
-        std::vector<Candidate> near;
-        near.reserve(scratch.kept.size());
-        for (const std::uint32_t slot : scratch.kept)
-          if (c.index[slot] != self) near.push_back({scratch.key[slot], c.index[slot]});
-        const std::size_t n = std::min(near.size(), kConsidered);
-        std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(n), near.end());
-        const double last = n < kConsidered ? kEverything : near[n - 1].square;
-        scratch.guess = kGuessRoom * last;
-        if (!(last < radius_mm * radius_mm) && radius_mm != kEverything) return false;
-        choose(cloud, self, std::span(near).first(n), out);
-        return true;
+        const double covered = radius_mm * radius_mm;
+        for (double guess = scratch.guess;; guess = larger_guess(guess)) {
+          const bool all = !(guess < covered);
+          keep_ball(c, p, all ? kEverything : guess, scratch);
+          std::vector<Candidate> near;
+          near.reserve(scratch.kept.size());
+          for (std::size_t k = 0; k < scratch.kept.size(); ++k)
+            if (c.index[scratch.kept[k]] != self) near.push_back({scratch.key[k], c.index[scratch.kept[k]]});
+          const std::size_t n = std::min(near.size(), kConsidered);
+          std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(n), near.end());
+          const double last = n < kConsidered ? kEverything : near[n - 1].square;
+          if (!all && !(last <= guess)) continue;
+          scratch.guess = kGuessRoom * last;
+          if (!(last < covered) && radius_mm != kEverything) return false;
+          choose(cloud, self, std::span(near).first(n), out);
+          return true;
+        }
       },
       table, uneven);
   return count;

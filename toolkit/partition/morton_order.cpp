@@ -28,16 +28,23 @@ struct Item {
   std::uint64_t code;
   std::uint32_t index;
 };
+std::uint64_t code_of(const Item& item) noexcept {
+  return item.code;
+}
+std::uint64_t code_of(std::uint32_t code) noexcept {
+  return code;
+}
 
 /// One stable counting pass over `shift`..`shift + kDigitBits`. Chunk borders do not depend on the threads.
-void radix_pass(const std::vector<Item>& from, std::vector<Item>& to, int shift, int threads) {
+template <class Sorted>
+void radix_pass(const std::vector<Sorted>& from, std::vector<Sorted>& to, int shift, int threads) {
   const std::size_t n = from.size();
   const std::size_t chunks = (n + kChunk - 1) / kChunk;
   std::vector<std::array<std::uint32_t, kDigits>> counts(chunks);
   parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
     auto& count = counts[begin / kChunk];
     count.fill(0);
-    for (std::size_t i = begin; i < end; ++i) ++count[(from[i].code >> shift) & (kDigits - 1)];
+    for (std::size_t i = begin; i < end; ++i) ++count[(code_of(from[i]) >> shift) & (kDigits - 1)];
   });
   std::uint32_t sum = 0;
   for (std::size_t digit = 0; digit < kDigits; ++digit) {
@@ -49,7 +56,8 @@ void radix_pass(const std::vector<Item>& from, std::vector<Item>& to, int shift,
   }
   parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
     auto& place = counts[begin / kChunk];
-    for (std::size_t i = begin; i < end; ++i) to[place[(from[i].code >> shift) & (kDigits - 1)]++] = from[i];
+    for (std::size_t i = begin; i < end; ++i)
+      to[place[(code_of(from[i]) >> shift) & (kDigits - 1)]++] = from[i];
   });
 }
 
@@ -59,41 +67,90 @@ std::uint64_t morton_code(std::uint32_t x, std::uint32_t y, std::uint32_t z) noe
   return spread(x) | spread(y) << 1 | spread(z) << 2;
 }
 
-Lattice Lattice::over(const cloud::Cloud& cloud, double unit_mm) {
+geometry::Aabb local_box(const cloud::Cloud& cloud, int threads) {
+  const std::size_t n = cloud.size();
+  std::vector<geometry::Aabb> parts((n + kChunk - 1) / kChunk);
+  parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
+    geometry::Aabb box;
+    for (std::size_t i = begin; i < end; ++i) box.add(cloud.local_mm(i));
+    parts[begin / kChunk] = box;
+  });
   geometry::Aabb box;
-  for (std::size_t i = 0; i < cloud.size(); ++i) box.add(cloud.local_mm(i));
-  const double extent = box.extent_mm().maxCoeff();
+  for (const geometry::Aabb& part : parts) {
+    box.add(part.low_mm);
+    box.add(part.high_mm);
+  }
+  return box;
+}
+
+Lattice Lattice::over(const geometry::Aabb& local_box_mm, double unit_mm) {
+  const double extent = local_box_mm.extent_mm().maxCoeff();
   constexpr double kMaxCubes =
       static_cast<double>((1u << kMortonBits) - 2);  // one spare for rounding at the far face
   while (extent / unit_mm > kMaxCubes) unit_mm *= 2.0;
-  return {box.low_mm, unit_mm, 1.0 / unit_mm};
+  return {local_box_mm.low_mm, unit_mm, 1.0 / unit_mm};
 }
 
-MortonOrder sort_by_morton(const cloud::Cloud& cloud, const Lattice& lattice, int threads) {
+namespace {
+
+std::uint64_t code_at(const cloud::Cloud& cloud, std::size_t i, const Lattice& lattice) noexcept {
+  const Vec3 p = cloud.local_mm(i);
+  return morton_code(static_cast<std::uint32_t>(lattice.coordinate(p.x(), 0)),
+                     static_cast<std::uint32_t>(lattice.coordinate(p.y(), 1)),
+                     static_cast<std::uint32_t>(lattice.coordinate(p.z(), 2)));
+}
+
+/// Sorts by all bits that occur in any code.
+template <class Sorted>
+void radix_sort(std::vector<Sorted>& items, std::uint64_t all, int threads) {
+  const int bits = 64 - std::countl_zero(all);
+  std::vector<Sorted> other(items.size());
+  for (int shift = 0; shift < bits; shift += kDigitBits) {
+    radix_pass(items, other, shift, threads);
+    items.swap(other);
+  }
+}
+
+/// Fills items[i] = make(code, i); all bits that occur.
+template <class Sorted, class Make>
+std::uint64_t encode(const cloud::Cloud& cloud, const Lattice& lattice, std::vector<Sorted>& items,
+                     int threads, Make&& make) {
   const std::size_t n = cloud.size();
-  std::vector<Item> items(n);
-  const std::size_t chunks = (n + kChunk - 1) / kChunk;
-  std::vector<std::uint64_t> used(chunks, 0);
+  items.resize(n);
+  std::vector<std::uint64_t> used((n + kChunk - 1) / kChunk, 0);
   parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
     std::uint64_t any = 0;
     for (std::size_t i = begin; i < end; ++i) {
-      const Vec3 p = cloud.local_mm(i);
-      items[i] = {morton_code(static_cast<std::uint32_t>(lattice.coordinate(p.x(), 0)),
-                              static_cast<std::uint32_t>(lattice.coordinate(p.y(), 1)),
-                              static_cast<std::uint32_t>(lattice.coordinate(p.z(), 2))),
-                  static_cast<std::uint32_t>(i)};
-      any |= items[i].code;
+      const std::uint64_t code = code_at(cloud, i, lattice);
+      items[i] = make(code, i);
+      any |= code;
     }
     used[begin / kChunk] = any;
   });
   std::uint64_t all = 0;
   for (const std::uint64_t u : used) all |= u;
-  const int bits = 64 - std::countl_zero(all);
-  std::vector<Item> other(n);
-  for (int shift = 0; shift < bits; shift += kDigitBits) {
-    radix_pass(items, other, shift, threads);
-    items.swap(other);
-  }
+  return all;
+}
+
+}  // namespace
+
+std::vector<std::uint32_t> sorted_coarse_codes(const cloud::Cloud& cloud, const Lattice& lattice,
+                                               int threads) {
+  std::vector<std::uint32_t> codes;
+  const std::uint64_t all = encode(cloud, lattice, codes, threads, [](std::uint64_t code, std::size_t) {
+    return static_cast<std::uint32_t>(code);
+  });
+  radix_sort(codes, all, threads);
+  return codes;
+}
+
+MortonOrder sort_by_morton(const cloud::Cloud& cloud, const Lattice& lattice, int threads) {
+  const std::size_t n = cloud.size();
+  std::vector<Item> items;
+  const std::uint64_t all = encode(cloud, lattice, items, threads, [](std::uint64_t code, std::size_t i) {
+    return Item{code, static_cast<std::uint32_t>(i)};
+  });
+  radix_sort(items, all, threads);
   MortonOrder sorted;
   sorted.codes.resize(n);
   sorted.order.resize(n);

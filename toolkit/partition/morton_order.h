@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "toolkit/cloud/cloud.h"
+#include "toolkit/geometry/aabb.h"
 
 namespace palpate::partition {
 
@@ -23,7 +24,7 @@ struct Lattice {
 
   /// The lattice of cubes of `unit_mm` anchored at the cloud's low corner; the edge is doubled until the
   /// cloud spans fewer than 2^21 cubes per axis.
-  static Lattice over(const cloud::Cloud& cloud, double unit_mm);
+  static Lattice over(const geometry::Aabb& local_box_mm, double unit_mm);
   /// Cube coordinate along one axis; points of the cloud give 0 .. 2^21 - 1.
   [[nodiscard]] std::int64_t coordinate(double local_mm, int axis) const noexcept {
     const double cubes = (local_mm - low_mm[axis]) * per_mm;
@@ -36,6 +37,9 @@ struct Lattice {
   }
 };
 
+/// The box of a cloud's local coordinates. Parallel.
+[[nodiscard]] geometry::Aabb local_box(const cloud::Cloud& cloud, int threads);
+
 struct MortonOrder {
   std::vector<std::uint64_t> codes;  ///< ascending
   std::vector<std::uint32_t> order;  ///< cloud index of each place; equal codes keep the cloud's order
@@ -44,5 +48,9 @@ struct MortonOrder {
 /// Sorts by Morton code of the lattice's cubes. O(n) radix sort, parallel, the same for any number of
 /// threads.
 [[nodiscard]] MortonOrder sort_by_morton(const cloud::Cloud& cloud, const Lattice& lattice, int threads);
+
+/// Only the codes, ascending, of a lattice that the cloud spans at most 1024 cubes of per axis.
+[[nodiscard]] std::vector<std::uint32_t> sorted_coarse_codes(const cloud::Cloud& cloud,
+                                                             const Lattice& lattice, int threads);
 
 }  // namespace palpate::partition

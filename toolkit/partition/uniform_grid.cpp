@@ -58,7 +58,7 @@ void UniformGrid::insert(std::uint64_t key, PlaceRange places) noexcept {
 UniformGrid UniformGrid::build(const cloud::Cloud& cloud, double cell_mm, int threads) {
   UniformGrid grid;
   // Cells are groups of 8 x 8 x 8 cubes of a finer lattice, so one sort serves both.
-  Lattice fine = Lattice::over(cloud, cell_mm / (1 << kFinerBits));
+  Lattice fine = Lattice::over(local_box(cloud, threads), cell_mm / (1 << kFinerBits));
   MortonOrder sorted = sort_by_morton(cloud, fine, threads);
   grid.lattice_ = {fine.low_mm, fine.unit_mm * (1 << kFinerBits), fine.per_mm / (1 << kFinerBits)};
   grid.order_ = std::move(sorted.order);
