@@ -32,10 +32,14 @@ constexpr double kFirstCubes = 1023.0;
 constexpr double kCellRounding = 1e-9;
 /// Kept candidates up to which ranks are counted pair by pair, without a branch to mispredict: a guess from
 /// the point before keeps some fourteen. Beyond, eight places are filled by insertion.
-constexpr std::size_t kMostRanked = 24;
+constexpr std::size_t kMostRanked = 20;
 /// Cells a parallel chunk, so that its table lookups stay in cache.
 constexpr std::size_t kCellsPerChunk = 2048;
 constexpr std::size_t kPlacesPerChunk = std::size_t{1} << 16;
+
+/// Two doubles compared at once: compilers do not vectorise a comparison by themselves, since it might trap.
+using Pair = double __attribute__((vector_size(16)));
+using PairCount = std::int64_t __attribute__((vector_size(16)));
 
 /// Occupied cells when the lowest `shift` bits of every code are ignored.
 template <class Code>
@@ -224,25 +228,32 @@ double choose_eight(std::uint32_t self, const Candidates& candidates, const Scra
     best.store(self, out);
     return best.worst();
   }
-  // Each one's rank is the number of keys before its own; equal keys keep their order for now. A fixed number
-  // of comparisons and no branch, so that they run side by side.
+  // Each one's rank is the number of smaller keys: a fixed number of comparisons and no branch, so that they
+  // run side by side. Unused places hold infinity, which comes before nothing.
   std::array<double, kMostRanked> key;
   std::array<std::uint32_t, kMostRanked> index;
+  key.fill(kEverything);
   std::size_t n = 0;
   for (std::size_t k = 0; k < scratch.kept.size(); ++k) {
-    key[n] = scratch.key[k];
-    index[n] = candidates.index[scratch.kept[k]];
-    n += static_cast<std::size_t>(index[n] != self);
+    const std::uint32_t candidate = candidates.index[scratch.kept[k]];
+    index[n] = candidate;
+    key[n] = candidate != self ? scratch.key[k] : kEverything;
+    n += static_cast<std::size_t>(candidate != self);
   }
   std::array<double, kMostRanked + 1> sorted;
   std::array<std::uint32_t, kMostRanked + 1> order;
+  std::uint32_t taken = 0;
   for (std::size_t i = 0; i < n; ++i) {
-    std::int64_t rank = 0;
     const double own = key[i];
-    for (std::size_t j = 0; j < i; ++j) rank += static_cast<std::int64_t>(key[j] <= own);
-    for (std::size_t j = i + 1; j < n; ++j) rank += static_cast<std::int64_t>(key[j] < own);
-    sorted[static_cast<std::size_t>(rank)] = own;
-    order[static_cast<std::size_t>(rank)] = index[i];
+    const Pair both = {own, own};
+    PairCount smaller = {0, 0};
+    for (std::size_t j = 0; j < kMostRanked; j += 2)
+      smaller -= Pair{key[j], key[j + 1]} < both;  // true is -1
+    auto rank = static_cast<std::size_t>(smaller[0] + smaller[1]);
+    while ((taken >> rank & 1u) != 0) ++rank;  // equal keys stand in a row
+    taken |= 1u << rank;
+    sorted[rank] = own;
+    order[rank] = index[i];
   }
   // Now equal keys by index; they are rare, and then few.
   for (std::size_t i = 1; i < n; ++i)
@@ -339,13 +350,22 @@ bool KnnEngine::gather(const Level& level, const std::array<std::int64_t, 3>& at
                        Candidates& candidates) const {
   std::array<PlaceRange, 27> block;
   std::size_t found = 0, held = 0;
+  // A code is the sum of one part an axis: nine parts make the 27.
+  std::array<std::array<std::uint64_t, 3>, 3> part{};
+  std::array<std::array<bool, 3>, 3> inside{};
   const std::int64_t last = (std::int64_t{1} << partition::kMortonBits) - 1;
-  for (std::int64_t z = at[2] - 1; z <= at[2] + 1; ++z)
-    for (std::int64_t y = at[1] - 1; y <= at[1] + 1; ++y)
-      for (std::int64_t x = at[0] - 1; x <= at[0] + 1; ++x) {
-        if (x < 0 || y < 0 || z < 0 || x > last || y > last || z > last) continue;
-        const PlaceRange range = level.find(partition::morton_code(
-            static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y), static_cast<std::uint32_t>(z)));
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::int64_t c = at[axis] + static_cast<std::int64_t>(k) - 1;
+      inside[axis][k] = c >= 0 && c <= last;
+      const auto u = static_cast<std::uint32_t>(std::clamp<std::int64_t>(c, 0, last));
+      part[axis][k] = partition::morton_code(axis == 0 ? u : 0, axis == 1 ? u : 0, axis == 2 ? u : 0);
+    }
+  for (std::size_t z = 0; z < 3; ++z)
+    for (std::size_t y = 0; y < 3; ++y)
+      for (std::size_t x = 0; x < 3; ++x) {
+        if (!inside[0][x] || !inside[1][y] || !inside[2][z]) continue;
+        const PlaceRange range = level.find(part[0][x] | part[1][y] | part[2][z]);
         if (range.begin == range.end) continue;
         block[found++] = range;
         held += range.end - range.begin;
