@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace palpate::baselines {
 namespace {
@@ -12,6 +13,9 @@ constexpr double kNearFeatureMargins = 4.0;
 /// How far before such a hit the side is looked up, in margins: clear of the margin itself.
 constexpr double kLookBackMargins = 16.0;
 
+/// The areas of a closed surface cancel as vectors; up to this share of all is taken for holes.
+constexpr double kClosedShare = 0.1;
+
 double least_edge_distance(const Facet& f, const Vec3& p) noexcept {
   double least = closest_on_edge(f, 0, p).distance_sq;
   for (std::uint32_t e = 1; e < 3; ++e) least = std::min(least, closest_on_edge(f, e, p).distance_sq);
@@ -20,12 +24,43 @@ double least_edge_distance(const Facet& f, const Vec3& p) noexcept {
 
 }  // namespace
 
+MeshProbe::MeshProbe(const SurfaceMesh& mesh, const SegmentIndex& index, const Crossings& crossings) noexcept
+    : mesh_(&mesh), index_(&index), crossings_(crossings.any() ? &crossings : nullptr) {
+  double area = 0.0, volume = 0.0;
+  Vec3 vector_area = Vec3::Zero(), moment = Vec3::Zero();
+  for (const Facet& facet : mesh.facets()) {
+    const Vec3 a = facet.scaled_normal();
+    const double size = a.norm();
+    area += size;
+    vector_area += a;
+    volume += a.dot(facet.corner[0]);
+    moment += size * facet.corner[0];
+  }
+  if (!(area > 0.0)) return;
+  one_sided_ = vector_area.norm() <= kClosedShare * area;
+  outer_ = front_ = volume - moment.dot(vector_area) / area >= 0.0 ? 0 : 1;
+}
+
+/// The solid angle under which the mesh is seen (van Oosterom and Strackee 1983): 4 pi from inside, 0 from
+/// outside, and near those where there are holes.
+bool MeshProbe::encloses(const Vec3& p) const noexcept {
+  double angle = 0.0;
+  for (const Facet& facet : mesh_->facets()) {
+    const Vec3 a = facet.corner[0] - p, b = facet.corner[1] - p, c = facet.corner[2] - p;
+    const double la = a.norm(), lb = b.norm(), lc = c.norm();
+    angle +=
+        2.0 * std::atan2(a.dot(b.cross(c)), la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
+  }
+  return std::abs(angle) > 2.0 * std::numbers::pi;
+}
+
 void MeshProbe::reset(const Vec3& hip) noexcept {
   attached_ = false;
   bound_hit_ = false;
   anchor_ = hip;
   at_ = {};
   moves_ = 0;
+  if (one_sided_) front_ = encloses(hip) ? 1 - outer_ : outer_;
 }
 
 bool MeshProbe::update(const Vec3& hip) noexcept {
@@ -38,6 +73,11 @@ bool MeshProbe::update(const Vec3& hip) noexcept {
         return false;
       }
       if (!attach(hit->facet, anchor_ + (hip - anchor_) * hit->fraction, anchor_, hip)) return false;
+      if (one_sided_ && side_of(at_.half) != front_) {
+        attached_ = false;
+        anchor_ = hip;
+        return false;
+      }
     }
     const SlideCount slid = slide(*mesh_, crossings_, hip, at_);
     moves_ += slid.moves;

@@ -11,12 +11,14 @@ inline constexpr int kMaxFlights = 4;
 
 /// Contact with sides. Free, or attached to a half-facet; attached but outside within the float margin counts
 /// as no contact, so that the next segment never starts where float cannot tell the side. Everything relative
-/// to the mesh's origin, mm. Allocates nothing. Not thread-safe; the mesh, index and crossings are only read.
+/// to the mesh's origin, mm. A mesh that encloses a volume is touched from one side only, the one where
+/// reset() found the HIP: a HIP that came in by a hole leaves freely, instead of feeling everything inside
+/// out from then on. Allocates nothing. Not thread-safe; the mesh, index and crossings are only read.
 class MeshProbe {
  public:
-  MeshProbe(const SurfaceMesh& mesh, const SegmentIndex& index, const Crossings& crossings) noexcept
-      : mesh_(&mesh), index_(&index), crossings_(crossings.any() ? &crossings : nullptr) {}
+  MeshProbe(const SurfaceMesh& mesh, const SegmentIndex& index, const Crossings& crossings) noexcept;
 
+  /// O(facets) where the mesh encloses a volume.
   void reset(const Vec3& hip) noexcept;
   /// True in contact: god_object() is then valid.
   bool update(const Vec3& hip) noexcept;
@@ -28,6 +30,7 @@ class MeshProbe {
  private:
   bool attach(std::uint32_t facet, const Vec3& near, const Vec3& from, const Vec3& to) noexcept;
   bool attach_near_feature(std::uint32_t facet, const Vec3& near, const Vec3& from) noexcept;
+  [[nodiscard]] bool encloses(const Vec3& p) const noexcept;
   [[nodiscard]] bool outside(const Vec3& hip, Vec3& away) const noexcept;
   enum class Flight { kFree, kStays, kMet };
   Flight fly(const Vec3& hip, const Vec3& away) noexcept;
@@ -36,6 +39,9 @@ class MeshProbe {
   const SurfaceMesh* mesh_;
   const SegmentIndex* index_;
   const Crossings* crossings_;
+  bool one_sided_ = false;
+  std::uint32_t outer_ = 0;  ///< the side of a facet that is outside, where one_sided_
+  std::uint32_t front_ = 0;  ///< the side that is touched
   bool attached_ = false;
   bool bound_hit_ = false;
   Vec3 anchor_ = Vec3::Zero();  ///< last point known to be clear of the surface, when free

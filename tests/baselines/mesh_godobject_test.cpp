@@ -145,6 +145,21 @@ TEST(MeshGodObject, ThinSlabIsNotPoppedThrough) {
     }
 }
 
+// In by a missing facet, out through the surface, and everything is as it was before.
+TEST(MeshGodObject, AHoleDoesNotTurnAClosedMeshInsideOut) {
+  geometry::TriangleMesh fine = test::subdivided(test::box_mesh(5, 5, 5), 4);
+  const auto hole = fine.triangles.front();
+  fine.triangles.erase(fine.triangles.begin());
+  const Vec3 at = (fine.vertices_mm[hole[0]] + fine.vertices_mm[hole[1]] + fine.vertices_mm[hole[2]]) / 3.0;
+  Probe probe = make(fine);
+  probe.renderer->reset(at * 1.5);
+  EXPECT_FALSE(probe.glide(at * 1.5, {0, 0, 0}, 0.02).contact);
+  EXPECT_FALSE(probe.glide({0, 0, 0}, {0.3, 0.2, 7}, 0.02).contact);
+  const render::Frame frame = probe.glide({0.3, 0.2, 7}, {0.3, 0.2, 4}, 0.02);
+  ASSERT_TRUE(frame.contact);
+  expect_near(frame.force_n, kStiffness * Vec3(0, 0, 1), 1e-8);
+}
+
 TEST(MeshGodObject, CrossingSheetsHoldInTheirWedge) {
   const geometry::TriangleMesh flat = test::height_mesh(12, 10.0, [](double, double) { return 0.0; });
   const geometry::RigidTransform upright{Eigen::Quaterniond(std::sqrt(0.5), 0, std::sqrt(0.5), 0),

@@ -37,6 +37,28 @@ inline TriangleMesh box_mesh(double x, double y, double z) {
   return mesh;
 }
 
+/// Every facet cut in four, `times` times; shared corners are repeated, bit for bit.
+inline TriangleMesh subdivided(TriangleMesh mesh, int times) {
+  for (; times > 0; --times) {
+    TriangleMesh fine;
+    const auto add = [&](const Vec3& a, const Vec3& b, const Vec3& c) {
+      const auto first = static_cast<std::uint32_t>(fine.vertices_mm.size());
+      fine.vertices_mm.insert(fine.vertices_mm.end(), {a, b, c});
+      fine.triangles.push_back({first, first + 1, first + 2});
+    };
+    for (const auto& t : mesh.triangles) {
+      const Vec3 a = mesh.vertices_mm[t[0]], b = mesh.vertices_mm[t[1]], c = mesh.vertices_mm[t[2]];
+      const Vec3 ab = 0.5 * (a + b), bc = 0.5 * (b + c), ca = 0.5 * (c + a);
+      add(a, ab, ca);
+      add(ab, b, bc);
+      add(ca, bc, c);
+      add(ab, bc, ca);
+    }
+    mesh = fine;
+  }
+  return mesh;
+}
+
 inline TriangleMesh joined(TriangleMesh a, const TriangleMesh& b) {
   const auto shift = static_cast<std::uint32_t>(a.vertices_mm.size());
   a.vertices_mm.insert(a.vertices_mm.end(), b.vertices_mm.begin(), b.vertices_mm.end());

@@ -34,6 +34,8 @@ class BruteForce final : public HapticRenderer {
     previous_ = model_.to_local(hip_mm);
     near_ = contact_ = false;
     counters_ = {};
+    closed_side_ =
+        model_.closed && surface::is_enclosed(model_.points, model_.neighbours, previous_) ? -1.0 : 1.0;
   }
 
   Frame step(const Vec3& hip_mm, double) noexcept override {
@@ -81,7 +83,8 @@ class BruteForce final : public HapticRenderer {
     const surface::NormalCode code = model_.points[place].normal;
     if (code == surface::kNoNormal) return like;
     const Vec3 n = surface::decode_normal(code);
-    return surface::is_one_sided(code) || n.dot(like) >= 0.0 ? n : Vec3(-n);
+    const double side = surface::is_one_sided(code) ? closed_side_ : n.dot(like);
+    return side < 0.0 ? Vec3(-n) : n;
   }
 
   std::uint32_t nearest(const Vec3& h) const noexcept {
@@ -124,6 +127,7 @@ class BruteForce final : public HapticRenderer {
   double force_limit_n_ = 0.0;
   Vec3 previous_ = Vec3::Zero();
   Vec3 outward_ = Vec3::UnitZ();
+  double closed_side_ = 1.0;  ///< as in `cloud`
   bool near_ = false;
   bool contact_ = false;
   FrameCounters counters_;

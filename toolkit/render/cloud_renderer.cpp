@@ -57,17 +57,15 @@ class Cloud final : public HapticRenderer {
     leave_sq_mm2_ = (kLeaveHalfDiagonals * half_diagonal) * (kLeaveHalfDiagonals * half_diagonal);
     same_sheet_sq_mm2_ =
         (kSameSheetHalfDiagonals * half_diagonal) * (kSameSheetHalfDiagonals * half_diagonal);
-    reset(model_.to_world(Vec3::Zero()));
+    clear(Vec3::Zero());
     return report;
   }
 
   void reset(const Vec3& hip_mm) noexcept override {
-    tested_to_ = model_.to_local(hip_mm);
-    previous_ = tested_to_;
-    sheets_ = 0;
-    contact_ = false;
-    scan_.running = false;
-    counters_ = {};
+    clear(model_.to_local(hip_mm));
+    // The free side of a closed surface is where the HIP is now: outside, or inside a cavity.
+    if (model_.closed)
+      closed_side_ = surface::is_enclosed(model_.points, model_.neighbours, tested_to_) ? -1.0 : 1.0;
   }
 
   Frame step(const Vec3& hip_mm, double) noexcept override {
@@ -104,6 +102,15 @@ class Cloud final : public HapticRenderer {
   }
 
  private:
+  void clear(const Vec3& h) noexcept {
+    tested_to_ = h;
+    previous_ = h;
+    sheets_ = 0;
+    contact_ = false;
+    scan_.running = false;
+    counters_ = {};
+  }
+
   /// In contact: the god object follows; the HIP is out when it is above the plane there.
   void stay(const Vec3& h, Frame& frame) noexcept {
     Sheet& sheet = near_[0];
@@ -222,13 +229,14 @@ class Cloud final : public HapticRenderer {
     return false;
   }
 
-  /// Watches the sheet of a crossed box. A closed surface is touched from outside. Any other's side is where
-  /// the HIP came from, judged at the sheet's point nearest to there: that point lies straight below it, so
-  /// the sign is not a matter of a tilted plane further on.
+  /// Watches the sheet of a crossed box. A closed surface is touched from its free side. Any other's side is
+  /// where the HIP came from, judged at the sheet's point nearest to there: that point lies straight below
+  /// it, so the sign is not a matter of a tilted plane further on.
   void watch(std::uint32_t place, const Vec3& from) noexcept {
     Sheet sheet;
     sheet.place = place;
     sheet.outward = (from - model_.points[place].at()).normalized();
+    if (surface::is_one_sided(model_.points[place].normal)) sheet.side = closed_side_;
     sheet.set_outward(model_);
     (void)follow(model_, sheet, from, steps_, counters_);
     for (std::size_t i = 0; i < sheets_; ++i)
@@ -283,7 +291,8 @@ class Cloud final : public HapticRenderer {
   BoxScan scan_;
   std::array<Sheet, kMaxSheets> near_;  ///< in contact: the first alone
   std::size_t sheets_ = 0;
-  double height_mm_ = 0.0;  ///< in contact: the last frame's HIP over its sheet's plane
+  double height_mm_ = 0.0;    ///< in contact: the last frame's HIP over its sheet's plane
+  double closed_side_ = 1.0;  ///< of closed surfaces: 1 when the HIP's place is outside, -1 inside
   bool contact_ = false;
   int steps_ = 0;
   FrameCounters counters_;

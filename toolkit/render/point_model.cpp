@@ -193,6 +193,7 @@ Result<PointModel> build_point_model(const SceneInput& scene, const PointModelOp
     phase(report, context, watch, "planes");
     const surface::OrientReport sides =
         surface::orient_planes(model.points, model.neighbours, context.threads);
+    model.closed = sides.one_sided_points > 0;
     report.notes.push_back(fmt::format("{} pieces; {} points on closed ones, touched from outside",
                                        sides.pieces, sides.one_sided_points));
     phase(report, context, watch, "sides");

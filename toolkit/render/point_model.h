@@ -47,6 +47,7 @@ struct PointModel {
   Vec3 global_half_box_mm = Vec3::Zero();
   Vec3 largest_half_box_mm = Vec3::Zero();
   partition::UniformGrid grid;
+  bool closed = false;          ///< some points lie on pieces that enclose a volume
   double resolution_mm = 0.0;   ///< as measured, or as given
   double max_spacing_mm = 0.0;  ///< largest distance to an immediate neighbour
 

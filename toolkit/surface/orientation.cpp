@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <vector>
 
 #include "toolkit/core/parallel.h"
@@ -94,10 +95,18 @@ struct Sums {
   [[nodiscard]] double inside() const noexcept { return volume - moment.dot(vector_area) / area; }
 };
 
-Sums point_sums(const SurfacePoint& point, const SurfacePoint& farthest, const Vec3& normal) noexcept {
-  const Vec3 p = point.at();
+/// Squared distance to the last neighbour: of it the area a point stands for is a half on a square lattice,
+/// some pi / 9 where points lie at random.
+double reach_sq(std::span<const SurfacePoint> points, const Neighbours& around, std::size_t i) noexcept {
+  std::size_t last = neighbourhood::kNeighbours;
+  while (last > 1 && around[last - 1] == i) --last;
+  return (points[around[last - 1]].at() - points[i].at()).squaredNorm();
+}
+constexpr double kAreaShare = 0.42;  // between the two
+
+Sums point_sums(const Vec3& p, double area, const Vec3& normal) noexcept {
   Sums s;
-  s.area = (farthest.at() - p).squaredNorm();  // of eight neighbours: some pi / 9 of it, the same for all
+  s.area = area;
   s.vector_area = s.area * normal;
   s.volume = s.vector_area.dot(p);
   s.moment = s.area * p;
@@ -185,10 +194,9 @@ OrientReport orient_planes(std::span<SurfacePoint> points, std::span<const Neigh
       if (points[i].normal == kNoNormal) continue;
       const std::uint32_t at = pieces.look(static_cast<std::uint32_t>(i));
       if ((at & 1u) != 0) points[i].normal = opposite(points[i].normal);
-      std::size_t last = neighbourhood::kNeighbours;
-      while (last > 1 && neighbours[i][last - 1] == i) --last;
       sums_of(mine, at >> 1)
-          .add(point_sums(points[i], points[neighbours[i][last - 1]], decode_normal(points[i].normal)));
+          .add(point_sums(points[i].at(), reach_sq(points, neighbours[i], i),
+                          decode_normal(points[i].normal)));
     }
   });
   std::vector<PieceSums> all;
@@ -223,6 +231,20 @@ OrientReport orient_planes(std::span<SurfacePoint> points, std::span<const Neigh
   });
   for (const std::size_t count : one_sided) report.one_sided_points += count;
   return report;
+}
+
+bool is_enclosed(std::span<const SurfacePoint> points, std::span<const Neighbours> neighbours,
+                 const Vec3& local_mm) noexcept {
+  double angle = 0.0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!is_one_sided(points[i].normal)) continue;
+    const Vec3 d = points[i].at() - local_mm;
+    const double square = d.squaredNorm();
+    if (!(square > 0.0)) continue;
+    const double share = kAreaShare * reach_sq(points, neighbours[i], i) / square;
+    angle += share * decode_normal(points[i].normal).dot(d) / std::sqrt(square);
+  }
+  return angle > 2.0 * std::numbers::pi;  // all around is 4 pi, outside 0
 }
 
 }  // namespace palpate::surface

@@ -40,4 +40,11 @@ struct OrientReport {
 OrientReport orient_planes(std::span<SurfacePoint> points,
                            std::span<const neighbourhood::Neighbours> neighbours, int threads);
 
+/// Whether a place (local, mm) is enclosed by the one-sided pieces: the solid angle under which it sees their
+/// outer sides, an area of spacing squared standing for each point (Barill et al. 2018). O(n), no allocation.
+/// Near the surface, within a spacing or two, the answer may be either.
+[[nodiscard]] bool is_enclosed(std::span<const SurfacePoint> points,
+                               std::span<const neighbourhood::Neighbours> neighbours,
+                               const Vec3& local_mm) noexcept;
+
 }  // namespace palpate::surface
