@@ -39,7 +39,7 @@ std::uint64_t place_hash(const Vec3& p) noexcept {
 
 /// For every vertex the number of the welded one; fills `places` with one vertex per place, in order of
 /// appearance.
-std::vector<std::uint32_t> weld(const std::vector<Vec3>& given, std::vector<Vec3>& places) {
+std::vector<std::uint32_t> weld(const std::vector<Vec3>& given, LargeVector<Vec3>& places) {
   const std::size_t slots = std::bit_ceil(given.size() * 2 + 1);
   std::vector<std::uint32_t> table(slots, kNoFacet);
   std::vector<std::uint32_t> welded(given.size());

@@ -8,6 +8,7 @@
 
 #include "baselines/mesh/facet.h"
 #include "toolkit/core/progress.h"
+#include "toolkit/core/large_pages.h"
 #include "toolkit/core/result.h"
 #include "toolkit/geometry/aabb.h"
 #include "toolkit/geometry/triangle_mesh.h"
@@ -40,9 +41,9 @@ class SurfaceMesh {
   [[nodiscard]] const Vec3& origin_mm() const noexcept { return origin_mm_; }
   /// Relative to the origin.
   [[nodiscard]] const geometry::Aabb& local_box_mm() const noexcept { return box_; }
-  [[nodiscard]] const std::vector<Facet>& facets() const noexcept { return facets_; }
+  [[nodiscard]] const LargeVector<Facet>& facets() const noexcept { return facets_; }
   [[nodiscard]] const Facet& facet(std::uint32_t i) const noexcept { return facets_[i]; }
-  [[nodiscard]] const std::vector<Vec3>& vertices() const noexcept { return vertices_; }
+  [[nodiscard]] const LargeVector<Vec3>& vertices() const noexcept { return vertices_; }
   [[nodiscard]] const SurfaceMeshCounts& counts() const noexcept { return counts_; }
   [[nodiscard]] std::size_t bytes() const noexcept;
   /// The facets around a vertex, in order of their number.
@@ -115,10 +116,10 @@ class SurfaceMesh {
   Vec3 origin_mm_ = Vec3::Zero();
   geometry::Aabb box_;
   double rounding_mm_ = 0.0;
-  std::vector<Vec3> vertices_;
-  std::vector<Facet> facets_;
-  std::vector<std::uint32_t> star_begin_, star_;
-  std::vector<std::array<HalfFacet, 2>> radial_;
+  LargeVector<Vec3> vertices_;
+  LargeVector<Facet> facets_;
+  LargeVector<std::uint32_t> star_begin_, star_;
+  LargeVector<std::array<HalfFacet, 2>> radial_;
   SurfaceMeshCounts counts_;
 };
 

@@ -15,6 +15,7 @@ namespace {
 
 constexpr std::int64_t kSilentNs = 1'000'000'000;  // shorter work needs no bar
 constexpr std::int64_t kRedrawNs = 100'000'000;    // ten times a second
+constexpr std::int64_t kLogNs = 5'000'000'000;     // a line of a log stands for so long
 constexpr double kBelievableFraction = 0.02;       // before that a time left would only jump about
 constexpr int kBarCells = 24;
 constexpr std::size_t kDefaultColumns = 80;
@@ -62,8 +63,15 @@ void ProgressBar::clear() {
 }
 
 void ProgressBar::report(std::string_view what, double fraction) {
-  if (!terminal_) return;
   const std::int64_t now = monotonic_ns();
+  if (!terminal_) {
+    // A log gets a plain line now and then, so that a long job is not taken for a dead one.
+    if (prefix_.empty() || now - last_draw_ns_ < kLogNs || phase_ == what) return;
+    last_draw_ns_ = now;
+    phase_ = what;
+    fmt::print(stderr, "{}{}\n", prefix_, phase_);
+    return;
+  }
   if (phase_ != what) {
     phase_ = what;
     // A phase whose text changes with every report ("12.3 MB") goes on from where it began.

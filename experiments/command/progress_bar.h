@@ -8,7 +8,8 @@
 
 namespace palpate::experiments {
 
-/// Draws on standard error from the second second of a phase on; on anything but a terminal it draws nothing.
+/// Draws on standard error from the second second of a phase on; on anything but a terminal a job of
+/// several steps (set_prefix) prints a line every few seconds, and any other nothing.
 /// Ctrl-C and SIGTERM make cancelled() true; a second one ends the program at once.
 class ProgressBar final : public Progress {
  public:

@@ -36,7 +36,7 @@ Result<Cloud> build_cloud(std::span<const Vec3> points_mm, NonFinite non_finite,
   if (found.non_finite > 0 && non_finite == NonFinite::kRefuse)
     return Error{fmt::format("{} of {} points are not finite, the first is point {}", found.non_finite,
                              points_mm.size(), first_bad),
-                 "drop them with --drop-non-finite, or clean the file",
+                 "drop them with --non-finite drop, or clean the file",
                  {},
                  0};
   const std::size_t kept = points_mm.size() - found.non_finite;

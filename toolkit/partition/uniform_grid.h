@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "toolkit/cloud/cloud.h"
+#include "toolkit/core/large_pages.h"
 #include "toolkit/partition/morton_order.h"
 
 namespace palpate::partition {
@@ -61,7 +62,7 @@ class UniformGrid {
 
   Lattice lattice_;
   std::vector<std::uint32_t> order_;
-  std::vector<Slot> slots_;  ///< open addressing, linear probing, at most half full
+  LargeVector<Slot> slots_;  ///< open addressing, linear probing, at most half full
   int shift_ = 0;
   std::size_t occupied_ = 0;
   std::int64_t last_cell_ = 0;

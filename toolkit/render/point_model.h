@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "toolkit/core/large_pages.h"
 #include "toolkit/core/result.h"
 #include "toolkit/core/vec.h"
 #include "toolkit/neighbourhood/neighbour_table.h"
@@ -41,9 +42,9 @@ struct PointModel {
   geometry::RigidTransform model_from_world;
   bool moved = false;  ///< world_from_model is not the identity
   double stiffness_n_per_mm = 0.0;
-  std::vector<StoredPoint> points;
-  std::vector<neighbourhood::Neighbours> neighbours;
-  std::vector<Vec3f> half_box_mm;  ///< per place; empty when the box is global
+  LargeVector<StoredPoint> points;
+  LargeVector<neighbourhood::Neighbours> neighbours;
+  LargeVector<Vec3f> half_box_mm;  ///< per place; empty when the box is global
   Vec3 global_half_box_mm = Vec3::Zero();
   Vec3 largest_half_box_mm = Vec3::Zero();
   partition::UniformGrid grid;
