@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "baselines/mesh/facet.h"
-#include "toolkit/core/progress.h"
 #include "toolkit/core/large_pages.h"
+#include "toolkit/core/progress.h"
 #include "toolkit/core/result.h"
 #include "toolkit/geometry/aabb.h"
 #include "toolkit/geometry/triangle_mesh.h"

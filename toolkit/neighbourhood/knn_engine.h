@@ -42,7 +42,8 @@ struct Candidates {
 };
 
 inline constexpr double kEverything = std::numeric_limits<double>::infinity();
-/// The next guess of a squared distance where one was too small: half as far again; from 0 (piles) everything.
+/// The next guess of a squared distance where one was too small: half as far again; from 0 (piles)
+/// everything.
 [[nodiscard]] inline double larger_guess(double guess) noexcept {
   return guess > 0.0 ? 1.5 * 1.5 * guess : kEverything;
 }

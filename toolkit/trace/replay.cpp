@@ -18,8 +18,8 @@ using render::HapticRenderer;
 constexpr double kNominalDtS = 1e-3;        // a lone sample has no neighbour to take its dt from
 constexpr std::int64_t kFirstPathLine = 2;  // line 1 of a path file is its header
 constexpr std::size_t kEvictedBytes = std::size_t{64} * 1024 * 1024;  // design.md section 4
-constexpr std::size_t kCacheLineBytes = 64;                 // x86-64 and most ARM cores
-constexpr std::int64_t kPacedPeriodNs = 1'000'000;          // the 1 kHz tick
+constexpr std::size_t kCacheLineBytes = 64;                           // x86-64 and most ARM cores
+constexpr std::int64_t kPacedPeriodNs = 1'000'000;                    // the 1 kHz tick
 constexpr std::size_t kClockPairs = 4096;  // enough for a stable median, well under a millisecond
 // Relative error of percent * n / 100: a product, a quotient and the percentage itself, each half an epsilon;
 // doubled.

@@ -13,7 +13,8 @@ namespace {
 constexpr double kRadius = 50.0;
 
 std::unique_ptr<HapticRenderer> sphere(bool with_hole) {
-  const auto model = cloud::generate(parse_named_options("sphere:points=20000:extent_mm=100").value()).value();
+  const auto model =
+      cloud::generate(parse_named_options("sphere:points=20000:extent_mm=100").value()).value();
   std::vector<Vec3> points;
   for (std::size_t i = 0; i < model.cloud.size(); ++i) {
     const Vec3 p = model.cloud.local_mm(i) + model.cloud.origin_mm;
