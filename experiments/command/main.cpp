@@ -141,6 +141,10 @@ int run(int argc, char** argv) {
                "palpate");
   Arguments arguments;
   declare(app, arguments);
+  if (argc > 1 && argv[1][0] != '-' && app.get_subcommand_no_throw(argv[1]) == nullptr) {
+    fmt::print(stderr, "palpate: error: there is no command '{}'; `palpate --help` lists them\n", argv[1]);
+    return kExitBadInput;
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -62,7 +62,7 @@ const std::string kPlane = "plane:points=441:extent_mm=20";
 INSTANTIATE_TEST_SUITE_P(
     All, Hostile,
     testing::Values(
-        Case{"no_command", {}, 2, "subcommand"}, Case{"unknown_command", {"reply"}, 2, "palpate"},
+        Case{"no_command", {}, 2, "subcommand"}, Case{"unknown_command", {"reply"}, 2, "no command 'reply'"},
         Case{"unknown_flag", {"info", kPlane, "--jsno"}, 2, "--jsno"}, Case{"no_model", {"info"}, 2, "MODEL"},
         Case{"missing_file", {"info", "@/none.ply"}, 2, "none.ply"},
         Case{"folder_as_model", {"info", "@"}, 2, "palpate: error"},

@@ -44,6 +44,7 @@ using PairCount = std::int64_t __attribute__((vector_size(16)));
 /// Occupied cells when the lowest `shift` bits of every code are ignored.
 template <class Code>
 std::size_t occupied(const std::vector<Code>& codes, int shift, int threads) {
+  if (shift >= std::numeric_limits<Code>::digits) return codes.empty() ? 0 : 1;
   std::vector<std::size_t> parts((codes.size() + kPlacesPerChunk - 1) / kPlacesPerChunk);
   parallel_chunks(codes.size(), kPlacesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
     std::size_t cells = begin == 0 ? 1 : 0;
