@@ -141,7 +141,8 @@ int run(int argc, char** argv) {
                "palpate");
   Arguments arguments;
   declare(app, arguments);
-  if (argc > 1 && argv[1][0] != '-' && app.get_subcommand_no_throw(argv[1]) == nullptr) {
+  const auto is_first = [&](const CLI::App* command) { return command->get_name() == argv[1]; };
+  if (argc > 1 && argv[1][0] != '-' && app.get_subcommands(is_first).empty()) {
     fmt::print(stderr, "palpate: error: there is no command '{}'; `palpate --help` lists them\n", argv[1]);
     return kExitBadInput;
   }
