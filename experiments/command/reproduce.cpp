@@ -15,7 +15,9 @@ std::filesystem::path whole_path(const std::filesystem::path& path) {
 void finish(Reproduction& r) {
   r.context.progress.set_prefix("");
   r.context.progress.report("writing the report", -1.0);
-  for (const std::string& what : r.missing) r.page.headlines.push_back("Not done: " + what);
+  HeadlineGroup missing{"Not done", {}};
+  for (const std::string& what : r.missing) missing.lines.push_back({"", what});
+  if (!missing.lines.empty()) r.page.headlines.push_back(std::move(missing));
   r.page.commands.push_back("palpate reproduce --help    # shorter and longer runs");
   if (const Status written = write_page(r.page, r.folder); !written) {
     fail(written.error(), kExitFellShort, &r.context.progress);

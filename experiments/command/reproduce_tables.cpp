@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "experiments/command/reproduction.h"
 #include "toolkit/neighbourhood/knn.h"
@@ -22,6 +23,10 @@ Cell plain(std::string text) {
 void give_up(Reproduction& r, const std::string& what, const Error& error) {
   r.missing.push_back(fmt::format("{}: {}", what, error.message()));
   if (!r.arguments.tables.empty()) r.fell_short = true;
+}
+
+std::string whole_ms(double ms) {
+  return count_text(static_cast<std::uint64_t>(std::llround(ms)));
 }
 
 struct Timed {
@@ -82,13 +87,15 @@ void reproduce_neighbours(const Manifest& manifest, Reproduction& r) {
   metrics::ResultDocument document = new_document(r.context.command_line);
   Table table;
   table.title = manifest.title;
-  table.columns = {"model", "points", "thesis", "1 thread", "2 threads", "as printed, 1 thread"};
+  table.columns = {"model",        "points",        "thesis, min",
+                   "1 thread, ms", "2 threads, ms", "as printed, 1 thread, ms"};
+  HeadlineGroup found{manifest.title, {}};
   table.notes = manifest.notes;
   for (const ManifestModel& model : manifest.models) {
     Result<scene::SceneFile> scene = scene_of(model, r);
     const Result<scene::LoadedScene> loaded = scene ? scene::load(*scene, r.readers, {}, r.context.progress)
                                                     : Result<scene::LoadedScene>(scene.error());
-    const std::string printed = model.printed_min ? fmt::format("{} min", *model.printed_min) : "–";
+    const std::string printed = model.printed_min ? fmt::format("{:.2f}", *model.printed_min) : "–";
     if (!loaded) {
       table.rows.push_back({plain(model.name),
                             plain("–"),
@@ -107,17 +114,17 @@ void reproduce_neighbours(const Manifest& manifest, Reproduction& r) {
          {std::tuple{true, 1, one.ms}, {true, 2, two.ms}, {false, 1, literal.ms}})
       document.renderers.push_back(neighbour_result(model.name, cloud, complete, threads, ms));
     table.rows.push_back({plain(model.name), plain(count_text(cloud.size())), plain(printed),
-                          plain(duration_text(one.ms)), plain(duration_text(two.ms)),
-                          plain(duration_text(literal.ms))});
+                          plain(whole_ms(one.ms)), plain(whole_ms(two.ms)), plain(whole_ms(literal.ms))});
     if (const std::string note = agreement_note(model.name, cloud, two.table); !note.empty())
       table.notes.insert(table.notes.begin(), note);
     if (model.printed_min)
-      r.page.headlines.push_back(
-          fmt::format("Table {}: neighbours of the {} in {} on one thread, {} on two; the thesis needed {} "
-                      "({} times longer than one thread).",
-                      manifest.table, model.name, duration_text(one.ms), duration_text(two.ms), printed,
-                      short_number(*model.printed_min * kMsPerMinute / one.ms)));
+      found.lines.push_back(
+          {fmt::format("{}, {} points", model.name, count_text(cloud.size())),
+           fmt::format("neighbours in {} on one thread, {} on two; the thesis: {} min, {} times one thread's",
+                       duration_text(one.ms), duration_text(two.ms), printed,
+                       short_number(*model.printed_min * kMsPerMinute / one.ms))});
   }
+  r.page.headlines.push_back(std::move(found));
   table.caption =
       "Thesis: " + manifest.hardware +
       ". Ours: the best of three, completed to eight neighbours; as printed, a point may keep fewer.";
@@ -130,47 +137,97 @@ void reproduce_neighbours(const Manifest& manifest, Reproduction& r) {
   r.tables.push_back(std::move(table));
 }
 
+namespace {
+
+using R = metrics::RendererResult;
+using Value = std::optional<double>;
+using Count = std::optional<std::uint64_t>;
+
+auto frame_value(Value trace::FrameStatistics::*member) {
+  return [member](const R& r) { return r.frame ? (*r.frame).*member : std::nullopt; };
+}
+auto score_value(Value metrics::Accuracy::*member) {
+  return [member](const R& r) { return r.accuracy ? (*r.accuracy).*member : std::nullopt; };
+}
+auto defect_count(std::uint64_t metrics::Accuracy::*member) {
+  return [member](const R& r) { return r.accuracy ? Count((*r.accuracy).*member) : Count(); };
+}
+
+/// Rows of a name, what is printed, and a value of every renderer.
+class BesideThesis {
+ public:
+  BesideThesis(Table& table, const metrics::ResultDocument& document) : table_(table), document_(document) {}
+
+  template <class Of>
+  void counts(const char* name, const std::string& printed, const Of& value) {
+    std::vector<std::string> texts;
+    for (const R& r : document_.renderers) {
+      const Count n = value(r);
+      texts.push_back(n ? count_text(*n) : std::string("–"));
+    }
+    put(name, printed, std::move(texts));
+  }
+  template <class Of>
+  void numbers(const char* name, const std::string& printed, const Of& value) {
+    put(name, printed, aligned_numbers(values(value)));
+  }
+  template <class Of>
+  void times(const std::string& name, const Of& value_ms) {
+    AlignedTimes aligned = aligned_times(values(value_ms));
+    put(name + ", " + aligned.unit, "–", std::move(aligned.texts));
+  }
+
+ private:
+  template <class Of>
+  std::vector<Value> values(const Of& value) const {
+    std::vector<Value> all;
+    for (const R& r : document_.renderers) all.push_back(value(r));
+    return all;
+  }
+  void put(const std::string& name, const std::string& printed, std::vector<std::string> texts) {
+    std::vector<Cell> cells = {plain(name), plain(printed)};
+    for (std::size_t i = 0; i < texts.size(); ++i) {
+      const metrics::RunStatus status = document_.renderers[i].status;
+      if (status == metrics::RunStatus::kOk)
+        cells.push_back(plain(std::move(texts[i])));
+      else
+        cells.push_back({status == metrics::RunStatus::kFailed ? "failed" : "did not finish", false, true});
+    }
+    table_.rows.push_back(std::move(cells));
+  }
+
+  Table& table_;
+  const metrics::ResultDocument& document_;
+};
+
+}  // namespace
+
 Table frames_table(const Manifest& manifest, const metrics::ResultDocument& document) {
+  using F = trace::FrameStatistics;
+  using A = metrics::Accuracy;
   Table table;
   table.title = manifest.title;
   table.columns = {"", "thesis"};
-  for (const metrics::RendererResult& r : document.renderers) table.columns.push_back(r.label);
-  const auto row = [&](const char* name, const std::string& printed, const auto& value) {
-    std::vector<Cell> cells = {plain(name), plain(printed)};
-    for (const metrics::RendererResult& r : document.renderers) {
-      if (r.status == metrics::RunStatus::kOk)
-        cells.push_back(plain(value(r)));
-      else
-        cells.push_back({r.status == metrics::RunStatus::kFailed ? "failed" : "did not finish", false, true});
-    }
-    table.rows.push_back(std::move(cells));
-  };
-  using R = metrics::RendererResult;
-  const auto us = [](double ms) { return short_number(ms * kUsPerMs); };
-  row("points",
-      document.renderers.empty() || !document.renderers.front().model
-          ? "–"
-          : count_text(document.renderers.front().model->points),
-      [](const R& r) { return r.model ? count_text(r.model->points) : std::string("–"); });
-  row("frames in contact", count_text(manifest.printed_frames),
-      [](const R& r) { return r.frame ? count_text(r.frame->contact_frames) : std::string("–"); });
-  row("fastest, µs", us(manifest.printed_min_ms),
-      [](const R& r) { return short_number(r.frame ? r.frame->min_us : std::nullopt); });
-  row("slowest, µs", us(manifest.printed_max_ms),
-      [](const R& r) { return short_number(r.frame ? r.frame->max_us : std::nullopt); });
-  row("average, µs", us(manifest.printed_mean_ms),
-      [](const R& r) { return short_number(r.frame ? r.frame->mean_us : std::nullopt); });
-  row("99.9 %, µs", "–", [](const R& r) { return short_number(r.frame ? r.frame->p999_us : std::nullopt); });
-  row("preparation", "–",
-      [](const R& r) { return r.prepare ? duration_text(r.prepare->total_ms) : std::string("–"); });
-  row("missed / false contact, frames", "none felt", [](const R& r) {
-    return r.accuracy ? fmt::format("{} / {}", count_text(r.accuracy->missed_contact_frames),
-                                    count_text(r.accuracy->false_contact_frames))
-                      : std::string("–");
-  });
-  row("longest stick, frames", "–", [](const R& r) {
-    return r.accuracy ? count_text(r.accuracy->longest_stick_frames) : std::string("–");
-  });
+  for (const R& r : document.renderers) table.columns.push_back(r.label);
+  // As many digits as are printed, moved by three places.
+  const auto us = [](double ms) { return fmt::format("{:.1f}", ms * kUsPerMs); };
+  BesideThesis rows(table, document);
+  rows.counts("points", count_text(manifest.printed_points),
+              [](const R& r) { return r.model ? Count(r.model->points) : Count(); });
+  rows.counts("frames in contact", count_text(manifest.printed_frames),
+              [](const R& r) { return r.frame ? Count(r.frame->contact_frames) : Count(); });
+  rows.numbers("fastest frame, µs", us(manifest.printed_min_ms), frame_value(&F::min_us));
+  rows.numbers("slowest frame, µs", us(manifest.printed_max_ms), frame_value(&F::max_us));
+  rows.numbers("average frame, µs", us(manifest.printed_mean_ms), frame_value(&F::mean_us));
+  table.rows.push_back({plain("Not in the thesis")});
+  rows.numbers("99.9 % of frames within, µs", "–", frame_value(&F::p999_us));
+  rows.times("preparation", [](const R& r) { return r.prepare ? Value(r.prepare->total_ms) : Value(); });
+  rows.counts("missed contact, frames", "–", defect_count(&A::missed_contact_frames));
+  rows.counts("false contact, frames", "–", defect_count(&A::false_contact_frames));
+  rows.counts("longest stick, frames", "–", defect_count(&A::longest_stick_frames));
+  rows.numbers("force error, RMS, %", "–", score_value(&A::force_rms_percent));
+  rows.numbers("force direction, 99 % within, degrees", "–", score_value(&A::direction_p99_deg));
+  rows.numbers("god object error, RMS, mm", "–", score_value(&A::god_object_rms_mm));
   table.caption = "Thesis: " + manifest.hardware +
                   ". Fastest and slowest contain the cost of reading the clock; the average does not.";
   table.notes = manifest.notes;
@@ -231,6 +288,11 @@ void reproduce_frames(const Manifest& manifest, Reproduction& r) {
   r.context.progress.report("drawing the figures", -1.0);
   add_study(r.page, study, fmt::format("table{}", manifest.table), r.folder);
   Table table = frames_table(manifest, study.document);
+  if (!r.page.headlines.empty())
+    for (Headline& line : r.page.headlines.back().lines)
+      if (line.lead == "Mean frame in contact")
+        line.text += fmt::format("; the thesis: {} µs, on a {}",
+                                 short_number(manifest.printed_mean_ms * kUsPerMs), manifest.hardware);
   Section& section = r.page.sections.back();
   section.tables.insert(section.tables.begin(), table);
   r.tables.push_back(std::move(table));

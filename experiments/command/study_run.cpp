@@ -60,11 +60,12 @@ int run_study(const RunArguments& arguments, Context& context, const AfterStudy&
   Result<Prepared> prepared = check(arguments, registry);
   if (!prepared) return fail(prepared.error(), kExitBadInput);
   Study study;
-  study.title = "Comparison";
   study.document = new_document(context.command_line);
   Result<Stage> stage = set_up(prepared->stage, all_readers(), context.progress);
   if (!stage) return fail(stage.error(), kExitBadInput, &context.progress);
   study.stage = *std::move(stage);
+  const std::string& path = study.stage.path.name;
+  study.title = fmt::format("{}, along {}", study.stage.scene_name, path.substr(0, path.find(':')));
   const Result<OutputFolder> folder = OutputFolder::open(arguments.out);
   if (!folder) return fail(folder.error(), kExitBadInput, &context.progress);
   RunOptions options;

@@ -18,14 +18,14 @@ struct Figure {
 };
 
 /// The same colour for the same renderer in every figure (Okabe and Ito's palette, told apart by the
-/// colour-blind). The truth is black and not among them.
+/// colour-blind). The truth is grey and not among them.
 [[nodiscard]] std::string colour_of(const std::string& label, std::size_t index);
 
 /// One line of a chart.
 struct Series {
   std::string label;
   std::string colour;
-  std::vector<double> x, y;
+  std::vector<double> x, y;  ///< a y that is not finite interrupts the line
 };
 
 /// What gnuplot is told about a chart.
@@ -37,10 +37,12 @@ struct Chart {
     kLines,
     kSteps,
     kMarkedLines,
-    kBoxes,
-    kMap
-  };  ///< kMap: the first series a line, the others dots
+    kBars,  ///< lying: x is the length from `bars_from`, y the row
+    kMap    ///< x and y to one scale; the first series a thin line, the others thick
+  };
   Style style = Style::kLines;
+  double bars_from = 0.0;
+  int height = 0;  ///< in the units of the SVG; 0: as usual
   bool wide = false;
   std::string extra;  ///< gnuplot commands before `plot`
   std::vector<Series> series;

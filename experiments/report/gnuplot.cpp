@@ -12,7 +12,8 @@ namespace palpate::experiments {
 namespace {
 
 constexpr double kGnuplotLimitS = 60.0;
-constexpr int kHeight = 380, kWidth = 680, kWideWidth = 1080;
+constexpr int kHeight = 360, kWidth = 560,
+              kWideWidth = 1120;  // shown at nearly these sizes: letters stay legible
 
 std::string quoted(const std::string& text) {
   std::string out = "'";
@@ -41,24 +42,38 @@ const char* style_name(Chart::Style style, std::size_t index) {
       return "steps lw 1.2";
     case Chart::Style::kMarkedLines:
       return "linespoints pt 7 ps 0.6 lw 1.6";
-    case Chart::Style::kBoxes:
-      return "boxes";
+    case Chart::Style::kBars:
+      return "boxxyerror fs solid 0.9 noborder";
     case Chart::Style::kMap:
-      return index == 0 ? "lines lw 0.8" : "points pt 7 ps 0.25";
+      return index == 0 ? "lines lw 0.6" : "lines lw 4";
   }
   return "lines";
+}
+
+/// Lines on top of each other are told apart by their dashes, in print as well.
+const char* dashes(const Chart& chart, const Series& series) {
+  const bool drawn = chart.style == Chart::Style::kLines || chart.style == Chart::Style::kMarkedLines;
+  if (!drawn || series.label == "truth") return "";
+  return series.label == "mesh-godobject" ? " dt (8,6)" : "";
+}
+
+std::string columns_of(const Chart& chart) {
+  constexpr double kHalfBar = 0.32;
+  if (chart.style != Chart::Style::kBars) return "1:2";
+  return fmt::format("1:2:({0:.7g}):1:($2-{1}):($2+{1})", chart.bars_from, kHalfBar);
 }
 
 std::string script_text(const Chart& chart) {
   std::string s = fmt::format(
       "# Run `gnuplot {0}.gp` in this folder to draw {0}.svg again.\n"
-      "set terminal svg size {1},{2} dynamic font 'Helvetica,15' linewidth 1.4 background "
+      "set terminal svg size {1},{2} dynamic rounded font 'Helvetica,15' linewidth 1.4 background "
       "'#ffffff'\n"
       "set output '{0}.svg'\nset encoding utf8\n"
       "set border 3 lc rgb '#555555'\nset tics nomirror textcolor rgb '#333333'\nset grid lc rgb '#e4e4e4' "
       "lt 1 lw 0.6\n"
-      "set key outside bottom center horizontal noenhanced samplen 2\nset xlabel {3}\nset ylabel {4}\n",
-      chart.name, chart.wide ? kWideWidth : kWidth, kHeight, quoted(chart.x_label), quoted(chart.y_label));
+      "set key outside top center horizontal noenhanced samplen 2\nset xlabel {3}\nset ylabel {4}\n",
+      chart.name, chart.wide ? kWideWidth : kWidth, chart.height > 0 ? chart.height : kHeight,
+      quoted(chart.x_label), quoted(chart.y_label));
   if (chart.log_x) s += "set logscale x\nset format x '%g'\n";
   if (chart.log_y) s += "set logscale y\nset format y '%g'\n";
   s += chart.extra;
@@ -67,10 +82,10 @@ std::string script_text(const Chart& chart) {
     const Series& series = chart.series[i];
     if (series.x.empty()) continue;
     const bool truth = series.label == "truth";
-    plot += fmt::format("{}'{}.dat' index {} using 1:2 with {}{} lc rgb '{}' title {}",
-                        plot.empty() ? "plot " : ", \\\n     ", chart.name, i,
-                        truth ? "lines lw 3.5" : style_name(chart.style, i), "", series.colour,
-                        quoted(series.label));
+    plot += fmt::format("{}'{}.dat' index {} using {} with {}{} lc rgb '{}' title {}",
+                        plot.empty() ? "plot " : ", \\\n     ", chart.name, i, columns_of(chart),
+                        truth ? "lines lw 6" : style_name(chart.style, i), dashes(chart, series),
+                        series.colour, quoted(series.label));
   }
   return s + plot + "\n";
 }

@@ -10,31 +10,39 @@ namespace {
 
 using metrics::RendererResult;
 using Value = std::function<std::optional<double>(const RendererResult&)>;
+using Show = std::function<std::string(double)>;
 
-const RendererResult* lowest(const metrics::ResultDocument& document, const Value& value) {
-  const RendererResult* best = nullptr;
-  for (const RendererResult& r : document.renderers)
-    if (competes(r) && value(r) && (best == nullptr || *value(r) < *value(*best))) best = &r;
-  return best;
+std::string joined(const std::vector<std::string>& items, const char* between) {
+  std::string text;
+  for (const std::string& item : items) text += (text.empty() ? "" : between) + item;
+  return text;
+}
+
+/// "a", "a and b", "a, b and c".
+std::string listed(const std::vector<std::string>& items) {
+  if (items.size() < 2) return joined(items, "");
+  return joined({items.begin(), items.end() - 1}, ", ") + " and " + items.back();
 }
 
 /// ", 1.9 times as much" where that says something.
 std::string times(double value, double best) {
   constexpr double kWorthSaying = 1.05;
-  return best > 0.0 && value / best >= kWorthSaying
-             ? fmt::format(", {} times as much", short_number(value / best))
-             : "";
+  return best > 0.0 && value / best >= kWorthSaying ? fmt::format(" ({} times)", short_number(value / best))
+                                                    : "";
 }
 
-/// " (cloud 0.21 µs, mesh-godobject 0.40 µs, 1.9 times as much)" of all but `best`.
-std::string others(const metrics::ResultDocument& document, const RendererResult* best, const Value& value,
-                   const std::function<std::string(double)>& show) {
-  std::string text;
+/// "cloud 0.21 µs, mesh-godobject 0.40 µs (1.9 times)", the lowest first.
+std::string ranked(const metrics::ResultDocument& document, const Value& value, const Show& show) {
+  std::vector<const RendererResult*> order;
   for (const RendererResult& r : document.renderers)
-    if (&r != best && competes(r) && value(r))
-      text += fmt::format("{}{} {}{}", text.empty() ? "" : "; ", r.label, show(*value(r)),
-                          times(*value(r), *value(*best)));
-  return text.empty() ? "" : " (" + text + ")";
+    if (competes(r) && value(r)) order.push_back(&r);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](const RendererResult* a, const RendererResult* b) { return *value(*a) < *value(*b); });
+  std::vector<std::string> items;
+  for (const RendererResult* r : order)
+    items.push_back(fmt::format("{} {}{}", r->label, show(*value(*r)),
+                                r == order.front() ? "" : times(*value(*r), *value(*order.front()))));
+  return joined(items, ", ");
 }
 
 std::optional<double> mean_us(const RendererResult& r) {
@@ -47,62 +55,63 @@ std::optional<double> force_rms(const RendererResult& r) {
   return r.accuracy ? r.accuracy->force_rms_n : std::nullopt;
 }
 
-std::string microseconds(double us) {
-  return short_number(us) + " µs";
-}
-std::string newtons(double n) {
-  return short_number(n) + " N";
+/// What a renderer's contact got wrong, or nothing.
+std::string contact_faults(const RendererResult& r) {
+  std::vector<std::string> faults;
+  const auto add = [&](std::uint64_t n, const char* one, const char* several) {
+    if (n > 0) faults.push_back(fmt::format("{} {}", count_text(n), n == 1 ? one : several));
+  };
+  add(r.accuracy->missed_contact_frames, "frame of missed contact", "frames of missed contact");
+  add(r.accuracy->false_contact_frames, "frame of false contact", "frames of false contact");
+  if (r.accuracy->longest_stick_frames > 0)
+    faults.push_back(
+        fmt::format("stuck for up to {} in a row", count_text(r.accuracy->longest_stick_frames)));
+  add(r.accuracy->pop_throughs.value_or(0), "pop-through", "pop-throughs");
+  return joined(faults, ", ");
 }
 
-/// What a renderer got wrong, or nothing.
-std::string shortcomings(const RendererResult& r) {
-  if (r.status != metrics::RunStatus::kOk)
-    return fmt::format("{} {}: {}", r.label,
-                       r.status == metrics::RunStatus::kFailed ? "failed" : "did not finish", r.reason);
-  if (!r.accuracy) return {};
-  std::vector<std::string> faults;
-  const auto add = [&](std::uint64_t n, const char* what) {
-    if (n > 0) faults.push_back(fmt::format("{} {}", count_text(n), what));
-  };
-  add(r.accuracy->missed_contact_frames, "frames of missed contact");
-  add(r.accuracy->false_contact_frames, "of false contact");
-  if (r.accuracy->false_contact_frames > 0) add(r.accuracy->longest_stick_frames, "in the longest stick");
-  add(r.accuracy->pop_throughs.value_or(0), "pop-throughs");
-  if (faults.empty()) return {};
-  std::string text;
-  for (const std::string& fault : faults) text += (text.empty() ? "" : ", ") + fault;
-  return fmt::format("{}: {}", r.label, text);
+/// Who keeps contact right, and who does not: what a hand notices first.
+std::string contact_verdict(const metrics::ResultDocument& document) {
+  // Renderers that differ in shading alone have the same contact: said once.
+  std::vector<std::string> clean;
+  std::vector<std::pair<std::string, std::vector<std::string>>> faulty;
+  for (const RendererResult& r : document.renderers) {
+    if (!r.accuracy || !competes(r)) continue;
+    const std::string fault = contact_faults(r);
+    const auto same =
+        std::find_if(faulty.begin(), faulty.end(), [&](const auto& f) { return f.first == fault; });
+    if (fault.empty())
+      clean.push_back(r.label);
+    else if (same != faulty.end())
+      same->second.push_back(r.label);
+    else
+      faulty.push_back({fault, {r.label}});
+  }
+  std::vector<std::string> parts;
+  if (!clean.empty())
+    parts.push_back(fmt::format("right with {}: nothing missed, false or stuck", listed(clean)));
+  for (const auto& [fault, labels] : faulty)
+    parts.push_back(fmt::format("wrong with {}: {}", listed(labels), fault));
+  return parts.empty() ? "" : joined(parts, "; ") + " (beyond one local resolution).";
 }
 
 }  // namespace
 
-std::vector<std::string> headlines_of(const metrics::ResultDocument& document, const std::string& title) {
-  std::vector<std::string> lines;
-  const std::string where = title.empty() ? "" : title + ": ";
-  const bool rivals = std::count_if(document.renderers.begin(), document.renderers.end(), competes) > 1;
-  if (const RendererResult* best = rivals ? lowest(document, mean_us) : nullptr)
-    lines.push_back(fmt::format("{}the fastest frame in contact is {}'s, {} on average{}.", where,
-                                best->label, microseconds(*mean_us(*best)),
-                                others(document, best, mean_us, microseconds)));
-  if (const RendererResult* best = rivals ? lowest(document, prepare_ms) : nullptr)
-    lines.push_back(fmt::format("{}{} is ready first, after {}{}.", where, best->label,
-                                duration_text(*prepare_ms(*best)),
-                                others(document, best, prepare_ms, duration_text)));
-  if (const RendererResult* best = rivals ? lowest(document, force_rms) : nullptr)
-    lines.push_back(fmt::format("{}{} is closest to the ground truth, {} RMS force error{}.", where,
-                                best->label, newtons(*force_rms(*best)),
-                                others(document, best, force_rms, newtons)));
-  std::string faults, clean;
-  for (const RendererResult& r : document.renderers) {
-    const std::string fault = shortcomings(r);
-    if (!fault.empty()) faults += (faults.empty() ? "" : "; ") + fault;
-    if (fault.empty() && r.accuracy && competes(r)) clean += (clean.empty() ? "" : ", ") + r.label;
-  }
-  if (!faults.empty())
-    lines.push_back(fmt::format("{}fell short beyond one local resolution: {}.", where, faults));
-  if (!clean.empty())
-    lines.push_back(
-        fmt::format("{}no missed, false or stuck contact beyond one local resolution: {}.", where, clean));
+std::vector<Headline> headlines_of(const metrics::ResultDocument& document) {
+  std::vector<Headline> lines;
+  for (const RendererResult& r : document.renderers)
+    if (r.status != metrics::RunStatus::kOk)
+      lines.push_back(
+          {"Fell short",
+           fmt::format("{} {}: {}.", r.label,
+                       r.status == metrics::RunStatus::kFailed ? "failed" : "did not finish", r.reason)});
+  const auto add = [&](const char* lead, const std::string& text) {
+    if (!text.empty()) lines.push_back({lead, text});
+  };
+  add("Contact", contact_verdict(document));
+  add("Force error, RMS", ranked(document, force_rms, [](double n) { return short_number(n) + " N"; }));
+  add("Mean frame in contact", ranked(document, mean_us, [](double us) { return short_number(us) + " µs"; }));
+  add("Preparation", ranked(document, prepare_ms, duration_text));
   return lines;
 }
 

@@ -2,14 +2,40 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 namespace palpate::experiments {
 namespace {
 
-std::string list(const std::vector<std::string>& items, const char* open) {
-  if (items.empty()) return {};
-  std::string html = open;
-  for (const std::string& item : items) html += "<li>" + html_escaped(item) + "</li>\n";
-  return html + "</ul>\n";
+/// Terms and what is said of each.
+std::string terms(const std::vector<std::pair<std::string, std::string>>& items, const char* kind) {
+  std::string html = fmt::format("<dl class=\"{}\">\n", kind);
+  for (const auto& [term, text] : items)
+    html += fmt::format("<dt>{}</dt><dd>{}</dd>\n", html_escaped(term), html_escaped(text));
+  return html + "</dl>\n";
+}
+
+std::string headlines_html(const Page& page) {
+  std::string html = "<div class=\"headline\">\n";
+  for (const HeadlineGroup& group : page.headlines) {
+    if (group.lines.empty()) continue;
+    if (!group.title.empty()) html += "<h2>" + html_escaped(group.title) + "</h2>\n";
+    std::vector<std::pair<std::string, std::string>> items;
+    for (const Headline& line : group.lines) items.emplace_back(line.lead, line.text);
+    html += terms(items, "found");
+  }
+  return html + "</div>\n";
+}
+
+std::string facts_html(const std::vector<Fact>& facts) {
+  if (facts.empty()) return {};
+  std::string html = "<h3>How it was run</h3>\n<dl class=\"facts\">\n";
+  for (const Fact& fact : facts) {
+    html += "<dt>" + html_escaped(fact.about) + "</dt><dd>";
+    for (const std::string& sentence : fact.sentences) html += "<div>" + html_escaped(sentence) + "</div>";
+    html += "</dd>\n";
+  }
+  return html + "</dl>\n";
 }
 
 std::string figure_html(const Figure& figure) {
@@ -29,54 +55,69 @@ std::string section_html(const Section& section) {
     for (const Figure& figure : section.figures) html += figure_html(figure);
     html += "</div>\n";
   }
-  return html + list(section.facts, "<ul class=\"facts\">\n") + "</section>\n";
+  return html + facts_html(section.facts) + "</section>\n";
 }
 
 std::string about_html(const Page& page) {
   constexpr double kBytesPerGb = 1e9;
   const metrics::ResultDocument& a = page.about;
-  const auto item = [](const char* key, const std::string& value) {
-    return fmt::format("<dt>{}</dt><dd>{}</dd>\n", key, html_escaped(value.empty() ? "unknown" : value));
-  };
-  std::string html = "<section id=\"about\">\n<h2>Machine, program, and how to repeat it</h2>\n<dl>\n";
-  html += item("processor", fmt::format("{}, {} in use", a.machine.cpu, a.machine.cores));
-  html += item("memory", fmt::format("{:.1f} GB", static_cast<double>(a.machine.memory_bytes) / kBytesPerGb));
-  html += item("system", a.machine.kernel);
-  html += item("program", fmt::format("palpate {}, commit {}", a.version, a.commit));
-  html += item("build", a.build);
-  html += item("started", a.started_utc);
-  html += "</dl>\n<pre>";
+  std::vector<std::pair<std::string, std::string>> items = {
+      {"processor", fmt::format("{}, {} in use", a.machine.cpu, a.machine.cores)},
+      {"memory", fmt::format("{:.1f} GB", static_cast<double>(a.machine.memory_bytes) / kBytesPerGb)},
+      {"system", a.machine.kernel},
+      {"program", fmt::format("palpate {}, commit {}", a.version, a.commit)},
+      {"build", a.build},
+      {"started", a.started_utc}};
+  for (auto& [term, text] : items)
+    if (text.empty()) text = "unknown";
+  std::string html = "<section id=\"about\">\n<h2>Machine, program, and how to repeat it</h2>\n";
+  html += terms(items, "about") + "<pre>";
   for (const std::string& command : page.commands) html += html_escaped(command) + "\n";
   return html +
          "</pre>\n<p class=\"caption\">Every number of this page is in result.json, every frame in the trace "
-         "files beside it; the figures' scripts "
-         "and data are in the folder figures. Times differ from run to run and from machine to machine, "
-         "traces do not: "
-         "their hashes are named with each renderer's options.</p>\n</section>\n";
+         "files beside it; the scripts and data of the figures are in the folder figures. Times differ from "
+         "run to run and from machine to machine; traces do not, and their hashes stand with each "
+         "renderer.</p>\n</section>\n";
 }
 
-std::vector<std::string> facts_of(const Study& study) {
-  std::vector<std::string> facts;
-  for (const std::string& note : study.stage.notes) facts.push_back(note);
+/// One paragraph a renderer: its options, the phases of its preparation, its hash, and what it noted.
+Fact fact_of(const metrics::RendererResult& r) {
+  std::string options, phases;
+  for (const auto& [key, value] : r.options)
+    options += fmt::format("{}{}={}", options.empty() ? "" : ", ", key, value);
+  Fact fact{r.label, {r.name + (options.empty() ? "" : " with " + options)}};
+  if (r.prepare) {
+    for (const render::PreparePhase& phase : r.prepare->phases)
+      phases += fmt::format("{}{} {}", phases.empty() ? "" : ", ", phase.name, duration_text(phase.ms));
+    fact.sentences.push_back(fmt::format("prepared on {} thread{} in {}{}", r.threads,
+                                         r.threads == 1 ? "" : "s", duration_text(r.prepare->total_ms),
+                                         phases.empty() ? "" : ": " + phases));
+    std::string notes;
+    for (const std::string& note : r.prepare->notes) notes += (notes.empty() ? "" : "; ") + note;
+    if (!notes.empty()) fact.sentences.push_back(notes);
+  }
+  if (!r.trace_hash.empty()) fact.sentences.push_back("trace hash " + r.trace_hash);
+  return fact;
+}
+
+std::vector<Fact> facts_of(const Study& study) {
+  std::vector<Fact> facts = {{"model", {study.document.scene}}, {"path", {study.document.path}}};
   if (study.stage.reference)
     facts.push_back(
-        fmt::format("Ground truth: {}. {}", study.stage.reference->name, study.stage.reference->exactness));
-  for (const metrics::RendererResult& r : study.document.renderers) {
-    std::string options;
-    for (const auto& [key, value] : r.options)
-      options += fmt::format("{}{}={}", options.empty() ? "" : ", ", key, value);
-    std::string phases;
-    if (r.prepare)
-      for (const render::PreparePhase& phase : r.prepare->phases)
-        phases += fmt::format("{}{} {}", phases.empty() ? "; prepared in: " : ", ", phase.name,
-                              duration_text(phase.ms));
-    facts.push_back(fmt::format("{} is {}{}{}{}; threads of preparation {}; trace hash {}", r.label, r.name,
-                                options.empty() ? "" : " with ", options, phases, r.threads,
-                                r.trace_hash.empty() ? "none" : r.trace_hash));
-    if (r.prepare)
-      for (const std::string& note : r.prepare->notes) facts.push_back(r.label + ": " + note);
-  }
+        {"ground truth", {study.stage.reference->name + ": " + study.stage.reference->exactness}});
+  if (!study.stage.notes.empty()) facts.push_back({"notes", study.stage.notes});
+  for (const metrics::RendererResult& r : study.document.renderers) facts.push_back(fact_of(r));
   return facts;
+}
+
+/// How much of the path touches, in truth.
+std::string contact_of_path(const Study& study) {
+  if (!study.stage.reference) return {};
+  const auto& frames = study.stage.reference->frames;
+  const auto touching = static_cast<std::size_t>(
+      std::count_if(frames.begin(), frames.end(), [](const auto& f) { return f.frame.contact; }));
+  return fmt::format("The path has {} frames: {} of true contact, {} in free space.",
+                     count_text(frames.size()), count_text(touching), count_text(frames.size() - touching));
 }
 
 }  // namespace
@@ -94,17 +135,20 @@ void add_study(Page& page, const Study& study, const std::string& id, const Outp
   section.id = id;
   section.title = study.title;
   if (!study.text.empty()) section.paragraphs.push_back(study.text);
-  section.tables.push_back(comparison_table(study.document));
-  section.tables.back().caption =
+  if (const std::string path = contact_of_path(study); !path.empty()) section.paragraphs.push_back(path);
+  Table table = comparison_table(study.document);
+  table.caption =
       "Green and bold: the best of the row. Frame times are of contact frames; the mean is without the "
       "clock's own cost.";
+  if (study.stage.reference)
+    table.notes.insert(table.notes.end(), contact_words().begin(), contact_words().end());
+  section.tables.push_back(std::move(table));
   if (const Result<OutputFolder> figures = folder.inside("figures"))
     section.figures = draw_study(study, id, *figures);
   else
     section.paragraphs.push_back("The figures could not be drawn: " + figures.error().message());
   section.facts = facts_of(study);
-  for (std::string& headline : headlines_of(study.document, study.name))
-    page.headlines.push_back(std::move(headline));
+  page.headlines.push_back({study.title, headlines_of(study.document)});
   page.sections.push_back(std::move(section));
 }
 
@@ -117,7 +161,7 @@ std::string to_html(const Page& page) {
       html_escaped(page.title), page_style(), html_escaped(page.about.version),
       html_escaped(page.about.commit), html_escaped(page.about.started_utc),
       html_escaped(page.about.machine.cpu));
-  html += "<div class=\"headline\">" + list(page.headlines, "<ul>\n") + "</div>\n<nav>";
+  html += headlines_html(page) + "<nav>";
   for (const Section& section : page.sections)
     html += fmt::format("<a href=\"#{}\">{}</a>", section.id, html_escaped(section.title));
   html += "<a href=\"#about\">Machine and commands</a></nav>\n";

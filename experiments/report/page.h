@@ -9,18 +9,32 @@
 
 namespace palpate::experiments {
 
+/// One thing found: "Contact", "right with cloud: ...".
+struct Headline {
+  std::string lead, text;
+};
+struct HeadlineGroup {
+  std::string title;
+  std::vector<Headline> lines;
+};
+/// Small print about one renderer, or about the whole.
+struct Fact {
+  std::string about;
+  std::vector<std::string> sentences;
+};
+
 struct Section {
   std::string id;
   std::string title;
   std::vector<std::string> paragraphs;  ///< plain text
   std::vector<Table> tables;
   std::vector<Figure> figures;
-  std::vector<std::string> facts;  ///< small print: options, hashes, exactness
+  std::vector<Fact> facts;  ///< options, phases, hashes, exactness
 };
 
 struct Page {
   std::string title;
-  std::vector<std::string> headlines;  ///< plain sentences, the most important first
+  std::vector<HeadlineGroup> headlines;  ///< what was found, the first thing on the page
   std::vector<Section> sections;
   std::vector<std::string> commands;  ///< that repeat it
   metrics::ResultDocument about;      ///< machine, commit, time; its renderers are not read
@@ -31,9 +45,9 @@ struct Page {
 /// The study's section with its figures (drawn into `folder`/figures) and its headlines.
 void add_study(Page& page, const Study& study, const std::string& id, const OutputFolder& folder);
 
-/// What a study shows, in sentences: who won, what fell short. A pure function of the document.
-[[nodiscard]] std::vector<std::string> headlines_of(const metrics::ResultDocument& document,
-                                                    const std::string& title);
+/// What a study shows: who keeps contact right, who is exact, fast, ready soon. A pure function of the
+/// document.
+[[nodiscard]] std::vector<Headline> headlines_of(const metrics::ResultDocument& document);
 
 [[nodiscard]] std::string to_html(const Page& page);
 /// report.html.

@@ -12,9 +12,9 @@ main { max-width:72rem; margin:0 auto; padding:1.5rem clamp(.9rem,3vw,2.5rem) 4r
 h1 { font-size:clamp(1.5rem,4vw,2.2rem); line-height:1.2; margin:.6rem 0 .2rem; }
 h2 { font-size:1.4rem; margin:2.8rem 0 .5rem; padding-top:1rem; border-top:2px solid var(--line); }
 p { margin:.5rem 0; max-width:48rem; overflow-wrap:anywhere; }
-.by { color:var(--soft); font-size:.92rem; }
-.headline { background:var(--card); border:1px solid var(--line); border-left:5px solid var(--accent); border-radius:6px; padding:.7rem 1.2rem; margin:1.2rem 0; }
-.headline ul { margin:.3rem 0; padding-left:1.2rem; } .headline li { margin:.35rem 0; max-width:52rem; }
+.by { max-width:none; color:var(--soft); font-size:.92rem; }
+.headline { background:var(--card); border:1px solid var(--line); border-left:5px solid var(--accent); border-radius:6px; padding:.4rem 1.2rem .9rem; margin:1.2rem 0; }
+.headline h2 { font-size:1.02rem; margin:1rem 0 .25rem; padding:0; border:0; }
 nav { font-size:.95rem; } nav a { color:var(--accent); margin-right:1.1rem; display:inline-block; }
 .scroll { overflow-x:auto; margin:1.1rem 0 .3rem; border:1px solid var(--line); border-radius:6px; background:var(--card); }
 table { border-collapse:collapse; width:100%; font-size:.93rem; font-variant-numeric:tabular-nums; }
@@ -24,7 +24,8 @@ thead th { font-weight:600; border-bottom:2px solid var(--line); white-space:nor
 th:first-child { text-align:left; font-weight:400; min-width:8rem; white-space:normal; position:sticky; left:0; background:var(--card); }
 tr.group th { font-weight:600; color:var(--soft); padding-top:.9rem; font-size:.85rem; letter-spacing:.02em; }
 td.best { font-weight:700; color:var(--best); } td.bad { font-weight:700; color:var(--bad); }
-.caption, .notes, .facts { color:var(--soft); font-size:.88rem; } .notes { padding-left:1.2rem; } .facts { padding-left:1.2rem; overflow-wrap:anywhere; }
+.caption, .notes, .facts { color:var(--soft); font-size:.88rem; } .notes { padding-left:1.2rem; max-width:60rem; }
+h3 { font-size:1rem; margin:1.4rem 0 .3rem; }
 .figures { display:grid; grid-template-columns:repeat(2,minmax(0,1fr)); gap:1.1rem; margin:1.2rem 0; }
 figure { margin:0; background:var(--card); border:1px solid var(--line); border-radius:6px; padding:.7rem .8rem; min-width:0; }
 figure.wide { grid-column:1/-1; }
@@ -32,13 +33,14 @@ figure h3 { margin:.1rem .2rem .4rem; font-size:1rem; }
 figure .picture { background:#fff; border-radius:4px; overflow-x:auto; } figure svg { display:block; width:100%; height:auto; }
 figcaption { color:var(--soft); font-size:.87rem; margin:.45rem .2rem 0; }
 pre { background:var(--card); border:1px solid var(--line); border-radius:6px; padding:.7rem .9rem; overflow-x:auto; font-size:.86rem; white-space:pre-wrap; overflow-wrap:anywhere; }
-dl { display:grid; grid-template-columns:max-content 1fr; gap:.2rem 1.2rem; font-size:.93rem; } dt { color:var(--soft); } dd { margin:0; overflow-wrap:anywhere; }
-@media (max-width:46rem) { .figures { grid-template-columns:minmax(0,1fr); } figure.wide .picture svg { min-width:34rem; } th,td { padding:.3rem .55rem; } dl { grid-template-columns:1fr; } dd { margin-bottom:.4rem; } }
+dl { display:grid; grid-template-columns:minmax(7.5rem,max-content) 1fr; gap:.2rem 1.2rem; margin:.3rem 0; font-size:.93rem; } dt { color:var(--soft); } dd { margin:0; overflow-wrap:anywhere; max-width:54rem; }
+dl.found { grid-template-columns:11.5rem 1fr; font-size:.97rem; } dl.found dd { max-width:none; } dl.facts { gap:.45rem 1.2rem; font-size:.86rem; } dl.facts dt { color:var(--ink); font-weight:600; }
+@media (max-width:46rem) { .figures { grid-template-columns:minmax(0,1fr); } figure.wide .picture svg { min-width:34rem; } th,td { padding:.3rem .55rem; } dl, dl.found, dl.facts { grid-template-columns:minmax(0,1fr); gap:0; } dd { margin-bottom:.5rem; } dl.found dt { font-weight:600; } }
 @media print {
   :root { --ink:#000; --soft:#444; --paper:#fff; --card:#fff; --line:#bbb; --accent:#0072b2; --best:#00694f; --bad:#b3261e; }
   @page { size:A4; margin:14mm; }
   body { font-size:10pt; } main { max-width:none; padding:0; } nav { display:none; }
-  h2 { break-after:avoid; } figure, .headline, tr { break-inside:avoid; } .scroll, figure .picture { overflow:visible; } th,td { padding:.16rem .4rem; } thead { display:table-header-group; }
+  h2 { break-after:avoid; } figure, .headline dl, tr, dd, pre { break-inside:avoid; } h3, dt, caption { break-after:avoid; } .scroll, figure .picture { overflow:visible; } th,td { padding:.16rem .4rem; } thead { display:table-header-group; }
 }
 )css";
 }

@@ -33,6 +33,19 @@ struct Table {
 /// One column per renderer, one row per score.
 [[nodiscard]] Table comparison_table(const metrics::ResultDocument& document);
 
+/// Numbers that stand side by side: all with as many decimals as the smallest needs for three digits, or as
+/// the largest bears; a dash for nothing, "<0.001" for what would read as nothing and is not.
+[[nodiscard]] std::vector<std::string> aligned_numbers(const std::vector<std::optional<double>>& values);
+/// The same for times: "ms" or "s", whichever suits the longest, and the numbers in it.
+struct AlignedTimes {
+  std::string unit;
+  std::vector<std::string> texts;
+};
+[[nodiscard]] AlignedTimes aligned_times(const std::vector<std::optional<double>>& ms);
+
+/// What missed, false and stuck contact mean, a sentence each.
+[[nodiscard]] const std::vector<std::string>& contact_words();
+
 /// Three significant digits, thousands separated: 0.0374, 2.40, 1,002,001.
 [[nodiscard]] std::string short_number(double value);
 [[nodiscard]] std::string short_number(const std::optional<double>& value);  ///< a dash for nothing

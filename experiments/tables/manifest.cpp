@@ -35,6 +35,7 @@ void read_printed(const toml::table& root, Manifest& manifest) {
   if (node == nullptr || !node->is_table()) return;
   const toml::table& printed = *node->as_table();
   manifest.hardware = text_of(printed, "hardware");
+  manifest.printed_points = static_cast<std::uint64_t>(number_of(printed, "points", 0.0));
   manifest.printed_frames = static_cast<std::uint64_t>(number_of(printed, "frames", 0.0));
   manifest.printed_min_ms = number_of(printed, "min_ms", 0.0);
   manifest.printed_max_ms = number_of(printed, "max_ms", 0.0);

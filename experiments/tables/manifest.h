@@ -41,7 +41,7 @@ struct Manifest {
   std::string title, text;
   std::vector<std::string> notes;
   std::string hardware;  ///< of the printed values
-  std::uint64_t printed_frames = 0;
+  std::uint64_t printed_points = 0, printed_frames = 0;
   double printed_min_ms = 0.0, printed_max_ms = 0.0, printed_mean_ms = 0.0;
   std::vector<ManifestModel> models;
   std::string path, quick_path;

@@ -50,7 +50,7 @@ TEST(Numbers, AreShortAndReadable) {
   EXPECT_EQ(short_number(12345.6), "12,346");
   EXPECT_EQ(short_number(-5.0), "-5.00");
   EXPECT_EQ(short_number(std::nullopt), "–");
-  EXPECT_EQ(duration_text(0.5), "0.5 ms");
+  EXPECT_EQ(duration_text(0.5), "0.500 ms");
   EXPECT_EQ(duration_text(2500.0), "2.50 s");
   EXPECT_EQ(duration_text(90000.0), "1.50 min");
 }
@@ -67,7 +67,8 @@ TEST(ComparisonTable, MarksTheBestOfARow) {
     found = true;
     EXPECT_TRUE(row[1].best);
     EXPECT_FALSE(row[2].best);
-    EXPECT_EQ(row[1].text, "0.2");
+    EXPECT_EQ(row[1].text, "0.200");
+    EXPECT_EQ(row[2].text, "1.500") << "as many decimals as its neighbour";
   }
   EXPECT_TRUE(found);
 }
@@ -82,26 +83,52 @@ TEST(ComparisonTable, ARunThatDidNotFinishSaysSo) {
   EXPECT_NE(text.find("did not finish"), std::string::npos);
   EXPECT_NE(text.find("preparation stopped after 3 s"), std::string::npos);
   bool said = false;
-  for (const std::string& line : headlines_of(d, ""))
-    said = said || line.find("did not finish") != std::string::npos;
+  for (const Headline& line : headlines_of(d))
+    said = said || line.text.find("did not finish") != std::string::npos;
   EXPECT_TRUE(said);
 }
 
-TEST(Headlines, NameWinnerAndShortfall) {
-  const std::vector<std::string> lines = headlines_of(document(), "Test");
+TEST(AlignedNumbers, ShareTheirDecimals) {
+  using Texts = std::vector<std::string>;
+  EXPECT_EQ(aligned_numbers({0.0794, 0.00173, 0.00157}), (Texts{"0.07940", "0.00173", "0.00157"}));
+  EXPECT_EQ(aligned_numbers({23.9, 0.06, 0.0, std::nullopt}), (Texts{"23.900", "0.060", "0", "–"}));
+  EXPECT_EQ(aligned_numbers({12556.4, 72.9}), (Texts{"12,556", "73"}));
+  EXPECT_EQ(aligned_numbers({4.84, 6.1e-6}), (Texts{"4.8400", "<0.0001"}));
+  EXPECT_EQ(aligned_numbers({1234567.0}), (Texts{"1,234,567"}));
+  EXPECT_EQ(aligned_numbers({}), Texts{});
+  EXPECT_EQ(aligned_numbers({-5.0, 0.25}), (Texts{"-5.000", "0.250"}));
+  const AlignedTimes times = aligned_times({149.4, 43100.0});
+  EXPECT_EQ(times.unit, "s");
+  EXPECT_EQ(times.texts, (Texts{"0.149", "43.100"}));
+  EXPECT_EQ(aligned_times({149.4, 456.0}).unit, "ms");
+}
+
+TEST(Headlines, SayWhoKeepsContactAndRankTheOthers) {
   std::string all;
-  for (const std::string& line : lines) all += line + "\n";
-  EXPECT_NE(all.find("the fastest frame in contact is cloud's, 0.2 µs"), std::string::npos) << all;
-  EXPECT_NE(all.find("cloud-literal: 1,234 of false contact"), std::string::npos) << all;
+  for (const Headline& line : headlines_of(document())) all += line.lead + ": " + line.text + "\n";
+  EXPECT_NE(all.find("Contact: right with cloud: nothing missed, false or stuck"), std::string::npos) << all;
+  EXPECT_NE(all.find("wrong with cloud-literal: 1,234 frames of false contact"), std::string::npos) << all;
+  EXPECT_NE(all.find("Mean frame in contact: cloud 0.200 µs, cloud-literal 1.50 µs (7.50 times)"),
+            std::string::npos)
+      << all;
+}
+
+TEST(Headlines, SayTheSameFaultOnce) {
+  metrics::ResultDocument d = document();
+  d.renderers.push_back(result("twin", 1.0, 90.0, 1234));
+  std::string all;
+  for (const Headline& line : headlines_of(d)) all += line.text;
+  EXPECT_NE(all.find("wrong with cloud-literal and twin: 1,234"), std::string::npos) << all;
 }
 
 TEST(Page, EscapesWhatItIsGiven) {
   Page page = begin_page("A <title>", document());
-  page.headlines = {"<script>alert(1)</script>"};
-  page.sections.push_back({"s", "Section", {}, {comparison_table(document())}, {}, {}});
+  page.headlines = {{"<b>", {{"<script>", "<script>alert(1)</script>"}}}};
+  page.sections.push_back({"s", "Section", {document().path}, {comparison_table(document())}, {}, {}});
   const std::string html = to_html(page);
   EXPECT_EQ(html.find("<script"), std::string::npos);
   EXPECT_NE(html.find("tap &lt;&amp;&gt;"), std::string::npos);
+  EXPECT_EQ(html.find("<b>"), std::string::npos);
   EXPECT_NE(html.find("A &lt;title&gt;"), std::string::npos);
 }
 
@@ -135,7 +162,8 @@ TEST(FramesTable, StandsBesideTheThesis) {
   const std::string text = to_text(frames_table(manifests->front(), document()));
   EXPECT_NE(text.find("54,717"), std::string::npos);
   EXPECT_NE(text.find("37.4"), std::string::npos);
-  EXPECT_NE(text.find("0 / 1,234"), std::string::npos) << text;
+  EXPECT_NE(text.find("1,234"), std::string::npos) << text;
+  EXPECT_NE(text.find("Not in the thesis"), std::string::npos) << text;
 }
 
 class Folder : public InFolder {};
