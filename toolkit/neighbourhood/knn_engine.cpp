@@ -4,12 +4,12 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <cstring>
 #include <mutex>
 #include <nanoflann.hpp>
 #include <numeric>
 
 #include "toolkit/core/parallel.h"
-#include "toolkit/core/tolerances.h"
 
 namespace palpate::neighbourhood {
 namespace {
@@ -18,8 +18,14 @@ namespace {
 /// block reaches past the eighth neighbour even where one direction is stretched by half, and holds about 54
 /// candidates.
 constexpr double kPointsPerCell = 6.0;
-/// Cells with more points than this many are left to the tree: pairs within a cell grow with the square.
+/// Cells to search need not be quite so full: levels are a factor of four apart, and 24 points a cell would
+/// cost more than the few points that a block of cells with four cannot serve.
+constexpr double kLeastPerCell = 4.0;
+/// Families and blocks with more points than this many a cell are left to the tree: pairs within a cell grow
+/// with the square.
 constexpr std::size_t kDenseCell = 256;
+constexpr std::size_t kDenseFamily = 4 * kDenseCell;
+constexpr std::size_t kDenseBlock = 27 * kDenseCell;
 /// Levels tried on the grid, each with cells twice as large, before a point is left to the tree.
 constexpr int kGridLevels = 3;
 /// Points at one place that can matter to any point: itself and eight others.
@@ -30,16 +36,9 @@ constexpr double kFirstCubes = 1023.0;
 /// Rounding of (p - low) * per_mm, a cell coordinate below 2^21: the block may be smaller by this share of a
 /// cell.
 constexpr double kCellRounding = 1e-9;
-/// Kept candidates up to which ranks are counted pair by pair, without a branch to mispredict: a guess from
-/// the point before keeps some fourteen. Beyond, eight places are filled by insertion.
-constexpr std::size_t kMostRanked = 20;
-/// Cells a parallel chunk, so that its table lookups stay in cache.
-constexpr std::size_t kCellsPerChunk = 2048;
+/// Families a parallel chunk: some 12,000 points, so that its lookups stay in cache.
+constexpr std::size_t kFamiliesPerChunk = 512;
 constexpr std::size_t kPlacesPerChunk = std::size_t{1} << 16;
-
-/// Two doubles compared at once: compilers do not vectorise a comparison by themselves, since it might trap.
-using Pair = double __attribute__((vector_size(16)));
-using PairCount = std::int64_t __attribute__((vector_size(16)));
 
 /// Occupied cells when the lowest `shift` bits of every code are ignored.
 template <class Code>
@@ -55,64 +54,100 @@ std::size_t occupied(const std::vector<Code>& codes, int shift, int threads) {
   return std::accumulate(parts.begin(), parts.end(), std::size_t{0});
 }
 
-struct PlaceRange {
-  std::uint32_t begin = 0, end = 0;
-};
-struct Cell {
+/// Eight sibling cells, one cell of the level above: their points are one range of places.
+struct Family {
   std::uint64_t code = 0;
-  PlaceRange places;
+  std::array<std::uint32_t, 9> begin{};  ///< of each sibling, by the three lowest bits of its code; the end
+  [[nodiscard]] std::uint32_t first() const noexcept { return begin[0]; }
+  [[nodiscard]] std::uint32_t end() const noexcept { return begin[8]; }
+  [[nodiscard]] std::size_t size() const noexcept { return end() - first(); }
 };
 
-/// The cells of sorted codes, in order.
-std::vector<Cell> cells_of(const std::vector<std::uint64_t>& codes, int shift, int threads) {
+/// The families of sorted codes, in order. `shift` is the code bits below a cell.
+std::vector<Family> families_of(const std::vector<std::uint64_t>& codes, int shift, int threads) {
   const std::size_t n = codes.size();
-  std::vector<std::vector<Cell>> parts((n + kPlacesPerChunk - 1) / kPlacesPerChunk);
+  std::vector<std::vector<Family>> parts((n + kPlacesPerChunk - 1) / kPlacesPerChunk);
   parallel_chunks(n, kPlacesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    // A chunk has the cells that begin in it, however far they reach.
+    // A chunk has the families that begin in it, however far they reach.
     auto& mine = parts[begin / kPlacesPerChunk];
-    for (std::size_t i = begin; i < end; ++i) {
-      const std::uint64_t code = codes[i] >> shift;
-      if (i > 0 && (codes[i - 1] >> shift) == code) continue;
-      mine.push_back({code, {static_cast<std::uint32_t>(i), 0}});
+    std::size_t i = begin;
+    while (i > 0 && i < n && codes[i] >> (shift + 3) == codes[i - 1] >> (shift + 3)) ++i;
+    while (i < end) {
+      Family family;
+      family.code = codes[i] >> (shift + 3);
+      std::size_t sibling = 0;
+      for (; i < n && codes[i] >> (shift + 3) == family.code; ++i)
+        for (const std::size_t at = codes[i] >> shift & 7u; sibling <= at; ++sibling)
+          family.begin[sibling] = static_cast<std::uint32_t>(i);
+      for (; sibling < family.begin.size(); ++sibling) family.begin[sibling] = static_cast<std::uint32_t>(i);
+      mine.push_back(family);
     }
   });
-  std::vector<Cell> cells;
-  for (const auto& part : parts) cells.insert(cells.end(), part.begin(), part.end());
-  for (std::size_t c = 0; c < cells.size(); ++c)
-    cells[c].places.end = c + 1 < cells.size() ? cells[c + 1].places.begin : static_cast<std::uint32_t>(n);
-  return cells;
+  std::vector<Family> families;
+  for (const auto& part : parts) families.insert(families.end(), part.begin(), part.end());
+  return families;
 }
+
+/// Of a family next to another, the siblings that touch it, as ranges of begin[].
+struct Touching {
+  std::array<std::array<std::uint8_t, 2>, 4> range{};
+  std::size_t count = 0;
+};
+
+/// By where the family is: x + 3 y + 9 z of its place in the 3 x 3 x 3 around the other.
+constexpr std::array<Touching, 27> kTouching = [] {
+  std::array<Touching, 27> all{};
+  for (unsigned where = 0; where < all.size(); ++where) {
+    const unsigned place[3] = {where % 3, where / 3 % 3, where / 9};
+    Touching& here = all[where];
+    for (std::uint8_t sibling = 0; sibling < 8; ++sibling) {
+      bool touches = true;
+      for (unsigned axis = 0; axis < 3; ++axis) {
+        const unsigned half = sibling >> axis & 1u;
+        touches = touches && (place[axis] == 1 || (place[axis] == 0) == (half == 1));
+      }
+      if (!touches) continue;
+      const auto next = static_cast<std::uint8_t>(sibling + 1);
+      if (here.count > 0 && here.range[here.count - 1][1] == sibling)
+        here.range[here.count - 1][1] = next;
+      else
+        here.range[here.count++] = {sibling, next};
+    }
+  }
+  return all;
+}();
 
 }  // namespace
 
 /// A grid of cells over the sorted points: every cell is a range of places.
 struct KnnEngine::Level {
-  int shift = 0;  ///< code bits below a cell
+  int level = 0;  ///< of the cells; families are one above
   double cell_mm = 0.0;
-  std::vector<Cell> cells;
-  std::vector<Cell> slots;  ///< hash of cells; free where the range is empty
+  std::vector<Family> families;
+  std::vector<std::uint32_t> slots;  ///< hash of families: index + 1, 0 = free
   int hash_shift = 0;
 
-  Level(const partition::MortonOrder& sorted, const partition::Lattice& lattice, int level, int threads)
-      : shift(3 * level), cell_mm(lattice.unit_mm * static_cast<double>(std::int64_t{1} << level)) {
-    cells = cells_of(sorted.codes, shift, threads);
-    const std::size_t size = std::bit_ceil(std::max<std::size_t>(2 * cells.size(), 2));
-    slots.assign(size, Cell{});
+  Level(const partition::MortonOrder& sorted, const partition::Lattice& lattice, int cell_level, int threads)
+      : level(cell_level),
+        cell_mm(lattice.unit_mm * static_cast<double>(std::int64_t{1} << cell_level)),
+        families(families_of(sorted.codes, 3 * cell_level, threads)) {
+    const std::size_t size = std::bit_ceil(std::max<std::size_t>(2 * families.size(), 2));
+    slots.assign(size, 0);
     hash_shift = 64 - std::countr_zero(size);
-    for (const Cell& cell : cells) {
-      std::size_t at = slot(cell.code);
-      while (slots[at].places.end != 0) at = (at + 1) & (size - 1);
-      slots[at] = cell;
+    for (std::size_t f = 0; f < families.size(); ++f) {
+      std::size_t at = slot(families[f].code);
+      while (slots[at] != 0) at = (at + 1) & (size - 1);
+      slots[at] = static_cast<std::uint32_t>(f + 1);
     }
   }
   [[nodiscard]] std::size_t slot(std::uint64_t code) const noexcept {
     return (code * 0x9E3779B97F4A7C15u) >> hash_shift;
   }
-  /// Empty where no cell has that code.
-  [[nodiscard]] PlaceRange find(std::uint64_t code) const noexcept {
-    for (std::size_t at = slot(code); slots[at].places.end != 0; at = (at + 1) & (slots.size() - 1))
-      if (slots[at].code == code) return slots[at].places;
-    return {};
+  /// Null where no family has that code.
+  [[nodiscard]] const Family* find(std::uint64_t code) const noexcept {
+    for (std::size_t at = slot(code); slots[at] != 0; at = (at + 1) & (slots.size() - 1))
+      if (families[slots[at] - 1].code == code) return &families[slots[at] - 1];
+    return nullptr;
   }
 };
 
@@ -147,122 +182,6 @@ struct KnnEngine::Pass {
     for (std::size_t k = 0; k < sums.size(); ++k) sums[k] += scratch.sums[k];
   }
 };
-
-namespace {
-
-/// The rough keys are floats: three differences, squared and summed, each rounded, and the limit rounded
-/// once. Eight roundings are bounded by nine units; squares below the smallest float vanish, hence the floor.
-constexpr double kRoughRoom = 1.0 + 9.0 * 2.0 * kUnitRoundoffFloat;
-constexpr double kRoughFloor = std::numeric_limits<float>::min();
-
-float rough_limit(double limit) noexcept {
-  const double wide = limit * kRoughRoom + kRoughFloor;
-  return wide < static_cast<double>(std::numeric_limits<float>::max())
-             ? static_cast<float>(wide)
-             : std::numeric_limits<float>::infinity();
-}
-
-/// Positions of the rough keys up to the limit, without a branch.
-void sieve(float limit, Scratch& scratch) {
-  const std::size_t n = scratch.rough.size();
-  scratch.kept.resize(n);
-  const float* rough = scratch.rough.data();
-  std::uint32_t* kept = scratch.kept.data();
-  std::size_t count = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    kept[count] = static_cast<std::uint32_t>(i);
-    count += static_cast<std::size_t>(rough[i] <= limit);
-  }
-  scratch.kept.resize(count);
-  scratch.key.resize(count);
-}
-
-}  // namespace
-
-void keep_ball(const Candidates& candidates, const Vec3& p, double limit_sq_mm2, Scratch& scratch) {
-  const std::size_t n = candidates.size();
-  scratch.rough.resize(n);
-  const float *x = candidates.x.data(), *y = candidates.y.data(), *z = candidates.z.data();
-  // The points' own coordinates are floats.
-  const auto px = static_cast<float>(p.x()), py = static_cast<float>(p.y()), pz = static_cast<float>(p.z());
-  float* rough = scratch.rough.data();
-  for (std::size_t i = 0; i < n; ++i) {
-    const float dx = x[i] - px, dy = y[i] - py, dz = z[i] - pz;
-    rough[i] = dx * dx + dy * dy + dz * dz;
-  }
-  sieve(rough_limit(limit_sq_mm2), scratch);
-  for (std::size_t k = 0; k < scratch.kept.size(); ++k) {
-    const std::uint32_t i = scratch.kept[k];
-    const double dx = static_cast<double>(x[i]) - p.x(), dy = static_cast<double>(y[i]) - p.y(),
-                 dz = static_cast<double>(z[i]) - p.z();
-    scratch.key[k] = dx * dx + dy * dy + dz * dz;
-  }
-}
-
-void keep_cube(const Candidates& candidates, const Vec3& p, double half_mm, Scratch& scratch) {
-  const std::size_t n = candidates.size();
-  scratch.rough.resize(n);
-  const float *x = candidates.x.data(), *y = candidates.y.data(), *z = candidates.z.data();
-  const auto px = static_cast<float>(p.x()), py = static_cast<float>(p.y()), pz = static_cast<float>(p.z());
-  float* rough = scratch.rough.data();
-  for (std::size_t i = 0; i < n; ++i) {
-    const float xy = std::max(std::abs(x[i] - px), std::abs(y[i] - py));
-    rough[i] = std::max(xy, std::abs(z[i] - pz));
-  }
-  sieve(rough_limit(half_mm), scratch);
-  for (std::size_t k = 0; k < scratch.kept.size(); ++k) {
-    const std::uint32_t i = scratch.kept[k];
-    const double xy =
-        std::max(std::abs(static_cast<double>(x[i]) - p.x()), std::abs(static_cast<double>(y[i]) - p.y()));
-    scratch.key[k] = std::max(xy, std::abs(static_cast<double>(z[i]) - p.z()));
-  }
-}
-
-double choose_eight(std::uint32_t self, const Candidates& candidates, const Scratch& scratch,
-                    Neighbours& out) noexcept {
-  if (scratch.kept.size() > kMostRanked) {
-    BestEight best;
-    for (std::size_t k = 0; k < scratch.kept.size(); ++k) {
-      const std::uint32_t index = candidates.index[scratch.kept[k]];
-      if (scratch.key[k] <= best.worst() && index != self) best.offer(scratch.key[k], index);
-    }
-    best.store(self, out);
-    return best.worst();
-  }
-  // Each one's rank is the number of smaller keys: a fixed number of comparisons and no branch, so that they
-  // run side by side. Unused places hold infinity, which comes before nothing.
-  std::array<double, kMostRanked> key;
-  std::array<std::uint32_t, kMostRanked> index;
-  key.fill(kEverything);
-  std::size_t n = 0;
-  for (std::size_t k = 0; k < scratch.kept.size(); ++k) {
-    const std::uint32_t candidate = candidates.index[scratch.kept[k]];
-    index[n] = candidate;
-    key[n] = candidate != self ? scratch.key[k] : kEverything;
-    n += static_cast<std::size_t>(candidate != self);
-  }
-  std::array<double, kMostRanked + 1> sorted;
-  std::array<std::uint32_t, kMostRanked + 1> order;
-  std::uint32_t taken = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    const double own = key[i];
-    const Pair both = {own, own};
-    PairCount smaller = {0, 0};
-    for (std::size_t j = 0; j < kMostRanked; j += 2)
-      smaller -= Pair{key[j], key[j + 1]} < both;  // true is -1
-    auto rank = static_cast<std::size_t>(smaller[0] + smaller[1]);
-    while ((taken >> rank & 1u) != 0) ++rank;  // equal keys stand in a row
-    taken |= 1u << rank;
-    sorted[rank] = own;
-    order[rank] = index[i];
-  }
-  // Now equal keys by index; they are rare, and then few.
-  for (std::size_t i = 1; i < n; ++i)
-    for (std::size_t j = i; j > 0 && sorted[j - 1] == sorted[j] && order[j - 1] > order[j]; --j)
-      std::swap(order[j - 1], order[j]);
-  for (std::size_t k = 0; k < kNeighbours; ++k) out[k] = k < n ? order[k] : self;
-  return n < kNeighbours ? kEverything : sorted[kNeighbours - 1];
-}
 
 KnnEngine::~KnnEngine() = default;
 
@@ -301,10 +220,16 @@ void KnnEngine::find_lattice() {
   }
   lattice_ = partition::Lattice::over(box, unit);
   sorted_ = partition::sort_by_morton(cloud_, lattice_, threads_);
-  first_level_ = level_of(sorted_.codes);
-  const double edge = lattice_.unit_mm * static_cast<double>(std::int64_t{1} << first_level_);
+  const int first_level = level_of(sorted_.codes);
+  const double edge = lattice_.unit_mm * static_cast<double>(std::int64_t{1} << first_level);
   mean_spacing_mm_ =
-      edge / std::sqrt(n / static_cast<double>(occupied(sorted_.codes, 3 * first_level_, threads_)));
+      edge / std::sqrt(n / static_cast<double>(occupied(sorted_.codes, 3 * first_level, threads_)));
+  // Families are one level above.
+  search_level_ = std::min(first_level, partition::kMortonBits - 1);
+  const auto enough = [&](int level) {
+    return n >= kLeastPerCell * static_cast<double>(occupied(sorted_.codes, 3 * level, threads_));
+  };
+  while (search_level_ > 0 && enough(search_level_ - 1)) --search_level_;
 }
 
 /// More than nine points at one place: only the nine of lowest index are candidates. Equal points have equal
@@ -335,7 +260,8 @@ void KnnEngine::limit_piles() {
 
 void KnnEngine::copy_places() {
   const std::size_t n = cloud_.size();
-  places_.resize(n);
+  places_.make_room(n);
+  places_.close(n);
   parallel_chunks(n, kPlacesPerChunk, threads_, [&](std::size_t begin, std::size_t end) {
     for (std::size_t place = begin; place < end; ++place) {
       const std::uint32_t i = sorted_.order[place];
@@ -347,9 +273,34 @@ void KnnEngine::copy_places() {
   });
 }
 
+namespace {
+
+void copy_one(const Candidates& from, std::size_t place, Candidates& to, std::size_t at) noexcept {
+  to.x[at] = from.x[place];
+  to.y[at] = from.y[place];
+  to.z[at] = from.z[place];
+  to.index[at] = from.index[place];
+}
+
+/// Copies n places in steps, so that up to a step more is read and written.
+void copy_steps(const Candidates& from, std::size_t begin, std::size_t n, Candidates& to,
+                std::size_t at) noexcept {
+  for (std::size_t k = 0; k < n; k += kStep) {
+    std::memcpy(to.x.data() + at + k, from.x.data() + begin + k, kStep * sizeof(float));
+    std::memcpy(to.y.data() + at + k, from.y.data() + begin + k, kStep * sizeof(float));
+    std::memcpy(to.z.data() + at + k, from.z.data() + begin + k, kStep * sizeof(float));
+    std::memcpy(to.index.data() + at + k, from.index.data() + begin + k, kStep * sizeof(std::uint32_t));
+  }
+}
+
+}  // namespace
+
 bool KnnEngine::gather(const Level& level, const std::array<std::int64_t, 3>& at,
                        Candidates& candidates) const {
-  std::array<PlaceRange, 27> block;
+  struct Range {
+    std::uint32_t begin, end;
+  };
+  std::array<Range, 64> block;
   std::size_t found = 0, held = 0;
   // A code is the sum of one part an axis: nine parts make the 27.
   std::array<std::array<std::uint64_t, 3>, 3> part{};
@@ -360,67 +311,76 @@ bool KnnEngine::gather(const Level& level, const std::array<std::int64_t, 3>& at
       const std::int64_t c = at[axis] + static_cast<std::int64_t>(k) - 1;
       inside[axis][k] = c >= 0 && c <= last;
       const auto u = static_cast<std::uint32_t>(std::clamp<std::int64_t>(c, 0, last));
-      part[axis][k] = partition::morton_code(axis == 0 ? u : 0, axis == 1 ? u : 0, axis == 2 ? u : 0);
+      part[axis][k] = partition::morton_code(u, 0, 0) << axis;
     }
+  std::size_t where = 0;
   for (std::size_t z = 0; z < 3; ++z)
     for (std::size_t y = 0; y < 3; ++y)
-      for (std::size_t x = 0; x < 3; ++x) {
+      for (std::size_t x = 0; x < 3; ++x, ++where) {
         if (!inside[0][x] || !inside[1][y] || !inside[2][z]) continue;
-        const PlaceRange range = level.find(part[0][x] | part[1][y] | part[2][z]);
-        if (range.begin == range.end) continue;
-        block[found++] = range;
-        held += range.end - range.begin;
+        const Family* family = level.find(part[0][x] | part[1][y] | part[2][z]);
+        if (family == nullptr) continue;
+        const Touching& touching = kTouching[where];
+        for (std::size_t r = 0; r < touching.count; ++r) {
+          const Range range = {family->begin[touching.range[r][0]], family->begin[touching.range[r][1]]};
+          block[found] = range;
+          found += static_cast<std::size_t>(range.begin != range.end);
+          held += range.end - range.begin;
+        }
       }
-  if (held > kDenseCell * block.size()) return false;
-  candidates.resize(held);
+  if (held > kDenseBlock) return false;
+  candidates.make_room(held);
   std::size_t count = 0;
   for (std::size_t b = 0; b < found; ++b) {
     if (candidate_.empty()) {
-      candidates.copy(count, places_, block[b].begin, block[b].end);
+      copy_steps(places_, block[b].begin, block[b].end - block[b].begin, candidates, count);
       count += block[b].end - block[b].begin;
     } else {
       for (std::uint32_t place = block[b].begin; place < block[b].end; ++place)
-        if (candidate_[place] != 0) candidates.copy(count++, places_, place, place + 1);
+        if (candidate_[place] != 0) copy_one(places_, place, candidates, count++);
     }
   }
-  candidates.resize(count);
+  candidates.close(count);
   return true;
 }
 
 void KnnEngine::run_level(const Level& level, const Choose& choose, NeighbourTable& table, Pass& pass,
                           std::span<const std::uint8_t> pending) const {
-  parallel_chunks(level.cells.size(), kCellsPerChunk, threads_, [&](std::size_t begin, std::size_t end) {
-    Candidates candidates;
-    Scratch scratch;
-    std::vector<std::uint32_t> mine;
-    for (std::size_t c = begin; c < end; ++c) {
-      const Cell& cell = level.cells[c];
-      bool any = pending.empty();
-      for (std::uint32_t place = cell.places.begin; place < cell.places.end && !any; ++place)
-        any = pending[place] != 0;
-      if (!any) continue;
-      const Vec3 somewhere = cloud_.local_mm(sorted_.order[cell.places.begin]);
-      std::array<std::int64_t, 3> at;
-      for (std::size_t axis = 0; axis < 3; ++axis)
-        at[axis] = lattice_.coordinate(somewhere[static_cast<int>(axis)], static_cast<int>(axis)) >>
-                   (level.shift / 3);
-      const bool crowded = cell.places.end - cell.places.begin > kDenseCell || !gather(level, at, candidates);
-      const Vec3 low(lattice_.low_mm + level.cell_mm * Vec3(static_cast<double>(at[0]),
+  const double family_mm = 2.0 * level.cell_mm;
+  parallel_chunks(
+      level.families.size(), kFamiliesPerChunk, threads_, [&](std::size_t begin, std::size_t end) {
+        Candidates candidates;
+        Scratch scratch;
+        std::vector<std::uint32_t> mine;
+        for (std::size_t f = begin; f < end; ++f) {
+          const Family& family = level.families[f];
+          bool any = pending.empty();
+          for (std::uint32_t place = family.first(); place < family.end() && !any; ++place)
+            any = pending[place] != 0;
+          if (!any) continue;
+          const Vec3 somewhere = local_at(family.first());
+          std::array<std::int64_t, 3> at;
+          for (std::size_t axis = 0; axis < 3; ++axis)
+            at[axis] = lattice_.coordinate(somewhere[static_cast<int>(axis)], static_cast<int>(axis)) >>
+                       (level.level + 1);
+          const bool crowded = family.size() > kDenseFamily || !gather(level, at, candidates);
+          const Vec3 low(lattice_.low_mm + family_mm * Vec3(static_cast<double>(at[0]),
                                                             static_cast<double>(at[1]),
                                                             static_cast<double>(at[2])));
-      for (std::uint32_t place = cell.places.begin; place < cell.places.end; ++place) {
-        if (!pending.empty() && pending[place] == 0) continue;
-        const std::uint32_t self = sorted_.order[place];
-        const Vec3 p = cloud_.local_mm(self);
-        const Vec3 into = p - low;
-        // Everything closer than the nearest face of the block is in it.
-        const double radius = level.cell_mm * (1.0 - kCellRounding) +
-                              std::min(into.minCoeff(), level.cell_mm - into.maxCoeff());
-        if (crowded || !choose(self, p, candidates, radius, table.of[self], scratch)) mine.push_back(place);
-      }
-    }
-    pass.merge(mine, scratch);
-  });
+          for (std::uint32_t place = family.first(); place < family.end(); ++place) {
+            if (!pending.empty() && pending[place] == 0) continue;
+            const std::uint32_t self = places_.index[place];
+            const Vec3 p = local_at(place);
+            const Vec3 into = p - low;
+            // The block reaches one cell past the family. Everything closer than its nearest face is in it.
+            const double radius = level.cell_mm * (1.0 - kCellRounding) +
+                                  std::min(into.minCoeff(), family_mm - into.maxCoeff());
+            if (crowded || !choose(self, p, candidates, radius, table.of[self], scratch))
+              mine.push_back(place);
+          }
+        }
+        pass.merge(mine, scratch);
+      });
 }
 
 std::array<std::uint64_t, 3> KnnEngine::run(const Choose& choose, NeighbourTable& table,
@@ -434,8 +394,8 @@ std::array<std::uint64_t, 3> KnnEngine::run(const Choose& choose, NeighbourTable
     for (std::size_t place = 0; place < n; ++place) pending[place] = wanted[sorted_.order[place]];
   }
   for (int step = 0; step < kGridLevels; ++step) {
-    const int level = first_level_ + step;
-    if (level > partition::kMortonBits) break;
+    const int level = search_level_ + step;
+    if (level + 1 > partition::kMortonBits) break;  // families are one level above
     pass.rejected.clear();
     run_level(Level(sorted_, lattice_, level, threads_), choose, table, pass, pending);
     if (pass.rejected.empty()) return pass.sums;
@@ -450,11 +410,11 @@ void KnnEngine::run_tree(const Choose& choose, NeighbourTable& table, Pass& pass
   std::sort(pass.rejected.begin(), pass.rejected.end());
   std::call_once(fallback_->once, [&] {
     Candidates& points = fallback_->points;
-    points.resize(cloud_.size());
+    points.make_room(cloud_.size());
     std::size_t count = 0;
     for (std::size_t place = 0; place < cloud_.size(); ++place)
-      if (candidate_.empty() || candidate_[place] != 0) points.copy(count++, places_, place, place + 1);
-    points.resize(count);
+      if (candidate_.empty() || candidate_[place] != 0) copy_one(places_, place, points, count++);
+    points.close(count);
     fallback_->tree = std::make_unique<Fallback::Tree>(3, *fallback_);
   });
   const Fallback& fallback = *fallback_;
@@ -478,9 +438,9 @@ void KnnEngine::run_tree(const Choose& choose, NeighbourTable& table, Pass& pass
         unsorted.sorted = false;
         fallback.tree->radiusSearch(p.data(), 3.0 * radius * radius * (1.0 + 1e-12) + 1e-300, hits, unsorted);
         whole = hits.size() == fallback.points.size();
-        candidates.resize(hits.size());
-        for (std::size_t k = 0; k < hits.size(); ++k)
-          candidates.copy(k, fallback.points, hits[k].first, hits[k].first + std::size_t{1});
+        candidates.make_room(hits.size());
+        for (std::size_t k = 0; k < hits.size(); ++k) copy_one(fallback.points, hits[k].first, candidates, k);
+        candidates.close(hits.size());
         // The ball of radius sqrt(3) r covers the cube of half edge r.
         const double covered = whole ? std::numeric_limits<double>::infinity() : radius;
         if (choose(self, p, candidates, covered, table.of[self], scratch) || whole) break;

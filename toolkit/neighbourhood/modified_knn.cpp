@@ -32,45 +32,39 @@ Sizes sizes_of(const ModifiedKnnOptions& options, double spacing_mm) {
   return sizes;
 }
 
-std::size_t count_within(const std::vector<double>& key, double half_mm) noexcept {
-  std::size_t count = 0;
-  for (const double k : key) count += static_cast<std::size_t>(k <= half_mm);
-  return count;
-}
+/// A block that holds nine points.
+struct Block {
+  std::size_t size = 0;  ///< into Sizes; Sizes::count where there is none
+  std::size_t held = 0;  ///< points in it
+};
 
-/// Sieves to the smallest block that holds nine points, as far as the candidates tell; `sizes.count` where
-/// none up to `largest_mm` does (or the largest of all, when that is smaller).
-std::size_t smallest_with_nine(const Sizes& sizes, const Vec3& p, const Candidates& c, double largest_mm,
-                               Scratch& scratch) {
+/// Sieves to the smallest block that holds nine points, as far as the candidates tell; none where none up to
+/// `largest_mm` does (or the largest of all, when that is smaller).
+Block smallest_with_nine(const Kernels& kernel, const Sizes& sizes, const Vec3& p, const Candidates& c,
+                         double largest_mm, Scratch& scratch) {
+  // Of a size and the next smaller one. After the smallest comes a cube that not even the point is in.
+  const auto count = [&](std::size_t at) {
+    return kernel.count_in_cubes(scratch, sizes.half_mm[at],
+                                 at + 1 < sizes.count ? sizes.half_mm[at + 1] : -1.0);
+  };
   std::size_t at = std::min(scratch.size_guess, sizes.count - 1);
-  keep_cube(c, p, sizes.half_mm[at], scratch);
-  while (count_within(scratch.key, sizes.half_mm[at]) < kAtMost) {
-    if (at == 0 || sizes.half_mm[at - 1] > largest_mm) return sizes.count;
+  kernel.keep_cube(c, p, sizes.half_mm[at], scratch);
+  Held held = count(at);
+  while (held.outer < kAtMost) {
+    if (at == 0 || sizes.half_mm[at - 1] > largest_mm) return {sizes.count, held.outer};
     --at;
-    keep_cube(c, p, sizes.half_mm[at], scratch);
+    kernel.keep_cube(c, p, sizes.half_mm[at], scratch);
+    held = count(at);
   }
-  while (at + 1 < sizes.count && count_within(scratch.key, sizes.half_mm[at + 1]) >= kAtMost) ++at;
-  return at;
+  while (held.inner >= kAtMost) held = count(++at);
+  return {at, held.outer};
 }
 
-/// The eight nearest by (distance, index) of the kept candidates in the block; their keys are cube distances
-/// before, squared ones after. Returns how many the block holds.
-std::size_t store_within(double half_mm, std::uint32_t self, const Vec3& p, const Candidates& c,
-                         Neighbours& out, Scratch& scratch) {
-  std::size_t held = 0;
-  for (std::size_t k = 0; k < scratch.kept.size(); ++k) {
-    const std::uint32_t i = scratch.kept[k];
-    const bool in = scratch.key[k] <= half_mm;
-    const double dx = static_cast<double>(c.x[i]) - p.x(), dy = static_cast<double>(c.y[i]) - p.y(),
-                 dz = static_cast<double>(c.z[i]) - p.z();
-    scratch.kept[held] = i;
-    scratch.key[held] = dx * dx + dy * dy + dz * dz;
-    held += static_cast<std::size_t>(in);
-  }
-  scratch.kept.resize(held);
-  scratch.key.resize(held);
-  choose_eight(self, c, scratch, out);
-  return held;
+/// The eight nearest by (distance, index) of the kept candidates in the cube.
+void store_within(const Kernels& kernel, double half_mm, std::uint32_t self, Neighbours& out,
+                  Scratch& scratch) {
+  kernel.leave_out(scratch, half_mm);
+  kernel.choose_eight(self, scratch, out);
 }
 
 /// Places in Scratch::sums.
@@ -86,29 +80,31 @@ NeighbourTable modified_knn(const cloud::Cloud& cloud, const ModifiedKnnOptions&
                             ModifiedKnnReport* report) {
   const KnnEngine engine(cloud, threads);
   const Sizes sizes = sizes_of(options, engine.mean_spacing_mm());
+  const Kernels& kernel = kernels();
   NeighbourTable table;
   const auto sums = engine.run(
       [&](std::uint32_t self, const Vec3& p, const Candidates& c, double radius_mm, Neighbours& out,
           Scratch& scratch) {
-        const std::size_t size = smallest_with_nine(sizes, p, c, radius_mm, scratch);
+        const Block block = smallest_with_nine(kernel, sizes, p, c, radius_mm, scratch);
+        const std::size_t size = block.size;
         const bool at_limit = size == sizes.count;
         const double needed_mm = sizes.half_mm[at_limit ? 0 : size];
         if (needed_mm > radius_mm) return false;
         scratch.size_guess = at_limit ? 0 : size;
-        if (!at_limit && !options.complete_to_eight && count_within(scratch.key, needed_mm) > kAtMost) {
+        if (!at_limit && !options.complete_to_eight && block.held > kAtMost) {
           // As printed: the largest block with at most nine, which then holds fewer than nine.
           ++scratch.sums[kAtNine];
           ++scratch.sums[kFewer];
           const bool smallest = size + 1 == sizes.count;
-          store_within(smallest ? 0.0 : sizes.half_mm[size + 1], self, p, c, out, scratch);
+          store_within(kernel, smallest ? 0.0 : sizes.half_mm[size + 1], self, out, scratch);
           return true;
         }
-        const std::size_t held = store_within(needed_mm, self, p, c, out, scratch);
+        store_within(kernel, needed_mm, self, out, scratch);
         if (at_limit) {
           ++scratch.sums[kAtLimit];
-          scratch.sums[kFewer] += held < kAtMost;
+          scratch.sums[kFewer] += block.held < kAtMost;
         } else {
-          scratch.sums[kAtNine] += held == kAtMost;
+          scratch.sums[kAtNine] += block.held == kAtMost;
         }
         return true;
       },

@@ -102,11 +102,11 @@ std::size_t spread_uneven(const cloud::Cloud& cloud, NeighbourTable& table, int 
         const double covered = radius_mm * radius_mm;
         for (double guess = scratch.guess;; guess = larger_guess(guess)) {
           const bool all = !(guess < covered);
-          keep_ball(c, p, all ? kEverything : guess, scratch);
+          kernels().keep_ball(c, p, all ? kEverything : guess, scratch);
           std::vector<Candidate> near;
-          near.reserve(scratch.kept.size());
-          for (std::size_t k = 0; k < scratch.kept.size(); ++k)
-            if (c.index[scratch.kept[k]] != self) near.push_back({scratch.key[k], c.index[scratch.kept[k]]});
+          near.reserve(scratch.count);
+          for (std::size_t k = 0; k < scratch.count; ++k)
+            if (scratch.index[k] != self) near.push_back({scratch.square[k], scratch.index[k]});
           const std::size_t n = std::min(near.size(), kConsidered);
           std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(n), near.end());
           const double last = n < kConsidered ? kEverything : near[n - 1].square;

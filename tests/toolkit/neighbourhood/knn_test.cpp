@@ -55,6 +55,19 @@ std::vector<Case> cases() {
     const double r = std::pow(10.0, random.uniform(-3, 3)), a = random.uniform(0, 6.28);
     all.back().points.emplace_back(r * std::cos(a), r * std::sin(a), 0.0);
   }
+  // Every distance ties with others, and the order of the points is none.
+  all.push_back({"shuffled flat lattice with doubles", sheet(30, 20, 0.25, 0.0, 6)});
+  std::vector<Vec3>& doubled = all.back().points;
+  for (std::size_t i = 0; i < 600; i += 3) doubled.push_back(doubled[i]);
+  for (std::size_t i = doubled.size() - 1; i > 0; --i)
+    std::swap(doubled[i], doubled[static_cast<std::size_t>(random.uniform() * static_cast<double>(i))]);
+  all.push_back({"solid lattice", {}});
+  for (int i = 0; i < 1000; ++i) all.back().points.emplace_back(i % 10, i / 10 % 10, i / 100);
+  // Squares of these vanish, and overflow, in single precision.
+  all.push_back({"sheet below the floats' squares", sheet(20, 20, 1e-24, 0.6, 7)});
+  all.push_back({"sheet of the smallest floats", sheet(20, 20, 1e-43, 0.6, 8)});
+  all.push_back({"sheet beyond the floats' squares", sheet(20, 20, 1e20, 0.6, 9)});
+  all.push_back({"sheet of the largest floats", sheet(20, 20, 1.5e37, 0.6, 10)});
   return all;
 }
 
@@ -96,7 +109,7 @@ TEST(ExactKnn, EqualsBruteForceForAnyThreads) {
 // The printed procedure, step by step: refine while the block holds more than nine, grow while it holds
 // fewer.
 Neighbours stepwise(const cloud::Cloud& cloud, std::uint32_t self, const ModifiedKnnOptions& options,
-                    double start_mm) {
+                    double start_mm, ModifiedKnnReport& report) {
   const auto within = [&](double half) {
     std::vector<std::uint32_t> in;
     for (std::uint32_t j = 0; j < cloud.size(); ++j)
@@ -118,6 +131,9 @@ Neighbours stepwise(const cloud::Cloud& cloud, std::uint32_t self, const Modifie
     }
     at_most = smallest_enough.size() == 9 ? smallest_enough : next;
   }
+  const bool at_nine = !limited && (smallest_enough.size() == 9 || !options.complete_to_eight);
+  report.stopped_at_limit += limited;
+  report.stopped_at_nine += at_nine;
   const std::vector<std::uint32_t>& chosen =
       options.complete_to_eight && !limited ? smallest_enough : at_most;
   std::vector<std::pair<double, std::uint32_t>> order;
@@ -126,6 +142,7 @@ Neighbours stepwise(const cloud::Cloud& cloud, std::uint32_t self, const Modifie
       const Vec3 d = cloud.local_mm(j) - cloud.local_mm(self);
       order.emplace_back(d.x() * d.x() + d.y() * d.y() + d.z() * d.z(), j);
     }
+  report.fewer_than_eight += order.size() < kNeighbours;
   std::sort(order.begin(), order.end());
   Neighbours n;
   n.fill(self);
@@ -144,10 +161,17 @@ TEST(ModifiedKnn, IsThePrintedProcedure) {
       options.complete_to_eight = complete;
       ModifiedKnnReport report;
       const NeighbourTable table = modified_knn(cloud, options, 2, &report);
-      EXPECT_EQ(report.stopped_at_nine > 0 || report.stopped_at_limit > 0, true);
       const double start = mean_spacing_mm(cloud);
-      for (std::uint32_t i = 0; i < cloud.size(); i += 7)
-        ASSERT_EQ(table.of[i], stepwise(cloud, i, options, start)) << "point " << i;
+      // All points of small clouds, and then the report too; every seventh of others.
+      constexpr std::size_t kSmall = 1000;
+      const std::uint32_t stride = cloud.size() <= kSmall ? 1 : 7;
+      ModifiedKnnReport expected;
+      for (std::uint32_t i = 0; i < cloud.size(); i += stride)
+        ASSERT_EQ(table.of[i], stepwise(cloud, i, options, start, expected)) << "point " << i;
+      if (stride > 1) continue;
+      EXPECT_EQ(report.stopped_at_nine, expected.stopped_at_nine);
+      EXPECT_EQ(report.stopped_at_limit, expected.stopped_at_limit);
+      EXPECT_EQ(report.fewer_than_eight, expected.fewer_than_eight);
     }
   }
 }
