@@ -322,8 +322,8 @@ const Kernels& portable_kernels() noexcept {
 
 const Kernels& kernels() noexcept {
 #if defined(__x86_64__)
-  static const bool wide = __builtin_cpu_supports("avx2") != 0 && __builtin_cpu_supports("popcnt") != 0;
-  if (wide) return avx2::kKernels;
+  static const bool kWide = __builtin_cpu_supports("avx2") != 0 && __builtin_cpu_supports("popcnt") != 0;
+  if (kWide) return avx2::kKernels;
 #endif
   return portable::kKernels;
 }
