@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "baselines/reference/box_tree.h"
+#include "baselines/reference/facet_tree.h"
 
 namespace palpate::baselines {
 namespace {
@@ -30,7 +30,7 @@ struct Tally {
 /// against the facets' own orientation.
 class ReferenceProbe {
  public:
-  ReferenceProbe(const SurfaceMesh& mesh, const BoxTree& tree, Tally& tally)
+  ReferenceProbe(const SurfaceMesh& mesh, const FacetTree& tree, Tally& tally)
       : mesh_(mesh), tree_(tree), tally_(tally) {}
 
   void reset(const Vec3& hip) { from_ = hip; }
@@ -56,7 +56,7 @@ class ReferenceProbe {
   [[nodiscard]] std::uint32_t side_across(std::uint32_t next) const;
 
   const SurfaceMesh& mesh_;
-  const BoxTree& tree_;
+  const FacetTree& tree_;
   Tally& tally_;
   bool attached_ = false;
   std::uint32_t facet_ = kNoFacet, side_ = 0;
@@ -125,7 +125,7 @@ bool ReferenceProbe::enter(std::uint32_t facet, double fraction, const Vec3& fro
 bool ReferenceProbe::advance(const Vec3& hip) {
   for (int flight = 0; flight < kMaxFlights; ++flight) {
     if (!attached_) {
-      const BoxTree::Crossing crossing = tree_.first_crossing(from_, hip);
+      const FacetTree::Crossing crossing = tree_.first_crossing(from_, hip);
       if (crossing.facet == kNoFacet) {
         from_ = hip;
         return false;
@@ -136,7 +136,7 @@ bool ReferenceProbe::advance(const Vec3& hip) {
     if (!outside(hip)) return true;
     // Leaving: the facets that the god object touches do not count, everything else on the way does.
     const Vec3 start = at_.point + outward() * mesh_.rounding_mm();
-    const BoxTree::Crossing crossing = tree_.first_crossing(start, hip, facet_);
+    const FacetTree::Crossing crossing = tree_.first_crossing(start, hip, facet_);
     if (crossing.facet == kNoFacet) {
       attached_ = false;
       from_ = hip;
@@ -178,7 +178,7 @@ Result<trace::ReferenceTrace> mesh_reference(const MeshTruth& truth, const trace
   if (Status starts_free = metrics::check_starts_free(path, truth); !starts_free.ok())
     return std::move(starts_free).error();
   const SurfaceMesh& mesh = truth.mesh();
-  const BoxTree& tree = truth.tree();
+  const FacetTree& tree = truth.tree();
   const geometry::RigidTransform& world_from_model = truth.world_from_model();
   const double edge_mm = median_edge_mm(mesh);
   const geometry::RigidTransform model_from_world = world_from_model.inverse();
@@ -206,7 +206,7 @@ Result<trace::ReferenceTrace> mesh_reference(const MeshTruth& truth, const trace
     for (int piece = 1; piece <= pieces; ++piece)
       contact = probe.advance(piece == pieces ? hip : Vec3(last + (hip - last) * (double(piece) / pieces)));
     last = hip;
-    const BoxTree::Nearest near = tree.closest(hip);
+    const FacetTree::Nearest near = tree.closest(hip);
     const double nearest = std::sqrt(near.point.distance_sq);
     trace::TruthFrame frame;
     if (contact) {

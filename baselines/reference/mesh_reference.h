@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "baselines/mesh/surface_mesh.h"
-#include "baselines/reference/box_tree.h"
+#include "baselines/reference/facet_tree.h"
 #include "toolkit/core/progress.h"
 #include "toolkit/core/result.h"
 #include "toolkit/geometry/rigid_transform.h"
@@ -27,17 +27,17 @@ class MeshTruth final : public metrics::TruthSurface {
   [[nodiscard]] geometry::SurfacePoint closest(const Vec3& p_mm) const override;
 
   [[nodiscard]] const SurfaceMesh& mesh() const noexcept { return mesh_; }
-  [[nodiscard]] const BoxTree& tree() const noexcept { return tree_; }
+  [[nodiscard]] const FacetTree& tree() const noexcept { return tree_; }
   [[nodiscard]] const geometry::RigidTransform& world_from_model() const noexcept {
     return world_from_model_;
   }
 
  private:
   MeshTruth(SurfaceMesh mesh, const geometry::RigidTransform& world_from_model);
-  [[nodiscard]] Vec3 outward(const BoxTree::Nearest& near) const noexcept;
+  [[nodiscard]] Vec3 outward(const FacetTree::Nearest& near) const noexcept;
 
   SurfaceMesh mesh_;
-  BoxTree tree_;  ///< of mesh_, which therefore never moves
+  FacetTree tree_;  ///< of mesh_, which therefore never moves
   geometry::RigidTransform world_from_model_, model_from_world_;
 };
 

@@ -20,18 +20,18 @@ Result<std::unique_ptr<MeshTruth>> MeshTruth::build(const geometry::TriangleMesh
 
 double MeshTruth::signed_distance_mm(const Vec3& p_mm) const {
   const Vec3 p = model_from_world_ * p_mm - mesh_.origin_mm();
-  const BoxTree::Nearest near = tree_.closest(p);
+  const FacetTree::Nearest near = tree_.closest(p);
   const double distance = std::sqrt(near.point.distance_sq);
   return outward(near).dot(p - near.point.point) < 0.0 ? -distance : distance;
 }
 
 geometry::SurfacePoint MeshTruth::closest(const Vec3& p_mm) const {
-  const BoxTree::Nearest near = tree_.closest(model_from_world_ * p_mm - mesh_.origin_mm());
+  const FacetTree::Nearest near = tree_.closest(model_from_world_ * p_mm - mesh_.origin_mm());
   return {world_from_model_ * (near.point.point + mesh_.origin_mm()),
           world_from_model_.rotate(outward(near))};
 }
 
-Vec3 MeshTruth::outward(const BoxTree::Nearest& near) const noexcept {
+Vec3 MeshTruth::outward(const FacetTree::Nearest& near) const noexcept {
   bool boundary = false;
   return mesh_.pseudonormal(half_facet(near.facet, 0), near.point.feature, &boundary);
 }

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "baselines/reconstruct/advancing_front.h"
-#include "baselines/reference/box_tree.h"
+#include "baselines/reference/facet_tree.h"
 #include "baselines/reference/mesh_reference.h"
 #include "baselines/register.h"
 #include "tests/baselines/meshes.h"
@@ -28,12 +28,12 @@ trace::ProbePath path_over(double depth, std::size_t frames) {
   return path;
 }
 
-TEST(BoxTree, ClosestAndCrossingAgreeWithBruteForce) {
+TEST(FacetTree, ClosestAndCrossingAgreeWithBruteForce) {
   RecordProperty("seed", static_cast<int>(kSeed));
   Random random(kSeed);
   auto mesh = SurfaceMesh::build(test::height_mesh(20, 50.0, test::sinusoid), 1);
   ASSERT_TRUE(mesh.ok());
-  const BoxTree tree(*mesh);
+  const FacetTree tree(*mesh);
   for (int i = 0; i < 500; ++i) {
     const Vec3 p{random.uniform(-60, 60), random.uniform(-60, 60), random.uniform(-60, 60)};
     double least = 1e300;

@@ -18,12 +18,25 @@ struct Aabb {
     low_mm = low_mm.cwiseMin(p);
     high_mm = high_mm.cwiseMax(p);
   }
+  void add(const Aabb& other) noexcept {
+    low_mm = low_mm.cwiseMin(other.low_mm);
+    high_mm = high_mm.cwiseMax(other.high_mm);
+  }
   [[nodiscard]] Vec3 extent_mm() const noexcept { return empty() ? Vec3::Zero() : Vec3(high_mm - low_mm); }
   [[nodiscard]] Vec3 centre_mm() const noexcept {
     return empty() ? Vec3::Zero() : Vec3(0.5 * (low_mm + high_mm));
   }
   [[nodiscard]] bool contains(const Vec3& p) const noexcept {
     return (p.array() >= low_mm.array()).all() && (p.array() <= high_mm.array()).all();
+  }
+  /// Touching counts; an empty box overlaps nothing.
+  [[nodiscard]] bool overlaps(const Aabb& other) const noexcept {
+    return !empty() && !other.empty() && (low_mm.array() <= other.high_mm.array()).all() &&
+           (other.low_mm.array() <= high_mm.array()).all();
+  }
+  /// Squared distance of a point to the box, 0 inside; infinite for an empty box.
+  [[nodiscard]] double distance_sq_mm2(const Vec3& p) const noexcept {
+    return (low_mm - p).cwiseMax(p - high_mm).cwiseMax(0.0).squaredNorm();
   }
   [[nodiscard]] Aabb grown(double by_mm) const noexcept {
     return {low_mm - Vec3::Constant(by_mm), high_mm + Vec3::Constant(by_mm)};

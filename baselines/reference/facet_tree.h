@@ -2,16 +2,16 @@
 #pragma once
 
 #include <cstdint>
-#include <vector>
 
 #include "baselines/mesh/surface_mesh.h"
+#include "toolkit/geometry/box_tree.h"
 
 namespace palpate::baselines {
 
 /// Immutable after building; queries safe from many threads. Coordinates relative to the mesh's origin.
-class BoxTree {
+class FacetTree {
  public:
-  explicit BoxTree(const SurfaceMesh& mesh);
+  explicit FacetTree(const SurfaceMesh& mesh);
 
   struct Nearest {
     std::uint32_t facet = kNoFacet;
@@ -32,16 +32,8 @@ class BoxTree {
                                         std::uint32_t except_vertex_of = kNoFacet) const;
 
  private:
-  struct Node {
-    geometry::Aabb box;
-    std::uint32_t begin = 0, end = 0;  ///< facets of a leaf in order_
-    std::uint32_t right = 0;           ///< second child of an inner node, the first follows; 0 in a leaf
-  };
-  std::uint32_t build(std::uint32_t begin, std::uint32_t end, const std::vector<Vec3>& centres);
-
   const SurfaceMesh* mesh_;
-  std::vector<Node> nodes_;
-  std::vector<std::uint32_t> order_;
+  geometry::BoxTree tree_;
 };
 
 }  // namespace palpate::baselines

@@ -1,0 +1,58 @@
+#include "toolkit/geometry/broad_phase.h"
+
+#include <algorithm>
+#include <cassert>
+
+namespace palpate::geometry {
+namespace {
+
+bool before(const BoxHit& a, const BoxHit& b) noexcept {
+  return a.distance_sq_mm2 != b.distance_sq_mm2 ? a.distance_sq_mm2 < b.distance_sq_mm2 : a.item < b.item;
+}
+
+/// Keeps the list sorted. A full one loses its last, or refuses the new.
+void insert(const BoxHit& hit, std::span<BoxHit> list, BoxQuery& query) noexcept {
+  std::uint32_t at = query.hits;
+  if (at == list.size()) {
+    ++query.left_out;
+    if (at == 0 || !before(hit, list[at - 1])) return;
+    --at;
+  } else {
+    ++query.hits;
+  }
+  for (; at > 0 && before(hit, list[at - 1]); --at) list[at] = list[at - 1];
+  list[at] = hit;
+}
+
+}  // namespace
+
+BroadPhase::BroadPhase(std::span<const Aabb> boxes)
+    : tree_(static_cast<std::uint32_t>(boxes.size()), [&](std::uint32_t i) { return boxes[i]; }),
+      boxes_(boxes.begin(), boxes.end()) {}
+
+void BroadPhase::update(std::span<const Aabb> boxes) noexcept {
+  assert(boxes.size() == boxes_.size());
+  std::copy(boxes.begin(), boxes.end(), boxes_.begin());
+  const auto box_of = [this](std::uint32_t i) { return boxes_[i]; };
+  tree_.refit(box_of);
+  if (tree_.growth() <= kRebuildGrowth) return;
+  tree_.rebuild(box_of);
+  ++rebuilds_;
+}
+
+BoxQuery BroadPhase::query(const Aabb& region, std::span<BoxHit> list) const noexcept {
+  BoxQuery query;
+  // An infinite region has no middle.
+  const Vec3 middle_mm = region.centre_mm(), centre_mm = is_finite(middle_mm) ? middle_mm : Vec3::Zero();
+  tree_.visit(
+      [&](const Aabb& box) {
+        ++query.nodes;
+        return box.overlaps(region);
+      },
+      [&](std::uint32_t i) {
+        insert({i, boxes_[i].distance_sq_mm2(centre_mm)}, list, query);
+      });
+  return query;
+}
+
+}  // namespace palpate::geometry
