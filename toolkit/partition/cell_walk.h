@@ -68,4 +68,19 @@ bool visit_cells(const UniformGrid& grid, const Vec3& a_mm, const Vec3& b_mm, co
   return true;
 }
 
+/// The ranges of visit_cells' cells, empty ones too: each is a look-up.
+template <class Visit>
+bool visit_ranges(const UniformGrid& grid, const Vec3& a_mm, const Vec3& b_mm, const Vec3& reach_mm,
+                  Visit&& visit) {
+  if (!is_finite(a_mm) || !is_finite(b_mm)) return true;
+  return visit_cells(grid, a_mm, b_mm, reach_mm, [&](const Cell& cell) { return visit(grid.find(cell)); });
+}
+
+template <class Visit>
+bool visit_at(const UniformGrid& grid, const Vec3& point_mm, Visit&& visit) {
+  return visit(grid.find(grid.cell_of(point_mm)));
+}
+
+static_assert(Partition<UniformGrid>);
+
 }  // namespace palpate::partition

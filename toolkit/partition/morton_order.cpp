@@ -144,11 +144,12 @@ std::vector<std::uint32_t> sorted_coarse_codes(const cloud::Cloud& cloud, const 
   return codes;
 }
 
-MortonOrder sort_by_morton(const cloud::Cloud& cloud, const Lattice& lattice, int threads) {
+MortonOrder sort_by_morton(const cloud::Cloud& cloud, const Lattice& lattice, int threads, int axes) {
   const std::size_t n = cloud.size();
   std::vector<Item> items;
-  const std::uint64_t all = encode(cloud, lattice, items, threads, [](std::uint64_t code, std::size_t i) {
-    return Item{code, static_cast<std::uint32_t>(i)};
+  const std::uint64_t kept = axes == 3 ? ~std::uint64_t{0} : ~(spread(~std::uint64_t{0}) << 2);
+  const std::uint64_t all = encode(cloud, lattice, items, threads, [kept](std::uint64_t code, std::size_t i) {
+    return Item{code & kept, static_cast<std::uint32_t>(i)};
   });
   radix_sort(items, all, threads);
   MortonOrder sorted;

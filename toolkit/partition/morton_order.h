@@ -45,9 +45,10 @@ struct MortonOrder {
   std::vector<std::uint32_t> order;  ///< cloud index of each place; equal codes keep the cloud's order
 };
 
-/// Sorts by Morton code of the lattice's cubes. O(n) radix sort, parallel, the same for any number of
-/// threads.
-[[nodiscard]] MortonOrder sort_by_morton(const cloud::Cloud& cloud, const Lattice& lattice, int threads);
+/// Sorts by Morton code of the lattice's cubes, or of its columns along z (`axes` = 2: the bits of z are 0).
+/// O(n) radix sort, parallel, the same for any number of threads.
+[[nodiscard]] MortonOrder sort_by_morton(const cloud::Cloud& cloud, const Lattice& lattice, int threads,
+                                         int axes = 3);
 
 /// Only the codes, ascending, of a lattice that the cloud spans at most 1024 cubes of per axis.
 [[nodiscard]] std::vector<std::uint32_t> sorted_coarse_codes(const cloud::Cloud& cloud,

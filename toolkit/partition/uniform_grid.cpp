@@ -55,6 +55,17 @@ void UniformGrid::insert(std::uint64_t key, PlaceRange places) noexcept {
   max_points_ = std::max(max_points_, places.end - places.begin);
 }
 
+LeafStatistics UniformGrid::statistics() const noexcept {
+  LeafStatistics found;
+  found.leaves = occupied_;
+  found.nodes = slots_.size();
+  found.max_points = max_points_;
+  std::size_t points = 0;
+  for (const Slot& slot : slots_) points += slot.places.end - slot.places.begin;
+  if (occupied_ > 0) found.mean_points = static_cast<double>(points) / static_cast<double>(occupied_);
+  return found;
+}
+
 UniformGrid UniformGrid::build(const cloud::Cloud& cloud, double cell_mm, int threads) {
   UniformGrid grid;
   // Cells are groups of 8 x 8 x 8 cubes of a finer lattice, so one sort serves both.

@@ -8,15 +8,9 @@
 #include "toolkit/cloud/cloud.h"
 #include "toolkit/core/large_pages.h"
 #include "toolkit/partition/morton_order.h"
+#include "toolkit/partition/partition.h"
 
 namespace palpate::partition {
-
-/// Places [begin, end) in the grid's order.
-struct PlaceRange {
-  std::uint32_t begin = 0;
-  std::uint32_t end = 0;
-  [[nodiscard]] bool empty() const noexcept { return begin == end; }
-};
 
 /// Integer coordinates of a cell; cells outside the cloud's box are simply not occupied.
 struct Cell {
@@ -30,6 +24,10 @@ class UniformGrid {
  public:
   /// O(n). `cell_mm` > 0 is doubled where the cloud would span 2^21 cells or more (cell_mm() tells).
   [[nodiscard]] static UniformGrid build(const cloud::Cloud& cloud, double cell_mm, int threads);
+  [[nodiscard]] static UniformGrid build(const cloud::Cloud& cloud, const PartitionOptions& options,
+                                         int threads) {
+    return build(cloud, options.cell_mm, threads);
+  }
 
   [[nodiscard]] double cell_mm() const noexcept { return lattice_.unit_mm; }
   /// Cloud index of each place.
@@ -48,6 +46,7 @@ class UniformGrid {
   [[nodiscard]] std::uint32_t max_points_per_cell() const noexcept { return max_points_; }
   [[nodiscard]] std::uint32_t max_probes() const noexcept { return max_probes_; }
   [[nodiscard]] const Lattice& lattice() const noexcept { return lattice_; }
+  [[nodiscard]] LeafStatistics statistics() const noexcept;
   [[nodiscard]] std::size_t bytes() const noexcept {
     return slots_.capacity() * sizeof(Slot) + order_.capacity() * sizeof(std::uint32_t);
   }

@@ -1,0 +1,71 @@
+// What every spatial partition answers: the three of section 3.1.2 behind one concept, chosen when a model is
+// prepared, so that a frame pays for none but its own.
+#pragma once
+
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "toolkit/cloud/cloud.h"
+#include "toolkit/core/vec.h"
+#include "toolkit/partition/morton_order.h"
+
+namespace palpate::partition {
+
+/// Places [begin, end) in a partition's order.
+struct PlaceRange {
+  std::uint32_t begin = 0;
+  std::uint32_t end = 0;
+  [[nodiscard]] bool empty() const noexcept { return begin == end; }
+};
+
+/// Section 3.1.2.1: a node of the modified octree holds up to ten points.
+inline constexpr std::uint32_t kPointsPerLeaf = 10;
+
+struct PartitionOptions {
+  /// Edge of a grid cell, > 0. Trees choose their own sizes and ask for it only where all points coincide.
+  double cell_mm = 1.0;
+  std::uint32_t max_points = kPointsPerLeaf;  ///< of a tree's leaf; more where `max_depth` stops dividing
+  int max_depth = kMortonBits;                ///< of a tree, 0 .. kMortonBits; 0 is the root alone
+};
+
+/// The shape of a partition as it stands.
+struct LeafStatistics {
+  std::size_t leaves = 0;        ///< cells or leaves that hold points
+  std::size_t nodes = 0;         ///< hash slots of a grid; all nodes of a tree, empty and inner ones too
+  std::uint32_t max_points = 0;  ///< of a leaf
+  double mean_points = 0.0;      ///< of a leaf that holds points
+  int max_depth = 0;             ///< steps from the root to the deepest leaf; 0 for a grid
+};
+
+namespace detail {
+/// Any visitor: stands in the concept for callables of type bool(PlaceRange).
+struct AnyVisitor {
+  bool operator()(PlaceRange) const noexcept { return true; }
+};
+}  // namespace detail
+
+/// All positions are in the cloud's local coordinates, mm; a place is an index into the partition's order.
+///
+/// - P::build(cloud, options, threads): O(n log n), the same for any number of threads.
+/// - order(): the cloud's index of each place; the points of a leaf are contiguous.
+/// - visit_ranges(p, a, b, reach, visit): calls visit(range) for every leaf that the segment from a to b,
+///   widened by `reach` on each axis, touches; some more near corners, and ranges may be empty. Every place
+///   comes at most once. The order is fixed by the partition alone. visit returns false to stop; the call
+///   returns false when stopped. Allocates nothing; stack bounded by the depth. Ends that are not finite
+///   touch nothing.
+/// - visit_at(p, point, visit): the same for the one leaf that holds `point`.
+/// - bytes(), statistics().
+template <class P>
+concept Partition = requires(const P& p, const Vec3& at_mm, const cloud::Cloud& cloud,
+                             const PartitionOptions& options, detail::AnyVisitor visit) {
+  { P::build(cloud, options, 0) } -> std::same_as<P>;
+  { p.order() } -> std::convertible_to<std::span<const std::uint32_t>>;
+  { p.bytes() } -> std::convertible_to<std::size_t>;
+  { p.statistics() } -> std::same_as<LeafStatistics>;
+  { visit_ranges(p, at_mm, at_mm, at_mm, visit) } -> std::same_as<bool>;
+  { visit_at(p, at_mm, visit) } -> std::same_as<bool>;
+};
+
+}  // namespace palpate::partition
