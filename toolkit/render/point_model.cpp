@@ -8,7 +8,7 @@
 #include "toolkit/core/clock.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/tolerances.h"
-#include "toolkit/neighbourhood/knn.h"
+#include "toolkit/neighbourhood/builders.h"
 #include "toolkit/neighbourhood/walkable.h"
 
 namespace palpate::render {
@@ -26,26 +26,31 @@ void phase(PrepareReport& report, const PrepareContext& context, Stopwatch& watc
   watch.restart();
 }
 
-bool is_scanner_path(const cloud::Cloud& cloud, const PointModelOptions& options) {
-  return options.neighbours == "scanner-path" || (options.neighbours == "auto" && cloud.raster);
+/// The builder that the options mean.
+std::string builder_name(const cloud::Cloud& cloud, const PointModelOptions& options) {
+  if (options.neighbours != "auto") return options.neighbours;
+  return cloud.raster ? "scanner-path" : "modified-knn";
+}
+
+/// Its links are mutual and go all ways already.
+bool follows_scanner(const std::string& name) {
+  const std::vector<neighbourhood::Builder> all = neighbourhood::builders();
+  return std::any_of(all.begin(), all.end(), [&](const neighbourhood::Builder& builder) {
+    return builder.name == name && builder.follows_scanner;
+  });
 }
 
 Result<neighbourhood::NeighbourTable> neighbours_of(const cloud::Cloud& cloud,
                                                     const PointModelOptions& options,
                                                     const PrepareContext& context, PrepareReport& report) {
-  const std::string choice = is_scanner_path(cloud, options) ? "scanner-path"
-                             : options.neighbours == "auto"  ? "modified-knn"
-                                                             : options.neighbours;
-  report.notes.push_back("neighbours: " + choice);
-  if (choice == "scanner-path") return neighbourhood::scanner_path(cloud, context.threads);
-  if (choice == "exact-knn") return neighbourhood::exact_knn(cloud, context.threads);
-  neighbourhood::ModifiedKnnOptions knn;
-  knn.complete_to_eight = options.complete_to_eight;
-  neighbourhood::ModifiedKnnReport found;
-  neighbourhood::NeighbourTable table = neighbourhood::modified_knn(cloud, knn, context.threads, &found);
-  if (found.fewer_than_eight > 0)
-    report.notes.push_back(fmt::format("{} points have fewer than eight neighbours", found.fewer_than_eight));
-  return table;
+  NamedOptions wanted{builder_name(cloud, options), {}};
+  report.notes.push_back("neighbours: " + wanted.name);
+  if (wanted.name == "modified-knn")
+    wanted.options.set("complete", options.complete_to_eight ? "true" : "false");
+  Result<neighbourhood::Built> built = neighbourhood::build_neighbours(wanted, cloud, context.threads);
+  if (!built) return std::move(built).error();
+  report.notes.insert(report.notes.end(), built->notes.begin(), built->notes.end());
+  return std::move(built->table);
 }
 
 /// The largest distance between immediate neighbours (section 1.6).
@@ -98,12 +103,11 @@ void fill_points(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable&
 
 std::vector<OptionSpec> point_model_specs() {
   using enum OptionKind;
+  std::vector<std::string> names = {"auto"};
+  for (const neighbourhood::Builder& builder : neighbourhood::builders()) names.push_back(builder.name);
   return {
-      {"neighbours",
-       kChoice,
-       "auto",
-       "how neighbours are found; auto: the scanner's path where the cloud is a raster",
-       {"auto", "scanner-path", "modified-knn", "exact-knn"}},
+      {"neighbours", kChoice, "auto",
+       "how neighbours are found; auto: the scanner's path where the cloud is a raster", std::move(names)},
       {"complete", kFlag, "true", "modified kNN completes to eight neighbours; false: as printed", {}},
       {"box",
        kChoice,
@@ -165,7 +169,7 @@ Result<PointModel> build_point_model(const SceneInput& scene, const PointModelOp
 
   // The resolution is that of the nearest eight; links out of clumps may be longer. The scanner's path has a
   // link back for each of its own.
-  if (options.normals && !is_scanner_path(cloud, options)) {
+  if (options.normals && !follows_scanner(builder_name(cloud, options))) {
     const neighbourhood::WalkableReport mended = neighbourhood::make_walkable(cloud, *table, context.threads);
     if (mended.spread + mended.returned > 0)
       report.notes.push_back(fmt::format("neighbours spread at {} points, links back given to {}",

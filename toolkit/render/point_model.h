@@ -25,7 +25,7 @@ enum class BoxSize : std::uint8_t {
 };
 
 struct PointModelOptions {
-  std::string neighbours = "auto";  ///< auto, scanner-path, modified-knn, exact-knn
+  std::string neighbours = "auto";  ///< auto, or one of neighbourhood::builders()
   bool complete_to_eight = true;    ///< of modified kNN
   BoxSize box = BoxSize::kGlobal;
   double box_mm = 0.0;         ///< edge of the global cube; 0 = the resolution

@@ -1,0 +1,255 @@
+// Directional kNN and fixed distance against brute force over every point.
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/SVD>
+#include <array>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <numeric>
+
+#include "tests/toolkit/neighbourhood/cases.h"
+#include "toolkit/neighbourhood/directional_knn.h"
+#include "toolkit/neighbourhood/fixed_distance.h"
+
+namespace palpate::neighbourhood {
+namespace {
+
+// Angles this close to a border may fall to either side of it.
+constexpr double kAtBorderDeg = 1e-4;
+
+double degrees(double radians) {
+  return radians * 180.0 / std::numbers::pi;
+}
+
+struct Slow {
+  std::vector<std::pair<double, std::uint32_t>> best;
+  bool doubtful = false;  // an angle at a border, or no clear plane
+};
+
+/// The definition in directional_knn.h, by sorting all points and by angles.
+Slow slow_directions(const cloud::Cloud& cloud, std::uint32_t self, const DirectionalKnnOptions& options) {
+  Slow slow;
+  std::vector<std::pair<double, std::uint32_t>> others;
+  const Vec3 p = cloud.local_mm(self);
+  for (std::uint32_t j = 0; j < cloud.size(); ++j) {
+    const double sq = (cloud.local_mm(j) - p).squaredNorm();
+    if (j != self && sq > 0.0) others.emplace_back(sq, j);
+  }
+  std::sort(others.begin(), others.end());
+  const std::size_t n = std::min(others.size(), kNeighbours);
+  Eigen::MatrixXd rows(static_cast<Eigen::Index>(n + 1), 3);
+  rows.row(0).setZero();
+  for (std::size_t k = 0; k < n; ++k)
+    rows.row(static_cast<Eigen::Index>(k + 1)) =
+        (cloud.local_mm(others[k].second) - p) / std::sqrt(others[n - 1].first);
+  rows.rowwise() -= rows.colwise().mean().eval();
+  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(rows, Eigen::ComputeFullV);
+  Vec3 normal = Vec3::UnitZ();
+  if (options.frame == DirectionalKnnOptions::Frame::kTangent) {
+    if (n < 2) return {{}, true};
+    const auto values = svd.singularValues();
+    slow.doubtful = values[1] - values[2] < 1e-4 * values[0];
+    normal = svd.matrixV().col(2);
+  }
+  int longest = 0;
+  normal.cwiseAbs().maxCoeff(&longest);
+  const Vec3 sizes = normal.cwiseAbs();
+  for (int axis = 0; axis < 3; ++axis)
+    if (axis != longest && sizes[longest] - sizes[axis] < 1e-6) slow.doubtful = true;
+  if (normal[longest] < 0.0) normal = -normal;
+  const Vec3 axis = longest == 0 ? Vec3::UnitY() : Vec3::UnitX();
+  const Vec3 east = (axis - axis.dot(normal) * normal).normalized(), north = normal.cross(east);
+  std::map<int, std::pair<double, std::uint32_t>> best;
+  const double limit = n == kNeighbours ? options.reach * options.reach * others[n - 1].first
+                                        : std::numeric_limits<double>::infinity();
+  for (const auto& [sq, j] : others) {
+    if (sq > limit) break;
+    const Vec3 d = (cloud.local_mm(j) - p).normalized();
+    const double elevation = degrees(std::asin(std::clamp(std::abs(d.dot(normal)), 0.0, 1.0)));
+    if (std::abs(elevation - options.steepest_deg) < kAtBorderDeg) slow.doubtful = true;
+    if (elevation > options.steepest_deg) continue;
+    const double turn = degrees(std::atan2(d.dot(north), d.dot(east))) / 45.0 + 8.5;
+    if (std::abs(turn - std::round(turn)) < kAtBorderDeg) slow.doubtful = true;
+    best.try_emplace(static_cast<int>(std::floor(turn)) % 8, sq, j);
+  }
+  for (const auto& [direction, entry] : best) slow.best.push_back(entry);
+  std::sort(slow.best.begin(), slow.best.end());
+  return slow;
+}
+
+void expect_directions(const cloud::Cloud& cloud, const DirectionalKnnOptions& options, double sure_share) {
+  DirectionalKnnReport report;
+  const NeighbourTable table = directional_knn(cloud, options, 1, &report);
+  const NeighbourTable threaded = directional_knn(cloud, options, 3);
+  std::size_t sure = 0;
+  std::uint64_t empty = 0, full = 0;
+  for (std::uint32_t i = 0; i < cloud.size(); ++i) {
+    ASSERT_EQ(table.of[i], threaded.of[i]);
+    empty += kNeighbours - table.count(i);
+    full += table.count(i) == kNeighbours;
+    const Slow slow = slow_directions(cloud, i, options);
+    if (slow.doubtful) continue;
+    ++sure;
+    Neighbours expected;
+    expected.fill(i);
+    for (std::size_t k = 0; k < slow.best.size(); ++k) expected[k] = slow.best[k].second;
+    ASSERT_EQ(table.of[i], expected) << "point " << i;
+  }
+  EXPECT_EQ(report.empty_directions, empty);
+  EXPECT_EQ(report.all_eight, full);
+  EXPECT_GE(static_cast<double>(sure), sure_share * static_cast<double>(cloud.size()));
+}
+
+TEST(DirectionalKnn, EqualsBruteForce) {
+  Random random(21);
+  std::vector<Vec3> curved, volume;
+  for (int i = 0; i < 900; ++i) {
+    const double x = random.uniform(-1, 1), y = random.uniform(-1, 1);
+    curved.emplace_back(x, 0.5 * x * x - 0.3 * y * y + 0.01 * random.normal(), y);
+    volume.emplace_back(random.uniform(), random.uniform(), random.uniform());
+  }
+  DirectionalKnnOptions plan;
+  plan.frame = DirectionalKnnOptions::Frame::kPlan;
+  DirectionalKnnOptions narrow;
+  narrow.reach = 1.2;
+  narrow.steepest_deg = 20.0;
+  for (const double scale : {1e-3, 1.0, 1e6})
+    for (const double away : {0.0, 300.0}) {
+      SCOPED_TRACE(testing::Message() << "scale " << scale << ", away " << away);
+      std::vector<Vec3> moved = curved;
+      for (Vec3& p : moved) p = scale * (p + Vec3(away, -2.0 * away, away));
+      expect_directions(built(moved), {}, 0.9);
+      expect_directions(built(moved), plan, 0.9);
+      expect_directions(built(moved), narrow, 0.9);
+    }
+  expect_directions(built(volume), {}, 0.9);
+}
+
+TEST(DirectionalKnn, KnowsTheEightAroundOnAGrid) {
+  const cloud::Cloud cloud = built(sheet(12, 10, 0.25, 0.0, 1));
+  const NeighbourTable table = directional_knn(cloud, {}, 1);
+  for (std::uint32_t row = 0; row < 10; ++row)
+    for (std::uint32_t column = 0; column < 12; ++column) {
+      const std::uint32_t i = row * 12 + column;
+      const bool inside = row > 0 && row < 9 && column > 0 && column < 11;
+      if (!inside) {
+        EXPECT_LT(table.count(i), kNeighbours);
+        continue;
+      }
+      const Neighbours expected = {i - 12, i - 1, i + 1, i + 12, i - 13, i - 11, i + 11, i + 13};
+      EXPECT_EQ(table.of[i], expected);
+    }
+}
+
+// Scan lines ten samples apart: the eight nearest are all of one line, the eight directions are not.
+TEST(DirectionalKnn, SeesTheNextScanLine) {
+  std::vector<Vec3> points;
+  for (int line = 0; line < 20; ++line)
+    for (int sample = 0; sample < 200; ++sample)
+      points.emplace_back(0.1 * sample + 1e-3 * std::sin(7.0 * line + sample), line, 0.0);
+  const cloud::Cloud cloud = built(points);
+  DirectionalKnnOptions options;
+  options.frame = DirectionalKnnOptions::Frame::kPlan;
+  const NeighbourTable table = directional_knn(cloud, options, 1), nearest = brute(cloud);
+  const std::uint32_t middle = 10 * 200 + 100;
+  const auto other_lines = [&](const Neighbours& row) {
+    return std::count_if(row.begin(), row.end(), [&](std::uint32_t j) { return j / 200 != middle / 200; });
+  };
+  EXPECT_EQ(other_lines(nearest.of[middle]), 0);
+  EXPECT_EQ(other_lines(table.of[middle]), 6);
+  options.reach = 2.0;  // the eighth nearest is four samples off: not as far as the next line
+  EXPECT_EQ(other_lines(directional_knn(cloud, options, 1).of[middle]), 0);
+}
+
+TEST(DirectionalKnn, SurvivesWhatHasNoDirections) {
+  for (const Case& c : cases()) {
+    SCOPED_TRACE(c.name);
+    const cloud::Cloud cloud = built(c.points);
+    DirectionalKnnReport report;
+    const NeighbourTable table = directional_knn(cloud, {}, 2, &report);
+    ASSERT_EQ(table.size(), cloud.size());
+    for (std::uint32_t i = 0; i < table.size(); ++i)
+      for (const std::uint32_t j : table.of[i]) {
+        ASSERT_LT(j, cloud.size());
+        if (j == i) continue;
+        ASSERT_GT((cloud.local_mm(j) - cloud.local_mm(i)).norm(), 0.0);
+      }
+    if (c.name == "nine in a line") {
+      EXPECT_EQ(report.without_plane, 9u);
+      for (std::uint32_t i = 1; i < 8; ++i) EXPECT_EQ(table.count(i), 2u) << "one ahead, one behind";
+    }
+    if (c.name == "all at one place") {
+      EXPECT_EQ(report.empty_directions, 8u * cloud.size());
+    }
+  }
+}
+
+TEST(DirectionalKnn, DoesNotDependOnTheOrderOfPoints) {
+  std::vector<Vec3> points = sheet(30, 30, 1.0, 0.6, 5);
+  std::vector<std::uint32_t> place(points.size());
+  std::iota(place.begin(), place.end(), 0u);
+  Random random(6);
+  for (std::size_t i = place.size() - 1; i > 0; --i)
+    std::swap(place[i], place[static_cast<std::size_t>(random.uniform() * static_cast<double>(i + 1))]);
+  std::vector<Vec3> moved(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) moved[place[i]] = points[i];
+  const NeighbourTable a = directional_knn(built(points), {}, 1), b = directional_knn(built(moved), {}, 1);
+  for (std::uint32_t i = 0; i < points.size(); ++i)
+    for (std::size_t k = 0; k < kNeighbours; ++k) ASSERT_EQ(place[a.of[i][k]], b.of[place[i]][k]);
+}
+
+void expect_within(const cloud::Cloud& cloud, double distance_mm, const FixedDistanceOptions& options) {
+  FixedDistanceReport report;
+  const NeighbourTable table = fixed_distance(cloud, options, 1, &report);
+  const NeighbourTable threaded = fixed_distance(cloud, options, 3);
+  std::uint64_t more = 0, fewer = 0, all = 0;
+  for (std::uint32_t i = 0; i < cloud.size(); ++i) {
+    std::vector<std::pair<double, std::uint32_t>> in;
+    for (std::uint32_t j = 0; j < cloud.size(); ++j) {
+      const double sq = (cloud.local_mm(j) - cloud.local_mm(i)).squaredNorm();
+      if (j != i && sq <= distance_mm * distance_mm) in.emplace_back(sq, j);
+    }
+    std::sort(in.begin(), in.end());
+    more += in.size() > kNeighbours;
+    fewer += in.size() < kNeighbours;
+    all += in.size();
+    Neighbours expected;
+    expected.fill(i);
+    for (std::size_t k = 0; k < std::min(in.size(), kNeighbours); ++k) expected[k] = in[k].second;
+    ASSERT_EQ(table.of[i], expected) << "point " << i;
+    ASSERT_EQ(threaded.of[i], expected) << "point " << i;
+  }
+  EXPECT_EQ(report.distance_mm, distance_mm);
+  EXPECT_EQ(report.more_than_eight, more);
+  EXPECT_EQ(report.fewer_than_eight, fewer);
+  EXPECT_EQ(report.within, all);
+}
+
+TEST(FixedDistance, EqualsBruteForce) {
+  for (const Case& c : cases()) {
+    // Counts stop at nine a place, which brute force knows nothing of.
+    if (c.name.find("pile") != std::string::npos || c.name.find("one place") != std::string::npos) continue;
+    SCOPED_TRACE(c.name);
+    const cloud::Cloud cloud = built(c.points);
+    FixedDistanceReport report;
+    (void)fixed_distance(cloud, {}, 1, &report);
+    for (const double share : {0.3, 1.0, 2.5, 40.0})
+      expect_within(cloud, share * report.distance_mm, {share * report.distance_mm});
+  }
+}
+
+TEST(FixedDistance, TheDefaultHoldsTheEightAroundOnAGrid) {
+  for (const double step : {1e-3, 0.25, 1e6}) {
+    const cloud::Cloud cloud = built(sheet(60, 60, step, 0.0, 1));
+    FixedDistanceReport report;
+    const NeighbourTable table = fixed_distance(cloud, {}, 1, &report);
+    EXPECT_EQ(report.more_than_eight, 0u);
+    EXPECT_EQ(report.fewer_than_eight, 4u * 59u);
+    EXPECT_EQ(table.count(61), kNeighbours);
+  }
+}
+
+}  // namespace
+}  // namespace palpate::neighbourhood

@@ -1,0 +1,190 @@
+#include "toolkit/neighbourhood/builders.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <mutex>
+
+#include "toolkit/neighbourhood/connected_knn.h"
+#include "toolkit/neighbourhood/directional_knn.h"
+#include "toolkit/neighbourhood/fixed_distance.h"
+#include "toolkit/neighbourhood/knn.h"
+
+namespace palpate::neighbourhood {
+namespace {
+
+using enum OptionKind;
+
+/// Two local spacings: a square grid on a slope of 60 degrees keeps its eight.
+constexpr const char* kCutOff = "2";
+
+Builder exact() {
+  return {"exact-knn",
+          "the eight nearest points",
+          "section 3.2.2.1",
+          {},
+          [](const cloud::Cloud& cloud, const Options&, int threads) -> Result<Built> {
+            return Built{exact_knn(cloud, threads), {}};
+          }};
+}
+
+Builder density() {
+  return {"density-knn",
+          "the eight nearest, without those farther than the density suggests",
+          "section 3.2.2.1",
+          {{"cutoff", kNumber, kCutOff, "farthest neighbour in local spacings", {}, 0.01, 1e6}},
+          [](const cloud::Cloud& cloud, const Options& options, int threads) -> Result<Built> {
+            Built built{exact_knn(cloud, threads), {}};
+            const CutOffReport r = cut_off_by_density(cloud, built.table, options.number("cutoff"), threads);
+            if (r.links_cut > 0)
+              built.notes.push_back(fmt::format(
+                  "{} links of {} points are too long for the density around, {} points have none left",
+                  r.links_cut, r.points_cut, r.points_without));
+            return built;
+          }};
+}
+
+Builder connected() {
+  return {"connected-knn",
+          "the eight nearest, with links that reach every point from the first",
+          "section 3.2.2.1",
+          {},
+          [](const cloud::Cloud& cloud, const Options&, int threads) -> Result<Built> {
+            ConnectReport r;
+            Built built{connected_knn(cloud, threads, &r), {}};
+            if (r.links_given > 0)
+              built.notes.push_back(
+                  fmt::format("{} pieces, {} points out of reach: {} links given, the longest {:.4g} mm",
+                              r.pieces, r.unreached, r.links_given, r.longest_link_mm));
+            return built;
+          }};
+}
+
+Builder directional() {
+  return {"directional-knn",
+          "the nearest point in each of eight directions",
+          "section 3.2.2.1, figure 39",
+          {{"frame",
+            kChoice,
+            "tangent",
+            "plane of the directions: the local fit, or x and y",
+            {"tangent", "plan"}},
+           {"reach", kNumber, "3", "how far to look, in distances to the eighth nearest", {}, 1.0, 1e3},
+           {"steepest_deg", kNumber, "45", "largest angle off the plane, degrees", {}, 1.0, 90.0}},
+          [](const cloud::Cloud& cloud, const Options& options, int threads) -> Result<Built> {
+            DirectionalKnnOptions o;
+            o.frame = options.text("frame") == "plan" ? DirectionalKnnOptions::Frame::kPlan
+                                                      : DirectionalKnnOptions::Frame::kTangent;
+            o.reach = options.number("reach");
+            o.steepest_deg = options.number("steepest_deg");
+            DirectionalKnnReport r;
+            Built built{directional_knn(cloud, o, threads, &r), {}};
+            if (r.empty_directions > 0)
+              built.notes.push_back(fmt::format("{} of {} points have all eight directions, {} are empty",
+                                                r.all_eight, cloud.size(), r.empty_directions));
+            return built;
+          }};
+}
+
+Builder fixed() {
+  return {"fixed-distance",
+          "all points within a distance, the nearest eight kept",
+          "section 3.2.2.2",
+          {{"distance_mm", kNumber, "0", "mm; 0: 1.68 mean spacings", {}, 0.0, 1e300}},
+          [](const cloud::Cloud& cloud, const Options& options, int threads) -> Result<Built> {
+            FixedDistanceReport r;
+            Built built{fixed_distance(cloud, {options.number("distance_mm")}, threads, &r), {}};
+            built.notes.push_back(
+                fmt::format("within {:.4g} mm: more than eight at {} points, fewer at {}, {:.2f} on average",
+                            r.distance_mm, r.more_than_eight, r.fewer_than_eight,
+                            static_cast<double>(r.within) / static_cast<double>(cloud.size())));
+            return built;
+          }};
+}
+
+Builder scanner() {
+  Builder builder{"scanner-path",
+                  "the eight around in the scanner's order",
+                  "section 3.2.2.4",
+                  {},
+                  [](const cloud::Cloud& cloud, const Options&, int threads) -> Result<Built> {
+                    Result<NeighbourTable> table = scanner_path(cloud, threads);
+                    if (!table) return std::move(table).error();
+                    return Built{*std::move(table), {}};
+                  }};
+  builder.follows_scanner = true;
+  return builder;
+}
+
+Builder modified() {
+  return {"modified-knn",
+          "the points of a shrinking block of cubes",
+          "section 3.2.2.5",
+          {{"complete", kFlag, "true", "complete to eight neighbours; false: as printed", {}},
+           {"start_size", kNumber, "1", "first cube edge in mean spacings", {}, 1e-3, 1e3},
+           {"refinement", kNumber, "0.70710678118654752", "factor between sizes", {}, 0.1, 0.99},
+           {"growth_limit", kNumber, "64", "largest cube edge in units of the first", {}, 1.0, 1e6}},
+          [](const cloud::Cloud& cloud, const Options& options, int threads) -> Result<Built> {
+            ModifiedKnnOptions o;
+            o.complete_to_eight = options.flag("complete");
+            o.start_size = options.number("start_size");
+            o.refinement = options.number("refinement");
+            o.growth_limit = options.number("growth_limit");
+            ModifiedKnnReport r;
+            Built built{modified_knn(cloud, o, threads, &r), {}};
+            if (r.fewer_than_eight > 0)
+              built.notes.push_back(
+                  fmt::format("{} points have fewer than eight neighbours", r.fewer_than_eight));
+            return built;
+          }};
+}
+
+struct Registered {
+  std::mutex gate;
+  std::vector<Builder> all = {exact(), density(), connected(), directional(), fixed(), scanner(), modified()};
+};
+
+Registered& registered() {
+  static Registered builders;
+  return builders;
+}
+
+}  // namespace
+
+std::vector<Builder> builders() {
+  Registered& known = registered();
+  const std::lock_guard lock(known.gate);
+  return known.all;
+}
+
+void add_builder(Builder builder) {
+  Registered& known = registered();
+  const std::lock_guard lock(known.gate);
+  const auto same = std::find_if(known.all.begin(), known.all.end(),
+                                 [&](const Builder& b) { return b.name == builder.name; });
+  if (same == known.all.end())
+    known.all.push_back(std::move(builder));
+  else
+    *same = std::move(builder);
+}
+
+Result<Built> build_neighbours(const NamedOptions& wanted, const cloud::Cloud& cloud, int threads) {
+  if (cloud.empty()) return Error{"the cloud has no points", "give a file with at least one point", {}, 0};
+  std::string known;
+  for (const Builder& builder : builders()) {
+    known += (known.empty() ? "" : ", ") + builder.name;
+    if (builder.name != wanted.name) continue;
+    const Result<Options> options = validate(wanted.options, builder.options, builder.name);
+    if (!options) return options.error();
+    return builder.build(cloud, *options, threads);
+  }
+  return Error{fmt::format("there is no neighbour builder '{}'", wanted.name), "choose from " + known, {}, 0};
+}
+
+Result<Built> build_neighbours(std::string_view name_and_options, const cloud::Cloud& cloud, int threads) {
+  const Result<NamedOptions> wanted = parse_named_options(name_and_options);
+  if (!wanted) return wanted.error();
+  return build_neighbours(*wanted, cloud, threads);
+}
+
+}  // namespace palpate::neighbourhood

@@ -1,0 +1,194 @@
+#include "toolkit/neighbourhood/directional_knn.h"
+
+#include <Eigen/Eigenvalues>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <span>
+
+#include "toolkit/neighbourhood/knn_engine.h"
+
+namespace palpate::neighbourhood {
+namespace {
+
+/// The next point's limit is guessed from this one's, with an eighth of the distance to spare.
+constexpr double kGuessRoom = 1.125 * 1.125;
+/// tan(22.5 degrees), the border between a main direction and the next diagonal.
+constexpr double kTanBorder = std::numbers::sqrt2 - 1.0;
+/// Eight points stand in one line where the scatter's second eigenvalue is this small a share of the first:
+/// a millionth of the length, which rounding of the stored floats alone can make.
+constexpr double kInLine = 1e-12;
+
+/// Two directions in the plane, and the normal.
+struct Frame {
+  Vec3 east = Vec3::UnitX(), north = Vec3::UnitY(), normal = Vec3::UnitZ();
+  bool plane = true;
+};
+
+/// East is the x axis laid into the plane, or y where x is nearly the normal.
+Frame frame_around(const Vec3& normal) {
+  Frame frame;
+  int longest = 0;
+  normal.cwiseAbs().maxCoeff(&longest);
+  frame.normal = normal[longest] < 0.0 ? Vec3(-normal) : normal;
+  const Vec3 axis = longest == 0 ? Vec3::UnitY() : Vec3::UnitX();
+  frame.east = (axis - axis.dot(frame.normal) * frame.normal).normalized();
+  frame.north = frame.normal.cross(frame.east);
+  return frame;
+}
+
+/// The plane that fits the point (at 0) and the offsets best, all at most `size` long.
+Frame fitted(std::span<const Vec3> offsets, double size) {
+  Vec3 sum = Vec3::Zero();
+  Eigen::Matrix3d products = Eigen::Matrix3d::Zero();
+  for (const Vec3& offset : offsets) {
+    const Vec3 d = offset / size;  // squares of tiny and huge lengths would leave the doubles
+    sum += d;
+    products += d * d.transpose();
+  }
+  const Eigen::Matrix3d scatter = products - sum * sum.transpose() / static_cast<double>(offsets.size() + 1);
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
+  solver.computeDirect(scatter);
+  const Vec3 values = solver.eigenvalues();
+  if (values[1] > kInLine * values[2]) return frame_around(solver.eigenvectors().col(0));
+  // In one line every plane along it fits: the one that lies flattest.
+  const Vec3 line = solver.eigenvectors().col(2);
+  int shortest = 0;
+  line.cwiseAbs().minCoeff(&shortest);
+  const Vec3 axis = line.head<2>().norm() > kTanBorder ? Vec3::UnitZ() : Vec3::Unit(shortest);
+  Frame frame = frame_around((axis - axis.dot(line) * line).normalized());
+  frame.plane = false;
+  return frame;
+}
+
+/// 0 east, 1 north-east, and on counter-clockwise; none above, below and at the same place.
+std::optional<std::size_t> direction_of(const Frame& frame, const Vec3& offset, double tan_sq) noexcept {
+  const double e = offset.dot(frame.east), n = offset.dot(frame.north), up = offset.dot(frame.normal);
+  const double flat_sq = e * e + n * n;
+  if (!(flat_sq > 0.0) || up * up > tan_sq * flat_sq) return std::nullopt;
+  const double along = std::abs(e), across = std::abs(n);
+  if (across <= kTanBorder * along) return e > 0.0 ? 0 : 4;
+  if (along <= kTanBorder * across) return n > 0.0 ? 2 : 6;
+  if (n > 0.0) return e > 0.0 ? 1 : 3;
+  return e > 0.0 ? 7 : 5;
+}
+
+/// The best of each direction so far.
+struct Directions {
+  std::array<double, kNeighbours> square;
+  std::array<std::uint32_t, kNeighbours> index{};
+  std::size_t filled = 0;
+  Directions() { square.fill(kEverything); }
+
+  void offer(std::size_t at, double sq, std::uint32_t i) noexcept {
+    if (!(sq < square[at] || (sq == square[at] && i < index[at]))) return;
+    filled += static_cast<std::size_t>(square[at] == kEverything);
+    square[at] = sq;
+    index[at] = i;
+  }
+  /// Infinite while a direction is empty.
+  [[nodiscard]] double worst() const noexcept {
+    double far = 0.0;
+    for (const double sq : square) far = std::max(far, sq);
+    return far;
+  }
+  void store(std::uint32_t self, Neighbours& out) const noexcept {
+    BestEight sorted;
+    for (std::size_t k = 0; k < kNeighbours; ++k)
+      if (square[k] != kEverything) sorted.offer(square[k], index[k]);
+    sorted.store(self, out);
+  }
+};
+
+/// Places in Scratch::sums.
+enum Sum : std::size_t { kAllEight, kEmpty, kNoPlane };
+
+class Chooser {
+ public:
+  Chooser(const cloud::Cloud& cloud, const DirectionalKnnOptions& options)
+      : cloud_(cloud), options_(options), reach_sq_(options.reach * options.reach) {
+    const double tan = std::tan(options.steepest_deg * std::numbers::pi / 180.0);
+    tan_sq_ = options.steepest_deg < 90.0 ? tan * tan : kEverything;
+  }
+
+  bool operator()(std::uint32_t self, const Vec3& p, const Candidates& c, double radius_mm, Neighbours& out,
+                  Scratch& scratch) const {
+    const double covered = radius_mm * radius_mm;
+    for (double guess = scratch.guess;; guess = larger_guess(guess)) {
+      const bool all = !(guess < covered);
+      const bool whole = all && radius_mm == kEverything;
+      kernels().keep_ball(c, p, all ? kEverything : guess, scratch);
+      const double known = all ? covered : guess;  // nothing up to here is missing
+      BestEight near;
+      for (std::size_t k = 0; k < scratch.count; ++k)
+        if (scratch.square[k] > 0.0 && scratch.index[k] != self)
+          near.offer(scratch.square[k], scratch.index[k]);
+      if (!whole && !(near.worst() < known)) {
+        if (all) return false;
+        continue;
+      }
+      const double limit = near.count() == kNeighbours ? reach_sq_ * near.worst() : kEverything;
+      const Frame frame = frame_at(self, p, near);
+      const Directions found = search(frame, p, self, limit, scratch);
+      const bool complete = found.worst() < known || limit < known || whole;
+      if (!complete) {
+        if (all) return false;
+        continue;
+      }
+      scratch.guess = kGuessRoom * std::min(found.worst(), limit);
+      scratch.sums[kAllEight] += found.filled == kNeighbours;
+      scratch.sums[kEmpty] += kNeighbours - found.filled;
+      scratch.sums[kNoPlane] += !frame.plane;
+      found.store(self, out);
+      return true;
+    }
+  }
+
+ private:
+  Frame frame_at(std::uint32_t self, const Vec3& p, const BestEight& near) const {
+    if (options_.frame == DirectionalKnnOptions::Frame::kPlan) return {};
+    Neighbours around;
+    near.store(self, around);
+    std::array<Vec3, kNeighbours> offsets;
+    double size = 0.0;
+    for (std::size_t k = 0; k < near.count(); ++k) {
+      offsets[k] = cloud_.local_mm(around[k]) - p;
+      size = std::max(size, offsets[k].cwiseAbs().maxCoeff());
+    }
+    if (near.count() > 0) return fitted(std::span(offsets).first(near.count()), size);
+    Frame none;
+    none.plane = false;
+    return none;
+  }
+
+  Directions search(const Frame& frame, const Vec3& p, std::uint32_t self, double limit,
+                    const Scratch& scratch) const {
+    Directions found;
+    for (std::size_t k = 0; k < scratch.count; ++k) {
+      const std::uint32_t other = scratch.index[k];
+      if (other == self || !(scratch.square[k] > 0.0) || scratch.square[k] > limit) continue;
+      if (const auto at = direction_of(frame, cloud_.local_mm(other) - p, tan_sq_))
+        found.offer(*at, scratch.square[k], other);
+    }
+    return found;
+  }
+
+  const cloud::Cloud& cloud_;
+  const DirectionalKnnOptions& options_;
+  double reach_sq_;
+  double tan_sq_ = 1.0;
+};
+
+}  // namespace
+
+NeighbourTable directional_knn(const cloud::Cloud& cloud, const DirectionalKnnOptions& options, int threads,
+                               DirectionalKnnReport* report) {
+  const KnnEngine engine(cloud, threads);
+  NeighbourTable table;
+  const auto sums = engine.run(Chooser(cloud, options), table);
+  if (report != nullptr) *report = {sums[kAllEight], sums[kEmpty], sums[kNoPlane]};
+  return table;
+}
+
+}  // namespace palpate::neighbourhood

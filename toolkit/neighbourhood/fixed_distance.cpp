@@ -1,0 +1,47 @@
+#include "toolkit/neighbourhood/fixed_distance.h"
+
+#include "toolkit/neighbourhood/knn_engine.h"
+
+namespace palpate::neighbourhood {
+namespace {
+
+/// 2^(3/4), the geometric mean of sqrt(2) and 2: on a square grid exactly the eight around lie within.
+constexpr double kDefaultSpacings = 1.681792830507429;
+
+/// Places in Scratch::sums.
+enum Sum : std::size_t { kMore, kFewer, kWithin };
+
+}  // namespace
+
+NeighbourTable fixed_distance(const cloud::Cloud& cloud, const FixedDistanceOptions& options, int threads,
+                              FixedDistanceReport* report) {
+  const KnnEngine engine(cloud, threads);
+  const Kernels& kernel = kernels();
+  const double distance_mm =
+      options.distance_mm > 0.0 ? options.distance_mm : kDefaultSpacings * engine.mean_spacing_mm();
+  const double limit = distance_mm * distance_mm;
+  NeighbourTable table;
+  const auto sums = engine.run(
+      [&](std::uint32_t self, const Vec3& p, const Candidates& c, double radius_mm, Neighbours& out,
+          Scratch& scratch) {
+        if (!(distance_mm < radius_mm) && radius_mm != kEverything) return false;
+        kernel.keep_ball(c, p, limit, scratch);
+        std::uint64_t within = 0;
+        for (std::size_t k = 0; k < scratch.count; ++k) {
+          // The sieve may keep some a rounding farther.
+          const bool in = scratch.square[k] <= limit;
+          if (!in) scratch.square[k] = kEverything;
+          within += static_cast<std::uint64_t>(in && scratch.index[k] != self);
+        }
+        kernel.choose_eight(self, scratch, out);
+        scratch.sums[kMore] += within > kNeighbours;
+        scratch.sums[kFewer] += within < kNeighbours;
+        scratch.sums[kWithin] += within;
+        return true;
+      },
+      table);
+  if (report != nullptr) *report = {distance_mm, sums[kMore], sums[kFewer], sums[kWithin]};
+  return table;
+}
+
+}  // namespace palpate::neighbourhood
