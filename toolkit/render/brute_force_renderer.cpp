@@ -21,7 +21,9 @@ class BruteForce final : public HapticRenderer {
 
   Result<PrepareReport> prepare(const SceneInput& scene, const PrepareContext& context) override {
     PrepareReport report;
-    Result<PointModel> built = build_point_model(scene, point_model_options(options_), context, report);
+    const Result<const ModelInput*> input = only_model(scene);
+    if (!input) return input.error();
+    Result<PointModel> built = build_point_model(**input, point_model_options(options_), context, report);
     if (!built) return std::move(built).error();
     model_ = std::move(*built);
     force_limit_n_ = scene.force_limit_n;
@@ -118,7 +120,8 @@ class BruteForce final : public HapticRenderer {
     frame.contact = true;
     frame.model = 0;
     frame.god_object_mm = model_.to_world(g);
-    frame.force_n = limited(model_.direction_to_world(model_.stiffness_n_per_mm * pull), force_limit_n_);
+    frame.force_n =
+        limited(model_.direction_to_world(model_.surface.stiffness_n_per_mm * pull), force_limit_n_);
   }
 
   Options options_;

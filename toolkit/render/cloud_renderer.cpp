@@ -5,27 +5,27 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
+#include <span>
 
 #include "toolkit/core/tolerances.h"
-#include "toolkit/render/box_scan.h"
-#include "toolkit/render/shading.h"
-#include "toolkit/render/sheet.h"
+#include "toolkit/render/cloud_slot.h"
 
 namespace palpate::render {
 namespace {
 
-/// Sheets watched while free: two faces that meet and one more that comes near.
-constexpr std::size_t kMaxSheets = 3;
-/// A watched sheet is let go beyond this many half diagonals of the largest box: a HIP inside any of its
-/// boxes is within one.
-constexpr double kLeaveHalfDiagonals = 1.5;
-/// Crossed boxes within this many half diagonals of a watched god object, with a plane within 60 degrees of
-/// its own, belong to that sheet.
-constexpr double kSameSheetHalfDiagonals = 2.0;
-constexpr double kSameSheetCosine = 0.5;
-/// A neighbour within some 75 degrees of a direction continues the sheet that way.
-constexpr double kRimCosine = 0.25;
+/// The frame has more than one model: a feature of the frame beside those of SurfaceFeature.
+constexpr unsigned kMany = kSurfaceFeatures;
+
+/// Models that may be touched in one frame; of more the first ones count.
+constexpr std::size_t kMaxTouched = geometry::kMaxHalfSpaces;
+/// Times the planes of models touched together are looked up where the last solution lies: surfaces are not
+/// planes, and each time the error that is left is about squared.
+constexpr int kJointRounds = 3;
+/// Violation of a plane that rounding may leave, as a share of the coordinates.
+constexpr double kJointSlack = 64.0 * kUnitRoundoff;
+/// Stiffness rises over this many resolutions where it varies: the potential's second force is then at most
+/// d / (16 resolutions) of the first for a rise from nothing, a tenth at 2 mm depth and 1 mm resolution.
+constexpr double kBlendResolutions = 8.0;
 
 class Cloud final : public HapticRenderer {
  public:
@@ -33,42 +33,100 @@ class Cloud final : public HapticRenderer {
 
   Result<PrepareReport> prepare(const SceneInput& scene, const PrepareContext& context) override {
     PrepareReport report;
-    Result<PointModel> built = build_point_model(scene, point_model_options(options_), context, report);
-    if (!built) return std::move(built).error();
-    model_ = std::move(*built);
+    if (scene.models.empty()) return Error{"the scene has no model", "add a [[model]]", {}, 0};
+    slots_.clear();
+    features_ = scene.models.size() > 1 ? kMany : 0;
+    for (const ModelInput& input : scene.models)
+      if (const Status done = prepare_slot(input, context, report); !done) return done.error();
     force_limit_n_ = scene.force_limit_n;
-    const std::string& shading = options_.text("shading");
-    if (shading == "auto") {
-      // Each change of point moves the force by stiffness x spacing; where no spacing is large enough,
-      // nothing is shaded and the frame is built without it.
-      const double largest = model_.stiffness_n_per_mm * model_.max_spacing_mm;
-      by_spacing_ = largest > kFeltForceStepN;
-      shading_ = by_spacing_ ? Shading::kFacet : Shading::kNone;
-      report.notes.push_back(
-          fmt::format("shading: {}, stiffness x spacing is at most {:.3g} N ({} N is felt)",
-                      by_spacing_ ? "facet where spacing asks for it" : "none", largest, kFeltForceStepN));
-      const double felt_mm = kFeltForceStepN / model_.stiffness_n_per_mm;
-      felt_spacing_sq_mm2_ = felt_mm * felt_mm;
-    } else {
-      shading_ = parse_shading(shading);
-      by_spacing_ = false;
-    }
-    const double half_diagonal = model_.largest_half_box_mm.norm();
-    leave_sq_mm2_ = (kLeaveHalfDiagonals * half_diagonal) * (kLeaveHalfDiagonals * half_diagonal);
-    same_sheet_sq_mm2_ =
-        (kSameSheetHalfDiagonals * half_diagonal) * (kSameSheetHalfDiagonals * half_diagonal);
-    clear(Vec3::Zero());
+    sum_ = options_.text("combine") == "sum";
+    reset(Vec3::Zero());
     return report;
   }
 
   void reset(const Vec3& hip_mm) noexcept override {
-    clear(model_.to_local(hip_mm));
-    // The free side of a closed surface is where the HIP is now: outside, or inside a cavity.
-    if (model_.closed)
-      closed_side_ = surface::is_enclosed(model_.points, model_.neighbours, tested_to_) ? -1.0 : 1.0;
+    counters_ = {};
+    for (const auto& slot : slots_) {
+      slot->contact.reset(slot->model.to_local(hip_mm));
+      slot->state.release();
+    }
   }
 
+  /// The frame is composed of what the scene asks for: of sixteen, one is ever run.
   Frame step(const Vec3& hip_mm, double) noexcept override {
+    switch (features_) {
+      case 0:
+        return frame<0>(hip_mm);
+      case kFriction:
+        return frame<kFriction>(hip_mm);
+      case kVaried:
+        return frame<kVaried>(hip_mm);
+      case kVaried | kFriction:
+        return frame<kVaried | kFriction>(hip_mm);
+      case kTexture:
+        return frame<kTexture>(hip_mm);
+      case kTexture | kFriction:
+        return frame<kTexture | kFriction>(hip_mm);
+      case kTexture | kVaried:
+        return frame<kTexture | kVaried>(hip_mm);
+      case kTexture | kVaried | kFriction:
+        return frame<kTexture | kVaried | kFriction>(hip_mm);
+      case kMany:
+        return frame<kMany>(hip_mm);
+      default:  // several models, some with properties
+        return frame<kMany | kTexture | kVaried | kFriction>(hip_mm);
+    }
+  }
+
+  FrameCounters counters() const noexcept override { return counters_; }
+
+  Description describe() const override {
+    return {
+        "cloud", "chapter 3 made right",
+        "El-Far, chapter 3; side, bounds, friction cone and joint contact ours",
+        fmt::format(
+            "a model near the HIP: {} moves of the god object, {} wider looks of 64 points, {} box tests, "
+            "segments of {} cells a frame; what is left is done in the next; up to {} touched at once",
+            kMaxWalkSteps, kMaxRescues, kMaxBoxTests, kMaxSegmentCells, kMaxTouched),
+        options_};
+  }
+
+ private:
+  Status prepare_slot(const ModelInput& input, const PrepareContext& context, PrepareReport& report) {
+    auto slot = std::make_unique<CloudSlot>();
+    PointModelOptions o = point_model_options(options_);
+    o.blend_resolutions = kBlendResolutions;
+    Result<PointModel> built = build_point_model(input, o, context, report);
+    if (!built) return std::move(built).error();
+    slot->model = std::move(*built);
+    choose_shading(*slot, report);
+    slot->contact.attach(slot->model);
+    features_ |= slot->model.surface.features;
+    slots_.push_back(std::move(slot));
+    return Done{};
+  }
+
+  void choose_shading(CloudSlot& slot, PrepareReport& report) const {
+    const std::string& shading = options_.text("shading");
+    if (shading != "auto") {
+      slot.shading = parse_shading(shading);
+      return;
+    }
+    // Each change of point moves the force by stiffness x spacing; where no spacing is large enough, nothing
+    // is shaded and the frame is built without it.
+    const double stiffness = slot.model.surface.largest_stiffness_n_per_mm;
+    const double largest = stiffness * slot.model.max_spacing_mm;
+    slot.by_spacing = largest > kFeltForceStepN;
+    slot.shading = slot.by_spacing ? Shading::kFacet : Shading::kNone;
+    const double felt_mm = kFeltForceStepN / stiffness;
+    slot.felt_spacing_sq_mm2 = felt_mm * felt_mm;
+    report.notes.push_back(fmt::format("shading: {}, stiffness x spacing is at most {:.3g} N ({} N is felt)",
+                                       slot.by_spacing ? "facet where spacing asks for it" : "none", largest,
+                                       kFeltForceStepN));
+  }
+
+  template <unsigned kFeatures>
+  Frame frame(const Vec3& hip_mm) noexcept {
     ++counters_.frames;
     Frame frame;
     if (!is_finite(hip_mm)) {
@@ -76,225 +134,124 @@ class Cloud final : public HapticRenderer {
       return frame;
     }
     frame.god_object_mm = hip_mm;
-    const Vec3 h = model_.to_local(hip_mm);
-    steps_ = kMaxWalkSteps;
-    if (contact_) {
-      stay(h, frame);
-    } else {
-      look(h, frame);
-    }
-    previous_ = h;
-    if (steps_ == 0 || scan_.running) frame.status = FrameStatus::kBoundHit;
+    if constexpr ((kFeatures & kMany) != 0)
+      many<kFeatures & ~kMany>(hip_mm, frame);
+    else
+      single<kFeatures>(hip_mm, frame);
     counters_.bound_hits += frame.status == FrameStatus::kBoundHit;
     return frame;
   }
 
-  FrameCounters counters() const noexcept override { return counters_; }
-
-  Description describe() const override {
-    return {
-        "cloud", "chapter 3 made right", "El-Far, chapter 3; side and bounds ours",
-        fmt::format(
-            "{} moves of the god object, {} wider looks of 64 points, {} box tests, segments of {} cells a "
-            "frame; what is left is done in the next",
-            kMaxWalkSteps, kMaxRescues, kMaxBoxTests, kMaxSegmentCells),
-        options_};
+  template <unsigned kFeatures>
+  void single(const Vec3& hip_mm, Frame& frame) noexcept {
+    CloudSlot& slot = *slots_.front();
+    const Vec3 h = slot.model.to_local(hip_mm);
+    WalkEnd end;
+    const bool touching = slot.contact.update(h, end, counters_);
+    if (slot.contact.bound_hit()) frame.status = FrameStatus::kBoundHit;
+    if (touching)
+      answer<kFeatures>(slot, contact_at<kFeatures>(slot, end, h), 0, frame);
+    else if constexpr (kFeatures != 0)
+      slot.state.release();
   }
 
- private:
-  void clear(const Vec3& h) noexcept {
-    tested_to_ = h;
-    previous_ = h;
-    sheets_ = 0;
-    contact_ = false;
-    scan_.running = false;
-    counters_ = {};
+  /// The frame of one contact, force and god object added to what is there.
+  template <unsigned kFeatures>
+  void answer(CloudSlot& slot, const SurfaceContact& contact, std::int32_t model, Frame& frame) noexcept {
+    const SurfaceAnswer answer =
+        slot.state.respond<kFeatures>(contact, slot.model.surface.texture, slot.model.origin_mm);
+    frame.contact = true;
+    frame.model = model;
+    frame.god_object_mm = slot.model.to_world(answer.god_object_mm);
+    frame.force_n = limited(slot.model.direction_to_world(answer.force_n), force_limit_n_);
   }
 
-  /// In contact: the god object follows; the HIP is out when it is above the plane there.
-  void stay(const Vec3& h, Frame& frame) noexcept {
-    Sheet& sheet = near_[0];
-    const double before = height_mm_;  // of the last frame's HIP over the last frame's plane
-    const WalkEnd end = follow(model_, sheet, h, steps_, counters_);
-    const double height = height_mm_ = height_mm(model_, sheet, h);
-    if (sheet.walk_cut || (height < 0.0 && !beyond_rim(sheet, h))) {
-      answer(h, end, frame);
-      return;
+  template <unsigned kFeatures>
+  void many(const Vec3& hip_mm, Frame& frame) noexcept {
+    std::size_t touched = 0;
+    for (std::size_t i = 0; i < slots_.size(); ++i) {
+      CloudSlot& slot = *slots_[i];
+      CloudTouch& touch = touches_[std::min(touched, kMaxTouched - 1)];
+      const Vec3 h = slot.model.to_local(hip_mm);
+      const bool touching = slot.contact.update(h, touch.end, counters_);
+      if (slot.contact.bound_hit()) frame.status = FrameStatus::kBoundHit;
+      if (!touching) {
+        slot.state.release();
+        continue;
+      }
+      if (touched == kMaxTouched) {
+        frame.status = FrameStatus::kBoundHit;
+        continue;
+      }
+      touch.slot = &slot;
+      touch.model = static_cast<std::int32_t>(i);
+      touch.contact = contact_at<kFeatures>(slot, touch.end, h);
+      ++touched;
     }
-    contact_ = false;
-    sheets_ = 1;
-    // The way out crossed the plane somewhere; from there on the HIP was free, and may have met something
-    // else.
-    const double out = before < 0.0 && height > 0.0 ? before / (before - height) : 1.0;
-    tested_to_ = previous_ + out * (h - previous_);
-    look(h, frame);
-  }
-
-  /// Free: the watched sheets are followed, and boxes crossed since the last frame may add one.
-  void look(const Vec3& h, Frame& frame) noexcept {
-    if (!scan_.running) {
-      const Vec3 d = h - tested_to_;
-      const double most = kMaxSegmentCells * model_.grid.cell_mm();
-      const double length = d.norm();
-      scan_.start(tested_to_, length > most ? Vec3(tested_to_ + (most / length) * d) : h);
-    }
-    if (scan_.advance(model_, counters_, [&](std::uint32_t place) { return is_watched(place); })) {
-      for (std::size_t i = 0; i < scan_.count; ++i) watch(scan_.crossed[i], scan_.from_mm);
-      tested_to_ = scan_.to_mm;
-      // A segment cut at the bound goes on in the next frame.
-      if (tested_to_ != h) scan_.running = false;
-    }
-    follow_sheets();
-    const std::size_t touched = touched_sheet();
-    if (touched < sheets_) {
-      near_[0] = near_[touched];
-      sheets_ = 1;
-      contact_ = true;
-      scan_.running = false;
-      const WalkEnd end = follow(model_, near_[0], h, steps_, counters_);
-      height_mm_ = height_mm(model_, near_[0], h);
-      answer(h, end, frame);
-      return;
-    }
-    if (tested_to_ != h) frame.status = FrameStatus::kBoundHit;
-  }
-
-  /// Brings the watched sheets to where the path has been tested, and lets go of those left behind.
-  void follow_sheets() noexcept {
-    for (std::size_t i = 0; i < sheets_;) {
-      (void)follow(model_, near_[i], tested_to_, steps_, counters_);
-      if (is_duplicate(i) || (near_[i].distance_sq_mm2 > leave_sq_mm2_ && !under(near_[i], tested_to_)))
-        near_[i] = near_[--sheets_];
-      else
-        ++i;
+    if (touched == 1) {
+      CloudTouch& touch = touches_.front();
+      answer<kFeatures>(*touch.slot, touch.contact, touch.model, frame);
+    } else if (touched > 1) {
+      if (!sum_) constrain(hip_mm, std::span(touches_).first(touched));
+      combine<kFeatures>(hip_mm, std::span(touches_).first(touched), frame);
     }
   }
 
-  /// The nearest sheet that the HIP is under; sheets_ where there is none. Under a closed surface's sheet it
-  /// is inside only if no nearer sheet has it above: that other one stands between, and the plane of the
-  /// first reaches out beyond a fold.
-  std::size_t touched_sheet() const noexcept {
-    std::size_t found = sheets_;
-    double above_sq = std::numeric_limits<double>::infinity();
-    for (std::size_t i = 0; i < sheets_; ++i) {
-      if (!under(near_[i], tested_to_))
-        above_sq = std::min(above_sq, near_[i].distance_sq_mm2);
-      else if (found == sheets_ || near_[i].distance_sq_mm2 < near_[found].distance_sq_mm2)
-        found = i;
+  /// Several models at once: the god object is the place nearest to the HIP that is outside of all of them.
+  /// Each contact becomes its share of the way there, along its own surface's normal.
+  void constrain(const Vec3& hip_mm, std::span<CloudTouch> touches) noexcept {
+    std::array<geometry::HalfSpace, kMaxTouched> planes;
+    const auto all = std::span(planes).first(touches.size());
+    const double slack = kJointSlack * (hip_mm.cwiseAbs().maxCoeff() + touches.front().contact.pull.norm());
+    Vec3 at = hip_mm;
+    geometry::NearestAllowed found;
+    for (int round = 0; round < kJointRounds; ++round) {
+      for (std::size_t i = 0; i < touches.size(); ++i) {
+        const CloudSlot& slot = *touches[i].slot;
+        all[i] = plane_near(slot, touches[i].end.place, slot.model.to_local(at), counters_);
+      }
+      found = geometry::nearest_allowed(all, hip_mm, slack);
+      at = found.point;
     }
-    if (found < sheets_ && surface::is_one_sided(model_.points[near_[found].place].normal) &&
-        above_sq < near_[found].distance_sq_mm2)
-      return sheets_;
-    return found;
+    for (std::size_t i = 0; i < touches.size(); ++i) {
+      SurfaceContact& contact = touches[i].contact;
+      const PointModel& model = touches[i].slot->model;
+      const Vec3 pull = found.push[i] * all[i].normal;
+      contact.hip = model.to_local(at - pull);
+      contact.pull = model.moved ? model.model_from_world.rotate(pull) : pull;
+    }
   }
 
-  /// Below the plane of the sheet, and below the sheet itself rather than beside its rim.
-  bool under(const Sheet& sheet, const Vec3& h) const noexcept {
-    return height_mm(model_, sheet, h) < 0.0 && sideways_sq(model_, sheet, h) <= reach_sq(sheet.place);
-  }
-  /// How far to the side a point still carries: its local resolution, and its box where it has no neighbours.
-  double reach_sq(std::uint32_t place) const noexcept {
-    return std::max(local_resolution_sq(model_, place), model_.half_box(place).squaredNorm());
-  }
-  /// The HIP lies to the side of the god object where the sheet has no more points: it has left past the rim.
-  /// In a concave crease, where the HIP may lie to the side too, there are neighbours on that side.
-  bool beyond_rim(const Sheet& sheet, const Vec3& h) const noexcept {
-    if (surface::is_one_sided(model_.points[sheet.place].normal)) return false;  // a closed surface has none
-    if (sideways_sq(model_, sheet, h) <= reach_sq(sheet.place)) return false;
-    const Vec3 g = model_.points[sheet.place].at();
-    const Vec3 r = h - g;
-    const Vec3 aside = (r - sheet.outward.dot(r) * sheet.outward).normalized();
-    for (const std::uint32_t other : model_.neighbours[sheet.place]) {
-      const Vec3 step = model_.points[other].at() - g;
-      if (step.dot(aside) > kRimCosine * step.norm()) return false;
-    }
-    return true;
-  }
-
-  bool is_duplicate(std::size_t i) const noexcept {
-    for (std::size_t j = 0; j < i; ++j)
-      if (near_[j].place == near_[i].place) return true;
-    return false;
-  }
-
-  /// A crossed box of a sheet that is watched already.
-  bool is_watched(std::uint32_t place) const noexcept {
-    const Vec3 p = model_.points[place].at();
-    const surface::NormalCode code = model_.points[place].normal;
-    for (std::size_t i = 0; i < sheets_; ++i) {
-      if (!(distance_sq(model_.points[near_[i].place], p) <= same_sheet_sq_mm2_)) continue;
-      if (code == surface::kNoNormal) return true;
-      if (std::abs(surface::decode_normal(code).dot(near_[i].outward)) > kSameSheetCosine) return true;
-    }
-    return false;
-  }
-
-  /// Watches the sheet of a crossed box. A closed surface is touched from its free side. Any other's side is
-  /// where the HIP came from, judged at the sheet's point nearest to there: that point lies straight below
-  /// it, so the sign is not a matter of a tilted plane further on.
-  void watch(std::uint32_t place, const Vec3& from) noexcept {
-    Sheet sheet;
-    sheet.place = place;
-    sheet.outward = (from - model_.points[place].at()).normalized();
-    if (surface::is_one_sided(model_.points[place].normal)) sheet.side = closed_side_;
-    sheet.set_outward(model_);
-    (void)follow(model_, sheet, from, steps_, counters_);
-    for (std::size_t i = 0; i < sheets_; ++i)
-      if (near_[i].place == sheet.place) return;
-    const bool below = sheet.outward.dot(from - model_.points[sheet.place].at()) < 0.0;
-    if (below && surface::is_one_sided(model_.points[sheet.place].normal)) {
-      // Inside the surface, unless a nearer sheet stands between: then this is the far side of a thin part.
-      for (std::size_t i = 0; i < sheets_; ++i)
-        if (distance_sq(model_.points[near_[i].place], from) <= sheet.distance_sq_mm2) return;
-    } else if (below) {
-      sheet.side = -sheet.side;
-      sheet.outward = -sheet.outward;
-    }
-    if (sheets_ < kMaxSheets) {
-      near_[sheets_++] = sheet;
-      return;
-    }
-    std::size_t farthest = 0;
-    for (std::size_t i = 1; i < sheets_; ++i)
-      if (near_[i].distance_sq_mm2 > near_[farthest].distance_sq_mm2) farthest = i;
-    if (sheet.distance_sq_mm2 < near_[farthest].distance_sq_mm2) near_[farthest] = sheet;
-  }
-
-  void answer(const Vec3& h, const WalkEnd& end, Frame& frame) noexcept {
-    const Vec3 g = model_.points[end.place].at();
-    Vec3 pull = g - h;
-    if (shading_ != Shading::kNone) {
-      const NearestTwo two = shading_ == Shading::kFacet ? enclosing_two(model_, end, near_[0].outward, h)
-                                                         : nearest_two(model_, end);
-      __builtin_prefetch(&model_.neighbours[two.first]);  // where the god object most likely goes next
-      const Vec3 b = model_.points[two.first].at();
-      if (!by_spacing_ || (b - g).squaredNorm() > felt_spacing_sq_mm2_)
-        pull = shaded_vector(shading_, h, g, b, model_.points[two.second].at());
+  template <unsigned kFeatures>
+  void combine(const Vec3& hip_mm, std::span<CloudTouch> touches, Frame& frame) noexcept {
+    Vec3 force = Vec3::Zero(), aside = Vec3::Zero();
+    double strongest = -1.0;
+    Vec3 god_object = hip_mm;
+    for (CloudTouch& touch : touches) {
+      const PointModel& model = touch.slot->model;
+      const SurfaceAnswer answer =
+          touch.slot->state.respond<kFeatures>(touch.contact, model.surface.texture, model.origin_mm);
+      force += model.direction_to_world(answer.force_n);
+      const Vec3 target = touch.contact.hip + touch.contact.pull;
+      aside += model.direction_to_world(answer.god_object_mm - target);
+      const double size = answer.force_n.squaredNorm();
+      if (size > strongest) {
+        strongest = size;
+        god_object = model.to_world(target);
+        frame.model = touch.model;
+      }
     }
     frame.contact = true;
-    frame.model = 0;
-    frame.god_object_mm = model_.to_world(g);
-    frame.force_n = limited(model_.direction_to_world(model_.stiffness_n_per_mm * pull), force_limit_n_);
+    frame.god_object_mm = god_object + aside;
+    frame.force_n = limited(force, force_limit_n_);
   }
 
   Options options_;
-  PointModel model_;
-  Shading shading_ = Shading::kNone;
-  bool by_spacing_ = false;
-  double felt_spacing_sq_mm2_ = 0.0;
+  std::vector<std::unique_ptr<CloudSlot>> slots_;
+  std::array<CloudTouch, kMaxTouched> touches_;
+  unsigned features_ = 0;
+  bool sum_ = false;  ///< several models: the sum of their forces
   double force_limit_n_ = 0.0;
-  double leave_sq_mm2_ = 0.0;
-  double same_sheet_sq_mm2_ = 0.0;
-
-  Vec3 tested_to_ = Vec3::Zero();  ///< the path has been tested up to here (local)
-  Vec3 previous_ = Vec3::Zero();   ///< the HIP of the last frame
-  BoxScan scan_;
-  std::array<Sheet, kMaxSheets> near_;  ///< in contact: the first alone
-  std::size_t sheets_ = 0;
-  double height_mm_ = 0.0;    ///< in contact: the last frame's HIP over its sheet's plane
-  double closed_side_ = 1.0;  ///< of closed surfaces: 1 when the HIP's place is outside, -1 inside
-  bool contact_ = false;
-  int steps_ = 0;
   FrameCounters counters_;
 };
 
@@ -304,9 +261,14 @@ RendererInfo cloud_info() {
   RendererInfo info;
   info.name = "cloud";
   info.summary = "chapter 3 made right: a contact state with a side, shading by stiffness and spacing";
-  info.source = "El-Far, chapter 3; contact side and bounds are ours";
+  info.source = "El-Far, chapter 3; contact side, friction cone, joint contact and bounds are ours";
   info.options = point_model_specs();
   info.options.push_back(shading_spec("force shading; auto: facet where stiffness x local spacing is felt"));
+  info.options.push_back({"combine",
+                          OptionKind::kChoice,
+                          "joint",
+                          "several models touched at once: constrained jointly, or the sum of their forces",
+                          {"joint", "sum"}});
   info.make = [](const Options& options) { return std::make_unique<Cloud>(options); };
   return info;
 }

@@ -134,18 +134,19 @@ PointModelOptions point_model_options(const Options& options) {
   return o;
 }
 
-Result<PointModel> build_point_model(const SceneInput& scene, const PointModelOptions& options,
-                                     const PrepareContext& context, PrepareReport& report) {
+Result<const ModelInput*> only_model(const SceneInput& scene) {
   if (scene.models.size() != 1)
-    return Error{fmt::format("the point renderers take one model, the scene has {}", scene.models.size()),
-                 "keep one [[model]] in the scene",
+    return Error{fmt::format("this renderer takes one model, the scene has {}", scene.models.size()),
+                 "keep one [[model]] in the scene, or take the renderer 'cloud'",
                  {},
                  0};
-  const ModelInput& input = scene.models.front();
+  return &scene.models.front();
+}
+
+Result<PointModel> build_point_model(const ModelInput& input, const PointModelOptions& options,
+                                     const PrepareContext& context, PrepareReport& report) {
   const cloud::Cloud& cloud = *input.cloud;
   if (cloud.empty()) return Error{"the cloud has no points", "give a file with at least one point", {}, 0};
-  if (!(input.surface.stiffness_n_per_mm > 0.0) || !std::isfinite(input.surface.stiffness_n_per_mm))
-    return Error{"the stiffness must be a positive number", "set stiffness_n_per_mm", {}, 0};
 
   Stopwatch watch;
   Result<neighbourhood::NeighbourTable> table = neighbours_of(cloud, options, context, report);
@@ -157,7 +158,6 @@ Result<PointModel> build_point_model(const SceneInput& scene, const PointModelOp
   model.world_from_model = input.world_from_model;
   model.model_from_world = input.world_from_model.inverse();
   model.moved = !input.world_from_model.is_identity();
-  model.stiffness_n_per_mm = input.surface.stiffness_n_per_mm;
   model.max_spacing_mm = worst_resolution(cloud, *table, context.threads);
   model.resolution_mm = options.resolution_mm > 0.0 ? options.resolution_mm : model.max_spacing_mm;
   if (!(model.resolution_mm > 0.0)) {
@@ -182,6 +182,9 @@ Result<PointModel> build_point_model(const SceneInput& scene, const PointModelOp
   phase(report, context, watch, "grid");
 
   fill_points(cloud, *table, options, context.threads, model);
+  Result<SurfaceField> field = build_surface_field(input, model.grid.order(), report);
+  if (!field) return std::move(field).error();
+  model.surface = *std::move(field);
   model.grid.drop_order();
   const double edge = options.box_mm > 0.0 ? options.box_mm : model.resolution_mm;
   model.global_half_box_mm = Vec3::Constant(0.5 * edge);
@@ -201,6 +204,13 @@ Result<PointModel> build_point_model(const SceneInput& scene, const PointModelOp
     report.notes.push_back(fmt::format("{} pieces; {} points on closed ones, touched from outside",
                                        sides.pieces, sides.one_sided_points));
     phase(report, context, watch, "sides");
+  }
+  if (const std::size_t softer = blend_stiffness(model.surface, model.points, model.neighbours,
+                                                 options.blend_resolutions * model.resolution_mm);
+      softer > 0) {
+    report.notes.push_back(fmt::format("stiffness blended over {:.3g} mm: {} points made softer",
+                                       options.blend_resolutions * model.resolution_mm, softer));
+    phase(report, context, watch, "blend");
   }
   report.bytes += model.bytes();
   report.notes.push_back(

@@ -12,6 +12,7 @@
 #include "toolkit/neighbourhood/neighbour_table.h"
 #include "toolkit/partition/uniform_grid.h"
 #include "toolkit/render/renderer.h"
+#include "toolkit/render/surface_field.h"
 #include "toolkit/surface/planes.h"
 
 namespace palpate::render {
@@ -33,6 +34,7 @@ struct PointModelOptions {
   double cell_per_resolution = 5.0;
   bool normals =
       true;  ///< local planes with a side; and links back, so that a walk cannot be caught in a clump
+  double blend_resolutions = 0.0;  ///< stiffness rises over at least so many resolutions; 0 = as given
 };
 
 /// Ready for frames. Places are indices in grid order. Immutable after build.
@@ -41,7 +43,7 @@ struct PointModel {
   geometry::RigidTransform world_from_model;
   geometry::RigidTransform model_from_world;
   bool moved = false;  ///< world_from_model is not the identity
-  double stiffness_n_per_mm = 0.0;
+  SurfaceField surface;
   LargeVector<StoredPoint> points;
   LargeVector<neighbourhood::Neighbours> neighbours;
   LargeVector<Vec3f> half_box_mm;  ///< per place; empty when the box is global
@@ -68,14 +70,22 @@ struct PointModel {
   [[nodiscard]] std::size_t bytes() const noexcept {
     return points.capacity() * sizeof(StoredPoint) +
            neighbours.capacity() * sizeof(neighbourhood::Neighbours) +
-           half_box_mm.capacity() * sizeof(Vec3f) + grid.bytes();
+           half_box_mm.capacity() * sizeof(Vec3f) + grid.bytes() + surface.bytes();
+  }
+  void set_pose(const geometry::RigidTransform& pose) noexcept {
+    world_from_model = pose;
+    model_from_world = pose.inverse();
+    moved = true;
   }
 };
 
-/// Prepares the only model of a scene. Phases, notes and bytes go to `report`. The options that read
-/// themselves from a renderer's Options are point_model_specs().
-[[nodiscard]] Result<PointModel> build_point_model(const SceneInput& scene, const PointModelOptions& options,
+/// Prepares one model. Phases, notes and bytes are added to `report`. The options that read themselves from a
+/// renderer's Options are point_model_specs().
+[[nodiscard]] Result<PointModel> build_point_model(const ModelInput& input, const PointModelOptions& options,
                                                    const PrepareContext& context, PrepareReport& report);
+
+/// The only model of a scene, for renderers that take one; an Error where there are others.
+[[nodiscard]] Result<const ModelInput*> only_model(const SceneInput& scene);
 
 /// The options every point renderer understands, with the given default for `box`.
 [[nodiscard]] std::vector<OptionSpec> point_model_specs();

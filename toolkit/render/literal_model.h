@@ -1,0 +1,68 @@
+// One model of `cloud-literal`: figures 36 and 42 and section 3.5 to the letter, defects included. Internal
+// to render.
+#pragma once
+
+#include <cstdint>
+
+#include "toolkit/render/point_model.h"
+#include "toolkit/render/point_walk.h"
+#include "toolkit/render/shading.h"
+
+namespace palpate::render {
+
+/// Which cells a segment looks into.
+enum class CellRule : std::uint8_t {
+  kSampled,   ///< section 3.1.3 as printed: the cells of the sub-segments' starting points
+  kCrossed,   ///< every cell the segment crosses
+  kAdjacent,  ///< and those whose boxes can reach into it (3.1.4's first remedy)
+};
+
+struct LiteralOptions {
+  CellRule cells = CellRule::kSampled;
+  bool text_form = false;     ///< the exit test of 3.2.4's text instead of the figure's
+  bool count_missed = false;  ///< count the cells that the printed sampling skips
+};
+
+/// What one model answers, local.
+struct LiteralAnswer {
+  bool contact = false;
+  bool bound_hit = false;
+  Vec3 god_object = Vec3::Zero();
+  Vec3 force_n = Vec3::Zero();
+};
+
+/// Belongs to one thread. Work per update as printed: cells crossed times points a cell, not bounded; walks
+/// of at most kMaxWalkSteps moves.
+class LiteralModel {
+ public:
+  LiteralModel(PointModel model, Shading shading, const LiteralOptions& options) noexcept
+      : model_(std::move(model)), shading_(shading), options_(options) {}
+
+  [[nodiscard]] const PointModel& model() const noexcept { return model_; }
+  [[nodiscard]] PointModel& model() noexcept { return model_; }
+  void reset(const Vec3& h) noexcept;
+  [[nodiscard]] LiteralAnswer update(const Vec3& h, FrameCounters& counters) noexcept;
+
+ private:
+  [[nodiscard]] LiteralAnswer respond(const Vec3& h, std::uint32_t from, FrameCounters& counters) noexcept;
+  [[nodiscard]] std::uint32_t roll_back(const Vec3& h, std::uint32_t god) const noexcept;
+  [[nodiscard]] double sphere_radius(std::uint32_t place) const noexcept;
+  template <class Test>
+  bool any_in_cells(const Vec3& a, const Vec3& b, FrameCounters& counters, Test&& test) noexcept;
+  bool clip(const Vec3& a, const Vec3& d, double& t0, double& t1) const noexcept;
+  void count_missed(const Vec3& a, const Vec3& b, double pieces, FrameCounters& counters) noexcept;
+  [[nodiscard]] bool resting(const Vec3& a, const Vec3& b) const noexcept;
+  std::uint32_t crosses(const Vec3& a, Vec3 b, FrameCounters& counters) noexcept;
+  std::uint32_t nearest_crossed(const Vec3& h, const Vec3& before, FrameCounters& counters) noexcept;
+
+  PointModel model_;
+  Shading shading_;
+  LiteralOptions options_;
+  Vec3 previous_ = Vec3::Zero();
+  Vec3 last_direction_ = Vec3::UnitZ();
+  std::uint32_t god_ = 0;   ///< of the last contact frame, as if frictionless
+  std::uint32_t held_ = 0;  ///< the same, rolled back by friction
+  bool collided_ = false;
+};
+
+}  // namespace palpate::render

@@ -1,0 +1,148 @@
+// From a frictionless contact to the force of a surface with properties: texture, then friction, then
+// deformation, composed at compile time of what the scene asks for (sections 3.3.2, 3.5; the order is ours,
+// the thesis gives none). Shared by every point and height-field renderer.
+//
+// The contact is a pull from the HIP to the god object, of length d along the surface's normal.
+//   texture      carves the surface: d becomes d - r, and the carving's slope turns the force. Both together
+//                are the force of the potential k (d - r)^2 / 2, so a textured surface makes no energy.
+//   friction     Coulomb's cone (Harwin and Melder 2002) with an anchor on the surface: while the god object
+//                lies within static x d of the anchor it stays on it and cannot drift; else it slides at the
+//                dynamic coefficient, and sticks again only well inside the cone. The tangential force in
+//                slip is exactly dynamic x the normal one.
+//   deformation  makes the spring softer: figure 46's F_D = (1 - c) F_R. Where it varies along the surface,
+//                the force has the potential's second part, -q^2/2 grad k: moving on to a stiffer place costs
+//                the work that its spring then holds, instead of kicking (section 3.3.2.3).
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "toolkit/core/vec.h"
+#include "toolkit/render/shading.h"
+#include "toolkit/render/surface_field.h"
+
+namespace palpate::render {
+
+/// A sliding contact sticks again when the tangential pull is below this share of the sliding one. The gap
+/// keeps noise of depth or position, which is a few per cent, from switching back and forth; CHAI3D uses the
+/// same share.
+inline constexpr double kStickShare = 0.6;
+
+/// A frictionless contact. In any one frame of reference, mm.
+struct SurfaceContact {
+  Vec3 hip = Vec3::Zero();
+  Vec3 pull = Vec3::Zero();  ///< to the god object, along the surface's outward normal
+  double stiffness_n_per_mm = 0.0;
+  Vec3 stiffness_gradient = Vec3::Zero();  ///< along the surface, N/mm per mm; read with kVaried
+  double static_friction = 0.0;            ///< read with kFriction
+  double dynamic_friction = 0.0;
+};
+
+struct SurfaceAnswer {
+  Vec3 force_n = Vec3::Zero();
+  Vec3 god_object_mm = Vec3::Zero();
+};
+
+/// What a surface remembers from frame to frame. Belongs to one thread.
+class SurfaceState {
+ public:
+  /// The HIP is free.
+  void release() noexcept { held_ = false; }
+
+  /// `texture_origin` is added to a place before the texture is looked up. Allocates nothing, O(1).
+  template <unsigned kFeatures>
+  [[nodiscard]] SurfaceAnswer respond(const SurfaceContact& contact, const surface::Texture& texture,
+                                      const Vec3& texture_origin) noexcept {
+    if constexpr (kFeatures == 0)
+      return {contact.stiffness_n_per_mm * contact.pull, contact.hip + contact.pull};
+    Vec3 pull = contact.pull;   // becomes the normal part
+    Vec3 extra = Vec3::Zero();  // force beside the spring's, per stiffness
+    const double depth = pull.norm();
+    const Vec3 target = contact.hip + pull;
+    const Vec3 normal = depth > 0.0 ? Vec3(pull / depth) : Vec3(Vec3::Zero());
+    double reached = depth;  // into the carved surface
+    if constexpr ((kFeatures & kTexture) != 0)
+      reached = carve(texture, target + texture_origin, normal, pull, extra);
+    Vec3 tangential = Vec3::Zero();
+    if constexpr ((kFeatures & kFriction) != 0) tangential = rub(contact, target, normal, reached);
+    const Vec3 spring = pull + tangential;
+    Vec3 force = contact.stiffness_n_per_mm * (spring + extra);
+    if constexpr ((kFeatures & kVaried) != 0)
+      force -= (0.5 * spring.squaredNorm()) * contact.stiffness_gradient;
+    return {force, contact.hip + spring};
+  }
+
+  [[nodiscard]] bool sliding() const noexcept { return sliding_; }
+
+ private:
+  /// Shortens the pull by the carving; returns the depth that is left.
+  static double carve(const surface::Texture& texture, const Vec3& place, const Vec3& normal, Vec3& pull,
+                      Vec3& extra) noexcept {
+    const double depth = pull.norm();
+    const surface::Relief relief = texture.at(place, normal);
+    const Vec3 slope = relief.slope - normal * normal.dot(relief.slope);
+    if (texture.effect == surface::TextureEffect::kForce) {
+      const Vec3 turned = normal + slope;
+      const double size = turned.norm();
+      extra = size > 0.0 ? Vec3(turned * (depth / size) - pull) : Vec3(Vec3::Zero());
+      return depth;
+    }
+    const double left = depth - relief.depth_mm;
+    if (!(left > 0.0)) {
+      pull = Vec3::Zero();
+      return 0.0;
+    }
+    pull = normal * left;
+    extra = slope * left;
+    return left;
+  }
+
+  /// The tangential part of the pull.
+  Vec3 rub(const SurfaceContact& contact, const Vec3& target, const Vec3& normal, double depth) noexcept {
+    if (!held_) {
+      held_ = true;
+      sliding_ = false;
+      anchor_ = target;
+      return Vec3::Zero();
+    }
+    Vec3 away = anchor_ - target;
+    away -= normal * normal.dot(away);
+    const double length = away.norm();
+    const double slip = contact.dynamic_friction * depth;
+    if (sliding_ && length < kStickShare * slip) sliding_ = false;
+    const double limit = sliding_ ? slip : contact.static_friction * depth;
+    if (length <= limit) return away;
+    sliding_ = true;
+    away *= slip / length;
+    anchor_ = target + away;
+    return away;
+  }
+
+  Vec3 anchor_ = Vec3::Zero();
+  bool held_ = false;
+  bool sliding_ = false;
+};
+
+/// Stiffness at a place of a facet, and its gradient along it: linear between the corners.
+struct FacetStiffness {
+  double n_per_mm = 0.0;
+  Vec3 gradient = Vec3::Zero();
+};
+[[nodiscard]] inline FacetStiffness stiffness_on_facet(const Vec3& a, const Vec3& b, const Vec3& c, double ka,
+                                                       double kb, double kc, const Vec3& at) noexcept {
+  if (kb == ka && kc == ka) return {ka, Vec3::Zero()};
+  const Vec3 ab = b - a, ac = c - a;
+  const Vec3 cross = ab.cross(ac);
+  const double area_sq = cross.squaredNorm();
+  const double longest = std::max(ab.squaredNorm(), ac.squaredNorm());
+  if (!(area_sq > (kSliverShare * longest) * (kSliverShare * longest))) return {ka, Vec3::Zero()};
+  const Vec3 gradient = ((kb - ka) * ac.cross(cross) + (kc - ka) * cross.cross(ab)) / area_sq;
+  const double value = ka + gradient.dot(at - a);
+  // Beyond the facet's corners there is no more to tell than at them.
+  const double low = std::min({ka, kb, kc}), high = std::max({ka, kb, kc});
+  if (value < low) return {low, Vec3::Zero()};
+  if (value > high) return {high, Vec3::Zero()};
+  return {value, gradient};
+}
+
+}  // namespace palpate::render
