@@ -8,6 +8,8 @@
 #include "toolkit/render/brute_force_renderer.h"
 #include "toolkit/render/cloud_literal_renderer.h"
 #include "toolkit/render/cloud_renderer.h"
+#include "toolkit/render/heightfield_literal_renderer.h"
+#include "toolkit/render/heightfield_renderer.h"
 
 namespace palpate::render {
 
@@ -37,6 +39,8 @@ Result<std::unique_ptr<HapticRenderer>> Registry::make(std::string_view name, co
 void register_toolkit_renderers(Registry& registry) {
   registry.add(cloud_literal_info());
   registry.add(cloud_info());
+  registry.add(heightfield_literal_info());
+  registry.add(heightfield_info());
   registry.add(analytic_renderer_info());
   registry.add(brute_force_info());
 }

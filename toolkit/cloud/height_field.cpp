@@ -1,0 +1,146 @@
+#include "toolkit/cloud/height_field.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+
+namespace palpate::cloud {
+namespace {
+
+/// Coordinates nearer than this share of the mean plan spacing belong to one column: a lattice eight times
+/// longer than wide still has columns eight of these apart.
+constexpr double kSameColumnShare = 1.0 / 64.0;
+
+/// Positions low, low + step, ... along one axis.
+struct Axis {
+  double low = 0.0, step = 0.0;
+  std::size_t count = 0;
+};
+
+Error no_lattice(std::string why) {
+  return Error{
+      "the cloud is no height field on a regular grid: " + std::move(why), "use the renderer cloud", {}, 0};
+}
+
+/// The lattice along one axis by the smallest distance of two columns. Fewer than two columns: count is 0 or
+/// 1.
+Axis find_axis(const std::vector<float>& values, double same_mm) {
+  std::vector<float> sorted = values;
+  std::sort(sorted.begin(), sorted.end());
+  double column = static_cast<double>(sorted.front());
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 1; i < sorted.size(); ++i) {
+    const double gap = static_cast<double>(sorted[i]) - static_cast<double>(sorted[i - 1]);
+    if (!(gap > same_mm)) continue;
+    least = std::min(least, static_cast<double>(sorted[i]) - column);
+    column = static_cast<double>(sorted[i]);
+  }
+  Axis axis;
+  axis.low = static_cast<double>(sorted.front());
+  const double extent = static_cast<double>(sorted.back()) - axis.low;
+  if (!(extent > 0.0) || !(least <= extent)) return axis;
+  const double cells = std::round(extent / least);
+  if (!(cells < static_cast<double>(std::numeric_limits<std::int32_t>::max()))) return axis;
+  axis.count = static_cast<std::size_t>(cells) + 1;
+  axis.step = extent / cells;
+  return axis;
+}
+
+/// The lattice of a raster's axis: first and last of a row or column.
+Axis ends(double first, double last, std::size_t count) {
+  return {std::min(first, last), std::abs(last - first) / static_cast<double>(count - 1), count};
+}
+
+struct Lattice {
+  Axis x, y;
+};
+
+Lattice find_lattice(const Cloud& cloud) {
+  if (cloud.raster && cloud.raster->columns >= 2 && cloud.raster->rows >= 2) {
+    const std::size_t columns = cloud.raster->columns, rows = cloud.raster->rows;
+    const Vec3 first = cloud.local_mm(0), along = cloud.local_mm(columns - 1);
+    const Vec3 across = cloud.local_mm((rows - 1) * columns);
+    // A scanner may run along y and step in x.
+    if (std::abs(along.x() - first.x()) >= std::abs(along.y() - first.y()))
+      return {ends(first.x(), along.x(), columns), ends(first.y(), across.y(), rows)};
+    return {ends(first.x(), across.x(), rows), ends(first.y(), along.y(), columns)};
+  }
+  const Vec3 extent = cloud.box_mm().extent_mm();
+  const double spacing = std::sqrt(extent.x() * extent.y() / static_cast<double>(cloud.size()));
+  return {find_axis(cloud.x_mm, kSameColumnShare * spacing),
+          find_axis(cloud.y_mm, kSameColumnShare * spacing)};
+}
+
+/// The place of a coordinate on its axis; count where it stands between two.
+std::size_t place_on(const Axis& axis, float value) noexcept {
+  const double exact = (static_cast<double>(value) - axis.low) / axis.step;
+  const double nearest = std::round(exact);
+  if (!(std::abs(exact - nearest) <= kLatticeShare) || !(nearest >= 0.0) ||
+      !(nearest < static_cast<double>(axis.count)))
+    return axis.count;
+  return static_cast<std::size_t>(nearest);
+}
+
+}  // namespace
+
+void finish(HeightField& field) {
+  const std::uint32_t across = field.block_columns(), down = (field.rows - 2) / HeightField::kBlock + 1;
+  field.top_mm.assign(std::size_t{across} * down, -std::numeric_limits<float>::infinity());
+  field.low_mm = std::numeric_limits<float>::infinity();
+  field.high_mm = -field.low_mm;
+  field.holes = 0;
+  for (std::uint32_t row = 0; row < field.rows; ++row)
+    for (std::uint32_t column = 0; column < field.columns; ++column) {
+      const float height = field.height_mm[field.at(column, row)];
+      if (!std::isfinite(height)) {
+        ++field.holes;
+        continue;
+      }
+      field.low_mm = std::min(field.low_mm, height);
+      field.high_mm = std::max(field.high_mm, height);
+      // A post on the border of blocks belongs to the cells on both sides.
+      const std::uint32_t first_x = (column == 0 ? 0 : column - 1) / HeightField::kBlock;
+      const std::uint32_t first_y = (row == 0 ? 0 : row - 1) / HeightField::kBlock;
+      const std::uint32_t last_x = std::min(column / HeightField::kBlock, across - 1);
+      const std::uint32_t last_y = std::min(row / HeightField::kBlock, down - 1);
+      for (std::uint32_t y = first_y; y <= last_y; ++y)
+        for (std::uint32_t x = first_x; x <= last_x; ++x) {
+          float& top = field.top_mm[std::size_t{y} * across + x];
+          top = std::max(top, height);
+        }
+    }
+}
+
+Result<HeightField> height_field_of(const Cloud& cloud) {
+  if (cloud.size() < 4)
+    return no_lattice(fmt::format("{} points are fewer than two rows of two", cloud.size()));
+  const auto [x, y] = find_lattice(cloud);
+  if (x.count < 2 || y.count < 2 || !(x.step > 0.0) || !(y.step > 0.0))
+    return no_lattice("its points do not span two rows and two columns");
+  if (x.count > kMostPostsPerPoint * cloud.size() / y.count)
+    return no_lattice(
+        fmt::format("{} points on {} x {} posts, most of them holes", cloud.size(), x.count, y.count));
+
+  HeightField field;
+  field.origin_mm = cloud.origin_mm + Vec3(x.low, y.low, 0.0);
+  field.columns = static_cast<std::uint32_t>(x.count);
+  field.rows = static_cast<std::uint32_t>(y.count);
+  field.step_x_mm = x.step;
+  field.step_y_mm = y.step;
+  field.height_mm.assign(x.count * y.count, std::numeric_limits<float>::quiet_NaN());
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const std::size_t column = place_on(x, cloud.x_mm[i]), row = place_on(y, cloud.y_mm[i]);
+    if (column == x.count || row == y.count)
+      return no_lattice(
+          fmt::format("point {} stands between the posts of a {:.6g} x {:.6g} mm grid", i, x.step, y.step));
+    float& height = field.height_mm[row * x.count + column];
+    if (!std::isnan(height) && height != cloud.z_mm[i])
+      return no_lattice(fmt::format("point {} is a second one at its place seen from above", i));
+    height = cloud.z_mm[i];
+  }
+  finish(field);
+  return field;
+}
+
+}  // namespace palpate::cloud

@@ -1,0 +1,203 @@
+#include "toolkit/render/heightfield_literal_renderer.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "toolkit/core/tolerances.h"
+#include "toolkit/render/heightfield_model.h"
+#include "toolkit/render/shading.h"
+
+namespace palpate::render {
+namespace {
+
+/// A column and a row.
+struct Post {
+  std::int32_t column = 0, row = 0;
+};
+
+/// The eight surface neighbours (4.3.2), row by row.
+constexpr std::array<Post, 8> kAround = {
+    {{-1, -1}, {0, -1}, {1, -1}, {-1, 0}, {1, 0}, {-1, 1}, {0, 1}, {1, 1}}};
+
+class HeightFieldLiteral final : public HapticRenderer {
+ public:
+  explicit HeightFieldLiteral(const Options& options) : options_(options) {}
+
+  Result<PrepareReport> prepare(const SceneInput& scene, const PrepareContext& context) override {
+    PrepareReport report;
+    Result<HeightFieldModel> built = build_height_field_model(scene, context, report);
+    if (!built) return std::move(built).error();
+    model_ = std::move(*built);
+    const cloud::HeightField& field = model_.field;
+    columns_ = static_cast<std::int32_t>(field.columns);
+    rows_ = static_cast<std::int32_t>(field.rows);
+    inverse_x_ = 1.0 / field.step_x_mm;
+    inverse_y_ = 1.0 / field.step_y_mm;
+    force_limit_n_ =
+        scene.force_limit_n > 0.0 ? scene.force_limit_n : std::numeric_limits<double>::infinity();
+    walks_ = options_.text("response") == "walk";
+    const std::string& shading = options_.text("shading");
+    if (shading == "auto") {
+      const bool shade = field.plan_resolution_mm() > kLiteralShadingResolutionMm;
+      shading_ = shade ? Shading::kAreaRaw : Shading::kNone;
+      report.notes.push_back(shade ? "shading: area-raw, the resolution is above 0.2 mm"
+                                   : "shading: none, the resolution is at most 0.2 mm");
+    } else {
+      shading_ = parse_shading(shading);
+    }
+    if (!walks_) shading_ = Shading::kNone;
+    return report;
+  }
+
+  void reset(const Vec3& /*hip_mm*/) noexcept override {
+    collided_ = false;
+    counters_ = {};
+  }
+
+  Frame step(const Vec3& hip_mm, double) noexcept override {
+    ++counters_.frames;
+    Frame frame;
+    if (!is_finite(hip_mm)) {
+      frame.status = FrameStatus::kNonFinite;
+      return frame;
+    }
+    const Vec3 h = model_.to_local(hip_mm);
+    // 4.2.1: two divisions, a height, a comparison. The boxes stand around their posts.
+    const double x = h.x() * inverse_x_ + 0.5, y = h.y() * inverse_y_ + 0.5;
+    if (x >= 0.0 && y >= 0.0 && x < columns_ && y < rows_) {
+      const Post post{static_cast<std::int32_t>(x), static_cast<std::int32_t>(y)};
+      const auto top = static_cast<double>(model_.field.height_mm[place(post)]);
+      if (h.z() < top) {  // never in a hole
+        if (!collided_) entry_ = post;
+        collided_ = true;
+        return walks_ ? respond(h) : answer(h, {h.x(), h.y(), top});
+      }
+    }
+    collided_ = false;
+    frame.god_object_mm = hip_mm;
+    return frame;
+  }
+
+  FrameCounters counters() const noexcept override { return counters_; }
+
+  Description describe() const override {
+    return {
+        "heightfield-literal", "chapter 4 as printed", "El-Far, chapter 4, figures 53 and 54",
+        walks_ ? "unbounded, as printed: the walk from the entry cell grows with the way the HIP went since; "
+                 "stopped after columns + rows moves"
+               : "one look-up",
+        options_};
+  }
+
+ private:
+  std::size_t place(const Post& post) const noexcept {
+    return static_cast<std::size_t>(post.row) * static_cast<std::size_t>(columns_) +
+           static_cast<std::size_t>(post.column);
+  }
+  /// Local; not a number in z over a hole.
+  Vec3 at(const Post& post) const noexcept {
+    return {post.column * model_.field.step_x_mm, post.row * model_.field.step_y_mm,
+            static_cast<double>(model_.field.height_mm[place(post)])};
+  }
+  bool has(const Post& post) const noexcept {
+    return static_cast<std::uint32_t>(post.column) < static_cast<std::uint32_t>(columns_) &&
+           static_cast<std::uint32_t>(post.row) < static_cast<std::uint32_t>(rows_);
+  }
+
+  /// 4.3.2: from the entry post downhill in distance over the eight neighbours, to the post nearest to the
+  /// HIP around there.
+  Frame respond(const Vec3& h) noexcept {
+    Post god = entry_;
+    double nearest_sq = (at(god) - h).squaredNorm();
+    std::int32_t moves = columns_ + rows_;
+    for (; moves > 0; --moves) {
+      Post best = god;
+      for (const Post& step : kAround) {
+        const Post next{god.column + step.column, god.row + step.row};
+        if (!has(next)) continue;
+        const double sq = (at(next) - h).squaredNorm();
+        if (!(sq < nearest_sq)) continue;
+        nearest_sq = sq;
+        best = next;
+      }
+      if (best.column == god.column && best.row == god.row) break;
+      god = best;
+      ++counters_.walk_steps;
+    }
+    Frame frame = shading_ == Shading::kNone ? answer(h, at(god)) : shaded(h, god);
+    if (moves == 0) {
+      frame.status = FrameStatus::kBoundHit;
+      ++counters_.bound_hits;
+    }
+    return frame;
+  }
+
+  /// Section 3.4 over the god object and its two neighbours nearest to the HIP.
+  Frame shaded(const Vec3& h, const Post& god) const noexcept {
+    const Vec3 g = at(god);
+    Vec3 first = g, second = g;
+    double first_sq = std::numeric_limits<double>::infinity(), second_sq = first_sq;
+    for (const Post& step : kAround) {
+      const Post next{god.column + step.column, god.row + step.row};
+      if (!has(next)) continue;
+      const Vec3 p = at(next);
+      const double sq = (p - h).squaredNorm();
+      if (sq < first_sq) {
+        second = first;
+        second_sq = first_sq;
+        first = p;
+        first_sq = sq;
+      } else if (sq < second_sq) {
+        second = p;
+        second_sq = sq;
+      }
+    }
+    Frame frame = answer(h, g);
+    const Vec3 pull = shaded_vector(shading_, h, g, first, second);
+    frame.force_n = limited_fast(model_.direction_to_world(model_.stiffness_n_per_mm * pull), force_limit_n_);
+    return frame;
+  }
+
+  Frame answer(const Vec3& h, const Vec3& target) const noexcept {
+    Frame frame;
+    frame.contact = true;
+    frame.model = 0;
+    frame.god_object_mm = model_.to_world(target);
+    frame.force_n =
+        limited_fast(model_.direction_to_world(model_.stiffness_n_per_mm * (target - h)), force_limit_n_);
+    return frame;
+  }
+
+  Options options_;
+  HeightFieldModel model_;
+  std::int32_t columns_ = 0, rows_ = 0;
+  double inverse_x_ = 1.0, inverse_y_ = 1.0;
+  double force_limit_n_ = 0.0;
+  Shading shading_ = Shading::kNone;
+  bool walks_ = true;
+
+  bool collided_ = false;
+  Post entry_;  ///< where the first collision was detected
+  FrameCounters counters_;
+};
+
+}  // namespace
+
+RendererInfo heightfield_literal_info() {
+  RendererInfo info;
+  info.name = "heightfield-literal";
+  info.summary = "chapter 4 as printed: point in box, entry cell remembered";
+  info.source = "El-Far, chapter 4";
+  info.options = {
+      {"response",
+       OptionKind::kChoice,
+       "walk",
+       "god object: walk, the nearest post from the entry cell on (4.3.2); lookup, the box top over the HIP",
+       {"walk", "lookup"}},
+      shading_spec("force shading; auto: area-raw above a resolution of 0.2 mm, as printed")};
+  info.make = [](const Options& options) { return std::make_unique<HeightFieldLiteral>(options); };
+  return info;
+}
+
+}  // namespace palpate::render

@@ -1,0 +1,49 @@
+// What both height-field renderers prepare: the only model of a scene as a regular grid, and its pose.
+#pragma once
+
+#include "toolkit/cloud/height_field.h"
+#include "toolkit/core/result.h"
+#include "toolkit/render/renderer.h"
+
+namespace palpate::render {
+
+/// Ready for frames. Immutable after build.
+struct HeightFieldModel {
+  cloud::HeightField field;
+  geometry::RigidTransform world_from_model;
+  geometry::RigidTransform model_from_world;
+  bool moved = false;  ///< world_from_model is not the identity
+  double stiffness_n_per_mm = 0.0;
+
+  [[nodiscard]] Vec3 to_local(const Vec3& world_mm) const noexcept {
+    return (moved ? model_from_world * world_mm : world_mm) - field.origin_mm;
+  }
+  [[nodiscard]] Vec3 to_world(const Vec3& local_mm) const noexcept {
+    const Vec3 in_model = local_mm + field.origin_mm;
+    return moved ? world_from_model * in_model : in_model;
+  }
+  [[nodiscard]] Vec3 direction_to_world(const Vec3& v) const noexcept {
+    return moved ? world_from_model.rotate(v) : v;
+  }
+};
+
+/// A frictionless contact, local coordinates: what a frame finds before it is answered.
+struct HeightTouch {
+  Vec3 hip_mm = Vec3::Zero();
+  Vec3 target_mm = Vec3::Zero();  ///< the god object
+  Vec3 upward = Vec3::UnitZ();    ///< along the surface's normal there, of any length
+  std::size_t post = 0;           ///< the nearest post: its properties are those of the place
+};
+
+/// `limited`, without a root where nothing is limited.
+[[nodiscard]] inline Vec3 limited_fast(const Vec3& force_n, double limit_n) noexcept {
+  return force_n.squaredNorm() <= limit_n * limit_n ? force_n : limited(force_n, limit_n);
+}
+
+/// Prepares the only model of a scene. Errors: several models, no stiffness, a cloud that is no height field
+/// on a regular grid. Phases, notes and bytes go to `report`.
+[[nodiscard]] Result<HeightFieldModel> build_height_field_model(const SceneInput& scene,
+                                                                const PrepareContext& context,
+                                                                PrepareReport& report);
+
+}  // namespace palpate::render

@@ -1,0 +1,265 @@
+#include "toolkit/render/heightfield_renderer.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "toolkit/render/heightfield_crossing.h"
+#include "toolkit/render/heightfield_descent.h"
+#include "toolkit/render/heightfield_model.h"
+
+namespace palpate::render {
+namespace {
+
+/// Newton steps of the short way; a cell without twist needs one, and one more where the guess was in the
+/// next cell.
+constexpr int kQuickSolves = 4;
+/// What a Newton step may leave, as a share of a cell: the error of the step after it is its square.
+constexpr double kQuickError = 0x1p-32;
+/// The nearest point is never farther off than where it was before, but for rounding.
+constexpr double kNoFarther = 1.0 + 0x1p-40;
+/// Entries one frame follows: the HIP leaves one flank and meets the next. The rest waits.
+constexpr int kMaxEntries = 4;
+/// A HIP farther off than so many posts, or than so many mm, is beside the field; its cell could not be
+/// counted.
+constexpr double kFarPosts = 0x1p40;
+constexpr double kFarMm = 1e150;
+
+bool is_near(const PlanPoint& p) noexcept {
+  return std::abs(p.x) < kFarPosts && std::abs(p.y) < kFarPosts && std::abs(p.z) < kFarMm;
+}
+
+class HeightFieldRenderer final : public HapticRenderer {
+ public:
+  explicit HeightFieldRenderer(const Options& options) : options_(options) {}
+
+  Result<PrepareReport> prepare(const SceneInput& scene, const PrepareContext& context) override {
+    PrepareReport report;
+    Result<HeightFieldModel> built = build_height_field_model(scene, context, report);
+    if (!built) return std::move(built).error();
+    model_ = std::move(*built);
+    sheet_ = HeightSheet(model_.field);
+    force_limit_n_ =
+        scene.force_limit_n > 0.0 ? scene.force_limit_n : std::numeric_limits<double>::infinity();
+    nearest_post_ = options_.text("shading") == "nearest";
+    return report;
+  }
+
+  void reset(const Vec3& hip_mm) noexcept override {
+    counters_ = {};
+    contact_ = false;
+    started_ = is_finite(hip_mm);
+    if (started_) start(sheet_.plan(model_.to_local(hip_mm)));
+  }
+
+  Frame step(const Vec3& hip_mm, double) noexcept override {
+    ++counters_.frames;
+    Frame frame;
+    if (!is_finite(hip_mm)) {
+      frame.status = FrameStatus::kNonFinite;
+      return frame;
+    }
+    const Vec3 local = model_.to_local(hip_mm);
+    const PlanPoint h = sheet_.plan(local);
+    if (contact_ && follow_quickly(h)) {
+      answer(touch(local), frame);
+      return frame;
+    }
+    frame.god_object_mm = hip_mm;
+    step_slowly(h, local, frame);
+    counters_.bound_hits += frame.status == FrameStatus::kBoundHit;
+    return frame;
+  }
+
+  FrameCounters counters() const noexcept override { return counters_; }
+
+  Description describe() const override {
+    return {"heightfield", "chapter 4 made right", "El-Far, chapter 4; bilinear surface and side ours",
+            fmt::format("{} moves of the god object over cells, {} cells or blocks of the HIP's segment, {} "
+                        "entries a frame; what is left is done in the next",
+                        kMaxSheetMoves, kMaxSegmentLooks, kMaxEntries),
+            options_};
+  }
+
+ private:
+  void start(const PlanPoint& h) noexcept {
+    tested_to_ = h;
+    side_ = is_near(h) ? side_of(sheet_, h) : SheetSide::kNowhere;
+  }
+
+  /// In contact, the way nearly all frames go: the god object moved as the HIP did, and one or two Newton
+  /// steps mend it. False, with nothing changed, where it left the cells around, is held by a crease or a
+  /// rim, is not below a convex distance, or came out.
+  bool follow_quickly(const PlanPoint& h) noexcept {
+    double x = h.x + lead_x_, y = h.y + lead_y_;
+    const double old_x = foot_.column + foot_.s, old_y = foot_.row + foot_.t;
+    if (!(std::abs(x - old_x) <= 1.0 && std::abs(y - old_y) <= 1.0)) return false;
+    for (int solve = 0; solve < kQuickSolves; ++solve) {
+      // Truncation takes the strip beside the first post to cell 0; it is refused below by its place.
+      const auto column = static_cast<std::int32_t>(x), row = static_cast<std::int32_t>(y);
+      if (!sheet_.has_cell(column, row) || std::abs(column - foot_.column) > 1 ||
+          std::abs(row - foot_.row) > 1)
+        return false;
+      const Patch patch = sheet_.patch(column, row);
+      double s = x - column, t = y - row;
+      const DistanceJet jet(sheet_, patch, s, t, h.x - column, h.y - row, h.z);
+      const double det = jet.determinant();
+      if (!(det > 0.0)) return false;  // holes too
+      const double scale = 1.0 / det;
+      const double ds = (jet.hst * jet.gt - jet.htt * jet.gs) * scale;
+      const double dt = (jet.hst * jet.gs - jet.hss * jet.gt) * scale;
+      s += ds;
+      t += dt;
+      // What the step leaves of the gradient is the twist's; the Hessian is at least about a step squared.
+      const double left = std::abs(patch.d) * (ds * ds + dt * dt) * (std::abs(jet.zs) + std::abs(jet.zt));
+      if (s >= 0.0 && s <= 1.0 && t >= 0.0 && t <= 1.0) {
+        if (left <= kQuickError * std::min(sheet_.x_sq, sheet_.y_sq))
+          return accept({column, row, s, t}, patch, h);
+        x = column + s;
+        y = row + t;
+        continue;
+      }
+      x = column + s;
+      y = row + t;
+      if (!(std::abs(x - old_x) <= 2.0 && std::abs(y - old_y) <= 2.0)) return false;
+    }
+    return false;
+  }
+
+  bool accept(const Foot& foot, const Patch& patch, const PlanPoint& h) noexcept {
+    const PlanPoint god{foot.column + foot.s, foot.row + foot.t, patch.height(foot.s, foot.t)};
+    if (!(h.z < god.z) || !(sheet_.distance_sq(god, h) <= sheet_.distance_sq(god_, h) * kNoFarther))
+      return false;
+    counters_.walk_steps += foot.column != foot_.column || foot.row != foot_.row;
+    set_god(foot, patch, god, h);
+    return true;
+  }
+
+  void set_god(const Foot& foot, const Patch& patch, const PlanPoint& god, const PlanPoint& h) noexcept {
+    foot_ = foot;
+    god_ = god;
+    patch_ = patch;
+    lead_x_ = god.x - h.x;
+    lead_y_ = god.y - h.y;
+  }
+
+  /// Everything else: descent over cells, leaving, the free HIP's segment.
+  void step_slowly(const PlanPoint& h, const Vec3& local, Frame& frame) noexcept {
+    if (!is_near(h) || !started_) {
+      contact_ = false;
+      started_ = true;
+      start(h);
+      return;
+    }
+    int moves = kMaxSheetMoves, looks = kMaxSegmentLooks;
+    bool from_sheet = false;
+    if (contact_) {
+      if (stay(h, moves, frame)) return answer(touch(local), frame);
+      if (side_ == SheetSide::kNowhere) return;
+      from_sheet = true;
+    }
+    for (int entry = 0; entry < kMaxEntries; ++entry) {
+      const Crossing crossing =
+          find_crossing(sheet_, tested_to_, h, side_, from_sheet ? &foot_ : nullptr, looks);
+      counters_.edges += static_cast<std::uint64_t>(crossing.edges);
+      tested_to_ = crossing.reached;
+      side_ = crossing.side;
+      if (crossing.cut) frame.status = FrameStatus::kBoundHit;
+      if (!crossing.hit) {
+        counters_.cells_visited += static_cast<std::uint64_t>(kMaxSegmentLooks - looks);
+        return;
+      }
+      foot_ = crossing.foot;
+      contact_ = true;
+      if (stay(h, moves, frame)) return answer(touch(local), frame);
+      if (side_ == SheetSide::kNowhere) return;
+      from_sheet = true;
+    }
+    frame.status = FrameStatus::kBoundHit;
+  }
+
+  /// In contact: brings the god object to its minimum. False when the HIP came out there: above the sheet,
+  /// its way from the god object is still to be tested, or past the rim, and then it is nowhere.
+  bool stay(const PlanPoint& h, int& moves, Frame& frame) noexcept {
+    const int before = moves;
+    const Descent end = descend(sheet_, foot_, h, moves);
+    counters_.walk_steps += static_cast<std::uint64_t>(before - moves);
+    set_god(foot_, sheet_.patch(foot_.column, foot_.row), sheet_.point(foot_), h);
+    if (!end.arrived) {
+      frame.status = FrameStatus::kBoundHit;
+      return true;
+    }
+    if (!(h.z < god_.z)) {
+      contact_ = false;
+      tested_to_ = god_;
+      side_ = SheetSide::kAbove;
+      return false;
+    }
+    if (end.at_rim && side_of(sheet_, h) == SheetSide::kNowhere) {
+      contact_ = false;
+      tested_to_ = h;
+      side_ = SheetSide::kNowhere;
+      ++counters_.edges;
+      return false;
+    }
+    return true;
+  }
+
+  HeightTouch touch(const Vec3& local) const noexcept {
+    const std::int32_t column = foot_.column + (foot_.s > 0.5), row = foot_.row + (foot_.t > 0.5);
+    HeightTouch touch;
+    touch.hip_mm = local;
+    touch.post = static_cast<std::size_t>(row) * static_cast<std::size_t>(sheet_.columns) +
+                 static_cast<std::size_t>(column);
+    touch.upward = {-(patch_.b + patch_.d * foot_.t) * sheet_.inverse_x,
+                    -(patch_.c + patch_.d * foot_.s) * sheet_.inverse_y, 1.0};
+    touch.target_mm = nearest_post_ ? Vec3(column * sheet_.step_x, row * sheet_.step_y,
+                                           static_cast<double>(sheet_.height[touch.post]))
+                                    : sheet_.local(god_);
+    return touch;
+  }
+
+  void answer(const HeightTouch& touch, Frame& frame) const noexcept {
+    frame.contact = true;
+    frame.model = 0;
+    frame.god_object_mm = model_.to_world(touch.target_mm);
+    frame.force_n =
+        limited_fast(model_.direction_to_world(model_.stiffness_n_per_mm * (touch.target_mm - touch.hip_mm)),
+                     force_limit_n_);
+  }
+
+  Options options_;
+  HeightFieldModel model_;
+  HeightSheet sheet_;
+  double force_limit_n_ = 0.0;
+  bool nearest_post_ = false;
+
+  bool started_ = false;
+  bool contact_ = false;
+  Foot foot_;                             ///< of the god object, in contact
+  PlanPoint god_;                         ///< the same as a point
+  Patch patch_;                           ///< of its cell
+  double lead_x_ = 0.0, lead_y_ = 0.0;    ///< from the HIP to the god object, posts
+  PlanPoint tested_to_;                   ///< free: the path has been tested up to here
+  SheetSide side_ = SheetSide::kNowhere;  ///< of tested_to_
+  FrameCounters counters_;
+};
+
+}  // namespace
+
+RendererInfo heightfield_info() {
+  RendererInfo info;
+  info.name = "heightfield";
+  info.summary = "chapter 4 made right: nearest point of the bilinear surface, no peak missed";
+  info.source = "El-Far, chapter 4; bilinear surface and side are ours";
+  info.options = {{"shading",
+                   OptionKind::kChoice,
+                   "bilinear",
+                   "god object: bilinear, the nearest point of the surface; nearest, the post next to it",
+                   {"bilinear", "nearest"}}};
+  info.make = [](const Options& options) { return std::make_unique<HeightFieldRenderer>(options); };
+  return info;
+}
+
+}  // namespace palpate::render
