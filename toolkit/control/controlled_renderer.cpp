@@ -1,0 +1,134 @@
+#include "toolkit/control/controlled_renderer.h"
+
+#include <fmt/format.h>
+
+#include <cassert>
+#include <cmath>
+#include <utility>
+
+namespace palpate::control {
+namespace {
+
+using render::Frame;
+
+template <bool kCouple, bool kFilter, bool kPassive>
+class ControlledRenderer final : public render::HapticRenderer {
+ public:
+  ControlledRenderer(std::unique_ptr<render::HapticRenderer> inner, const ControlOptions& options)
+      : inner_(std::move(inner)),
+        options_(options),
+        coupling_(options.coupling.value_or(Coupling{})),
+        filter_(options.filter),
+        passivity_(options.passivity.value_or(PassivityOptions{})) {}
+
+  [[nodiscard]] Result<render::PrepareReport> prepare(const render::SceneInput& scene,
+                                                      const render::PrepareContext& context) override {
+    render::SceneInput unlimited = scene;
+    unlimited.force_limit_n = 0.0;
+    force_limit_n_ = scene.force_limit_n;
+    Result<render::PrepareReport> report = inner_->prepare(unlimited, context);
+    if (!report) return report;
+    for (std::string& line : control::describe(options_))
+      report->notes.push_back("control: " + std::move(line));
+    report->bytes += sizeof(*this);
+    return report;
+  }
+
+  void reset(const Vec3& hip_mm) noexcept override {
+    inner_->reset(hip_mm);
+    coupling_.reset();
+    filter_.reset();
+    passivity_.reset();
+  }
+
+  [[nodiscard]] Frame step(const Vec3& hip_mm, double dt_s) noexcept override {
+    Frame frame = inner_->step(hip_mm, dt_s);
+    if (frame.status == render::FrameStatus::kNonFinite) return frame;
+    if constexpr (kCouple)
+      frame.force_n = coupling_.couple(hip_mm, frame.god_object_mm, frame.force_n, frame.contact, dt_s);
+    if constexpr (kFilter) frame.force_n = filter_.filter(frame.force_n, dt_s);
+    if constexpr (kPassive)
+      frame.force_n = passivity_.control(hip_mm, frame.force_n, dt_s, force_limit_n_);
+    else
+      frame.force_n = render::limited(frame.force_n, force_limit_n_);
+    return frame;
+  }
+
+  [[nodiscard]] render::FrameCounters counters() const noexcept override { return inner_->counters(); }
+
+  [[nodiscard]] render::Description describe() const override {
+    render::Description d = inner_->describe();
+    for (const std::string& line : control::describe(options_)) d.summary += "; " + line;
+    d.work_bound += "; control: some 100 operations";
+    return d;
+  }
+
+ private:
+  std::unique_ptr<render::HapticRenderer> inner_;
+  ControlOptions options_;
+  double force_limit_n_ = 0.0;
+  VirtualCoupling coupling_;
+  ForceFilter filter_;
+  PassivityController passivity_;
+};
+
+template <bool... kStages>
+std::unique_ptr<render::HapticRenderer> make(std::unique_ptr<render::HapticRenderer> inner,
+                                             const ControlOptions& options) {
+  return std::make_unique<ControlledRenderer<kStages...>>(std::move(inner), options);
+}
+
+/// One flag after the other becomes a template argument.
+template <bool... kStages, class... Rest>
+std::unique_ptr<render::HapticRenderer> choose(std::unique_ptr<render::HapticRenderer> inner,
+                                               const ControlOptions& options, bool next, Rest... rest) {
+  if constexpr (sizeof...(rest) == 0)
+    return next ? make<kStages..., true>(std::move(inner), options)
+                : make<kStages..., false>(std::move(inner), options);
+  else
+    return next ? choose<kStages..., true>(std::move(inner), options, rest...)
+                : choose<kStages..., false>(std::move(inner), options, rest...);
+}
+
+}  // namespace
+
+Status check(const ControlOptions& options) {
+  if (options.coupling)
+    if (Status right = check(*options.coupling); !right) return right;
+  if (Status right = check(options.filter); !right) return right;
+  if (options.passivity) {
+    const double limit = options.passivity->damping_limit_n_s_per_mm;
+    if (!std::isfinite(limit) || !(limit > 0.0))
+      return Error{fmt::format("damping_limit_n_s_per_mm is {}", limit), "give a finite number above 0", "",
+                   0};
+  }
+  return Done{};
+}
+
+std::vector<std::string> describe(const ControlOptions& options) {
+  std::vector<std::string> lines;
+  if (options.coupling)
+    lines.push_back(fmt::format("virtual coupling of {} N/mm and {} N s/mm",
+                                options.coupling->stiffness_n_per_mm, options.coupling->damping_n_s_per_mm));
+  const char* const form = options.filter.form == FilterForm::kLiteral ? ", from frame to frame" : "";
+  if (options.filter.rate_limit_n_per_s > 0.0)
+    lines.push_back(
+        fmt::format("force changes by at most {} N/s{}", options.filter.rate_limit_n_per_s, form));
+  if (options.filter.turn_limit_deg_per_s > 0.0)
+    lines.push_back(
+        fmt::format("force turns by at most {} degrees/s{}", options.filter.turn_limit_deg_per_s, form));
+  if (options.passivity)
+    lines.push_back(fmt::format("passivity controller with at most {} N s/mm of damping",
+                                options.passivity->damping_limit_n_s_per_mm));
+  return lines;
+}
+
+std::unique_ptr<render::HapticRenderer> wrap(std::unique_ptr<render::HapticRenderer> renderer,
+                                             const ControlOptions& options) {
+  assert(check(options));
+  if (!options.any()) return renderer;
+  return choose<>(std::move(renderer), options, options.coupling.has_value(), options.filter.any(),
+                  options.passivity.has_value());
+}
+
+}  // namespace palpate::control

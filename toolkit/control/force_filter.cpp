@@ -1,0 +1,152 @@
+#include "toolkit/control/force_filter.h"
+
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+namespace palpate::control {
+namespace {
+
+constexpr double kRadPerDeg = std::numbers::pi / 180.0;
+
+/// Some unit vector across a unit one, always the same: along the axis it has least of.
+Vec3 across(const Vec3& direction) noexcept {
+  Eigen::Index axis = 0;
+  direction.cwiseAbs().minCoeff(&axis);
+  return direction.cross(Vec3::Unit(axis)).normalized();
+}
+
+/// A force of `size_n` at an angle from x towards y.
+Vec3 at_angle(double size_n, double rad) noexcept {
+  return {size_n * std::cos(rad), size_n * std::sin(rad), 0.0};
+}
+double angle_of(const Vec3& force_n) noexcept {
+  return std::atan2(force_n.y(), force_n.x());
+}
+
+struct Measured {
+  double step;  ///< where the output shall come to
+  double slope;
+  double dt_s;
+  double ramp_end;  ///< at most
+};
+
+/// Runs `frame(wanted)`, which answers what is shown, over a step and a ramp. -1 where the step is not
+/// reached.
+template <class Restart, class Show>
+StepDelay measure(const Measured& m, const Restart& restart, const Show& show) {
+  // The last part of a step may carry rounding: a part in a billion of it is nothing a hand could tell.
+  constexpr double kReached = 1.0 - 1e-9;
+  constexpr double k63 = 0.63, k95 = 0.95;
+  StepDelay delay{-1.0, -1.0, {}};
+  restart();
+  for (int frame = 0; frame < kMeasuredFrames && delay.to_95_percent_s < 0.0; ++frame) {
+    const double shown = show(m.step);
+    if (delay.to_63_percent_s < 0.0 && shown >= k63 * m.step * kReached)
+      delay.to_63_percent_s = frame * m.dt_s;
+    if (shown >= k95 * m.step * kReached) delay.to_95_percent_s = frame * m.dt_s;
+  }
+  // Settled where the lag no longer grows over the second half, but for rounding.
+  constexpr double kRampFrames = 1000.0, kSettled = 1e-6;
+  const int frames = static_cast<int>(std::min(kRampFrames, m.ramp_end / (m.slope * m.dt_s)));
+  double lag = 0.0, lag_half_way = 0.0;
+  restart();
+  for (int frame = 1; frame <= frames; ++frame) {
+    const double wanted = m.slope * frame * m.dt_s;
+    lag = (wanted - show(wanted)) / m.slope;
+    if (frame == frames / 2) lag_half_way = lag;
+  }
+  if (lag - lag_half_way <= kSettled * frames * m.dt_s) delay.ramp_lag_s = std::max(lag, 0.0);
+  return delay;
+}
+
+Status check_number(const char* name, double value, bool zero_allowed) {
+  if (std::isfinite(value) && (value > 0.0 || (zero_allowed && value == 0.0))) return Done{};
+  return Error{std::string(name) + " is " + std::to_string(value),
+               zero_allowed ? "give a finite number, 0 for no limit" : "give a finite number above 0", "", 0};
+}
+
+}  // namespace
+
+Status check(const ForceFilterOptions& options) {
+  if (Status rate = check_number("rate_limit_n_per_s", options.rate_limit_n_per_s, true); !rate) return rate;
+  return check_number("turn_limit_deg_per_s", options.turn_limit_deg_per_s, true);
+}
+
+Vec3 ForceFilter::turned(const Vec3& wanted_n, double most_rad) const noexcept {
+  const double last_size_n = last_n_.stableNorm(), size_n = wanted_n.stableNorm();
+  if (!(last_size_n > 0.0) || !(size_n > 0.0)) return wanted_n;
+  const Vec3 from = last_n_ / last_size_n, to = wanted_n / size_n;
+  const double cosine = from.dot(to);
+  const double angle_rad = std::atan2(from.cross(to).norm(), cosine);
+  if (!(angle_rad > most_rad)) return wanted_n;
+  const bool literal = options_.form == FilterForm::kLiteral;
+  const double rest_rad = angle_rad - most_rad;
+  // More than a right angle still to go: of the wanted force no part lies along the direction it may have.
+  if (!literal && rest_rad >= 0.5 * std::numbers::pi) return Vec3::Zero();
+  const Vec3 side = to - cosine * from;
+  const double side_size = side.norm();
+  const Vec3 aside = side_size > 0.0 ? Vec3(side / side_size) : across(from);
+  return (literal ? size_n : size_n * std::cos(rest_rad)) *
+         (std::cos(most_rad) * from + std::sin(most_rad) * aside);
+}
+
+Vec3 ForceFilter::filter(const Vec3& wanted_n, double dt_s) noexcept {
+  const bool literal = options_.form == FilterForm::kLiteral;
+  Vec3 force_n = is_finite(wanted_n) ? wanted_n : Vec3::Zero();
+  if (!literal && force_n == Vec3::Zero()) {
+    last_n_.setZero();
+    return last_n_;
+  }
+  const double time_s = literal ? kLiteralFrameS : (dt_s > 0.0 && std::isfinite(dt_s) ? dt_s : 0.0);
+  if (options_.turn_limit_deg_per_s > 0.0)
+    force_n = turned(force_n, options_.turn_limit_deg_per_s * kRadPerDeg * time_s);
+  if (options_.rate_limit_n_per_s > 0.0) {
+    const double most_n = options_.rate_limit_n_per_s * time_s;
+    const Vec3 change_n = force_n - last_n_;
+    const double size_n = change_n.stableNorm();
+    if (size_n > most_n) force_n = last_n_ + change_n * (most_n / size_n);
+  }
+  // The change from one end of the range of doubles to the other is not finite: nothing is safer than that.
+  if (!is_finite(force_n)) force_n.setZero();
+  last_n_ = force_n;
+  return last_n_;
+}
+
+Result<FilterDelay> filter_delay(const ForceFilterOptions& options, const FilterProbe& probe) {
+  if (const Status right = check(options); !right) return right.error();
+  for (const auto& [name, value] :
+       std::array<std::pair<const char*, double>, 5>{{{"step_n", probe.step_n},
+                                                      {"ramp_n_per_s", probe.ramp_n_per_s},
+                                                      {"step_deg", probe.step_deg},
+                                                      {"ramp_deg_per_s", probe.ramp_deg_per_s},
+                                                      {"dt_s", probe.dt_s}}})
+    if (const Status right = check_number(name, value, false); !right) return right.error();
+  constexpr double kRightAngleDeg = 90.0;
+  if (!(probe.step_deg < kRightAngleDeg) || !(2.0 * probe.ramp_deg_per_s * probe.dt_s < kRightAngleDeg))
+    return Error{"the probe turns through a right angle", "lower step_deg or ramp_deg_per_s", "", 0};
+  ForceFilter filter(options);
+  FilterDelay delay;
+  delay.size = measure(
+      {probe.step_n, probe.ramp_n_per_s, probe.dt_s, HUGE_VAL}, [&] { filter.reset(); },
+      [&](double n) { return filter.filter(Vec3(n, 0, 0), probe.dt_s).x(); });
+  // The force is there before it turns, so that onset and turn are measured apart.
+  const auto full = [&] {
+    filter.reset();
+    for (int i = 0; i < kMeasuredFrames; ++i)
+      if (filter.filter(at_angle(probe.step_n, 0.0), probe.dt_s).x() == probe.step_n) break;
+  };
+  delay.direction = measure(
+      {probe.step_deg * kRadPerDeg, probe.ramp_deg_per_s * kRadPerDeg, probe.dt_s,
+       kRightAngleDeg * kRadPerDeg},
+      full, [&](double rad) { return angle_of(filter.filter(at_angle(probe.step_n, rad), probe.dt_s)); });
+  if (delay.size.to_95_percent_s < 0.0 || delay.direction.to_95_percent_s < 0.0)
+    return Error{"the filter does not reach the step in " + std::to_string(kMeasuredFrames) + " frames",
+                 "raise its limits or shorten the step", "", 0};
+  return delay;
+}
+
+}  // namespace palpate::control

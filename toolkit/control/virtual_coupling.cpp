@@ -1,0 +1,49 @@
+#include "toolkit/control/virtual_coupling.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+namespace palpate::control {
+
+Status check(const Coupling& coupling) {
+  if (!std::isfinite(coupling.stiffness_n_per_mm) || !(coupling.stiffness_n_per_mm > 0.0))
+    return Error{"the coupling's stiffness_n_per_mm is " + std::to_string(coupling.stiffness_n_per_mm),
+                 "give a finite number above 0", "", 0};
+  if (!std::isfinite(coupling.damping_n_s_per_mm) || coupling.damping_n_s_per_mm < 0.0)
+    return Error{"the coupling's damping_n_s_per_mm is " + std::to_string(coupling.damping_n_s_per_mm),
+                 "give a finite number, 0 or above", "", 0};
+  return Done{};
+}
+
+CouplingStability coupling_stability(const Coupling& coupling, double device_damping_n_s_per_mm,
+                                     double period_s) noexcept {
+  CouplingStability s;
+  s.needed_n_s_per_mm = 0.5 * coupling.stiffness_n_per_mm * period_s + coupling.damping_n_s_per_mm;
+  s.passive = device_damping_n_s_per_mm > s.needed_n_s_per_mm;
+  s.most_stiffness_n_per_mm =
+      std::max(0.0, 2.0 * (device_damping_n_s_per_mm - coupling.damping_n_s_per_mm) / period_s);
+  return s;
+}
+
+Vec3 VirtualCoupling::couple(const Vec3& hip_mm, const Vec3& god_object_mm, const Vec3& renderer_force_n,
+                             bool contact, double dt_s) noexcept {
+  const Vec3 stretch_mm = god_object_mm - hip_mm;
+  if (!contact || !is_finite(stretch_mm) || !is_finite(renderer_force_n)) {
+    last_stretch_mm_.setZero();
+    return Vec3::Zero();
+  }
+  const Vec3 before_mm = last_stretch_mm_;
+  last_stretch_mm_ = stretch_mm;
+  const double coupled_n = coupling_.stiffness_n_per_mm * stretch_mm.stableNorm();
+  const double model_n = renderer_force_n.stableNorm();
+  // Written so that neither a rigid model nor a resting one divides by nothing.
+  Vec3 force_n = coupled_n > 0.0 ? Vec3(renderer_force_n / (1.0 + model_n / coupled_n)) : Vec3::Zero();
+  if (coupling_.damping_n_s_per_mm > 0.0 && dt_s > 0.0)
+    force_n += coupling_.damping_n_s_per_mm / dt_s * (stretch_mm - before_mm);
+  const double along = force_n.dot(stretch_mm);
+  if (along < 0.0) force_n -= along / stretch_mm.squaredNorm() * stretch_mm;
+  return is_finite(force_n) ? force_n : Vec3::Zero();
+}
+
+}  // namespace palpate::control
