@@ -77,11 +77,27 @@ nlohmann::ordered_json to_json(const Info& info) {
       {"formula", info.model.analytic ? nlohmann::ordered_json(info.model.analytic->formula())
                                       : nlohmann::ordered_json(nullptr)},
       {"warnings", info.warnings}};
-  j["raster"] = s.raster ? nlohmann::ordered_json{{"columns", s.raster->columns}, {"rows", s.raster->rows}}
-                         : nlohmann::ordered_json(nullptr);
+  j["raster"] =
+      s.raster ? nlohmann::ordered_json{{"columns", s.raster->columns},
+                                        {"rows", s.raster->rows},
+                                        {"to_and_fro", s.raster->order == cloud::ScanOrder::kBoustrophedon},
+                                        {"columns_wrap", s.raster->columns_wrap},
+                                        {"rows_wrap", s.raster->rows_wrap}}
+               : nlohmann::ordered_json(nullptr);
   // JSON has no infinity: a flat box has no volume to be dense in.
   if (!std::isfinite(s.density_per_mm3)) j["density_per_mm3"] = nullptr;
   return j;
+}
+
+std::string order_text(const std::optional<cloud::ScanRaster>& raster) {
+  if (!raster) return "no full raster";
+  const bool fro = raster->order == cloud::ScanOrder::kBoustrophedon;
+  const char* const round = raster->columns_wrap && raster->rows_wrap ? ", both ways round"
+                            : raster->columns_wrap                    ? ", columns round"
+                            : raster->rows_wrap                       ? ", rows round"
+                                                                      : "";
+  return fmt::format("yes, {} rows of {}{}{}", raster->rows, raster->columns, fro ? ", to and fro" : "",
+                     round);
 }
 
 void print_text(const Info& info) {
@@ -114,8 +130,7 @@ void print_text(const Info& info) {
                      : std::string("none: the box is flat"));
   row("nearest point", spread(info.spacing.nearest_mm));
   row("eighth point", spread(info.spacing.eighth_mm));
-  row("scanner order", s.raster ? fmt::format("yes, {} rows of {}", s.raster->rows, s.raster->columns)
-                                : std::string("no full raster"));
+  row("scanner order", order_text(s.raster));
   row("index distance", fmt::format("{:.4g} (median to the nearest point; 1 in a scanner's order)",
                                     info.spacing.median_index_distance));
   row("height field", s.height_field ? "yes" : "no");

@@ -13,11 +13,30 @@
 
 namespace palpate::cloud {
 
-/// How a scanner delivered the points: row after row of `columns` points, point (row, column) at index
-/// row * columns + column. Only for clouds without holes.
+enum class ScanOrder : std::uint8_t {
+  kRaster,         ///< every row from its first column to its last: the scanner returns after each
+  kBoustrophedon,  ///< to and fro: every second row from its last column to its first
+};
+
+/// How a scanner delivered the points: row after row of `columns` points. Only for clouds without holes.
 struct ScanRaster {
   std::uint32_t columns = 0;
   std::uint32_t rows = 0;
+  ScanOrder order = ScanOrder::kRaster;
+  /// Of turntables: the first column is next to the last, the first row next to the last. From three on.
+  bool columns_wrap = false;
+  bool rows_wrap = false;
+
+  /// Of the point at (row, column).
+  [[nodiscard]] std::size_t index(std::size_t row, std::size_t column) const noexcept {
+    const bool back = order == ScanOrder::kBoustrophedon && row % 2 == 1;
+    return row * columns + (back ? columns - 1 - column : column);
+  }
+  /// The column of the point at `index`; its row is index / columns.
+  [[nodiscard]] std::size_t column(std::size_t index) const noexcept {
+    return this->index(index / columns, index % columns) %
+           columns;  // turning a row round twice changes nothing
+  }
 };
 
 /// One optional value per point, by name, as the file had it (friction, confidence, ...).

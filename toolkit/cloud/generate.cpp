@@ -37,6 +37,7 @@ struct Common {
   std::uint64_t seed = 0;
   double scale = 1.0;
   bool mesh = true;
+  std::string order;  ///< of points, where there is a choice
 };
 
 /// Points by index, in mm; triangles as an afterthought.
@@ -78,11 +79,13 @@ Samples sample_height_field(const std::shared_ptr<const AnalyticSurface>& surfac
   const double cells = static_cast<double>(side - 1);
   Samples samples;
   samples.count = columns * columns;
-  samples.raster = ScanRaster{side, side};
+  ScanRaster raster{side, side};
+  if (common.order == "boustrophedon") raster.order = ScanOrder::kBoustrophedon;
+  samples.raster = raster;
   samples.spacing_mm = common.extent_mm / cells;
   samples.point = [=](std::size_t i) {
-    const std::size_t column = i % columns, row = i / columns;
-    Shift shift = shift_of(common, i);
+    const std::size_t column = raster.column(i), row = i / columns;
+    Shift shift = shift_of(common, row * columns + column);
     // Border points move along the border only, so that the extent stays.
     if (column == 0 || column + 1 == columns) shift.u = 0.0;
     if (row == 0 || row + 1 == columns) shift.v = 0.0;
@@ -95,9 +98,13 @@ Samples sample_height_field(const std::shared_ptr<const AnalyticSurface>& surfac
     found.reserve(2 * (columns - 1) * (columns - 1));
     for (std::uint32_t row = 0; row + 1 < side; ++row)
       for (std::uint32_t column = 0; column + 1 < side; ++column) {
-        const std::uint32_t p = row * side + column;
-        found.push_back({p, p + 1, p + side + 1});
-        found.push_back({p, p + side + 1, p + side});
+        const auto at = [&](std::uint32_t r, std::uint32_t c) {
+          return static_cast<std::uint32_t>(raster.index(r, c));
+        };
+        const std::uint32_t p00 = at(row, column), p10 = at(row, column + 1);
+        const std::uint32_t p01 = at(row + 1, column), p11 = at(row + 1, column + 1);
+        found.push_back({p00, p10, p11});
+        found.push_back({p00, p11, p01});
       }
     return found;
   };
@@ -112,6 +119,7 @@ Samples sample_torus(const std::shared_ptr<const AnalyticSurface>& surface, doub
   const std::uint32_t rings = whole(around_mm / spacing, 3.0), spokes = whole(tube_mm / spacing, 3.0);
   Samples samples;
   samples.count = std::size_t{rings} * spokes;
+  if (common.order == "turntable") samples.raster = ScanRaster{spokes, rings, ScanOrder::kRaster, true, true};
   samples.spacing_mm = spacing;
   samples.point = [=](std::size_t i) {
     const Shift shift = shift_of(common, i);
@@ -258,18 +266,25 @@ std::vector<OptionSpec> with_common(std::string extent, std::string extent_help,
 std::vector<Generator> make_generators() {
   const std::string side = "side of the square, mm";
   const std::string fields = "1002001";
+  const OptionSpec order = {"order",
+                            OptionKind::kChoice,
+                            "raster",
+                            "of points: every row from its start, or to and fro",
+                            {"raster", "boustrophedon"}};
   return {
       {"sinusoid", "z = A (cos(2 pi x / L) + cos(2 pi y / L)), table 7 of the thesis; scanner order",
        with_common("100", side, fields,
-                   {{"amplitude_mm", OptionKind::kNumber, "10", "A, mm", {}, 1e-300, 1e150},
+                   {order,
+                    {"amplitude_mm", OptionKind::kNumber, "10", "A, mm", {}, 1e-300, 1e150},
                     {"wavelength_mm", OptionKind::kNumber, "50", "L, mm", {}, 1e-300, 1e150}})},
-      {"plane", "z = 0; scanner order", with_common("100", side, fields, {})},
+      {"plane", "z = 0; scanner order", with_common("100", side, fields, {order})},
       {"saddle", "z = c/2 (x^2 - y^2); scanner order",
        with_common("100", side, fields,
-                   {{"curvature_per_mm", OptionKind::kNumber, "0.02", "c, 1/mm", {}, 1e-150, 1e150}})},
+                   {order, {"curvature_per_mm", OptionKind::kNumber, "0.02", "c, 1/mm", {}, 1e-150, 1e150}})},
       {"wedge", "two planes that meet along the y axis; scanner order",
        with_common("100", side, fields,
-                   {{"angle_deg",
+                   {order,
+                    {"angle_deg",
                      OptionKind::kNumber,
                      "90",
                      "angle of the material: below 180 a ridge, above a valley",
@@ -280,7 +295,12 @@ std::vector<Generator> make_generators() {
        with_common("50", "diameter, mm", "100000", {})},
       {"torus", "around the z axis; ring by ring",
        with_common("100", "outer diameter, mm", "100000",
-                   {{"tube",
+                   {{"order",
+                     OptionKind::kChoice,
+                     "rings",
+                     "turntable: rings are a scanner's rows, and both ways go round",
+                     {"rings", "turntable"}},
+                    {"tube",
                      OptionKind::kNumber,
                      "0.35",
                      "radius of the tube over that of its middle circle",
@@ -309,6 +329,7 @@ Common read_common(const Options& options, bool by_spacing) {
   common.nonuniform = options.number("nonuniform");
   common.seed = static_cast<std::uint64_t>(options.integer("seed"));
   common.mesh = options.flag("mesh");
+  if (options.has("order")) common.order = options.text("order");
   return common;
 }
 

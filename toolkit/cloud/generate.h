@@ -44,8 +44,11 @@ struct Generator {
 /// Options of all: `points` or `spacing_mm` (never both), `extent_mm`, `jitter` (largest shift along the
 /// surface, as a fraction of the spacing), `nonuniform` (a: spacing varies from 1 - a to 1 + a times the
 /// nominal), `seed`, `scale` (multiplies every length), `mesh`. Height fields cover the square [-extent/2,
-/// extent/2]^2 in scanner order: rows of increasing y, in a row increasing x, and have `cloud.raster` set.
-/// The number of points is the nearest the grid can give: a square number for height fields.
+/// extent/2]^2 in scanner order: rows of increasing y, in a row increasing x (with `order=boustrophedon`
+/// every second row decreasing x), and have `cloud.raster` set. The torus has it set with `order=turntable`:
+/// its rings are the rows, and rows and columns wrap around. An order changes where points stand in the
+/// store, not where they stand in space. The number of points is the nearest the grid can give: a square
+/// number for height fields.
 [[nodiscard]] Result<GeneratedModel> generate(const NamedOptions& spec);
 
 }  // namespace palpate::cloud

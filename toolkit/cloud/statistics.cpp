@@ -100,6 +100,33 @@ bool is_raster(const std::vector<float>& along, const std::vector<float>& across
   return true;
 }
 
+/// Whether the points stand in rows that run to and fro in `along`, and whose columns are strictly monotone,
+/// all in one sense, in `across`.
+bool runs_to_and_fro(const std::vector<float>& along, const std::vector<float>& across,
+                     const ScanRaster& raster, bool rising) {
+  const bool across_rising = across[raster.index(1, 0)] > across[raster.index(0, 0)];
+  for (std::size_t row = 0; row < raster.rows; ++row)
+    for (std::size_t column = 0; column < raster.columns; ++column) {
+      const std::size_t i = raster.index(row, column);
+      if (column > 0) {
+        const std::size_t before = raster.index(row, column - 1);
+        if (along[i] == along[before] || (along[i] > along[before]) != rising) return false;
+      }
+      if (row == 0) continue;
+      const std::size_t above = raster.index(row - 1, column);
+      if (across[i] == across[above] || (across[i] > across[above]) != across_rising) return false;
+    }
+  return true;
+}
+
+/// Points at the start that are strictly monotone.
+std::size_t first_run(const std::vector<float>& x) {
+  const bool rising = x[1] > x[0];
+  std::size_t run = 1;
+  while (run < x.size() && x[run] != x[run - 1] && (x[run] > x[run - 1]) == rising) ++run;
+  return run;
+}
+
 bool height_field(const Cloud& cloud, const std::vector<std::uint32_t>& order, const geometry::Aabb& box) {
   const Vec3 extent = box.extent_mm();
   if (cloud.empty() || !(extent.x() > 0.0) || !(extent.y() > 0.0)) return false;
@@ -129,13 +156,20 @@ std::optional<ScanRaster> find_raster(const Cloud& cloud) {
     const std::vector<float>& x = *axes[along];
     if (x[1] == x[0]) continue;
     const bool rising = x[1] > x[0];
-    std::size_t columns = 1;
-    while (columns < n && x[columns] != x[columns - 1] && (x[columns] > x[columns - 1]) == rising) ++columns;
-    if (columns < 2 || columns == n || n % columns != 0) continue;
-    if (n / columns > std::numeric_limits<std::uint32_t>::max()) continue;
-    for (std::size_t across = 0; across < 3; ++across)
-      if (across != along && is_raster(x, *axes[across], columns, rising))
-        return ScanRaster{static_cast<std::uint32_t>(columns), static_cast<std::uint32_t>(n / columns)};
+    const std::size_t run = first_run(x);
+    // To and fro, the second row may begin a little beyond the end of the first.
+    for (const std::size_t columns : {run, run - 1}) {
+      if (columns < 2 || columns == n || n % columns != 0) continue;
+      if (n / columns > std::numeric_limits<std::uint32_t>::max()) continue;
+      ScanRaster raster{static_cast<std::uint32_t>(columns), static_cast<std::uint32_t>(n / columns)};
+      ScanRaster fro = raster;
+      fro.order = ScanOrder::kBoustrophedon;
+      for (std::size_t across = 0; across < 3; ++across) {
+        if (across == along) continue;
+        if (is_raster(x, *axes[across], columns, rising)) return raster;
+        if (runs_to_and_fro(x, *axes[across], fro, rising)) return fro;
+      }
+    }
   }
   return std::nullopt;
 }

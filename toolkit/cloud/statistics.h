@@ -26,9 +26,10 @@ struct Statistics {
 [[nodiscard]] std::size_t count_duplicates(const Cloud& cloud);
 
 /// The full raster of a scanner that the points stand in, if they do: rows of equal length (at least 2 x 2),
-/// along one axis strictly monotone within every row and turning back at every row's end, along another
-/// strictly monotone down every column. Jitter below half a spacing and uneven spacing pass; scans with
-/// holes, or to and fro, do not. O(n).
+/// along one axis strictly monotone within every row, along another strictly monotone down every column.
+/// Either the rows all run one way and turn back at their ends, or every second one runs back. Jitter below
+/// half a spacing and uneven spacing pass; scans with holes do not. What goes round a turntable is monotone
+/// along no axis and is not recognised. O(n).
 [[nodiscard]] std::optional<ScanRaster> find_raster(const Cloud& cloud);
 
 /// Whether z is a function of (x, y). Two conditions, each may fail for at most 1 % of the points:

@@ -97,6 +97,26 @@ std::vector<std::uint32_t> scale_and_compact(DecodedFile& decoded, double factor
   return new_index;
 }
 
+// A raster with holes is none; what is left of it are two properties, row and column, which a look-up table
+// is made of (neighbourhood/scan_table.h).
+void keep_rows_and_columns(const DecodedFile& decoded, const std::vector<std::uint32_t>& new_index,
+                           cloud::Cloud& cloud) {
+  constexpr std::uint32_t kWholeInFloat = std::uint32_t{1} << 24;
+  const cloud::ScanRaster& raster = *decoded.raster;
+  if (raster.columns > kWholeInFloat || raster.rows > kWholeInFloat) return;
+  for (const cloud::Property& property : cloud.properties)
+    if (property.name == "row" || property.name == "column") return;
+  cloud::Property row{"row", std::vector<float>(cloud.size())};
+  cloud::Property column{"column", std::vector<float>(cloud.size())};
+  for (std::size_t i = 0; i < new_index.size(); ++i) {
+    if (new_index[i] == kDropped) continue;
+    row.values[new_index[i]] = static_cast<float>(i / raster.columns);
+    column.values[new_index[i]] = static_cast<float>(raster.column(i));
+  }
+  cloud.properties.push_back(std::move(row));
+  cloud.properties.push_back(std::move(column));
+}
+
 // Drops the faces, each as a whole, that use a dropped or missing point.
 void clean_faces(DecodedFile& decoded, const std::vector<std::uint32_t>& new_index, std::size_t file_points) {
   auto& triangles = decoded.triangles;
@@ -222,7 +242,10 @@ Result<ReadModel> finish_model(DecodedFile&& decoded, const ReadOptions& options
   if (!cloud) return std::move(cloud).error().in_file(name);
   model.cloud = std::move(*cloud);
   model.cloud.properties = std::move(decoded.properties);
-  if (model.non_finite == 0) model.cloud.raster = decoded.raster;
+  if (model.non_finite == 0)
+    model.cloud.raster = decoded.raster;
+  else if (decoded.raster)
+    keep_rows_and_columns(decoded, new_index, model.cloud);
   model.max_rounding_mm = report.max_rounding_mm;
   model.content_hash = hash_points(decoded.points);
 

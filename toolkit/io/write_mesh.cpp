@@ -87,7 +87,8 @@ Status write_cloud_ply(const std::string& path, const cloud::Cloud& cloud) {
   Result<AtomicFile> file = AtomicFile::create(path);
   if (!file) return std::move(file).error();
   std::string header(kStart);
-  if (cloud.raster)
+  // The comments mean this one order.
+  if (cloud.raster && cloud.raster->order == cloud::ScanOrder::kRaster)
     header += fmt::format("obj_info num_cols {}\nobj_info num_rows {}\n", cloud.raster->columns,
                           cloud.raster->rows);
   header += fmt::format("element vertex {}\n{}", cloud.size(), kPosition);

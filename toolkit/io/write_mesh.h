@@ -14,7 +14,8 @@ namespace palpate::io {
 Status write_mesh_ply(const std::string& path, const geometry::TriangleMesh& mesh);
 
 /// Binary little-endian PLY: double x y z in mm, a float for each property of the cloud, the comment "unit
-/// mm", and the raster as obj_info num_cols and num_rows, all of which read_model takes back.
+/// mm", and a raster whose rows run one way as obj_info num_cols and num_rows, all of which read_model takes
+/// back.
 Status write_cloud_ply(const std::string& path, const cloud::Cloud& cloud);
 
 }  // namespace palpate::io

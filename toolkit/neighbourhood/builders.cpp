@@ -5,10 +5,12 @@
 #include <algorithm>
 #include <mutex>
 
+#include "toolkit/cloud/statistics.h"
 #include "toolkit/neighbourhood/connected_knn.h"
 #include "toolkit/neighbourhood/directional_knn.h"
 #include "toolkit/neighbourhood/fixed_distance.h"
 #include "toolkit/neighbourhood/knn.h"
+#include "toolkit/neighbourhood/scan_table.h"
 
 namespace palpate::neighbourhood {
 namespace {
@@ -108,10 +110,37 @@ Builder scanner() {
                   "section 3.2.2.4",
                   {},
                   [](const cloud::Cloud& cloud, const Options&, int threads) -> Result<Built> {
-                    Result<NeighbourTable> table = scanner_path(cloud, threads);
+                    const auto found = cloud.raster ? std::nullopt : cloud::find_raster(cloud);
+                    Result<NeighbourTable> table =
+                        found ? scanner_path(cloud, *found, threads) : scanner_path(cloud, threads);
                     if (!table) return std::move(table).error();
-                    return Built{*std::move(table), {}};
+                    Built built{*std::move(table), {}};
+                    if (found) built.notes.emplace_back("the scanner's order was recognised from the points");
+                    return built;
                   }};
+  builder.follows_scanner = true;
+  return builder;
+}
+
+Builder lookup() {
+  Builder builder{
+      "lookup-table",
+      "the eight around by each point's scan, row and column, across holes",
+      "section 3.6.1",
+      {{"across", kInteger, "2", "missing positions that a link may pass over", {}, 0, 1000}},
+      [](const cloud::Cloud& cloud, const Options& options, int threads) -> Result<Built> {
+        const Result<ScanTable> positions = scan_table_of(cloud);
+        if (!positions) return positions.error();
+        LookupReport r;
+        Result<NeighbourTable> table = lookup_table(
+            cloud, *positions, {static_cast<std::uint32_t>(options.integer("across"))}, threads, &r);
+        if (!table) return std::move(table).error();
+        Built built{*std::move(table), {}};
+        if (r.links_across_holes > 0)
+          built.notes.push_back(fmt::format("{} links pass over holes, {} points have fewer than eight",
+                                            r.links_across_holes, r.fewer_than_eight));
+        return built;
+      }};
   builder.follows_scanner = true;
   return builder;
 }
@@ -141,7 +170,8 @@ Builder modified() {
 
 struct Registered {
   std::mutex gate;
-  std::vector<Builder> all = {exact(), density(), connected(), directional(), fixed(), scanner(), modified()};
+  std::vector<Builder> all = {exact(), density(), connected(), directional(),
+                              fixed(), scanner(), lookup(),    modified()};
 };
 
 Registered& registered() {

@@ -37,9 +37,12 @@ struct ModifiedKnnReport {
 [[nodiscard]] NeighbourTable modified_knn(const cloud::Cloud& cloud, const ModifiedKnnOptions& options,
                                           int threads, ModifiedKnnReport* report = nullptr);
 
-/// Section 3.2.2.4: the eight neighbours of (row, column) in a full raster, fewer at its borders; needs
-/// cloud.raster.
+/// Section 3.2.2.4: the eight neighbours of (row, column) in a full raster, whatever its order; fewer at its
+/// borders, none of which are where it wraps around. Needs cloud.raster.
 [[nodiscard]] Result<NeighbourTable> scanner_path(const cloud::Cloud& cloud, int threads);
+/// The same for a raster that the cloud does not carry but was recognised (cloud::find_raster) or is known.
+[[nodiscard]] Result<NeighbourTable> scanner_path(const cloud::Cloud& cloud, const cloud::ScanRaster& raster,
+                                                  int threads);
 
 /// Share of points whose neighbour sets are equal, whatever their order.
 struct Agreement {

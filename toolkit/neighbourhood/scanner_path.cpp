@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 
 #include "toolkit/core/parallel.h"
 #include "toolkit/neighbourhood/knn.h"
@@ -9,6 +10,23 @@ namespace {
 
 constexpr std::size_t kRowsPerChunk = 64;
 constexpr std::size_t kPointsPerChunk = 65536;
+/// Below three the next and the last before are one.
+constexpr std::size_t kLeastRound = 3;
+
+/// A row (or column) with those on both sides of it.
+struct Range {
+  std::array<std::size_t, 3> at{};
+  std::size_t count = 0;
+};
+
+Range around(std::size_t i, std::size_t size, bool wrap) noexcept {
+  const bool round = wrap && size >= kLeastRound;
+  Range range;
+  if (i > 0 || round) range.at[range.count++] = i > 0 ? i - 1 : size - 1;
+  range.at[range.count++] = i;
+  if (i + 1 < size || round) range.at[range.count++] = i + 1 < size ? i + 1 : 0;
+  return range;
+}
 
 }  // namespace
 
@@ -18,28 +36,32 @@ Result<NeighbourTable> scanner_path(const cloud::Cloud& cloud, int threads) {
                  "choose neighbours=modified-knn or neighbours=exact-knn",
                  {},
                  0};
-  const auto columns = static_cast<std::int64_t>(cloud.raster->columns);
-  const auto rows = static_cast<std::int64_t>(cloud.raster->rows);
-  if (columns * rows != static_cast<std::int64_t>(cloud.size()))
+  return scanner_path(cloud, *cloud.raster, threads);
+}
+
+Result<NeighbourTable> scanner_path(const cloud::Cloud& cloud, const cloud::ScanRaster& raster, int threads) {
+  if (std::uint64_t{raster.columns} * raster.rows != cloud.size())
     return Error{"the cloud's raster does not match its number of points", "rebuild the cloud", {}, 0};
   NeighbourTable table;
   table.of.resize(cloud.size());
-  parallel_chunks(
-      static_cast<std::size_t>(rows), kRowsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-        for (auto row = static_cast<std::int64_t>(begin); row < static_cast<std::int64_t>(end); ++row)
-          for (std::int64_t column = 0; column < columns; ++column) {
-            const auto self = static_cast<std::uint32_t>(row * columns + column);
-            const Vec3 p = cloud.local_mm(self);
-            BestEight around;
-            for (std::int64_t r = std::max<std::int64_t>(row - 1, 0); r <= std::min(row + 1, rows - 1); ++r)
-              for (std::int64_t c = std::max<std::int64_t>(column - 1, 0);
-                   c <= std::min(column + 1, columns - 1); ++c) {
-                const auto other = static_cast<std::uint32_t>(r * columns + c);
-                if (other != self) around.offer((cloud.local_mm(other) - p).squaredNorm(), other);
-              }
-            around.store(self, table.of[self]);
+  parallel_chunks(raster.rows, kRowsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t row = begin; row < end; ++row) {
+      const Range rows = around(row, raster.rows, raster.rows_wrap);
+      for (std::size_t column = 0; column < raster.columns; ++column) {
+        const Range columns = around(column, raster.columns, raster.columns_wrap);
+        const std::size_t self = raster.index(row, column);
+        const Vec3 p = cloud.local_mm(self);
+        BestEight best;
+        for (std::size_t r = 0; r < rows.count; ++r)
+          for (std::size_t c = 0; c < columns.count; ++c) {
+            const std::size_t other = raster.index(rows.at[r], columns.at[c]);
+            if (other != self)
+              best.offer((cloud.local_mm(other) - p).squaredNorm(), static_cast<std::uint32_t>(other));
           }
-      });
+        best.store(static_cast<std::uint32_t>(self), table.of[self]);
+      }
+    }
+  });
   return table;
 }
 

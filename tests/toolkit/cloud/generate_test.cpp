@@ -122,6 +122,37 @@ TEST(Generate, MeshesAreManifoldAndFaceOutward) {
     }
 }
 
+TEST(Generate, AnOrderChangesPlacesInTheStoreAlone) {
+  for (const std::string name : {"sinusoid:points=400:jitter=0.2", "wedge:points=100", "plane:points=49"}) {
+    const GeneratedModel one = generate(parse_named_options(name).value()).value();
+    const GeneratedModel fro = generate(parse_named_options(name + ":order=boustrophedon").value()).value();
+    const ScanRaster &r = *one.cloud.raster, &f = *fro.cloud.raster;
+    EXPECT_EQ(f.order, ScanOrder::kBoustrophedon);
+    ASSERT_EQ(f.columns, r.columns);
+    std::vector<std::uint32_t> place(one.cloud.size());
+    for (std::size_t row = 0; row < r.rows; ++row)
+      for (std::size_t column = 0; column < r.columns; ++column) {
+        const std::size_t i = r.index(row, column), j = f.index(row, column);
+        place[i] = static_cast<std::uint32_t>(j);
+        EXPECT_EQ(f.column(j), column);
+        EXPECT_EQ(one.cloud.local_mm(i), fro.cloud.local_mm(j));
+        if (column > 0) {
+          EXPECT_EQ(j > f.index(row, column - 1), row % 2 == 0);
+        }
+      }
+    auto triangles = one.original_mesh->triangles;
+    for (auto& t : triangles)
+      for (std::uint32_t& corner : t) corner = place[corner];
+    EXPECT_EQ(triangles, fro.original_mesh->triangles);
+  }
+  const Cloud rings = generate(parse_named_options("torus:points=900").value())->cloud;
+  const Cloud table = generate(parse_named_options("torus:points=900:order=turntable").value())->cloud;
+  EXPECT_FALSE(rings.raster);
+  ASSERT_TRUE(table.raster);
+  EXPECT_EQ(table.raster->columns * table.raster->rows, table.size());
+  EXPECT_EQ(rings.x_mm, table.x_mm);
+}
+
 TEST(Generate, LatticeNumbersEverySurfacePointOnce) {
   for (const auto& n : {std::array<std::uint32_t, 3>{1, 1, 1}, {2, 1, 1}, {1, 3, 2}, {4, 5, 6}, {7, 2, 1}}) {
     const BoxLattice lattice(n[0], n[1], n[2]);

@@ -51,8 +51,30 @@ TEST(Statistics, FindsTheScannersRaster) {
     ASSERT_TRUE(raster) << how;
     EXPECT_EQ(raster->columns, 30u);
     EXPECT_EQ(raster->rows, 30u);
+    EXPECT_EQ(raster->order, ScanOrder::kRaster);
     EXPECT_FALSE(find_raster(shuffled(c, 5))) << how;
   }
+  // To and fro, with turns that are never exact.
+  for (const char* how : {"", ":jitter=0.4", ":nonuniform=0.8", ":scale=0.001", ":scale=1000000"}) {
+    Cloud c = generated(std::string("sinusoid:points=900:order=boustrophedon") + how);
+    c.raster.reset();
+    Random random(3);
+    for (std::size_t i = 0; i < c.size(); ++i) {
+      const auto shift = static_cast<float>(random.uniform(-0.002, 0.002)) * c.x_mm[0];
+      if (std::string(how).empty()) c.x_mm[i] += shift;
+    }
+    const auto raster = find_raster(c);
+    ASSERT_TRUE(raster) << how;
+    EXPECT_EQ(raster->columns, 30u);
+    EXPECT_EQ(raster->rows, 30u);
+    EXPECT_EQ(raster->order, ScanOrder::kBoustrophedon);
+    EXPECT_FALSE(find_raster(shuffled(c, 5))) << how;
+  }
+  Cloud round = generated("torus:points=3000:order=turntable");
+  ASSERT_TRUE(round.raster);
+  EXPECT_TRUE(round.raster->columns_wrap && round.raster->rows_wrap);
+  round.raster.reset();
+  EXPECT_FALSE(find_raster(round)) << "what goes round is not recognised";
   // Rows along z, falling, as a scanner that stands upright delivers them.
   std::vector<Vec3> upright;
   for (int row = 0; row < 4; ++row)

@@ -75,8 +75,12 @@ TEST(NonFinitePoints, AreDroppedCountedAndTakenOutOfFaces) {
   EXPECT_EQ(model->non_finite, 2u);
   EXPECT_EQ(model->cloud.size(), 4u);
   EXPECT_FALSE(model->cloud.raster);  // its rows have holes now
-  ASSERT_EQ(model->cloud.properties.size(), 1u);
+  ASSERT_EQ(model->cloud.properties.size(), 3u);
   EXPECT_EQ(model->cloud.properties[0].values, (std::vector<float>{10, 12, 13, 15}));
+  EXPECT_EQ(model->cloud.properties[1].name, "row");
+  EXPECT_EQ(model->cloud.properties[1].values, (std::vector<float>{0, 0, 1, 1}));
+  EXPECT_EQ(model->cloud.properties[2].name, "column");
+  EXPECT_EQ(model->cloud.properties[2].values, (std::vector<float>{0, 2, 0, 2}));
   ASSERT_NE(model->mesh, nullptr);
   const std::vector<std::array<std::uint32_t, 3>> expected{{0, 1, 2}, {0, 1, 2}, {0, 2, 3}};
   EXPECT_EQ(model->mesh->triangles, expected);

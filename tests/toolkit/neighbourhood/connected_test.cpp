@@ -191,7 +191,7 @@ TEST(DensityCutOff, LetsGoOfOutliersAndKeepsGrids) {
 }
 
 TEST(Builders, AreKnownByNameAndSayWhatIsWrong) {
-  const cloud::Cloud cloud = built(sheet(20, 20, 1.0, 0.2, 2));
+  const cloud::Cloud cloud = built(sheet(20, 20, 1.0, 1.5, 2));
   std::vector<std::string> names;
   for (const Builder& builder : builders()) {
     names.push_back(builder.name);
@@ -207,7 +207,7 @@ TEST(Builders, AreKnownByNameAndSayWhatIsWrong) {
     EXPECT_EQ(one->table.of, all->table.of) << builder.name;
   }
   for (const char* name : {"exact-knn", "density-knn", "connected-knn", "directional-knn", "fixed-distance",
-                           "scanner-path", "modified-knn"})
+                           "scanner-path", "lookup-table", "modified-knn"})
     EXPECT_NE(std::find(names.begin(), names.end(), name), names.end()) << name;
   EXPECT_EQ(build_neighbours("exact-knn", cloud, 1)->table.of, exact_knn(cloud, 1).of);
   const Result<Built> near = build_neighbours("fixed-distance:distance_mm=0.01", cloud, 1);

@@ -124,6 +124,12 @@ TEST(Pcd, HolesAreDroppedAndTheRasterWithThem) {
     EXPECT_EQ(model->cloud.size(), rows.size() - 2);
     EXPECT_FALSE(model->cloud.raster);
     EXPECT_EQ(model->cloud.properties[0].values[3], rows[4].intensity);
+    ASSERT_EQ(model->cloud.properties.size(), 3u);
+    for (std::size_t i = 0; i < model->cloud.size(); ++i) {
+      const std::size_t in_file = i + (i >= 3 ? 1 : 0) + (i >= 99 ? 1 : 0);
+      EXPECT_EQ(model->cloud.properties[1].values[i], static_cast<float>(in_file / kWidth));
+      EXPECT_EQ(model->cloud.properties[2].values[i], static_cast<float>(in_file % kWidth));
+    }
   }
   io::ReadOptions refuse;
   refuse.non_finite = cloud::NonFinite::kRefuse;
