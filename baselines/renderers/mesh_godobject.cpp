@@ -7,6 +7,7 @@
 #include "baselines/reconstruct/advancing_front.h"
 #include "baselines/renderers/mesh_probe.h"
 #include "toolkit/core/clock.h"
+#include "toolkit/render/surface_response.h"
 
 namespace palpate::baselines {
 namespace {
@@ -25,7 +26,15 @@ struct Model {
   std::unique_ptr<MeshProbe> probe;
   std::vector<Vec3f> vertex_normals;  ///< only with shading; per welded vertex, for side 0 of its first facet
   geometry::RigidTransform world_from_model, model_from_world;
-  double stiffness_n_per_mm = 0.0;
+  std::shared_ptr<render::MovingModel> motion;  ///< or null: at rest
+  render::SurfaceField surface;
+  render::SurfaceState state;
+
+  void pose_at(double now_s) noexcept {
+    if (motion == nullptr) return;
+    world_from_model = motion->newest().at(now_s);
+    model_from_world = world_from_model.inverse();
+  }
 
   [[nodiscard]] Vec3 to_local(const Vec3& world_mm) const noexcept {
     return model_from_world * world_mm - mesh.origin_mm();
@@ -54,10 +63,13 @@ class MeshGodObject final : public render::HapticRenderer, public MeshHolder {
   Status prepare_model(const render::ModelInput& input, const render::PrepareContext& context,
                        render::PrepareReport& report);
   [[nodiscard]] Vec3 shaded_god_object(const Model& model, const Vec3& hip) const noexcept;
+  [[nodiscard]] static render::SurfaceAnswer answer(Model& model, const Vec3& hip,
+                                                    const Vec3& target) noexcept;
 
   Options options_;
   bool shaded_;
   double force_limit_n_ = 0.0;
+  double now_s_ = 0.0;
   std::vector<std::unique_ptr<Model>> models_;
   render::Frame last_;
   render::FrameCounters counters_;
@@ -163,7 +175,15 @@ Status MeshGodObject::prepare_model(const render::ModelInput& input, const rende
   model->probe = std::make_unique<MeshProbe>(model->mesh, *model->index, model->crossings);
   model->world_from_model = input.world_from_model;
   model->model_from_world = input.world_from_model.inverse();
-  model->stiffness_n_per_mm = input.surface.stiffness_n_per_mm;
+  model->motion = input.motion;
+  if (input.surface.per_point != nullptr)
+    return Error{fmt::format("model '{}' has properties that differ from point to point", input.name),
+                 "mesh-godobject takes one value for the whole model: leave out regions and columns",
+                 {},
+                 0};
+  Result<render::SurfaceField> surface = render::build_uniform_surface_field(input.surface, report);
+  if (!surface.ok()) return std::move(surface).error();
+  model->surface = std::move(surface).value();
   report.bytes += model->source->bytes() + model->mesh.bytes() + model->index->bytes() +
                   model->crossings.bytes() + model->vertex_normals.capacity() * sizeof(Vec3f);
   models_.push_back(std::move(model));
@@ -174,7 +194,12 @@ void MeshGodObject::reset(const Vec3& hip_mm) noexcept {
   counters_ = {};
   last_ = {};
   last_.god_object_mm = hip_mm;
-  for (const auto& model : models_) model->probe->reset(model->to_local(hip_mm));
+  now_s_ = 0.0;
+  for (const auto& model : models_) {
+    model->pose_at(now_s_);
+    model->probe->reset(model->to_local(hip_mm));
+    model->state.release();
+  }
 }
 
 /// Two passes (Ruspini 1997): the HIP is projected on the plane through the god object whose normal is
@@ -197,8 +222,25 @@ Vec3 MeshGodObject::shaded_god_object(const Model& model, const Vec3& hip) const
   return first - n * n.dot(first - at.point);
 }
 
-render::Frame MeshGodObject::step(const Vec3& hip_mm, double /*dt_s*/) noexcept {
+/// The surface's own part: the same stage that the point renderers use.
+render::SurfaceAnswer MeshGodObject::answer(Model& model, const Vec3& hip, const Vec3& target) noexcept {
+  render::SurfaceContact contact;
+  contact.hip = hip;
+  contact.pull = target - hip;
+  contact.stiffness_n_per_mm = model.surface.stiffness_n_per_mm;
+  if (model.surface.features == 0)
+    return model.state.respond<0>(contact, model.surface.texture, Vec3::Zero());
+  contact.static_friction = model.surface.friction.static_coefficient;
+  contact.dynamic_friction = model.surface.friction.dynamic_coefficient;
+  const Vec3& origin = model.mesh.origin_mm();
+  if ((model.surface.features & render::kTexture) == 0)
+    return model.state.respond<render::kFriction>(contact, model.surface.texture, origin);
+  return model.state.respond<render::kFriction | render::kTexture>(contact, model.surface.texture, origin);
+}
+
+render::Frame MeshGodObject::step(const Vec3& hip_mm, double dt_s) noexcept {
   ++counters_.frames;
+  now_s_ += dt_s;
   render::Frame frame;
   if (!is_finite(hip_mm)) {
     frame = last_;
@@ -210,14 +252,19 @@ render::Frame MeshGodObject::step(const Vec3& hip_mm, double /*dt_s*/) noexcept 
   double deepest_n = -1.0;
   for (std::size_t i = 0; i < models_.size(); ++i) {
     Model& model = *models_[i];
+    model.pose_at(now_s_);
     const Vec3 hip = model.to_local(hip_mm);
     const std::uint64_t moves = model.probe->moves();
     const bool touching = model.probe->update(hip);
     counters_.walk_steps += model.probe->moves() - moves;
     if (model.probe->bound_hit()) frame.status = render::FrameStatus::kBoundHit;
-    if (!touching) continue;
-    const Vec3 god_object = shaded_ ? shaded_god_object(model, hip) : model.probe->god_object().point;
-    const Vec3 force = model.world_from_model.rotate((god_object - hip) * model.stiffness_n_per_mm);
+    if (!touching) {
+      model.state.release();
+      continue;
+    }
+    const Vec3 target = shaded_ ? shaded_god_object(model, hip) : model.probe->god_object().point;
+    const auto [local_force, god_object] = answer(model, hip, target);
+    const Vec3 force = model.world_from_model.rotate(local_force);
     frame.force_n += force;
     frame.contact = true;
     if (force.norm() > deepest_n) {

@@ -27,6 +27,7 @@ class CloudLiteral final : public HapticRenderer {
     PointModelOptions o = point_model_options(options_);
     o.normals = false;
     models_.clear();
+    motions_.clear();
     for (const ModelInput& input : scene.models) {
       Result<PointModel> built = build_point_model(input, o, context, report);
       if (!built) return std::move(built).error();
@@ -34,19 +35,25 @@ class CloudLiteral final : public HapticRenderer {
         report.notes.push_back("texture: not rendered by the literal form, which prints no formula for it");
       const Shading shading = shading_of(*built, report);
       models_.push_back(std::make_unique<LiteralModel>(std::move(*built), shading, literal));
+      motions_.push_back(input.motion);
     }
     reset(Vec3::Zero());
     return report;
   }
 
   void reset(const Vec3& hip_mm) noexcept override {
-    for (const auto& model : models_) model->reset(model->model().to_local(hip_mm));
+    now_s_ = 0.0;
+    for (std::size_t i = 0; i < models_.size(); ++i) {
+      pose(i);
+      models_[i]->reset(models_[i]->model().to_local(hip_mm));
+    }
     counters_ = {};
   }
 
   /// Several models: the sum of their forces, since the thesis does not say how they combine.
-  Frame step(const Vec3& hip_mm, double) noexcept override {
+  Frame step(const Vec3& hip_mm, double dt_s) noexcept override {
     ++counters_.frames;
+    now_s_ += dt_s;
     Frame frame;
     if (!is_finite(hip_mm)) {
       frame.status = FrameStatus::kNonFinite;
@@ -55,6 +62,7 @@ class CloudLiteral final : public HapticRenderer {
     frame.god_object_mm = hip_mm;
     double strongest_sq = -1.0;
     for (std::size_t i = 0; i < models_.size(); ++i) {
+      pose(i);
       const PointModel& model = models_[i]->model();
       const LiteralAnswer answer = models_[i]->update(model.to_local(hip_mm), counters_);
       if (answer.bound_hit) frame.status = FrameStatus::kBoundHit;
@@ -80,6 +88,11 @@ class CloudLiteral final : public HapticRenderer {
   }
 
  private:
+  /// Section 3.3.1: the HIP is taken into the model's frame of this instant.
+  void pose(std::size_t i) noexcept {
+    if (motions_[i] != nullptr) models_[i]->model().set_pose(motions_[i]->newest().at(now_s_));
+  }
+
   Shading shading_of(const PointModel& model, PrepareReport& report) const {
     if (options_.text("shading") != "auto") return parse_shading(options_.text("shading"));
     const bool shade = model.resolution_mm > kLiteralShadingResolutionMm;
@@ -90,6 +103,8 @@ class CloudLiteral final : public HapticRenderer {
 
   Options options_;
   std::vector<std::unique_ptr<LiteralModel>> models_;
+  std::vector<std::shared_ptr<MovingModel>> motions_;  ///< of each, or null: at rest
+  double now_s_ = 0.0;
   double force_limit_n_ = 0.0;
   FrameCounters counters_;
 };

@@ -6,15 +6,19 @@
 #include <array>
 #include <cmath>
 #include <span>
+#include <utility>
 
 #include "toolkit/core/tolerances.h"
 #include "toolkit/render/cloud_slot.h"
+#include "toolkit/render/scene_boxes.h"
 
 namespace palpate::render {
 namespace {
 
-/// The frame has more than one model: a feature of the frame beside those of SurfaceFeature.
-constexpr unsigned kMany = kSurfaceFeatures;
+/// The scene has several models, or some that move: a feature of the frame beside those of SurfaceFeature.
+constexpr unsigned kScene = kSurfaceFeatures;
+/// An answer of the broad phase holds for so long where models move: 50 times a second it is asked again.
+constexpr double kHorizonS = 0.02;
 
 /// Models that may be touched in one frame; of more the first ones count.
 constexpr std::size_t kMaxTouched = geometry::kMaxHalfSpaces;
@@ -35,9 +39,11 @@ class Cloud final : public HapticRenderer {
     PrepareReport report;
     if (scene.models.empty()) return Error{"the scene has no model", "add a [[model]]", {}, 0};
     slots_.clear();
-    features_ = scene.models.size() > 1 ? kMany : 0;
+    features_ = scene.models.size() > 1 ? kScene : 0;
     for (const ModelInput& input : scene.models)
       if (const Status done = prepare_slot(input, context, report); !done) return done.error();
+    frame_ = composed(std::make_integer_sequence<unsigned, 2 * kScene>{})[features_];
+    if ((features_ & kScene) != 0) index_boxes(report);
     force_limit_n_ = scene.force_limit_n;
     sum_ = options_.text("combine") == "sum";
     reset(Vec3::Zero());
@@ -46,36 +52,26 @@ class Cloud final : public HapticRenderer {
 
   void reset(const Vec3& hip_mm) noexcept override {
     counters_ = {};
+    now_s_ = 0.0;
+    previous_ = hip_mm;
+    previous_s_ = 0.0;
     for (const auto& slot : slots_) {
+      if (slot->motion != nullptr) slot->model.set_pose(slot->motion->newest().at(now_s_));
       slot->contact.reset(slot->model.to_local(hip_mm));
       slot->state.release();
+      slot->listed = 0;
     }
+    if (boxes_ == nullptr) return;
+    lists_ = 1;
+    near_.clear();
+    boxes_->run(now_s_, hip_mm, hip_mm);
+    list_near(boxes_->newest());
   }
 
   /// The frame is composed of what the scene asks for: of sixteen, one is ever run.
-  Frame step(const Vec3& hip_mm, double) noexcept override {
-    switch (features_) {
-      case 0:
-        return frame<0>(hip_mm);
-      case kFriction:
-        return frame<kFriction>(hip_mm);
-      case kVaried:
-        return frame<kVaried>(hip_mm);
-      case kVaried | kFriction:
-        return frame<kVaried | kFriction>(hip_mm);
-      case kTexture:
-        return frame<kTexture>(hip_mm);
-      case kTexture | kFriction:
-        return frame<kTexture | kFriction>(hip_mm);
-      case kTexture | kVaried:
-        return frame<kTexture | kVaried>(hip_mm);
-      case kTexture | kVaried | kFriction:
-        return frame<kTexture | kVaried | kFriction>(hip_mm);
-      case kMany:
-        return frame<kMany>(hip_mm);
-      default:  // several models, some with properties
-        return frame<kMany | kTexture | kVaried | kFriction>(hip_mm);
-    }
+  Frame step(const Vec3& hip_mm, double dt_s) noexcept override {
+    now_s_ += dt_s;
+    return (this->*frame_)(hip_mm);
   }
 
   FrameCounters counters() const noexcept override { return counters_; }
@@ -102,8 +98,33 @@ class Cloud final : public HapticRenderer {
     choose_shading(*slot, report);
     slot->contact.attach(slot->model);
     features_ |= slot->model.surface.features;
+    slot->motion = input.motion;
+    if (slot->motion != nullptr) features_ |= kScene;
     slots_.push_back(std::move(slot));
     return Done{};
+  }
+
+  using FrameFunction = Frame (Cloud::*)(const Vec3&) noexcept;
+  template <unsigned... kFeatures>
+  static constexpr std::array<FrameFunction, sizeof...(kFeatures)> composed(
+      std::integer_sequence<unsigned, kFeatures...>) noexcept {
+    return {&Cloud::frame<kFeatures>...};
+  }
+
+  void index_boxes(PrepareReport& report) {
+    std::vector<ModelBox> boxes;
+    for (const auto& slot : slots_) {
+      const PointModel& model = slot->model;
+      geometry::Aabb box;
+      for (const StoredPoint& p : model.points) box.add(p.at());
+      box = {box.low_mm + model.origin_mm - model.largest_half_box_mm,
+             box.high_mm + model.origin_mm + model.largest_half_box_mm};
+      boxes.push_back({box, model.world_from_model, slot->motion});
+    }
+    boxes_ = std::make_unique<SceneBoxes>(std::move(boxes), kHorizonS);
+    near_.reserve(slots_.size());
+    former_.reserve(slots_.size());
+    report.bytes += boxes_->bytes();
   }
 
   void choose_shading(CloudSlot& slot, PrepareReport& report) const {
@@ -134,8 +155,8 @@ class Cloud final : public HapticRenderer {
       return frame;
     }
     frame.god_object_mm = hip_mm;
-    if constexpr ((kFeatures & kMany) != 0)
-      many<kFeatures & ~kMany>(hip_mm, frame);
+    if constexpr ((kFeatures & kScene) != 0)
+      many<kFeatures & ~kScene>(hip_mm, frame);
     else
       single<kFeatures>(hip_mm, frame);
     counters_.bound_hits += frame.status == FrameStatus::kBoundHit;
@@ -166,12 +187,21 @@ class Cloud final : public HapticRenderer {
     frame.force_n = limited(slot.model.direction_to_world(answer.force_n), force_limit_n_);
   }
 
+  /// The models near the HIP, each with its pose of this instant: the HIP's way is taken in each one's own
+  /// frame, so that a model that moves on to a resting HIP meets it.
   template <unsigned kFeatures>
   void many(const Vec3& hip_mm, Frame& frame) noexcept {
+    const Candidates* near = &boxes_->newest();
+    if (!near->covers(previous_, now_s_) || !near->covers(hip_mm, now_s_)) {
+      boxes_->run(now_s_, previous_, hip_mm);
+      near = &boxes_->newest();
+      list_near(*near);
+    }
     std::size_t touched = 0;
-    for (std::size_t i = 0; i < slots_.size(); ++i) {
-      CloudSlot& slot = *slots_[i];
+    for (const std::uint32_t index : near_) {
+      CloudSlot& slot = *slots_[index];
       CloudTouch& touch = touches_[std::min(touched, kMaxTouched - 1)];
+      if (slot.motion != nullptr) slot.model.set_pose(slot.motion->newest().at(now_s_));
       const Vec3 h = slot.model.to_local(hip_mm);
       const bool touching = slot.contact.update(h, touch.end, counters_);
       if (slot.contact.bound_hit()) frame.status = FrameStatus::kBoundHit;
@@ -184,10 +214,12 @@ class Cloud final : public HapticRenderer {
         continue;
       }
       touch.slot = &slot;
-      touch.model = static_cast<std::int32_t>(i);
+      touch.model = static_cast<std::int32_t>(index);
       touch.contact = contact_at<kFeatures>(slot, touch.end, h);
       ++touched;
     }
+    previous_ = hip_mm;
+    previous_s_ = now_s_;
     if (touched == 1) {
       CloudTouch& touch = touches_.front();
       answer<kFeatures>(*touch.slot, touch.contact, touch.model, frame);
@@ -195,6 +227,32 @@ class Cloud final : public HapticRenderer {
       if (!sum_) constrain(hip_mm, std::span(touches_).first(touched));
       combine<kFeatures>(hip_mm, std::span(touches_).first(touched), frame);
     }
+  }
+
+  /// Takes over a list of the broad phase. A model that comes near was clear of the HIP up to now; its
+  /// contact starts where the HIP was last. One that is touched stays, however far the HIP has gone through
+  /// it.
+  void list_near(const Candidates& found) noexcept {
+    ++lists_;
+    former_.swap(near_);
+    near_.clear();
+    const auto enter = [&](std::uint32_t index) {
+      CloudSlot& slot = *slots_[index];
+      if (slot.listed + 1 != lists_) {
+        if (slot.motion != nullptr) slot.model.set_pose(slot.motion->newest().at(previous_s_));
+        slot.contact.start_from(slot.model.to_local(previous_));
+        slot.state.release();
+      }
+      slot.listed = lists_;
+      near_.push_back(index);
+    };
+    if (found.too_many) {
+      for (std::uint32_t i = 0; i < slots_.size(); ++i) enter(i);
+      return;
+    }
+    for (std::uint32_t i = 0; i < found.count; ++i) enter(found.model[i]);
+    for (const std::uint32_t index : former_)
+      if (slots_[index]->contact.contact() && slots_[index]->listed != lists_) enter(index);
   }
 
   /// Several models at once: the god object is the place nearest to the HIP that is outside of all of them.
@@ -249,9 +307,15 @@ class Cloud final : public HapticRenderer {
   Options options_;
   std::vector<std::unique_ptr<CloudSlot>> slots_;
   std::array<CloudTouch, kMaxTouched> touches_;
+  std::unique_ptr<SceneBoxes> boxes_;         ///< of a scene of several models, or moving ones
+  std::vector<std::uint32_t> near_, former_;  ///< models looked at, and before; room for all
+  std::uint64_t lists_ = 1;                   ///< answers of the broad phase taken over, 1 = none
+  FrameFunction frame_ = nullptr;
   unsigned features_ = 0;
   bool sum_ = false;  ///< several models: the sum of their forces
   double force_limit_n_ = 0.0;
+  double now_s_ = 0.0, previous_s_ = 0.0;  ///< time of this frame, and of the last
+  Vec3 previous_ = Vec3::Zero();           ///< the HIP of the last frame, world
   FrameCounters counters_;
 };
 

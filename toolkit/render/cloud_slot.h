@@ -16,6 +16,8 @@ struct CloudSlot {
   PointModel model;
   PointContact contact;
   SurfaceState state;
+  std::shared_ptr<MovingModel> motion;  ///< or null: at rest
+  std::uint64_t listed = 0;             ///< the last answer of the broad phase that named it
   Shading shading = Shading::kNone;
   bool by_spacing = false;  ///< shaded only where the spacing is felt
   double felt_spacing_sq_mm2 = 0.0;

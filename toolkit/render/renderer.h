@@ -17,6 +17,7 @@
 #include "toolkit/geometry/analytic_surface.h"
 #include "toolkit/geometry/rigid_transform.h"
 #include "toolkit/geometry/triangle_mesh.h"
+#include "toolkit/render/motion.h"
 #include "toolkit/surface/surface.h"
 
 namespace palpate::render {
@@ -28,13 +29,15 @@ struct ModelInput {
   std::shared_ptr<const cloud::Cloud> cloud;                    ///< never null
   std::shared_ptr<const geometry::TriangleMesh> original_mesh;  ///< the file's own faces, or null
   std::shared_ptr<const geometry::AnalyticSurface> analytic;  ///< the formula it was generated from, or null
-  geometry::RigidTransform world_from_model;
+  geometry::RigidTransform world_from_model;                  ///< at the start
+  std::shared_ptr<MovingModel> motion;                        ///< where it goes from there, or null: at rest
   surface::Surface surface;
 };
 
 /// What prepare() takes.
 struct SceneInput {
   std::vector<ModelInput> models;
+  std::shared_ptr<Simulation> simulation;  ///< what publishes their motions, or null: nothing moves
   double force_limit_n = 0.0;  ///< magnitude limit applied by every renderer alike, direction kept; 0 = none
 };
 

@@ -1,0 +1,69 @@
+// The slow broad phase: which models of a scene the HIP may meet until it is asked again (the structure of
+// reference [77]: a slow thread finds candidates, the fast one looks at these alone).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "toolkit/core/handover.h"
+#include "toolkit/geometry/aabb.h"
+#include "toolkit/geometry/box_tree.h"
+#include "toolkit/render/motion.h"
+
+namespace palpate::render {
+
+/// Models that may be near at once; of more, the list says so and the frame looks at all of them.
+inline constexpr std::size_t kMaxCandidates = 32;
+
+/// The models whose boxes meet `valid` at any time up to `until_s`: while the HIP stays inside, no other can
+/// be touched.
+struct Candidates {
+  std::array<std::uint32_t, kMaxCandidates> model{};
+  std::uint32_t count = 0;
+  bool too_many = false;
+  geometry::Aabb valid;
+  double until_s = -1.0;
+
+  [[nodiscard]] bool covers(const Vec3& hip_mm, double t_s) const noexcept {
+    return t_s <= until_s && valid.contains(hip_mm);
+  }
+};
+
+/// What the broad phase knows of a model.
+struct ModelBox {
+  geometry::Aabb local_mm;  ///< with the reach of its boxes
+  geometry::RigidTransform world_from_model;
+  std::shared_ptr<MovingModel> motion;  ///< or null
+};
+
+/// One thread runs run(), one reads candidates(); both may be the same.
+class SceneBoxes {
+ public:
+  /// `horizon_s`: how long an answer holds where models move; to be asked at least so often.
+  SceneBoxes(std::vector<ModelBox> models, double horizon_s);
+
+  /// Looks around the way from `from_mm` to `to_mm` and hands the result over. O(log n + candidates) where
+  /// nothing moves, O(n) where anything does. Allocates nothing.
+  void run(double t_s, const Vec3& from_mm, const Vec3& to_mm) noexcept;
+  /// The reader's newest list, and the one fetched last.
+  [[nodiscard]] const Candidates& newest() noexcept {
+    (void)handover_.acquire();
+    return handover_.front();
+  }
+  [[nodiscard]] std::size_t bytes() const noexcept;
+
+ private:
+  [[nodiscard]] geometry::Aabb box_of(std::uint32_t model) const noexcept;
+
+  std::vector<ModelBox> models_;
+  double horizon_s_;
+  double margin_mm_ = 0.0;  ///< how far around the HIP a list reaches
+  bool moves_ = false;
+  double t_s_ = 0.0;
+  geometry::BoxTree tree_;
+  Handover<Candidates> handover_;
+};
+
+}  // namespace palpate::render
