@@ -15,30 +15,33 @@ namespace palpate::partition {
 /// this share of a cell.
 inline constexpr double kCellSlack = 1e-7;
 
-/// Calls visit(cell) for every cell of the grid that the segment, widened by `reach_mm` on each axis,
-/// touches; a few more at corners. Cells come in order along the segment's longest axis. visit returns false
-/// to stop. Returns false when stopped. The segment is clipped to the cloud's box first, so the work is
-/// bounded by the grid's dimensions: at most (n + 2 r) (2 r + 2)^2 cells for a segment spanning n cells and a
-/// reach of r cells.
+/// A box of cells, both ends in it.
+struct CellBox {
+  Vec3 first = Vec3::Zero(), last = Vec3::Zero();  ///< whole numbers
+};
+
+/// Calls visit(cell) for every cell of the box that the segment, widened by `reach_mm` on each axis, touches;
+/// a few more at corners. Cells come in order along the segment's longest axis. visit returns false to stop.
+/// Returns false when stopped. The segment is clipped to the box first, so the work is bounded by the box's
+/// dimensions: at most (n + 2 r) (2 r + 2)^2 cells for a segment spanning n cells and a reach of r cells.
 template <class Visit>
-bool visit_cells(const UniformGrid& grid, const Vec3& a_mm, const Vec3& b_mm, const Vec3& reach_mm,
-                 Visit&& visit) {
-  const Lattice& lattice = grid.lattice();
+bool visit_cells(const Lattice& lattice, const CellBox& box, const Vec3& a_mm, const Vec3& b_mm,
+                 const Vec3& reach_mm, Visit&& visit) {
   // In cell units, where the lattice starts at 0.
   const Vec3 a = (a_mm - lattice.low_mm) * lattice.per_mm;
   const Vec3 b = (b_mm - lattice.low_mm) * lattice.per_mm;
   const Vec3 reach = reach_mm * lattice.per_mm + Vec3::Constant(kCellSlack);
-  const double last = static_cast<double>(grid.last_cell());
   const Vec3 low = a.cwiseMin(b) - reach, high = a.cwiseMax(b) + reach;
-  if ((high.array() < 0.0).any() || (low.array() > last + 1.0).any()) return true;
+  const Vec3 end = box.last + Vec3::Ones();
+  if ((high.array() < box.first.array()).any() || (low.array() > end.array()).any()) return true;
 
   int axis = 0;
   const Vec3 d = b - a;
   d.cwiseAbs().maxCoeff(&axis);
-  const auto floor_in = [last](double x) {
-    return static_cast<std::int64_t>(std::clamp(std::floor(x), 0.0, last));
+  const auto floor_in = [&box](double x, int of) {
+    return static_cast<std::int64_t>(std::clamp(std::floor(x), box.first[of], box.last[of]));
   };
-  const std::int64_t first_slab = floor_in(low[axis]), last_slab = floor_in(high[axis]);
+  const std::int64_t first_slab = floor_in(low[axis], axis), last_slab = floor_in(high[axis], axis);
   const bool forward = d[axis] >= 0.0;
   const int u = (axis + 1) % 3, v = (axis + 2) % 3;
   for (std::int64_t i = 0; i <= last_slab - first_slab; ++i) {
@@ -52,10 +55,11 @@ bool visit_cells(const UniformGrid& grid, const Vec3& a_mm, const Vec3& b_mm, co
       t1 = std::clamp(std::max(s, e), 0.0, 1.0);
     }
     const double u0 = a[u] + t0 * d[u], u1 = a[u] + t1 * d[u], v0 = a[v] + t0 * d[v], v1 = a[v] + t1 * d[v];
-    if (std::max(u0, u1) + reach[u] < 0.0 || std::max(v0, v1) + reach[v] < 0.0) continue;
-    if (std::min(u0, u1) - reach[u] > last + 1.0 || std::min(v0, v1) - reach[v] > last + 1.0) continue;
-    const std::int64_t ub = floor_in(std::min(u0, u1) - reach[u]), ue = floor_in(std::max(u0, u1) + reach[u]);
-    const std::int64_t vb = floor_in(std::min(v0, v1) - reach[v]), ve = floor_in(std::max(v0, v1) + reach[v]);
+    const double u_low = std::min(u0, u1) - reach[u], u_high = std::max(u0, u1) + reach[u];
+    const double v_low = std::min(v0, v1) - reach[v], v_high = std::max(v0, v1) + reach[v];
+    if (u_high < box.first[u] || v_high < box.first[v] || u_low > end[u] || v_low > end[v]) continue;
+    const std::int64_t ub = floor_in(u_low, u), ue = floor_in(u_high, u);
+    const std::int64_t vb = floor_in(v_low, v), ve = floor_in(v_high, v);
     for (std::int64_t iv = vb; iv <= ve; ++iv)
       for (std::int64_t iu = ub; iu <= ue; ++iu) {
         std::int64_t at[3];
@@ -66,6 +70,14 @@ bool visit_cells(const UniformGrid& grid, const Vec3& a_mm, const Vec3& b_mm, co
       }
   }
   return true;
+}
+
+/// The same for the cells of the grid's own box.
+template <class Visit>
+bool visit_cells(const UniformGrid& grid, const Vec3& a_mm, const Vec3& b_mm, const Vec3& reach_mm,
+                 Visit&& visit) {
+  const CellBox box{Vec3::Zero(), Vec3::Constant(static_cast<double>(grid.last_cell()))};
+  return visit_cells(grid.lattice(), box, a_mm, b_mm, reach_mm, visit);
 }
 
 /// The ranges of visit_cells' cells, empty ones too: each is a look-up.

@@ -28,6 +28,8 @@ struct PartitionOptions {
   double cell_mm = 1.0;
   std::uint32_t max_points = kPointsPerLeaf;  ///< of a tree's leaf; more where `max_depth` stops dividing
   int max_depth = kMortonBits;                ///< of a tree, 0 .. kMortonBits; 0 is the root alone
+  /// Of partitions that follow moving points: spare cells or nodes, as a share of those built.
+  double spare = 0.25;
 };
 
 /// The shape of a partition as it stands.
@@ -66,6 +68,38 @@ concept Partition = requires(const P& p, const Vec3& at_mm, const cloud::Cloud& 
   { p.statistics() } -> std::same_as<LeafStatistics>;
   { visit_ranges(p, at_mm, at_mm, at_mm, visit) } -> std::same_as<bool>;
   { visit_at(p, at_mm, visit) } -> std::same_as<bool>;
+};
+
+/// A stored point in double, exactly. A function in a unit of its own on purpose: where both conversions of
+/// double -> float -> double stand in one function, GCC 12 vectorises them away at -O2 (three components of a
+/// point are enough), and a point would be looked for a rounding beside where it is stored.
+[[nodiscard]] Vec3 widened(const Vec3f& stored) noexcept;
+
+/// What became of a moved point.
+enum class MoveStatus : std::uint8_t {
+  kStays,  ///< in its leaf: nothing had to change
+  kMoved,
+  kFull,  ///< no spare room, or too far away: nothing was changed, and the point must stay where it was
+};
+
+namespace detail {
+/// Any answer to "where is this place now?".
+struct AnyPositions {
+  Vec3f operator()(std::uint32_t) const noexcept { return Vec3f::Zero(); }
+};
+}  // namespace detail
+
+/// A partition that follows points as they move, also out of the cloud's first box. The points stay with
+/// their owner, as floats: p.move(place, to, at) is told where every point is by at(place), `to` not yet
+/// applied, and keeps no positions. After anything but kFull the owner stores `to`. A point that is not
+/// finite is refused as too far away. Places keep their numbers; a place far from its leaf's others is
+/// visited as a range of its own, so every place still comes at most once. move allocates nothing and its
+/// work is bounded by the depth and the points of a leaf, not by the cloud. Not to be read while it moves.
+template <class P>
+concept DynamicPartition = Partition<P> && requires(P& p, const Vec3f& to_mm, detail::AnyPositions at) {
+  { p.move(0u, to_mm, at) }
+  noexcept->std::same_as<MoveStatus>;
+  { p.spare_left() } -> std::same_as<std::size_t>;
 };
 
 }  // namespace palpate::partition

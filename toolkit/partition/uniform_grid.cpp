@@ -28,21 +28,26 @@ constexpr std::uint64_t kGolden = 0x9E3779B97F4A7C15u;
 
 }  // namespace
 
-PlaceRange UniformGrid::find(const Cell& cell) const noexcept {
+std::size_t UniformGrid::slot_of(const Cell& cell) const noexcept {
   constexpr std::int64_t kCells = std::int64_t{1} << kMortonBits;
   const auto inside = [](std::int64_t c) {
     return static_cast<std::uint64_t>(c) < static_cast<std::uint64_t>(kCells);
   };
-  if (!inside(cell.x) || !inside(cell.y) || !inside(cell.z)) return {};
+  if (!inside(cell.x) || !inside(cell.y) || !inside(cell.z)) return kNoSlot;
   const std::uint64_t key = packed(static_cast<std::uint64_t>(cell.x), static_cast<std::uint64_t>(cell.y),
                                    static_cast<std::uint64_t>(cell.z));
   const std::size_t mask = slots_.size() - 1;
   std::size_t at = (key * kGolden) >> shift_;
   while (slots_[at].key != kNoKey) {  // ends: half of the slots are free
-    if (slots_[at].key == key) return slots_[at].places;
+    if (slots_[at].key == key) return at;
     at = (at + 1) & mask;
   }
-  return {};
+  return kNoSlot;
+}
+
+PlaceRange UniformGrid::find(const Cell& cell) const noexcept {
+  const std::size_t slot = slot_of(cell);
+  return slot == kNoSlot ? PlaceRange{} : slots_[slot].places;
 }
 
 void UniformGrid::insert(std::uint64_t key, PlaceRange places) noexcept {

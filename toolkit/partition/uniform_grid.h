@@ -40,6 +40,11 @@ class UniformGrid {
   }
   /// The places of a cell, empty if it holds none. At most max_probes() slots are read.
   [[nodiscard]] PlaceRange find(const Cell& cell) const noexcept;
+  /// The hash slot of a cell that holds points, and its places; kNoSlot where the cell holds none.
+  static constexpr std::size_t kNoSlot = ~std::size_t{0};
+  [[nodiscard]] std::size_t slot_of(const Cell& cell) const noexcept;
+  [[nodiscard]] PlaceRange places_of(std::size_t slot) const noexcept { return slots_[slot].places; }
+  [[nodiscard]] std::size_t slots() const noexcept { return slots_.size(); }
   /// The largest cell coordinate of any axis that holds points.
   [[nodiscard]] std::int64_t last_cell() const noexcept { return last_cell_; }
   [[nodiscard]] std::size_t occupied_cells() const noexcept { return occupied_; }

@@ -1,0 +1,124 @@
+#include "toolkit/partition/dynamic_grid.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+namespace palpate::partition {
+namespace {
+
+/// Cells this far from the first box are too far: their coordinates are stored in 32 bits.
+constexpr std::int64_t kFarCell = (std::int64_t{1} << 31) - 1;
+
+/// Fibonacci hashing, as the grid's own; two more odd constants mix the axes (Steele, Lea and Flood 2014).
+constexpr std::uint64_t kGolden = 0x9E3779B97F4A7C15u;
+constexpr std::uint64_t kMixY = 0xBF58476D1CE4E5B9u;
+constexpr std::uint64_t kMixZ = 0x94D049BB133111EBu;
+
+bool is_near(const Cell& cell) noexcept {
+  const auto near = [](std::int64_t c) { return -kFarCell <= c && c <= kFarCell; };
+  return near(cell.x) && near(cell.y) && near(cell.z);
+}
+
+}  // namespace
+
+DynamicGrid DynamicGrid::build(const cloud::Cloud& cloud, const PartitionOptions& options, int threads) {
+  DynamicGrid grid;
+  grid.grid_ = UniformGrid::build(cloud, options.cell_mm, threads);
+  grid.moved_ = MovedPlaces(cloud.size());
+  grid.states_.resize(grid.grid_.slots());
+  grid.most_ =
+      std::max(kLeastSpare,
+               static_cast<std::size_t>(options.spare * static_cast<double>(grid.grid_.occupied_cells())));
+  grid.spare_.resize(std::bit_ceil(2 * grid.most_));
+  grid.shift_ = 64 - std::countr_zero(grid.spare_.size());
+  grid.box_.last = Vec3::Constant(static_cast<double>(grid.grid_.last_cell()));
+  return grid;
+}
+
+std::size_t DynamicGrid::bytes() const noexcept {
+  return grid_.bytes() + moved_.bytes() + states_.capacity() * sizeof(LeafState) +
+         spare_.capacity() * sizeof(SpareCell);
+}
+
+LeafStatistics DynamicGrid::statistics() const noexcept {
+  LeafStatistics found;
+  found.nodes = states_.size() + spare_.size();
+  std::size_t points = 0;
+  const auto count = [&](std::uint32_t here) {
+    found.leaves += here > 0;
+    points += here;
+    found.max_points = std::max(found.max_points, here);
+  };
+  for (std::size_t slot = 0; slot < states_.size(); ++slot) {
+    const PlaceRange home = grid_.places_of(slot);
+    count(home.end - home.begin - states_[slot].away + states_[slot].listed);
+  }
+  for (const SpareCell& cell : spare_) count(cell.leaf.listed);
+  if (found.leaves > 0) found.mean_points = static_cast<double>(points) / static_cast<double>(found.leaves);
+  return found;
+}
+
+std::size_t DynamicGrid::first_slot(std::int64_t x, std::int64_t y, std::int64_t z) const noexcept {
+  const auto key = static_cast<std::uint64_t>(x) * kGolden ^ static_cast<std::uint64_t>(y) * kMixY ^
+                   static_cast<std::uint64_t>(z) * kMixZ;
+  return (key * kGolden) >> shift_;
+}
+
+std::size_t DynamicGrid::find_spare(const Cell& cell) const noexcept {
+  const std::size_t mask = spare_.size() - 1;
+  std::size_t at = first_slot(cell.x, cell.y, cell.z);
+  while (spare_[at].leaf.listed != 0 &&
+         (spare_[at].x != cell.x || spare_[at].y != cell.y || spare_[at].z != cell.z))
+    at = (at + 1) & mask;  // ends: half of the slots are free
+  return at;
+}
+
+/// Later cells of the run that may stand here move up, so that no look-up ends too early.
+void DynamicGrid::free_spare(std::size_t at) noexcept {
+  const std::size_t mask = spare_.size() - 1;
+  std::size_t free = at;
+  for (std::size_t next = (at + 1) & mask; spare_[next].leaf.listed != 0; next = (next + 1) & mask) {
+    const std::size_t wanted = first_slot(spare_[next].x, spare_[next].y, spare_[next].z);
+    if (((next - wanted) & mask) < ((next - free) & mask)) continue;
+    spare_[free] = spare_[next];
+    free = next;
+  }
+  spare_[free] = {};
+  --used_;
+}
+
+MoveStatus DynamicGrid::change_cell(std::uint32_t place, const Cell& from, const Cell& to) noexcept {
+  const std::size_t to_slot = grid_.slot_of(to);
+  if (to_slot == UniformGrid::kNoSlot) {
+    if (!is_near(to)) return MoveStatus::kFull;
+    if (used_ == most_ && spare_[find_spare(to)].leaf.listed == 0) return MoveStatus::kFull;
+  }
+  const std::size_t from_slot = grid_.slot_of(from);
+  if (from_slot != UniformGrid::kNoSlot) {
+    moved_.leave(states_[from_slot], place);
+  } else {
+    const std::size_t at = find_spare(from);
+    moved_.leave(spare_[at].leaf, place);
+    if (spare_[at].leaf.listed == 0) free_spare(at);
+  }
+  if (to_slot != UniformGrid::kNoSlot) {
+    moved_.enter(states_[to_slot], grid_.places_of(to_slot), place);
+    return MoveStatus::kMoved;
+  }
+  SpareCell& cell = spare_[find_spare(to)];
+  if (cell.leaf.listed == 0) {
+    cell = {static_cast<std::int32_t>(to.x),
+            static_cast<std::int32_t>(to.y),
+            static_cast<std::int32_t>(to.z),
+            {}};
+    ++used_;
+  }
+  moved_.enter(cell.leaf, {}, place);
+  const Vec3 where(static_cast<double>(to.x), static_cast<double>(to.y), static_cast<double>(to.z));
+  box_.first = box_.first.cwiseMin(where);
+  box_.last = box_.last.cwiseMax(where);
+  return MoveStatus::kMoved;
+}
+
+}  // namespace palpate::partition
