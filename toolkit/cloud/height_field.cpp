@@ -112,7 +112,7 @@ void finish(HeightField& field) {
     }
 }
 
-Result<HeightField> height_field_of(const Cloud& cloud) {
+Result<HeightField> height_field_of(const Cloud& cloud, std::vector<std::uint32_t>* point_of_post) {
   if (cloud.size() < 4)
     return no_lattice(fmt::format("{} points are fewer than two rows of two", cloud.size()));
   const auto [x, y] = find_lattice(cloud);
@@ -129,6 +129,7 @@ Result<HeightField> height_field_of(const Cloud& cloud) {
   field.step_x_mm = x.step;
   field.step_y_mm = y.step;
   field.height_mm.assign(x.count * y.count, std::numeric_limits<float>::quiet_NaN());
+  if (point_of_post != nullptr) point_of_post->assign(x.count * y.count, kNoPoint);
   for (std::size_t i = 0; i < cloud.size(); ++i) {
     const std::size_t column = place_on(x, cloud.x_mm[i]), row = place_on(y, cloud.y_mm[i]);
     if (column == x.count || row == y.count)
@@ -138,6 +139,7 @@ Result<HeightField> height_field_of(const Cloud& cloud) {
     if (!std::isnan(height) && height != cloud.z_mm[i])
       return no_lattice(fmt::format("point {} is a second one at its place seen from above", i));
     height = cloud.z_mm[i];
+    if (point_of_post != nullptr) (*point_of_post)[row * x.count + column] = static_cast<std::uint32_t>(i);
   }
   finish(field);
   return field;

@@ -44,8 +44,11 @@ struct HeightField {
 ///
 /// The order of points does not matter; posts without a point are holes, at most kMostPostsPerPoint posts a
 /// point. Errors: fewer than two rows or columns, a point farther from its post than kLatticeShare of a step,
-/// two points at one post. O(n) with a raster, O(n log n) without.
-[[nodiscard]] Result<HeightField> height_field_of(const Cloud& cloud);
+/// two points at one post. O(n) with a raster, O(n log n) without. `point_of_post`, where given, becomes the
+/// index of the point at each post, kNoPoint in holes.
+[[nodiscard]] Result<HeightField> height_field_of(const Cloud& cloud,
+                                                  std::vector<std::uint32_t>* point_of_post = nullptr);
+inline constexpr std::uint32_t kNoPoint = 0xFFFFFFFFu;
 
 /// A point may stand this share of a step off its post: single precision and files with few digits pass,
 /// scattered points do not. On a slope of 1 it is an error of the height of as much.

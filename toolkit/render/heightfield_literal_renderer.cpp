@@ -16,6 +16,8 @@ struct Post {
   std::int32_t column = 0, row = 0;
 };
 
+constexpr Post kNobody{-1, -1};
+
 /// The eight surface neighbours (4.3.2), row by row.
 constexpr std::array<Post, 8> kAround = {
     {{-1, -1}, {0, -1}, {1, -1}, {-1, 0}, {1, 0}, {-1, 1}, {0, 1}, {1, 1}}};
@@ -26,7 +28,7 @@ class HeightFieldLiteral final : public HapticRenderer {
 
   Result<PrepareReport> prepare(const SceneInput& scene, const PrepareContext& context) override {
     PrepareReport report;
-    Result<HeightFieldModel> built = build_height_field_model(scene, context, report);
+    Result<HeightFieldModel> built = build_height_field_model(scene, 0.0, context, report);
     if (!built) return std::move(built).error();
     model_ = std::move(*built);
     const cloud::HeightField& field = model_.field;
@@ -47,6 +49,8 @@ class HeightFieldLiteral final : public HapticRenderer {
       shading_ = parse_shading(shading);
     }
     if (!walks_) shading_ = Shading::kNone;
+    if (model_.surface.texture.any())
+      report.notes.push_back("texture: not rendered by the literal form, which prints no formula for it");
     return report;
   }
 
@@ -69,9 +73,12 @@ class HeightFieldLiteral final : public HapticRenderer {
       const Post post{static_cast<std::int32_t>(x), static_cast<std::int32_t>(y)};
       const auto top = static_cast<double>(model_.field.height_mm[place(post)]);
       if (h.z() < top) {  // never in a hole
-        if (!collided_) entry_ = post;
+        if (!collided_) {
+          entry_ = post;
+          held_ = kNobody;
+        }
         collided_ = true;
-        return walks_ ? respond(h) : answer(h, {h.x(), h.y(), top});
+        return walks_ ? respond(h) : answer(post, {h.x(), h.y(), top}, {0.0, 0.0, top - h.z()});
       }
     }
     collided_ = false;
@@ -125,7 +132,9 @@ class HeightFieldLiteral final : public HapticRenderer {
       god = best;
       ++counters_.walk_steps;
     }
-    Frame frame = shading_ == Shading::kNone ? answer(h, at(god)) : shaded(h, god);
+    if ((model_.surface.features & kFriction) != 0) held_ = god = held_.column < 0 ? god : roll_back(h, god);
+    const Vec3 g = at(god);
+    Frame frame = answer(god, g, shading_ == Shading::kNone ? Vec3(g - h) : shaded(h, god));
     if (moves == 0) {
       frame.status = FrameStatus::kBoundHit;
       ++counters_.bound_hits;
@@ -133,8 +142,33 @@ class HeightFieldLiteral final : public HapticRenderer {
     return frame;
   }
 
-  /// Section 3.4 over the god object and its two neighbours nearest to the HIP.
-  Frame shaded(const Vec3& h, const Post& god) const noexcept {
+  /// Section 3.5.2 as `cloud-literal` reads it: back towards the god object of the frame before, from post
+  /// to post, as far as the coefficient there times the depth.
+  Post roll_back(const Vec3& h, const Post& god) const noexcept {
+    const double mu = model_.surface.static_friction(static_cast<std::uint32_t>(place(held_)));
+    const Vec3 g = at(god), aim = at(held_);
+    const double most_sq = mu * mu * (g - h).squaredNorm();
+    Post back = god;
+    double left_sq = (aim - g).squaredNorm();
+    for (int step = 0; step < columns_ + rows_; ++step) {
+      Post next = back;
+      for (const Post& way : kAround) {
+        const Post other{back.column + way.column, back.row + way.row};
+        if (!has(other)) continue;
+        const double sq = (at(other) - aim).squaredNorm();
+        if (!(sq < left_sq)) continue;
+        left_sq = sq;
+        next = other;
+      }
+      if ((next.column == back.column && next.row == back.row) || !((at(next) - g).squaredNorm() <= most_sq))
+        break;
+      back = next;
+    }
+    return back;
+  }
+
+  /// Section 3.4 over the god object and its two neighbours nearest to the HIP: the pull.
+  Vec3 shaded(const Vec3& h, const Post& god) const noexcept {
     const Vec3 g = at(god);
     Vec3 first = g, second = g;
     double first_sq = std::numeric_limits<double>::infinity(), second_sq = first_sq;
@@ -153,19 +187,19 @@ class HeightFieldLiteral final : public HapticRenderer {
         second_sq = sq;
       }
     }
-    Frame frame = answer(h, g);
-    const Vec3 pull = shaded_vector(shading_, h, g, first, second);
-    frame.force_n = limited_fast(model_.direction_to_world(model_.stiffness_n_per_mm * pull), force_limit_n_);
-    return frame;
+    return shaded_vector(shading_, h, g, first, second);
   }
 
-  Frame answer(const Vec3& h, const Vec3& target) const noexcept {
+  Frame answer(const Post& post, const Vec3& god, const Vec3& pull) const noexcept {
+    const double stiffness =
+        (model_.surface.features & kVaried) != 0
+            ? static_cast<double>(model_.surface.of_place[place(post)].stiffness_n_per_mm)
+            : model_.surface.stiffness_n_per_mm;
     Frame frame;
     frame.contact = true;
     frame.model = 0;
-    frame.god_object_mm = model_.to_world(target);
-    frame.force_n =
-        limited_fast(model_.direction_to_world(model_.stiffness_n_per_mm * (target - h)), force_limit_n_);
+    frame.god_object_mm = model_.to_world(god);
+    frame.force_n = limited_fast(model_.direction_to_world(stiffness * pull), force_limit_n_);
     return frame;
   }
 
@@ -178,7 +212,8 @@ class HeightFieldLiteral final : public HapticRenderer {
   bool walks_ = true;
 
   bool collided_ = false;
-  Post entry_;  ///< where the first collision was detected
+  Post entry_;           ///< where the first collision was detected
+  Post held_ = kNobody;  ///< with friction, the god object of the frame before
   FrameCounters counters_;
 };
 

@@ -4,6 +4,7 @@
 #include "toolkit/cloud/height_field.h"
 #include "toolkit/core/result.h"
 #include "toolkit/render/renderer.h"
+#include "toolkit/render/surface_field.h"
 
 namespace palpate::render {
 
@@ -12,8 +13,8 @@ struct HeightFieldModel {
   cloud::HeightField field;
   geometry::RigidTransform world_from_model;
   geometry::RigidTransform model_from_world;
-  bool moved = false;  ///< world_from_model is not the identity
-  double stiffness_n_per_mm = 0.0;
+  bool moved = false;    ///< world_from_model is not the identity
+  SurfaceField surface;  ///< places are posts
 
   [[nodiscard]] Vec3 to_local(const Vec3& world_mm) const noexcept {
     return (moved ? model_from_world * world_mm : world_mm) - field.origin_mm;
@@ -27,22 +28,16 @@ struct HeightFieldModel {
   }
 };
 
-/// A frictionless contact, local coordinates: what a frame finds before it is answered.
-struct HeightTouch {
-  Vec3 hip_mm = Vec3::Zero();
-  Vec3 target_mm = Vec3::Zero();  ///< the god object
-  Vec3 upward = Vec3::UnitZ();    ///< along the surface's normal there, of any length
-  std::size_t post = 0;           ///< the nearest post: its properties are those of the place
-};
-
 /// `limited`, without a root where nothing is limited.
 [[nodiscard]] inline Vec3 limited_fast(const Vec3& force_n, double limit_n) noexcept {
   return force_n.squaredNorm() <= limit_n * limit_n ? force_n : limited(force_n, limit_n);
 }
 
-/// Prepares the only model of a scene. Errors: several models, no stiffness, a cloud that is no height field
-/// on a regular grid. Phases, notes and bytes go to `report`.
+/// Prepares the only model of a scene. With `blend_resolutions` above 0 a stiffness that varies is blended
+/// over as many resolutions (blend_stiffness). Errors: several models, no stiffness, a cloud that is no
+/// height field on a regular grid. Phases, notes and bytes go to `report`.
 [[nodiscard]] Result<HeightFieldModel> build_height_field_model(const SceneInput& scene,
+                                                                double blend_resolutions,
                                                                 const PrepareContext& context,
                                                                 PrepareReport& report);
 

@@ -8,6 +8,7 @@
 #include "toolkit/render/heightfield_crossing.h"
 #include "toolkit/render/heightfield_descent.h"
 #include "toolkit/render/heightfield_model.h"
+#include "toolkit/render/surface_response.h"
 
 namespace palpate::render {
 namespace {
@@ -21,6 +22,10 @@ constexpr double kQuickError = 0x1p-32;
 constexpr double kNoFarther = 1.0 + 0x1p-40;
 /// Entries one frame follows: the HIP leaves one flank and meets the next. The rest waits.
 constexpr int kMaxEntries = 4;
+/// Stiffness rises over this many resolutions where it varies, as that of `cloud`.
+constexpr double kBlendResolutions = 8.0;
+/// Nearer to the next post than to this one.
+constexpr double kMiddle = 0.5;
 /// A HIP farther off than so many posts, or than so many mm, is beside the field; its cell could not be
 /// counted.
 constexpr double kFarPosts = 0x1p40;
@@ -36,7 +41,7 @@ class HeightFieldRenderer final : public HapticRenderer {
 
   Result<PrepareReport> prepare(const SceneInput& scene, const PrepareContext& context) override {
     PrepareReport report;
-    Result<HeightFieldModel> built = build_height_field_model(scene, context, report);
+    Result<HeightFieldModel> built = build_height_field_model(scene, kBlendResolutions, context, report);
     if (!built) return std::move(built).error();
     model_ = std::move(*built);
     sheet_ = HeightSheet(model_.field);
@@ -49,27 +54,31 @@ class HeightFieldRenderer final : public HapticRenderer {
   void reset(const Vec3& hip_mm) noexcept override {
     counters_ = {};
     contact_ = false;
+    state_.release();
     started_ = is_finite(hip_mm);
     if (started_) start(sheet_.plan(model_.to_local(hip_mm)));
   }
 
+  /// The frame is composed of what the scene asks for: of eight, one is ever run.
   Frame step(const Vec3& hip_mm, double) noexcept override {
-    ++counters_.frames;
-    Frame frame;
-    if (!is_finite(hip_mm)) {
-      frame.status = FrameStatus::kNonFinite;
-      return frame;
+    switch (model_.surface.features) {
+      case 0:
+        return frame<0>(hip_mm);
+      case kFriction:
+        return frame<kFriction>(hip_mm);
+      case kVaried:
+        return frame<kVaried>(hip_mm);
+      case kVaried | kFriction:
+        return frame<kVaried | kFriction>(hip_mm);
+      case kTexture:
+        return frame<kTexture>(hip_mm);
+      case kTexture | kFriction:
+        return frame<kTexture | kFriction>(hip_mm);
+      case kTexture | kVaried:
+        return frame<kTexture | kVaried>(hip_mm);
+      default:
+        return frame<kTexture | kVaried | kFriction>(hip_mm);
     }
-    const Vec3 local = model_.to_local(hip_mm);
-    const PlanPoint h = sheet_.plan(local);
-    if (contact_ && follow_quickly(h)) {
-      answer(touch(local), frame);
-      return frame;
-    }
-    frame.god_object_mm = hip_mm;
-    step_slowly(h, local, frame);
-    counters_.bound_hits += frame.status == FrameStatus::kBoundHit;
-    return frame;
   }
 
   FrameCounters counters() const noexcept override { return counters_; }
@@ -83,6 +92,27 @@ class HeightFieldRenderer final : public HapticRenderer {
   }
 
  private:
+  template <unsigned kFeatures>
+  Frame frame(const Vec3& hip_mm) noexcept {
+    ++counters_.frames;
+    Frame frame;
+    if (!is_finite(hip_mm)) {
+      frame.status = FrameStatus::kNonFinite;
+      return frame;
+    }
+    const Vec3 local = model_.to_local(hip_mm);
+    const PlanPoint h = sheet_.plan(local);
+    if ((contact_ && follow_quickly(h)) || update(h, frame.status)) {
+      answer(state_.respond<kFeatures>(contact_at<kFeatures>(local), model_.surface.texture,
+                                       model_.field.origin_mm),
+             frame);
+      return frame;
+    }
+    frame.god_object_mm = hip_mm;
+    if constexpr (kFeatures != 0) state_.release();
+    return frame;
+  }
+
   void start(const PlanPoint& h) noexcept {
     tested_to_ = h;
     side_ = is_near(h) ? side_of(sheet_, h) : SheetSide::kNowhere;
@@ -144,50 +174,52 @@ class HeightFieldRenderer final : public HapticRenderer {
     lead_y_ = god.y - h.y;
   }
 
-  /// Everything else: descent over cells, leaving, the free HIP's segment.
-  void step_slowly(const PlanPoint& h, const Vec3& local, Frame& frame) noexcept {
+  /// Everything else: descent over cells, leaving, the free HIP's segment. Whether it ends in contact.
+  bool update(const PlanPoint& h, FrameStatus& status) noexcept {
+    const bool touching = update_within_bounds(h, status);
+    counters_.bound_hits += status == FrameStatus::kBoundHit;
+    return touching;
+  }
+  bool update_within_bounds(const PlanPoint& h, FrameStatus& status) noexcept {
     if (!is_near(h) || !started_) {
       contact_ = false;
       started_ = true;
       start(h);
-      return;
+      return false;
     }
     int moves = kMaxSheetMoves, looks = kMaxSegmentLooks;
-    bool from_sheet = false;
-    if (contact_) {
-      if (stay(h, moves, frame)) return answer(touch(local), frame);
-      if (side_ == SheetSide::kNowhere) return;
-      from_sheet = true;
-    }
+    bool from_sheet = contact_;
+    if (contact_ && stay(h, moves, status)) return true;
     for (int entry = 0; entry < kMaxEntries; ++entry) {
+      if (from_sheet && side_ == SheetSide::kNowhere) return false;  // past the rim
       const Crossing crossing =
           find_crossing(sheet_, tested_to_, h, side_, from_sheet ? &foot_ : nullptr, looks);
       counters_.edges += static_cast<std::uint64_t>(crossing.edges);
       tested_to_ = crossing.reached;
       side_ = crossing.side;
-      if (crossing.cut) frame.status = FrameStatus::kBoundHit;
+      if (crossing.cut) status = FrameStatus::kBoundHit;
       if (!crossing.hit) {
         counters_.cells_visited += static_cast<std::uint64_t>(kMaxSegmentLooks - looks);
-        return;
+        return false;
       }
       foot_ = crossing.foot;
       contact_ = true;
-      if (stay(h, moves, frame)) return answer(touch(local), frame);
-      if (side_ == SheetSide::kNowhere) return;
+      if (stay(h, moves, status)) return true;
       from_sheet = true;
     }
-    frame.status = FrameStatus::kBoundHit;
+    status = FrameStatus::kBoundHit;
+    return false;
   }
 
   /// In contact: brings the god object to its minimum. False when the HIP came out there: above the sheet,
   /// its way from the god object is still to be tested, or past the rim, and then it is nowhere.
-  bool stay(const PlanPoint& h, int& moves, Frame& frame) noexcept {
+  bool stay(const PlanPoint& h, int& moves, FrameStatus& status) noexcept {
     const int before = moves;
     const Descent end = descend(sheet_, foot_, h, moves);
     counters_.walk_steps += static_cast<std::uint64_t>(before - moves);
     set_god(foot_, sheet_.patch(foot_.column, foot_.row), sheet_.point(foot_), h);
     if (!end.arrived) {
-      frame.status = FrameStatus::kBoundHit;
+      status = FrameStatus::kBoundHit;
       return true;
     }
     if (!(h.z < god_.z)) {
@@ -206,27 +238,56 @@ class HeightFieldRenderer final : public HapticRenderer {
     return true;
   }
 
-  HeightTouch touch(const Vec3& local) const noexcept {
-    const std::int32_t column = foot_.column + (foot_.s > 0.5), row = foot_.row + (foot_.t > 0.5);
-    HeightTouch touch;
-    touch.hip_mm = local;
-    touch.post = static_cast<std::size_t>(row) * static_cast<std::size_t>(sheet_.columns) +
-                 static_cast<std::size_t>(column);
-    touch.upward = {-(patch_.b + patch_.d * foot_.t) * sheet_.inverse_x,
-                    -(patch_.c + patch_.d * foot_.s) * sheet_.inverse_y, 1.0};
-    touch.target_mm = nearest_post_ ? Vec3(column * sheet_.step_x, row * sheet_.step_y,
-                                           static_cast<double>(sheet_.height[touch.post]))
-                                    : sheet_.local(god_);
-    return touch;
+  /// The frictionless contact at the god object, local.
+  template <unsigned kFeatures>
+  SurfaceContact contact_at(const Vec3& local) const noexcept {
+    SurfaceContact contact;
+    contact.hip = local;
+    contact.pull = sheet_.local(god_) - local;
+    std::size_t post = 0;
+    if (nearest_post_ || kFeatures != 0) {
+      const std::int32_t column = foot_.column + (foot_.s > kMiddle), row = foot_.row + (foot_.t > kMiddle);
+      post = static_cast<std::size_t>(row) * static_cast<std::size_t>(sheet_.columns) +
+             static_cast<std::size_t>(column);
+      if (nearest_post_)
+        contact.pull =
+            Vec3(column * sheet_.step_x, row * sheet_.step_y, static_cast<double>(sheet_.height[post])) -
+            local;
+    }
+    if ((kFeatures & kVaried) != 0 && !model_.surface.of_place.empty()) {
+      read_stiffness(contact);
+      contact.static_friction = static_cast<double>(model_.surface.of_place[post].static_friction);
+      contact.dynamic_friction = static_cast<double>(model_.surface.of_place[post].dynamic_friction);
+    } else {
+      contact.stiffness_n_per_mm = model_.surface.stiffness_n_per_mm;
+      contact.static_friction = model_.surface.friction.static_coefficient;
+      contact.dynamic_friction = model_.surface.friction.dynamic_coefficient;
+    }
+    return contact;
   }
 
-  void answer(const HeightTouch& touch, Frame& frame) const noexcept {
+  /// Bilinear between the posts as the heights are, and its gradient along the surface.
+  void read_stiffness(SurfaceContact& contact) const noexcept {
+    const PlaceSurface* const low =
+        &model_.surface
+             .of_place[static_cast<std::size_t>(foot_.row) * static_cast<std::size_t>(sheet_.columns) +
+                       static_cast<std::size_t>(foot_.column)];
+    const PlaceSurface* const up = low + sheet_.columns;
+    const auto k = [](const PlaceSurface& place) { return static_cast<double>(place.stiffness_n_per_mm); };
+    const double a = k(low[0]), b = k(low[1]) - a, c = k(up[0]) - a, d = k(up[1]) - k(up[0]) - b;
+    contact.stiffness_n_per_mm = Patch{a, b, c, d}.height(foot_.s, foot_.t);
+    const Vec3 plan((b + d * foot_.t) * sheet_.inverse_x, (c + d * foot_.s) * sheet_.inverse_y, 0.0);
+    const Vec3 normal(-(patch_.b + patch_.d * foot_.t) * sheet_.inverse_x,
+                      -(patch_.c + patch_.d * foot_.s) * sheet_.inverse_y, 1.0);
+    // The tangent that does along the surface what the plan's gradient does in the plan.
+    contact.stiffness_gradient = plan - normal * (plan.dot(normal) / normal.squaredNorm());
+  }
+
+  void answer(const SurfaceAnswer& answer, Frame& frame) const noexcept {
     frame.contact = true;
     frame.model = 0;
-    frame.god_object_mm = model_.to_world(touch.target_mm);
-    frame.force_n =
-        limited_fast(model_.direction_to_world(model_.stiffness_n_per_mm * (touch.target_mm - touch.hip_mm)),
-                     force_limit_n_);
+    frame.god_object_mm = model_.to_world(answer.god_object_mm);
+    frame.force_n = limited_fast(model_.direction_to_world(answer.force_n), force_limit_n_);
   }
 
   Options options_;
@@ -235,6 +296,7 @@ class HeightFieldRenderer final : public HapticRenderer {
   double force_limit_n_ = 0.0;
   bool nearest_post_ = false;
 
+  SurfaceState state_;
   bool started_ = false;
   bool contact_ = false;
   Foot foot_;                             ///< of the god object, in contact
