@@ -6,6 +6,7 @@ option(PALPATE_BUILD_EXPERIMENTS "The palpate command (needs the baselines)" ${P
 option(PALPATE_BUILD_TESTS "Tests" ${PROJECT_IS_TOP_LEVEL})
 option(PALPATE_BUILD_BENCHMARKS "Google Benchmark programs" ${PROJECT_IS_TOP_LEVEL})
 option(PALPATE_WITH_PCD "PCD files through PCL, as a target of its own" ${PROJECT_IS_TOP_LEVEL})
+option(PALPATE_WITH_DEM "Height grids (GeoTIFF, SRTM, ..) through GDAL, as a target of its own" ${PROJECT_IS_TOP_LEVEL})
 option(PALPATE_BUILD_FUZZERS "libFuzzer targets (clang only)" OFF)
 option(PALPATE_WARNINGS_AS_ERRORS "Treat warnings as errors" OFF)
 set(PALPATE_SANITIZE "" CACHE STRING "Sanitizers: empty, address, thread")

@@ -19,6 +19,8 @@ inline constexpr int kExitBadInput = 2;   ///< bad arguments or input
 struct ModelArguments {
   std::string unit;                 ///< empty: as the file says
   double scale = 0.0;               ///< 0: as the scene says
+  double post_mm = 0.0;             ///< height grids: distance of posts; 0: as the file says
+  double vertical_mm = 0.0;         ///< height grids: mm of 1; 0: the unit
   std::string non_finite = "drop";  ///< drop, refuse
   int threads = 0;                  ///< 0 = all
 };

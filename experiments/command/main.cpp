@@ -27,6 +27,14 @@ void add_model_options(CLI::App& command, ModelArguments& load) {
                   "multiplies all lengths, after the unit (default: 1, or the scene's)")
       ->check(CLI::PositiveNumber);
   command
+      .add_option("--post-mm", load.post_mm,
+                  "height grids: distance of their posts in mm, before --scale (default: what the file says)")
+      ->check(CLI::PositiveNumber);
+  command
+      .add_option("--vertical-mm", load.vertical_mm,
+                  "height grids: mm that a height of 1 stands for, before --scale (default: the unit)")
+      ->check(CLI::PositiveNumber);
+  command
       .add_option("--non-finite", load.non_finite, "points that are not finite: drop (and count) or refuse")
       ->check(CLI::IsMember({"drop", "refuse"}));
   command.add_option("--threads", load.threads, "threads of preparation (default: all)")

@@ -6,6 +6,9 @@
 #include "baselines/register.h"
 #endif
 #include "experiments/command/version.h"
+#ifdef PALPATE_WITH_DEM
+#include "toolkit/dem/dem_reader.h"
+#endif
 #ifdef PALPATE_WITH_PCD
 #include "toolkit/pcd/pcd_reader.h"
 #endif
@@ -27,6 +30,9 @@ io::Readers all_readers() {
 #ifdef PALPATE_WITH_PCD
   pcd::add_pcd_reader(readers);
 #endif
+#ifdef PALPATE_WITH_DEM
+  dem::add_dem_readers(readers);
+#endif
   return readers;
 }
 
@@ -38,6 +44,8 @@ Result<scene::LoadOptions> load_options(const ModelArguments& arguments) {
     options.unit = *unit;
   }
   if (arguments.scale > 0.0) options.scale = arguments.scale;
+  options.post_mm = arguments.post_mm;
+  options.vertical_mm = arguments.vertical_mm;
   options.non_finite = arguments.non_finite == "refuse" ? cloud::NonFinite::kRefuse : cloud::NonFinite::kDrop;
   return options;
 }

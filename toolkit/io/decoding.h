@@ -72,5 +72,6 @@ class FaceBuilder {
 [[nodiscard]] Result<DecodedFile> read_xyz(const ReaderInput& input);
 [[nodiscard]] Result<DecodedFile> read_obj(const ReaderInput& input);
 [[nodiscard]] Result<DecodedFile> read_off(const ReaderInput& input);
+[[nodiscard]] Result<DecodedFile> read_pfm(const ReaderInput& input);
 
 }  // namespace palpate::io

@@ -330,6 +330,7 @@ void add_standard_readers(Readers& readers) {
   readers.add({"xyz", "csv", "txt", "asc", "pts"}, read_xyz);
   readers.add({"obj"}, read_obj);
   readers.add({"off"}, read_off);
+  readers.add({"pfm"}, read_pfm);
 }
 
 }  // namespace palpate::io

@@ -37,6 +37,12 @@ struct ReadOptions {
   cloud::NonFinite non_finite = cloud::NonFinite::kDrop;
   /// Multiplies the coordinates after the unit; finite and above 0.
   double scale = 1.0;
+  /// Grids of heights only: the distance of posts in mm, instead of the file's; 0: the file's. Before
+  /// `scale`.
+  double post_mm = 0.0;
+  /// Grids of heights only: mm of height that the number 1 stands for, instead of the unit; 0: the unit.
+  /// Before `scale`. Both finite, not negative.
+  double vertical_mm = 0.0;
   /// Bound on the memory of what is decoded, and on the bytes that a compressed file may unpack to.
   std::uint64_t max_bytes = kDefaultMaxBytes;
 };
@@ -117,7 +123,8 @@ class Readers {
   std::vector<Entry> entries_;
 };
 
-/// PLY, XYZ/CSV/TXT/ASC/PTS, OBJ, OFF. PCD comes with toolkit/pcd, a target of its own.
+/// PLY, XYZ/CSV/TXT/ASC/PTS, OBJ, OFF, PFM. PCD comes with toolkit/pcd, height grids that need GDAL with
+/// toolkit/dem, targets of their own.
 void add_standard_readers(Readers& readers);
 
 }  // namespace palpate::io

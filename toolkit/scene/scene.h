@@ -55,6 +55,8 @@ inline constexpr std::size_t kMaxSceneBytes = std::size_t{1} << 20;
 struct LoadOptions {
   std::optional<io::Unit> unit;  ///< for files whose scene does not say it
   std::optional<double> scale;   ///< replaces the scene's scale of every model
+  double post_mm = 0.0;          ///< height grids: io::ReadOptions
+  double vertical_mm = 0.0;
   cloud::NonFinite non_finite = cloud::NonFinite::kDrop;
 };
 

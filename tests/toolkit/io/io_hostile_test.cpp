@@ -229,9 +229,9 @@ TEST(Hostile, PcdHeadersAreCheckedAgainstTheFile) {
 
 // Everything that fuzzing starts from and has found: an Error or a model, never a crash.
 TEST(Hostile, CorpusReplays) {
-  const std::vector<std::pair<std::string, std::string>> folders{{"ply", "a.ply"},     {"xyz", "a.xyz"},
-                                                                 {"obj", "a.obj"},     {"off", "a.off"},
-                                                                 {"gzip", "a.xyz.gz"}, {"xz", "a.xyz.xz"}};
+  const std::vector<std::pair<std::string, std::string>> folders{
+      {"ply", "a.ply"}, {"xyz", "a.xyz"},     {"obj", "a.obj"},  {"off", "a.off"},
+      {"pfm", "a.pfm"}, {"gzip", "a.xyz.gz"}, {"xz", "a.xyz.xz"}};
   std::size_t files = 0;
   std::size_t models = 0;
   const auto load = [](const std::filesystem::path& path) {
