@@ -4,140 +4,25 @@
 #include <cmath>
 
 #include "experiments/command/reproduction.h"
-#include "toolkit/neighbourhood/knn.h"
 
 namespace palpate::experiments {
+
+void give_up(Reproduction& r, const std::string& what, const Error& error) {
+  r.missing.push_back(fmt::format("{}: {}", what, error.message()));
+  if (!r.arguments.tables.empty()) r.fell_short = true;
+}
+
 namespace {
 
 constexpr std::uint64_t kPacedFrames = 5000;  // five seconds a renderer
 constexpr std::uint64_t kQuickPacedFrames = 20;
 // A preparation that takes longer is no baseline for a ten-minute run.
 constexpr double kPrepareLimitS = 180.0, kFullPrepareLimitS = 3600.0;
-constexpr double kMsPerMinute = 60000.0, kUsPerMs = 1000.0, kPercent = 100.0;
+constexpr double kUsPerMs = 1000.0;
 
 Cell plain(std::string text) {
   return {std::move(text), false, false};
 }
-
-/// Says what is missing. It is a failure only where it was asked for by name.
-void give_up(Reproduction& r, const std::string& what, const Error& error) {
-  r.missing.push_back(fmt::format("{}: {}", what, error.message()));
-  if (!r.arguments.tables.empty()) r.fell_short = true;
-}
-
-std::string whole_ms(double ms) {
-  return count_text(static_cast<std::uint64_t>(std::llround(ms)));
-}
-
-struct Timed {
-  double ms = 0.0;
-  neighbourhood::NeighbourTable table;
-};
-
-/// The best of three: what else the machine does only adds.
-Timed time_modified(const cloud::Cloud& cloud, int threads, bool complete) {
-  constexpr int kRepeats = 3;
-  Timed best;
-  for (int i = 0; i < kRepeats; ++i) {
-    neighbourhood::ModifiedKnnOptions options;
-    options.complete_to_eight = complete;
-    const Stopwatch watch;
-    neighbourhood::NeighbourTable table = neighbourhood::modified_knn(cloud, options, threads);
-    const double ms = watch.ms();
-    if (i == 0 || ms < best.ms) best.ms = ms;
-    best.table = std::move(table);
-  }
-  return best;
-}
-
-metrics::RendererResult neighbour_result(const std::string& model, const cloud::Cloud& cloud, bool complete,
-                                         int threads, double ms) {
-  metrics::RendererResult result;
-  result.label = fmt::format("{}-{}-{}-threads", model, complete ? "completed" : "as-printed", threads);
-  result.name = "modified-knn";
-  result.options = {{"complete_to_eight", complete ? "true" : "false"}};
-  result.model = metrics::RendererResult::Model{cloud.size(), 0.0};
-  result.threads = threads;
-  render::PrepareReport report;
-  report.total_ms = ms;
-  report.phases = {{"neighbours", ms}};
-  report.bytes = cloud.size() * sizeof(neighbourhood::Neighbours);
-  result.prepare = std::move(report);
-  return result;
-}
-
-std::string agreement_note(const std::string& model, const cloud::Cloud& cloud,
-                           const neighbourhood::NeighbourTable& modified) {
-  const Result<neighbourhood::NeighbourTable> path = neighbourhood::scanner_path(cloud, 0);
-  if (!path) return {};
-  const neighbourhood::Agreement a = neighbourhood::agreement(*path, modified);
-  const auto share = [](std::uint64_t part, std::uint64_t whole) {
-    return whole == 0 ? 0.0 : kPercent * static_cast<double>(part) / static_cast<double>(whole);
-  };
-  return fmt::format(
-      "Agreement with the scanner's path on the {}: the same eight neighbours at {:.1f} % of the {} points "
-      "({:.1f} % of the {} interior ones); the thesis claims 100 %.",
-      model, share(a.equal_sets, a.points), count_text(a.points), share(a.interior_equal, a.interior_points),
-      count_text(a.interior_points));
-}
-
-}  // namespace
-
-void reproduce_neighbours(const Manifest& manifest, Reproduction& r) {
-  metrics::ResultDocument document = new_document(r.context.command_line);
-  Table table;
-  table.title = manifest.title;
-  table.columns = {"model",        "points",        "thesis, min",
-                   "1 thread, ms", "2 threads, ms", "as printed, 1 thread, ms"};
-  HeadlineGroup found{manifest.title, {}};
-  table.notes = manifest.notes;
-  for (const ManifestModel& model : manifest.models) {
-    Result<scene::SceneFile> scene = scene_of(model, r);
-    const Result<scene::LoadedScene> loaded = scene ? scene::load(*scene, r.readers, {}, r.context.progress)
-                                                    : Result<scene::LoadedScene>(scene.error());
-    const std::string printed = model.printed_min ? fmt::format("{:.2f}", *model.printed_min) : "–";
-    if (!loaded) {
-      table.rows.push_back({plain(model.name),
-                            plain("–"),
-                            plain(printed),
-                            {"did not run", false, true},
-                            plain("–"),
-                            plain("–")});
-      give_up(r, fmt::format("table {}, {}", manifest.table, model.name), loaded.error());
-      continue;
-    }
-    r.context.progress.report("building neighbours of the " + model.name, -1.0);
-    const cloud::Cloud& cloud = *loaded->input.models.front().cloud;
-    const Timed one = time_modified(cloud, 1, true), two = time_modified(cloud, 2, true),
-                literal = time_modified(cloud, 1, false);
-    for (const auto& [complete, threads, ms] :
-         {std::tuple{true, 1, one.ms}, {true, 2, two.ms}, {false, 1, literal.ms}})
-      document.renderers.push_back(neighbour_result(model.name, cloud, complete, threads, ms));
-    table.rows.push_back({plain(model.name), plain(count_text(cloud.size())), plain(printed),
-                          plain(whole_ms(one.ms)), plain(whole_ms(two.ms)), plain(whole_ms(literal.ms))});
-    if (const std::string note = agreement_note(model.name, cloud, two.table); !note.empty())
-      table.notes.insert(table.notes.begin(), note);
-    if (model.printed_min)
-      found.lines.push_back(
-          {fmt::format("{}, {} points", model.name, count_text(cloud.size())),
-           fmt::format("neighbours in {} on one thread, {} on two; the thesis: {} min, {} times one thread's",
-                       duration_text(one.ms), duration_text(two.ms), printed,
-                       short_number(*model.printed_min * kMsPerMinute / one.ms))});
-  }
-  r.page.headlines.push_back(std::move(found));
-  table.caption =
-      "Thesis: " + manifest.hardware +
-      ". Ours: the best of three, completed to eight neighbours; as printed, a point may keep fewer.";
-  if (const Result<OutputFolder> folder = r.folder.inside(fmt::format("table{}", manifest.table)))
-    if (const Status written = folder->write("result.json", metrics::to_json(document)); !written)
-      give_up(r, "table 6's result.json", written.error());
-  Section section{fmt::format("table{}", manifest.table), manifest.title, {}, {table}, {}, {}};
-  if (!manifest.text.empty()) section.paragraphs.push_back(manifest.text);
-  r.page.sections.push_back(std::move(section));
-  r.tables.push_back(std::move(table));
-}
-
-namespace {
 
 using R = metrics::RendererResult;
 using Value = std::optional<double>;

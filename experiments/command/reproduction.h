@@ -29,7 +29,10 @@ struct Reproduction {
 /// The scene of a manifest's model: generated, or a scan found or fetched.
 [[nodiscard]] Result<scene::SceneFile> scene_of(const ManifestModel& model, Reproduction& r);
 
-/// Table 6.
+/// Says what is missing. It is a failure only where it was asked for by name.
+void give_up(Reproduction& r, const std::string& what, const Error& error);
+
+/// Table 6: the modified kNN as the thesis timed it, and every builder beside it.
 void reproduce_neighbours(const Manifest& manifest, Reproduction& r);
 /// Tables 7 and 9, each with its comparison.
 void reproduce_frames(const Manifest& manifest, Reproduction& r);

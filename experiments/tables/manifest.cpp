@@ -51,6 +51,10 @@ Manifest from_table(const toml::table& root) {
   manifest.text = text_of(root, "text");
   if (const toml::array* notes = root.get("notes") == nullptr ? nullptr : root.get("notes")->as_array())
     for (const toml::node& note : *notes) manifest.notes.push_back(note.value_or(std::string()));
+  if (const toml::array* walls = root.get("walls") == nullptr ? nullptr : root.get("walls")->as_array())
+    for (const toml::node& wall : *walls)
+      if (const double spacings = wall.value_or(0.0); spacings > 0.0)
+        manifest.wall_spacings.push_back(spacings);
   read_printed(root, manifest);
   for (const toml::table* t : tables_of(root, "model")) {
     ManifestModel model{text_of(*t, "name"),

@@ -44,6 +44,7 @@ struct Manifest {
   std::uint64_t printed_points = 0, printed_frames = 0;
   double printed_min_ms = 0.0, printed_max_ms = 0.0, printed_mean_ms = 0.0;
   std::vector<ManifestModel> models;
+  std::vector<double> wall_spacings;  ///< table 6: walls to find wrong links through, in spacings
   std::string path, quick_path;
   std::uint64_t contact_frames = 0;  ///< the path ends after so many
   std::vector<ManifestRun> runs;

@@ -115,25 +115,24 @@ class Chooser {
   bool operator()(std::uint32_t self, const Vec3& p, const Candidates& c, double radius_mm, Neighbours& out,
                   Scratch& scratch) const {
     const double covered = radius_mm * radius_mm;
-    for (double guess = scratch.guess;; guess = larger_guess(guess)) {
+    for (double guess = scratch.guess;;) {
       const bool all = !(guess < covered);
       const bool whole = all && radius_mm == kEverything;
       kernels().keep_ball(c, p, all ? kEverything : guess, scratch);
       const double known = all ? covered : guess;  // nothing up to here is missing
-      BestEight near;
-      for (std::size_t k = 0; k < scratch.count; ++k)
-        if (scratch.square[k] > 0.0 && scratch.index[k] != self)
-          near.offer(scratch.square[k], scratch.index[k]);
-      if (!whole && !(near.worst() < known)) {
+      const Nearest near = nearest_elsewhere(self, p, scratch);
+      if (!whole && !(near.worst < known)) {
         if (all) return false;
+        guess = larger_guess(guess);
         continue;
       }
-      const double limit = near.count() == kNeighbours ? reach_sq_ * near.worst() : kEverything;
-      const Frame frame = frame_at(self, p, near);
+      const double limit = near.count == kNeighbours ? reach_sq_ * near.worst : kEverything;
+      const Frame frame = frame_at(near);
       const Directions found = search(frame, p, self, limit, scratch);
-      const bool complete = found.worst() < known || limit < known || whole;
-      if (!complete) {
+      if (!(found.worst() < known || limit < known || whole)) {
         if (all) return false;
+        // Some direction may be empty to the end: there is no use in going there by steps.
+        guess = std::max(larger_guess(guess), kGuessRoom * limit);
         continue;
       }
       scratch.guess = kGuessRoom * std::min(found.worst(), limit);
@@ -146,17 +145,38 @@ class Chooser {
   }
 
  private:
-  Frame frame_at(std::uint32_t self, const Vec3& p, const BestEight& near) const {
-    if (options_.frame == DirectionalKnnOptions::Frame::kPlan) return {};
+  /// The eight nearest at other places.
+  struct Nearest {
+    std::array<Vec3, kNeighbours> offset;
+    std::size_t count = 0;
+    double worst = kEverything;  ///< square of the eighth
+  };
+  Nearest nearest_elsewhere(std::uint32_t self, const Vec3& p, const Scratch& scratch) const {
     Neighbours around;
-    near.store(self, around);
-    std::array<Vec3, kNeighbours> offsets;
-    double size = 0.0;
-    for (std::size_t k = 0; k < near.count(); ++k) {
-      offsets[k] = cloud_.local_mm(around[k]) - p;
-      size = std::max(size, offsets[k].cwiseAbs().maxCoeff());
+    Nearest near;
+    near.worst = kernels().choose_eight(self, scratch, around);
+    if (around[0] == self || (cloud_.local_mm(around[0]) - p).squaredNorm() > 0.0) {
+      for (; near.count < kNeighbours && around[near.count] != self; ++near.count)
+        near.offset[near.count] = cloud_.local_mm(around[near.count]) - p;
+      return near;
     }
-    if (near.count() > 0) return fitted(std::span(offsets).first(near.count()), size);
+    BestEight elsewhere;
+    for (std::size_t k = 0; k < scratch.count; ++k)
+      if (scratch.square[k] > 0.0 && scratch.index[k] != self)
+        elsewhere.offer(scratch.square[k], scratch.index[k]);
+    elsewhere.store(self, around);
+    near.worst = elsewhere.worst();
+    for (; near.count < elsewhere.count(); ++near.count)
+      near.offset[near.count] = cloud_.local_mm(around[near.count]) - p;
+    return near;
+  }
+
+  Frame frame_at(const Nearest& near) const {
+    if (options_.frame == DirectionalKnnOptions::Frame::kPlan) return {};
+    const auto offsets = std::span(near.offset).first(near.count);
+    double size = 0.0;
+    for (const Vec3& offset : offsets) size = std::max(size, offset.cwiseAbs().maxCoeff());
+    if (near.count > 0) return fitted(offsets, size);
     Frame none;
     none.plane = false;
     return none;
