@@ -1,11 +1,13 @@
-// Vertex boxes crossed by a segment, found through the grid, with a bound on the work of one frame.
+// Vertex boxes crossed by a segment, found through any partition, with a bound on the work of one frame.
 #pragma once
 
 #include <array>
 #include <cstdint>
 
 #include "toolkit/geometry/segment_box.h"
+#include "toolkit/geometry/swept_sphere.h"
 #include "toolkit/partition/cell_walk.h"
+#include "toolkit/partition/space_tree.h"
 #include "toolkit/render/point_model.h"
 #include "toolkit/render/point_walk.h"
 
@@ -52,36 +54,61 @@ struct BoxScan {
   }
 
   /// Tests up to kMaxBoxTests more boxes. `skip(place)` rules out crossed boxes that are of no interest. True
-  /// when all boxes of the segment have been tested.
+  /// when all boxes of the segment have been tested. One choice a frame, always the same for a model.
   template <class Skip>
   bool advance(const PointModel& model, FrameCounters& counters, Skip&& skip) noexcept {
+    const bool swept = model.sphere_mm > 0.0;
+    if (model.tree.index() == 0) [[likely]]
+      return swept ? scan<true>(model, model.grid, counters, skip)
+                   : scan<false>(model, model.grid, counters, skip);
+    if (const auto* octree = std::get_if<partition::Octree>(&model.tree))
+      return swept ? scan<true>(model, *octree, counters, skip) : scan<false>(model, *octree, counters, skip);
+    const auto& quadtree = *std::get_if<partition::Quadtree3d>(&model.tree);
+    return swept ? scan<true>(model, quadtree, counters, skip) : scan<false>(model, quadtree, counters, skip);
+  }
+
+  /// advance() for one partition, whose order of places is the model's. A partition that moves points while
+  /// the scan is running may show a box twice or not at all: start again after a move.
+  template <bool kSwept, partition::Partition P, class Skip>
+  bool scan(const PointModel& model, const P& partition, FrameCounters& counters, Skip&& skip) noexcept {
     const geometry::SegmentProbe probe(from_mm, to_mm);
+    Vec3 reach = model.largest_half_box_mm;
+    if constexpr (kSwept) reach += Vec3::Constant(model.sphere_mm);
     std::uint64_t seen = 0;  // boxes before this frame's first
     std::uint64_t left = kMaxBoxTests;
-    running =
-        !visit_cells(model.grid, from_mm, to_mm, model.largest_half_box_mm, [&](const partition::Cell& cell) {
-          ++counters.cells_visited;
-          const partition::PlaceRange range = model.grid.find(cell);
-          const std::uint64_t here = range.end - range.begin;
-          std::uint64_t place = range.begin;
-          if (seen + here <= tested) {
-            seen += here;
-            return true;
-          }
-          if (seen < tested) place += tested - seen;
-          seen += place - range.begin;
-          for (; place < range.end; ++place, ++seen) {
-            if (left == 0) return false;
-            --left;
-            ++tested;
-            ++counters.box_tests;
-            const auto p = static_cast<std::uint32_t>(place);
-            if (!geometry::segment_touches_box(probe, model.points[p].at(), model.half_box(p))) continue;
-            if (!skip(p)) keep(p, distance_sq(model.points[p], from_mm));
-          }
-          return true;
-        });
+    running = !visit_ranges(partition, from_mm, to_mm, reach, [&](partition::PlaceRange range) {
+      ++counters.cells_visited;
+      const std::uint64_t here = range.end - range.begin;
+      std::uint64_t place = range.begin;
+      if (seen + here <= tested) {
+        seen += here;
+        return true;
+      }
+      if (seen < tested) place += tested - seen;
+      seen += place - range.begin;
+      for (; place < range.end; ++place, ++seen) {
+        if (left == 0) return false;
+        --left;
+        ++tested;
+        ++counters.box_tests;
+        const auto p = static_cast<std::uint32_t>(place);
+        if (!touches<kSwept>(model, probe, p, counters)) continue;
+        if (!skip(p)) keep(p, distance_sq(model.points[p], from_mm));
+      }
+      return true;
+    });
     return !running;
+  }
+
+ private:
+  template <bool kSwept>
+  static bool touches(const PointModel& model, const geometry::SegmentProbe& probe, std::uint32_t place,
+                      FrameCounters& counters) noexcept {
+    const Vec3 centre = model.points[place].at(), half = model.half_box(place);
+    if constexpr (!kSwept) return geometry::segment_touches_box(probe, centre, half);
+    if (!geometry::swept_sphere_touches_box(probe, model.sphere_mm, centre, half)) return false;
+    counters.sphere_only += !geometry::segment_touches_box(probe, centre, half);
+    return true;
   }
 };
 

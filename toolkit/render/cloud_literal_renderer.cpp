@@ -118,6 +118,7 @@ RendererInfo cloud_literal_info() {
   info.summary = "chapter 3 of the thesis as printed, defects included";
   info.source = "El-Far, chapter 3, figures 36 and 42";
   info.options = point_model_specs();
+  for (OptionSpec& spec : box_test_specs()) info.options.push_back(std::move(spec));
   info.options.push_back(shading_spec("force shading; auto: area-raw above 0.2 mm, else none"));
   info.options.push_back({"cells",
                           kChoice,

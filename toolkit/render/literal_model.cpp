@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "toolkit/core/tolerances.h"
-#include "toolkit/geometry/segment_box.h"
+#include "toolkit/geometry/swept_sphere.h"
 #include "toolkit/partition/cell_walk.h"
 
 namespace palpate::render {
@@ -124,9 +124,9 @@ bool LiteralModel::any_in_cells(const Vec3& a, const Vec3& b, FrameCounters& cou
       if (test(place)) return true;
     return false;
   };
-  if (options_.cells != CellRule::kSampled) {
-    const Vec3 reach =
-        options_.cells == CellRule::kAdjacent ? model_.largest_half_box_mm : Vec3(Vec3::Zero());
+  if (options_.cells != CellRule::kSampled || model_.sphere_mm > 0.0) {
+    Vec3 reach = options_.cells == CellRule::kAdjacent ? model_.largest_half_box_mm : Vec3(Vec3::Zero());
+    reach += Vec3::Constant(model_.sphere_mm);  // a swept sphere crosses cells as a volume
     return !visit_cells(model_.grid, a, b, reach, [&](const Cell& cell) { return !in_cell(cell); });
   }
   // Sub-segments one cell long; the cell of each starting point. A HIP outside the cloud's box is far from
@@ -181,6 +181,17 @@ bool LiteralModel::resting(const Vec3& a, const Vec3& b) const noexcept {
   return ((b - a).cwiseAbs().array() < kRestShare * model_.largest_half_box_mm.array()).all();
 }
 
+/// Section 3.1.1.2's test, or the swept sphere of 3.1.4.
+bool LiteralModel::touches(const geometry::SegmentProbe& probe, std::uint32_t place,
+                           FrameCounters& counters) const noexcept {
+  const Vec3 centre = model_.points[place].at(), half = model_.half_box(place);
+  const bool crossed = geometry::segment_touches_box(probe, centre, half);
+  if (crossed || !(model_.sphere_mm > 0.0)) return crossed;
+  if (!geometry::swept_sphere_touches_box(probe, model_.sphere_mm, centre, half)) return false;
+  ++counters.sphere_only;
+  return true;
+}
+
 /// Some crossed vertex, or kNone.
 std::uint32_t LiteralModel::crosses(const Vec3& a, Vec3 b, FrameCounters& counters) noexcept {
   if (resting(a, b)) b = a;
@@ -188,8 +199,7 @@ std::uint32_t LiteralModel::crosses(const Vec3& a, Vec3 b, FrameCounters& counte
   std::uint32_t found = kNone;
   any_in_cells(a, b, counters, [&](std::uint32_t place) {
     ++counters.box_tests;
-    if (!geometry::segment_touches_box(probe, model_.points[place].at(), model_.half_box(place)))
-      return false;
+    if (!touches(probe, place, counters)) return false;
     found = place;
     return true;
   });
@@ -206,7 +216,7 @@ std::uint32_t LiteralModel::nearest_crossed(const Vec3& h, const Vec3& before,
   any_in_cells(before, b, counters, [&](std::uint32_t place) {
     ++counters.box_tests;
     const StoredPoint& p = model_.points[place];
-    if (!geometry::segment_touches_box(probe, p.at(), model_.half_box(place))) return false;
+    if (!touches(probe, place, counters)) return false;
     const double d = distance_sq(p, before);
     if (found == kNone || d < nearest || (d == nearest && place < found)) {
       found = place;

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 
+#include "toolkit/geometry/segment_box.h"
 #include "toolkit/render/point_model.h"
 #include "toolkit/render/point_walk.h"
 #include "toolkit/render/shading.h"
@@ -52,6 +53,8 @@ class LiteralModel {
   bool clip(const Vec3& a, const Vec3& d, double& t0, double& t1) const noexcept;
   void count_missed(const Vec3& a, const Vec3& b, double pieces, FrameCounters& counters) noexcept;
   [[nodiscard]] bool resting(const Vec3& a, const Vec3& b) const noexcept;
+  [[nodiscard]] bool touches(const geometry::SegmentProbe& probe, std::uint32_t place,
+                             FrameCounters& counters) const noexcept;
   std::uint32_t crosses(const Vec3& a, Vec3 b, FrameCounters& counters) noexcept;
   std::uint32_t nearest_crossed(const Vec3& h, const Vec3& before, FrameCounters& counters) noexcept;
 

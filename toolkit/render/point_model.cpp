@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "toolkit/core/clock.h"
 #include "toolkit/core/parallel.h"
@@ -67,10 +68,50 @@ double worst_resolution(const cloud::Cloud& cloud, const neighbourhood::Neighbou
   return std::sqrt(*std::max_element(worst.begin(), worst.end()));
 }
 
+/// Builds the partition asked for.
+void partition_points(const cloud::Cloud& cloud, const PointModelOptions& options, int threads,
+                      PointModel& model) {
+  partition::PartitionOptions o;
+  o.cell_mm = model.cell_mm = options.cell_per_resolution * model.resolution_mm;
+  switch (options.partition) {
+    case PartitionKind::kGrid:
+      model.grid = partition::UniformGrid::build(cloud, o, threads);
+      model.cell_mm = model.grid.cell_mm();
+      break;
+    case PartitionKind::kOctree:
+      model.tree = partition::Octree::build(cloud, o, threads);
+      break;
+    case PartitionKind::kQuadtree:
+      model.tree = partition::Quadtree3d::build(cloud, o, threads);
+      break;
+  }
+}
+
+/// use(partition) for the one the model has.
+template <class Model, class Use>
+auto with_partition(Model& model, Use&& use) {
+  if (auto* octree = std::get_if<partition::Octree>(&model.tree)) return use(*octree);
+  if (auto* quadtree = std::get_if<partition::Quadtree3d>(&model.tree)) return use(*quadtree);
+  return use(model.grid);
+}
+
+std::span<const std::uint32_t> order_of(const PointModel& model) {
+  return with_partition(model, [](const auto& p) { return std::span<const std::uint32_t>(p.order()); });
+}
+
+std::string shape_note(const PointModel& model) {
+  const partition::LeafStatistics shape = with_partition(model, [](const auto& p) { return p.statistics(); });
+  if (model.tree.index() == 0)
+    return fmt::format("{} cells, at most {} points a cell", shape.leaves, shape.max_points);
+  return fmt::format("{} of {} leaves in {} nodes, at most {} points a leaf, {} deep",
+                     model.tree.index() == 1 ? "octree" : "quadtree", shape.leaves, shape.nodes,
+                     shape.max_points, shape.max_depth);
+}
+
 void fill_points(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& table,
                  const PointModelOptions& options, int threads, PointModel& model) {
   const std::size_t n = cloud.size();
-  const auto order = model.grid.order();
+  const auto order = order_of(model);
   std::vector<std::uint32_t> place_of(n);
   parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t place = begin; place < end; ++place)
@@ -120,6 +161,30 @@ std::vector<OptionSpec> point_model_specs() {
   };
 }
 
+std::vector<OptionSpec> box_test_specs() {
+  using enum OptionKind;
+  return {
+      {"test",
+       kChoice,
+       "box",
+       "vertex boxes against the probe's segment (box) or a sphere swept along it (3.1.4's second remedy)",
+       {"box", "swept-sphere"}},
+      {"sphere_mm", kNumber, "0", "radius of the swept sphere in mm; 0: half a box's edge", {}, 0.0, 1e12},
+  };
+}
+
+OptionSpec partition_spec() {
+  return {"partition",
+          OptionKind::kChoice,
+          "grid",
+          "how boxes near the probe are found: uniform grid, octree of ten points a leaf, or 3D quadtree",
+          {"grid", "octree", "quadtree"}};
+}
+
+std::size_t PointModel::partition_bytes() const noexcept {
+  return with_partition(*this, [](const auto& p) { return p.bytes(); });
+}
+
 PointModelOptions point_model_options(const Options& options) {
   PointModelOptions o;
   o.neighbours = options.text("neighbours");
@@ -131,6 +196,16 @@ PointModelOptions point_model_options(const Options& options) {
   o.box_mm = options.number("box_mm");
   o.resolution_mm = options.number("resolution_mm");
   o.cell_per_resolution = options.number("cell");
+  if (options.has("partition")) {
+    const std::string& partition = options.text("partition");
+    o.partition = partition == "grid"     ? PartitionKind::kGrid
+                  : partition == "octree" ? PartitionKind::kOctree
+                                          : PartitionKind::kQuadtree;
+  }
+  if (options.has("test")) {
+    o.swept_sphere = options.text("test") == "swept-sphere";
+    o.sphere_mm = options.number("sphere_mm");
+  }
   return o;
 }
 
@@ -177,15 +252,14 @@ Result<PointModel> build_point_model(const ModelInput& input, const PointModelOp
     phase(report, context, watch, "links");
   }
 
-  model.grid = partition::UniformGrid::build(cloud, options.cell_per_resolution * model.resolution_mm,
-                                             context.threads);
-  phase(report, context, watch, "grid");
+  partition_points(cloud, options, context.threads, model);
+  phase(report, context, watch, "partition");
 
   fill_points(cloud, *table, options, context.threads, model);
-  Result<SurfaceField> field = build_surface_field(input, model.grid.order(), report);
+  Result<SurfaceField> field = build_surface_field(input, order_of(model), report);
   if (!field) return std::move(field).error();
   model.surface = *std::move(field);
-  model.grid.drop_order();
+  with_partition(model, [](auto& p) { p.drop_order(); });
   const double edge = options.box_mm > 0.0 ? options.box_mm : model.resolution_mm;
   model.global_half_box_mm = Vec3::Constant(0.5 * edge);
   model.largest_half_box_mm = model.global_half_box_mm;
@@ -194,6 +268,8 @@ Result<PointModel> build_point_model(const ModelInput& input, const PointModelOp
     for (const Vec3f& half : model.half_box_mm)
       model.largest_half_box_mm = model.largest_half_box_mm.cwiseMax(half.cast<double>());
   }
+  if (options.swept_sphere)
+    model.sphere_mm = options.sphere_mm > 0.0 ? options.sphere_mm : model.largest_half_box_mm.maxCoeff();
   phase(report, context, watch, "store");
   if (options.normals) {
     surface::fit_planes(model.points, model.neighbours, context.threads);
@@ -213,10 +289,8 @@ Result<PointModel> build_point_model(const ModelInput& input, const PointModelOp
     phase(report, context, watch, "blend");
   }
   report.bytes += model.bytes();
-  report.notes.push_back(
-      fmt::format("resolution {:.6g} mm, cell {:.6g} mm, box {:.6g} mm, {} cells, at most {} points a cell",
-                  model.resolution_mm, model.grid.cell_mm(), edge, model.grid.occupied_cells(),
-                  model.grid.max_points_per_cell()));
+  report.notes.push_back(fmt::format("resolution {:.6g} mm, cell {:.6g} mm, box {:.6g} mm, {}",
+                                     model.resolution_mm, model.cell_mm, edge, shape_note(model)));
   return model;
 }
 

@@ -4,12 +4,14 @@
 
 #include <cstdint>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "toolkit/core/large_pages.h"
 #include "toolkit/core/result.h"
 #include "toolkit/core/vec.h"
 #include "toolkit/neighbourhood/neighbour_table.h"
+#include "toolkit/partition/space_tree.h"
 #include "toolkit/partition/uniform_grid.h"
 #include "toolkit/render/renderer.h"
 #include "toolkit/render/surface_field.h"
@@ -25,6 +27,8 @@ enum class BoxSize : std::uint8_t {
   kPerVertexCube,  ///< a cube of the largest of the three
 };
 
+enum class PartitionKind : std::uint8_t { kGrid, kOctree, kQuadtree };
+
 struct PointModelOptions {
   std::string neighbours = "auto";  ///< auto, or one of neighbourhood::builders()
   bool complete_to_eight = true;    ///< of modified kNN
@@ -32,12 +36,15 @@ struct PointModelOptions {
   double box_mm = 0.0;         ///< edge of the global cube; 0 = the resolution
   double resolution_mm = 0.0;  ///< 0 = measured
   double cell_per_resolution = 5.0;
+  PartitionKind partition = PartitionKind::kGrid;
+  bool swept_sphere = false;  ///< test boxes with a swept sphere instead of a segment (section 3.1.4)
+  double sphere_mm = 0.0;     ///< its radius; 0 = half the edge of the largest box
   bool normals =
       true;  ///< local planes with a side; and links back, so that a walk cannot be caught in a clump
   double blend_resolutions = 0.0;  ///< stiffness rises over at least so many resolutions; 0 = as given
 };
 
-/// Ready for frames. Places are indices in grid order. Immutable after build.
+/// Ready for frames. Places are indices in the partition's order. Immutable after build.
 struct PointModel {
   Vec3 origin_mm = Vec3::Zero();
   geometry::RigidTransform world_from_model;
@@ -49,7 +56,10 @@ struct PointModel {
   LargeVector<Vec3f> half_box_mm;  ///< per place; empty when the box is global
   Vec3 global_half_box_mm = Vec3::Zero();
   Vec3 largest_half_box_mm = Vec3::Zero();
-  partition::UniformGrid grid;
+  partition::UniformGrid grid;  ///< empty where a tree was chosen
+  std::variant<std::monostate, partition::Octree, partition::Quadtree3d> tree;  ///< instead of the grid
+  double cell_mm = 0.0;         ///< edge of the grid's cells, or what it would be
+  double sphere_mm = 0.0;       ///< radius of the swept sphere; 0: boxes are tested with the segment
   bool closed = false;          ///< some points lie on pieces that enclose a volume
   double resolution_mm = 0.0;   ///< as measured, or as given
   double max_spacing_mm = 0.0;  ///< largest distance to an immediate neighbour
@@ -70,8 +80,9 @@ struct PointModel {
   [[nodiscard]] std::size_t bytes() const noexcept {
     return points.capacity() * sizeof(StoredPoint) +
            neighbours.capacity() * sizeof(neighbourhood::Neighbours) +
-           half_box_mm.capacity() * sizeof(Vec3f) + grid.bytes() + surface.bytes();
+           half_box_mm.capacity() * sizeof(Vec3f) + partition_bytes() + surface.bytes();
   }
+  [[nodiscard]] std::size_t partition_bytes() const noexcept;
   void set_pose(const geometry::RigidTransform& pose) noexcept {
     world_from_model = pose;
     model_from_world = pose.inverse();
@@ -87,8 +98,12 @@ struct PointModel {
 /// The only model of a scene, for renderers that take one; an Error where there are others.
 [[nodiscard]] Result<const ModelInput*> only_model(const SceneInput& scene);
 
-/// The options every point renderer understands, with the given default for `box`.
+/// The options every point renderer understands.
 [[nodiscard]] std::vector<OptionSpec> point_model_specs();
+/// The partition, for renderers that scan boxes through any.
+[[nodiscard]] OptionSpec partition_spec();
+/// The test of the narrow phase, for renderers that have one.
+[[nodiscard]] std::vector<OptionSpec> box_test_specs();
 [[nodiscard]] PointModelOptions point_model_options(const Options& options);
 
 }  // namespace palpate::render

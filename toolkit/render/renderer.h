@@ -82,6 +82,7 @@ struct FrameCounters {
   std::uint64_t local_minima = 0;  ///< greedy walks that a wider look proved to be stuck
   std::uint64_t box_tests = 0;     ///< segment-AABB tests
   std::uint64_t cells_visited = 0;
+  std::uint64_t sphere_only = 0;   ///< boxes that the swept sphere touched and the segment did not
   std::uint64_t edges = 0;         ///< height fields: times the HIP came under through a border or a hole
   std::uint64_t missed_cells = 0;  ///< literal forms only: crossed cells that the printed sampling skipped
 };
