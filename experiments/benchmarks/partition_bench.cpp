@@ -1,0 +1,208 @@
+// Section 3.1.2's trade, measured: building, memory, access, segment queries and moving points, for each
+// partition, on the sinusoid.
+#include <benchmark/benchmark.h>
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "toolkit/cloud/generate.h"
+#include "toolkit/core/random.h"
+#include "toolkit/geometry/swept_sphere.h"
+#include "toolkit/partition/corner_test.h"
+#include "toolkit/partition/dynamic_grid.h"
+#include "toolkit/partition/dynamic_tree.h"
+
+namespace palpate::benchmarks {
+namespace {
+
+using namespace partition;
+
+struct Model {
+  cloud::Cloud cloud;
+  double spacing_mm = 0.0;
+};
+
+const Model& model(std::int64_t points) {
+  static std::map<std::int64_t, Model> models;
+  auto [at, fresh] = models.try_emplace(points);
+  if (fresh) {
+    auto made =
+        cloud::generate(parse_named_options("sinusoid:mesh=false:points=" + std::to_string(points)).value())
+            .value();
+    at->second = {std::move(made.cloud), made.nominal_spacing_mm};
+  }
+  return at->second;
+}
+
+/// As `cloud` prepares it: the resolution of a square lattice is its diagonal.
+double resolution_mm(const Model& model) {
+  constexpr double kDiagonal = 1.4142135623730951;
+  return kDiagonal * model.spacing_mm;
+}
+
+template <class P>
+P built(const Model& model) {
+  constexpr double kCellPerResolution = 5.0;
+  PartitionOptions options;
+  options.cell_mm = kCellPerResolution * resolution_mm(model);
+  return P::build(model.cloud, options, 1);
+}
+
+template <class P>
+void build(benchmark::State& state) {
+  const Model& m = model(state.range(0));
+  for (auto _ : state) benchmark::DoNotOptimize(built<P>(m));
+  P partition = built<P>(m);
+  partition.drop_order();
+  const LeafStatistics shape = partition.statistics();
+  const auto n = static_cast<double>(m.cloud.size());
+  state.counters["bytes_per_point"] = static_cast<double>(partition.bytes()) / n;
+  state.counters["points_per_leaf"] = shape.mean_points;
+  state.counters["most_points"] = shape.max_points;
+  state.counters["depth"] = shape.max_depth;
+  state.counters["nodes_per_point"] = static_cast<double>(shape.nodes) / n;
+}
+
+constexpr std::size_t kQueries = 4096;
+
+/// The leaf of a random point of the cloud.
+template <class P>
+void access(benchmark::State& state) {
+  const Model& m = model(state.range(0));
+  const P partition = built<P>(m);
+  Random random(1);
+  std::vector<Vec3> points;
+  for (std::size_t i = 0; i < kQueries; ++i) points.push_back(m.cloud.local_mm(random.below(m.cloud.size())));
+  std::size_t at = 0;
+  std::uint64_t sum = 0;
+  for (auto _ : state) {
+    visit_at(partition, points[at++ % kQueries], [&](PlaceRange range) {
+      sum += range.end;
+      return true;
+    });
+  }
+  benchmark::DoNotOptimize(sum);
+}
+
+/// Broad and narrow phase of one segment near the surface: `length` in micrometres, state.range(1).
+template <class P, bool kSwept>
+void query(benchmark::State& state) {
+  const Model& m = model(state.range(0));
+  const double length_mm = 1e-3 * static_cast<double>(state.range(1));
+  const P partition = built<P>(m);
+  std::vector<Vec3> at;
+  for (const std::uint32_t i : partition.order()) at.push_back(m.cloud.local_mm(i));
+  const Vec3 half = Vec3::Constant(0.5 * resolution_mm(m));
+  const double radius_mm = kSwept ? half.x() : 0.0;
+  Random random(2);
+  std::vector<Vec3> from, to;
+  for (std::size_t i = 0; i < kQueries; ++i) {
+    const Vec3 way(random.normal(), random.normal(), random.normal());
+    from.push_back(at[random.below(at.size())] + resolution_mm(m) * Vec3(0, 0, random.normal()));
+    to.push_back(from.back() + length_mm * way.normalized());
+  }
+  std::size_t k = 0;
+  std::uint64_t leaves = 0, tests = 0, hits = 0;
+  for (auto _ : state) {
+    const Vec3 &a = from[k % kQueries], &b = to[k % kQueries];
+    ++k;
+    const geometry::SegmentProbe probe(a, b);
+    visit_ranges(partition, a, b, half + Vec3::Constant(radius_mm), [&](PlaceRange range) {
+      ++leaves;
+      tests += range.end - range.begin;
+      for (std::uint32_t place = range.begin; place < range.end; ++place)
+        hits += kSwept ? geometry::swept_sphere_touches_box(probe, radius_mm, at[place], half)
+                       : geometry::segment_touches_box(probe, at[place], half);
+      return true;
+    });
+  }
+  const auto n = static_cast<double>(k);
+  state.counters["leaves"] = static_cast<double>(leaves) / n;
+  state.counters["boxes"] = static_cast<double>(tests) / n;
+  state.counters["crossed"] = static_cast<double>(hits) / n;
+}
+
+/// A dent of 3 mm radius that goes down and up again by `step` micrometres a frame, state.range(1): time a
+/// point moved.
+template <class P>
+void move(benchmark::State& state) {
+  constexpr double kRadiusMm = 3.0, kDepthMm = 2.0;
+  const Model& m = model(state.range(0));
+  const double step_mm = 1e-3 * static_cast<double>(state.range(1));
+  P partition = built<P>(m);
+  std::vector<Vec3f> points;
+  std::vector<std::uint32_t> dented;
+  std::vector<float> start_mm;
+  for (const std::uint32_t i : partition.order()) {
+    points.emplace_back(m.cloud.x_mm[i], m.cloud.y_mm[i], m.cloud.z_mm[i]);
+    if (m.cloud.local_mm(i).head<2>().norm() > kRadiusMm) continue;
+    dented.push_back(static_cast<std::uint32_t>(points.size() - 1));
+    start_mm.push_back(points.back().z());
+  }
+  const auto at = [&](std::uint32_t place) { return points[place]; };
+  double depth = 0.0, way = step_mm;
+  std::int64_t moves = 0, changed = 0, refused = 0;
+  for (auto _ : state) {
+    depth += way;
+    if (depth >= kDepthMm || depth <= 0.0) way = -way;
+    for (std::size_t i = 0; i < dented.size(); ++i) {
+      Vec3f to = points[dented[i]];
+      to.z() = start_mm[i] - static_cast<float>(depth);
+      const MoveStatus status = partition.move(dented[i], to, at);
+      changed += status == MoveStatus::kMoved;
+      refused += status == MoveStatus::kFull;
+      if (status != MoveStatus::kFull) points[dented[i]] = to;
+    }
+    moves += static_cast<std::int64_t>(dented.size());
+  }
+  const auto n = static_cast<double>(moves);
+  state.counters["per_point"] =
+      benchmark::Counter(n, benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
+  state.counters["points"] = static_cast<double>(dented.size());
+  state.counters["changed"] = static_cast<double>(changed) / n;
+  state.counters["refused"] = static_cast<double>(refused) / n;
+}
+
+/// Not a time: what the printed eight- and four-point tests miss, by cut-off in tenths of the resolution.
+template <class Tree>
+void corners(benchmark::State& state) {
+  const Model& m = model(state.range(0));
+  const Tree tree = built<Tree>(m);
+  CornerTestCount count;
+  for (auto _ : state)
+    count =
+        count_corner_test(tree, m.cloud, 0.1 * static_cast<double>(state.range(1)) * resolution_mm(m), 97);
+  state.counters["missed"] = static_cast<double>(count.missed) / static_cast<double>(count.within);
+  state.counters["looked_at"] =
+      static_cast<double>(count.looked_at_corners) / static_cast<double>(count.looked_at_exact);
+}
+
+constexpr std::int64_t kSizes[] = {10000, 100489, 1002001};
+#define PALPATE_SIZES ->Arg(kSizes[0])->Arg(kSizes[1])->Arg(kSizes[2])
+#define PALPATE_SIZES_BY(a, b) ->ArgsProduct({{kSizes[0], kSizes[1], kSizes[2]}, {a, b}})
+
+BENCHMARK(build<UniformGrid>) PALPATE_SIZES->Unit(benchmark::kMillisecond);
+BENCHMARK(build<Octree>) PALPATE_SIZES->Unit(benchmark::kMillisecond);
+BENCHMARK(build<Quadtree3d>) PALPATE_SIZES->Unit(benchmark::kMillisecond);
+BENCHMARK(build<DynamicGrid>) PALPATE_SIZES->Unit(benchmark::kMillisecond);
+BENCHMARK(build<DynamicOctree>) PALPATE_SIZES->Unit(benchmark::kMillisecond);
+BENCHMARK(build<DynamicQuadtree3d>) PALPATE_SIZES->Unit(benchmark::kMillisecond);
+BENCHMARK(access<UniformGrid>) PALPATE_SIZES;
+BENCHMARK(access<Octree>) PALPATE_SIZES;
+BENCHMARK(access<Quadtree3d>) PALPATE_SIZES;
+BENCHMARK(query<UniformGrid, false>) PALPATE_SIZES_BY(50, 5000);
+BENCHMARK(query<Octree, false>) PALPATE_SIZES_BY(50, 5000);
+BENCHMARK(query<Quadtree3d, false>) PALPATE_SIZES_BY(50, 5000);
+BENCHMARK(query<UniformGrid, true>) PALPATE_SIZES_BY(50, 5000);
+BENCHMARK(query<Octree, true>) PALPATE_SIZES_BY(50, 5000);
+BENCHMARK(query<DynamicGrid, false>) PALPATE_SIZES_BY(50, 5000);
+BENCHMARK(query<DynamicOctree, false>) PALPATE_SIZES_BY(50, 5000);
+BENCHMARK(move<DynamicGrid>) PALPATE_SIZES_BY(50, 500);
+BENCHMARK(move<DynamicOctree>) PALPATE_SIZES_BY(50, 500);
+BENCHMARK(move<DynamicQuadtree3d>) PALPATE_SIZES_BY(50, 500);
+BENCHMARK(corners<Octree>)->ArgsProduct({{kSizes[1]}, {10, 20, 30, 50}})->Iterations(1);
+BENCHMARK(corners<Quadtree3d>)->ArgsProduct({{kSizes[1]}, {10, 20, 30, 50}})->Iterations(1);
+
+}  // namespace
+}  // namespace palpate::benchmarks
