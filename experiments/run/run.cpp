@@ -5,6 +5,7 @@
 #ifdef PALPATE_WITH_BASELINES
 #include "baselines/mesh_holder.h"
 #endif
+#include "toolkit/control/controlled_renderer.h"
 #include "toolkit/core/clock.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/io/write_mesh.h"
@@ -58,10 +59,25 @@ Status save_mesh(const render::HapticRenderer& renderer, const std::string& file
   return Done{};
 }
 
+/// What each model feels like once its uniform deformation and a coupling have softened it.
+std::vector<double> felt_stiffness(const scene::LoadedScene& scene) {
+  std::vector<double> felt;
+  for (const render::ModelInput& model : scene.input.models) {
+    double k = model.surface.stiffness_n_per_mm * (1.0 - model.surface.deformation);
+    if (scene.control.coupling) {
+      const double coupled = scene.control.coupling->stiffness_n_per_mm;
+      k = k * coupled / (k + coupled);
+    }
+    felt.push_back(k);
+  }
+  return felt;
+}
+
 Status add_scores(const Stage& stage, Run& run, Progress& progress) {
   const double stiffness = stage.scene.input.models.front().surface.stiffness_n_per_mm;
   progress.report("scoring " + run.result.label, -1.0);
-  if (const Result<metrics::Energy> energy = metrics::observe_energy(stage.path, run.trace, stiffness))
+  if (const Result<metrics::Energy> energy =
+          metrics::observe_energy(stage.path, run.trace, felt_stiffness(stage.scene)))
     run.result.energy = *energy;
   if (!stage.reference) return Done{};
   metrics::AccuracyOptions options;
@@ -81,6 +97,8 @@ Result<Run> run_renderer(const Stage& stage, const RendererRequest& request, con
   run.result = begin(stage, request, registry, options.threads);
   Result<std::unique_ptr<render::HapticRenderer>> renderer = registry.make(request.name, request.options);
   if (!renderer) return std::move(renderer).error();
+  const render::HapticRenderer& inner = **renderer;  // whose mesh is saved; control has none
+  renderer = control::wrap(*std::move(renderer), stage.scene.control);
   TimeLimit limit(progress, options.prepare_limit_s);
   const auto give_up = [&](metrics::RunStatus status, std::string reason) {
     run.result.status = status;
@@ -95,7 +113,7 @@ Result<Run> run_renderer(const Stage& stage, const RendererRequest& request, con
                            : give_up(metrics::RunStatus::kFailed, prepared.error().message());
   run.result.prepare = *std::move(prepared);
   if (!options.save_mesh.empty())
-    if (const Status saved = save_mesh(**renderer, options.save_mesh, run.saved_mesh); !saved)
+    if (const Status saved = save_mesh(inner, options.save_mesh, run.saved_mesh); !saved)
       return saved.error();
   if (progress.cancelled()) return give_up(metrics::RunStatus::kDidNotFinish, "stopped by the user");
 

@@ -199,6 +199,29 @@ TEST_F(Command, ASceneFileNamesItsRenderer) {
   EXPECT_EQ(json::parse(run.out)["renderers"][0]["options"]["shading"], "none");
 }
 
+TEST_F(Command, AScenesControlActsAndSaysSo) {
+  const std::string plane = "[[model]]\ngenerate = \"plane\"\npoints = 961\nextent_mm = 30\n";
+  const auto replayed = [&](const std::string& control) {
+    write_text(folder_ / "s.toml", plane + "[control]\n" + control);
+    const ProcessOutcome run = palpate_command({"replay", in("s.toml"), "--renderer", "analytic", "--path",
+                                                "tap:frames=800", "--out", in("out"), "--json"});
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+    return json::parse(run.out)["renderers"][0];
+  };
+  const json free = replayed("passivity = false\n");
+  // The model's 0.5 N/mm behind as much: half the force, and the error is the other half.
+  const json coupled = replayed("coupling = { stiffness_n_per_mm = 0.5 }\n");
+  EXPECT_NEAR(free["accuracy"]["force_rms_percent"].get<double>(), 0.0, 1e-9);
+  EXPECT_NEAR(coupled["accuracy"]["force_rms_percent"].get<double>(), 50.0, 1e-6);
+  EXPECT_NEAR(coupled["energy"]["max_stored_mj"].get<double>(),
+              0.5 * free["energy"]["max_stored_mj"].get<double>(), 1e-9);
+  EXPECT_NE(coupled["prepare"]["notes"].dump().find("virtual coupling of 0.5 N/mm"), std::string::npos);
+  EXPECT_EQ(free["prepare"]["notes"].dump().find("control:"), std::string::npos);
+  // A spring is passive: the controller finds nothing to take.
+  EXPECT_LT(free["energy"]["generated_percent"].get<double>(), 1e-9);
+  EXPECT_EQ(replayed("passivity = true\n")["status"], "ok");
+}
+
 TEST_F(Command, ASecondRunReplacesTheFirst) {
   const std::vector<std::string> replay = {"replay", kScene, "--renderer", "cloud",
                                            "--path", kPath,  "--out",      in("out")};

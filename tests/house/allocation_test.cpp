@@ -12,7 +12,10 @@
 #include "tests/house/allocation_count.h"
 #include "tests/house/example_renderer.h"
 #include "toolkit/cloud/generate.h"
+#include "toolkit/control/controlled_renderer.h"
+#include "toolkit/core/handover.h"
 #include "toolkit/core/options.h"
+#include "toolkit/geometry/broad_phase.h"
 
 namespace palpate::house {
 namespace {
@@ -72,45 +75,83 @@ std::vector<Vec3> weaving_path(const geometry::AnalyticSurface& surface) {
   return path;
 }
 
-TEST(Frames, NoRendererAllocates) {
-  const auto spec = parse_named_options("sinusoid:points=40401:seed=1");
-  ASSERT_TRUE(spec.ok());
-  auto generated = cloud::generate(*spec);
-  ASSERT_TRUE(generated.ok()) << generated.error().message();
-
+struct Stand {
   render::SceneInput scene;
-  scene.force_limit_n = 3.3;
-  scene.models.resize(1);
-  render::ModelInput& model = scene.models[0];
-  model.name = "sinusoid";
-  model.cloud = std::make_shared<const cloud::Cloud>(std::move(generated->cloud));
-  model.original_mesh = generated->original_mesh;
-  model.analytic = generated->surface;
-  const std::vector<Vec3> path = weaving_path(*model.analytic);
-
+  std::vector<Vec3> path;
   render::Registry registry;
-  register_all_renderers(registry);
-  example::register_ball(registry);
-  ASSERT_GE(registry.all().size(), 2u) << "no renderer is registered";
+};
 
-  for (const render::RendererInfo& info : registry.all()) {
+Stand sinusoid_stand() {
+  auto generated = cloud::generate(parse_named_options("sinusoid:points=40401:seed=1").value()).value();
+  Stand stand;
+  stand.scene.force_limit_n = 3.3;
+  stand.scene.models.resize(1);
+  render::ModelInput& model = stand.scene.models[0];
+  model.name = "sinusoid";
+  model.cloud = std::make_shared<const cloud::Cloud>(std::move(generated.cloud));
+  model.original_mesh = generated.original_mesh;
+  model.analytic = generated.surface;
+  stand.path = weaving_path(*model.analytic);
+  register_all_renderers(stand.registry);
+  example::register_ball(stand.registry);
+  return stand;
+}
+
+/// Blocks that the frames of the path asked for; also that the path was felt and, but for the ball, left.
+std::uint64_t blocks_of_frames(render::HapticRenderer& renderer, const Stand& stand, bool leaves) {
+  const auto prepared = renderer.prepare(stand.scene, {});
+  EXPECT_TRUE(prepared.ok()) << prepared.error().message();
+  std::size_t in_contact = 0;
+  renderer.reset(stand.path.front());
+  const AllocationCount count;
+  for (const Vec3& hip_mm : stand.path) in_contact += renderer.step(hip_mm, 1e-3).contact;
+  const std::uint64_t blocks = count.count();
+  EXPECT_GT(in_contact, kFrames / 10) << "the path must be felt";
+  EXPECT_TRUE(!leaves || in_contact < kFrames) << "and left";
+  return blocks;
+}
+
+TEST(Frames, NoRendererAllocates) {
+  const Stand stand = sinusoid_stand();
+  ASSERT_GE(stand.registry.all().size(), 2u) << "no renderer is registered";
+  for (const render::RendererInfo& info : stand.registry.all()) {
     SCOPED_TRACE(info.name);
-    auto renderer = registry.make(info.name, {});
+    auto renderer = stand.registry.make(info.name, {});
     ASSERT_TRUE(renderer.ok()) << renderer.error().message();
-    const auto prepared = (*renderer)->prepare(scene, {});
-    ASSERT_TRUE(prepared.ok()) << prepared.error().message();
-
-    std::size_t in_contact = 0;
-    (*renderer)->reset(path.front());
-    const AllocationCount count;
-    for (const Vec3& hip_mm : path) in_contact += (*renderer)->step(hip_mm, 1e-3).contact;
-    const std::uint64_t blocks = count.count();
-    EXPECT_EQ(blocks, 0u);
-    EXPECT_GT(in_contact, kFrames / 10) << "the path must be felt";
-    if (info.name != "ball") {
-      EXPECT_LT(in_contact, kFrames) << "and left";
-    }
+    EXPECT_EQ(blocks_of_frames(**renderer, stand, info.name != "ball"), 0u);
   }
+}
+
+TEST(Frames, NoControlAllocates) {
+  const Stand stand = sinusoid_stand();
+  control::ControlOptions options;
+  options.coupling = control::Coupling{0.5, 1e-4};
+  options.filter = {100.0, 500.0, control::FilterForm::kLiteral};
+  options.passivity = control::PassivityOptions{};
+  const auto renderer = control::wrap(stand.registry.make("cloud", {}).value(), options);
+  EXPECT_EQ(blocks_of_frames(*renderer, stand, true), 0u);
+}
+
+TEST(Frames, NoBroadPhaseAllocates) {
+  std::vector<geometry::Aabb> boxes(300);
+  for (std::size_t i = 0; i < boxes.size(); ++i)
+    boxes[i].add(Vec3(static_cast<double>(i % 7), static_cast<double>(i % 11), static_cast<double>(i % 13)));
+  geometry::BroadPhase phase(boxes);
+  Handover<geometry::Candidates<16>> found;
+  const AllocationCount count;
+  for (std::size_t i = 0; i < kFrames / 100; ++i) {
+    for (std::size_t b = 0; b < boxes.size(); ++b) {
+      const Vec3 by = static_cast<double>(b % 5) * Vec3(0.1, 0.2, -0.1);
+      boxes[b] = {boxes[b].low_mm + by, boxes[b].high_mm + by};
+    }
+    phase.update(boxes);
+    phase.query(boxes[0].low_mm, 3.0, found.back());
+    found.publish();
+    ASSERT_TRUE(found.acquire());
+  }
+  EXPECT_EQ(count.count(), 0u);
+  EXPECT_GT(phase.rebuilds(), 0u);
+  EXPECT_GT(found.front().query.hits, 0u);
 }
 
 }  // namespace

@@ -11,6 +11,20 @@ namespace {
 
 using render::Frame;
 
+constexpr double kServoPeriodS = 1e-3;  // what a condition is stated for where no servo is known
+
+/// "10 degrees arrive to 63 % in 6 ms and to 95 % in 9 ms", as measured at 1 kHz.
+std::string delay_of(const ForceFilterOptions& options, StepDelay FilterDelay::*which, const char* step) {
+  const Result<FilterDelay> delay = filter_delay(options, {});
+  if (!delay) return fmt::format("a step of {} does not arrive in {} frames", step, kMeasuredFrames);
+  constexpr double kMsPerS = 1e3;
+  const StepDelay& of = *delay.*which;
+  std::string text = fmt::format("a step of {} arrives to 63 % in {:.3g} ms and to 95 % in {:.3g} ms", step,
+                                 of.to_63_percent_s * kMsPerS, of.to_95_percent_s * kMsPerS);
+  if (!of.ramp_lag_s) text += ", a steady change is never caught up with";
+  return text;
+}
+
 template <bool kCouple, bool kFilter, bool kPassive>
 class ControlledRenderer final : public render::HapticRenderer {
  public:
@@ -59,7 +73,7 @@ class ControlledRenderer final : public render::HapticRenderer {
   [[nodiscard]] render::Description describe() const override {
     render::Description d = inner_->describe();
     for (const std::string& line : control::describe(options_)) d.summary += "; " + line;
-    d.work_bound += "; control: some 100 operations";
+    d.work_bound += "; control: some 1000 instructions";
     return d;
   }
 
@@ -107,16 +121,24 @@ Status check(const ControlOptions& options) {
 
 std::vector<std::string> describe(const ControlOptions& options) {
   std::vector<std::string> lines;
-  if (options.coupling)
-    lines.push_back(fmt::format("virtual coupling of {} N/mm and {} N s/mm",
-                                options.coupling->stiffness_n_per_mm, options.coupling->damping_n_s_per_mm));
+  if (options.coupling) {
+    const double needed = coupling_stability(*options.coupling, 0.0, kServoPeriodS).needed_n_s_per_mm;
+    lines.push_back(
+        fmt::format("virtual coupling of {} N/mm and {} N s/mm, passive at 1 kHz on a device with "
+                    "more than {:.3g} N s/mm of damping",
+                    options.coupling->stiffness_n_per_mm, options.coupling->damping_n_s_per_mm, needed));
+  }
   const char* const form = options.filter.form == FilterForm::kLiteral ? ", from frame to frame" : "";
+  // Each limit's own delay: the other one is left out.
   if (options.filter.rate_limit_n_per_s > 0.0)
-    lines.push_back(
-        fmt::format("force changes by at most {} N/s{}", options.filter.rate_limit_n_per_s, form));
+    lines.push_back(fmt::format(
+        "force changes by at most {} N/s{}: {}", options.filter.rate_limit_n_per_s, form,
+        delay_of({options.filter.rate_limit_n_per_s, 0.0, options.filter.form}, &FilterDelay::size, "1 N")));
   if (options.filter.turn_limit_deg_per_s > 0.0)
-    lines.push_back(
-        fmt::format("force turns by at most {} degrees/s{}", options.filter.turn_limit_deg_per_s, form));
+    lines.push_back(fmt::format("force turns by at most {} degrees/s{}: {}",
+                                options.filter.turn_limit_deg_per_s, form,
+                                delay_of({0.0, options.filter.turn_limit_deg_per_s, options.filter.form},
+                                         &FilterDelay::direction, "10 degrees")));
   if (options.passivity)
     lines.push_back(fmt::format("passivity controller with at most {} N s/mm of damping",
                                 options.passivity->damping_limit_n_s_per_mm));

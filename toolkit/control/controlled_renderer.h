@@ -37,7 +37,7 @@ struct ControlOptions {
 /// The scene's force limit is applied once, at the end, to what the stages answer; the inner renderer is
 /// prepared without one, so that a coupling sees the model's true stiffness. Contact, god object, model,
 /// status and counters are the renderer's own, and a HIP that is not finite leaves every stage as it was.
-/// `options` must satisfy check() (asserted). At most some 100 operations a frame more; no allocation.
+/// `options` must satisfy check() (asserted). At most some 1000 instructions a frame more; no allocation.
 [[nodiscard]] std::unique_ptr<render::HapticRenderer> wrap(std::unique_ptr<render::HapticRenderer> renderer,
                                                            const ControlOptions& options);
 

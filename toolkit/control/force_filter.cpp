@@ -77,7 +77,7 @@ Status check(const ForceFilterOptions& options) {
 }
 
 Vec3 ForceFilter::turned(const Vec3& wanted_n, double most_rad) const noexcept {
-  const double last_size_n = last_n_.stableNorm(), size_n = wanted_n.stableNorm();
+  const double last_size_n = safe_length(last_n_), size_n = safe_length(wanted_n);
   if (!(last_size_n > 0.0) || !(size_n > 0.0)) return wanted_n;
   const Vec3 from = last_n_ / last_size_n, to = wanted_n / size_n;
   const double cosine = from.dot(to);
@@ -107,7 +107,7 @@ Vec3 ForceFilter::filter(const Vec3& wanted_n, double dt_s) noexcept {
   if (options_.rate_limit_n_per_s > 0.0) {
     const double most_n = options_.rate_limit_n_per_s * time_s;
     const Vec3 change_n = force_n - last_n_;
-    const double size_n = change_n.stableNorm();
+    const double size_n = safe_length(change_n);
     if (size_n > most_n) force_n = last_n_ + change_n * (most_n / size_n);
   }
   // The change from one end of the range of doubles to the other is not finite: nothing is safer than that.

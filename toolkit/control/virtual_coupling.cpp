@@ -35,8 +35,8 @@ Vec3 VirtualCoupling::couple(const Vec3& hip_mm, const Vec3& god_object_mm, cons
   }
   const Vec3 before_mm = last_stretch_mm_;
   last_stretch_mm_ = stretch_mm;
-  const double coupled_n = coupling_.stiffness_n_per_mm * stretch_mm.stableNorm();
-  const double model_n = renderer_force_n.stableNorm();
+  const double coupled_n = coupling_.stiffness_n_per_mm * safe_length(stretch_mm);
+  const double model_n = safe_length(renderer_force_n);
   // Written so that neither a rigid model nor a resting one divides by nothing.
   Vec3 force_n = coupled_n > 0.0 ? Vec3(renderer_force_n / (1.0 + model_n / coupled_n)) : Vec3::Zero();
   if (coupling_.damping_n_s_per_mm > 0.0 && dt_s > 0.0)

@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 
+#include "toolkit/control/passivity.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/metrics/pop_through.h"
 #include "toolkit/trace/replay.h"
@@ -286,22 +287,23 @@ Result<Accuracy> score(const trace::ProbePath& path, const trace::ForceTrace& tr
 }
 
 Result<Energy> observe_energy(const trace::ProbePath& path, const trace::ForceTrace& trace,
-                              double stiffness_n_per_mm) {
+                              std::span<const double> stiffness_n_per_mm) {
   if (Status s = check_lengths(path, trace.frames.size(), "the trace"); !s) return std::move(s).error();
   if (Status s = check_finite(path, trace.frames, "the trace"); !s) return std::move(s).error();
-  if (!(stiffness_n_per_mm > 0.0)) return Error{"the stiffness is not positive", "", path.name, 0};
+  if (stiffness_n_per_mm.empty() || !std::all_of(stiffness_n_per_mm.begin(), stiffness_n_per_mm.end(),
+                                                 [](double k) { return k > 0.0 && std::isfinite(k); }))
+    return Error{"the stiffness is not positive", "", path.name, 0};
   Energy e;
-  double energy_mj = 0.0, lowest_mj = 0.0;
+  control::PassivityObserver observer(control::EnergyRule::kTrapezoid);
   for (std::size_t i = 0; i < path.size(); ++i) {
-    const Vec3& force = trace.frames[i].force_n;
-    e.max_stored_mj = std::max(e.max_stored_mj, force.squaredNorm() / (2.0 * stiffness_n_per_mm));
-    if (i == 0) continue;
-    const Vec3 mean = 0.5 * (force + trace.frames[i - 1].force_n);
-    energy_mj -= mean.dot(path.hip_mm[i] - path.hip_mm[i - 1]);
-    lowest_mj = std::min(lowest_mj, energy_mj);
+    const render::Frame& frame = trace.frames[i];
+    const auto model = static_cast<std::size_t>(std::max(frame.model, 0));
+    const double k = stiffness_n_per_mm[model < stiffness_n_per_mm.size() ? model : 0];
+    e.max_stored_mj = std::max(e.max_stored_mj, frame.force_n.squaredNorm() / (2.0 * k));
+    observer.observe(path.hip_mm[i], frame.force_n);
   }
-  e.generated_mj = -lowest_mj;
-  e.final_mj = energy_mj;
+  e.generated_mj = std::max(0.0, -observer.least_mj());  // never -0
+  e.final_mj = observer.energy_mj();
   if (e.max_stored_mj > 0.0) e.generated_percent = kToPercent * e.generated_mj / e.max_stored_mj;
   return e;
 }

@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -96,10 +97,10 @@ struct AccuracyFrames {
                                      const trace::ReferenceTrace& reference, const TruthSurface* truth,
                                      const AccuracyOptions& options, AccuracyFrames* per_frame = nullptr);
 
-/// The passivity observer (Hannaford and Ryu 2002) over a replay: E(n) = -sum of (F(n-1) + F(n))/2 . (h(n) -
-/// h(n-1)), the energy put into the virtual model so far, exact for a linear spring between samples. A
-/// frictionless spring returns to 0 on every closed path; below 0 the renderer has given more than it got. 1
-/// N mm = 1 mJ.
+/// The passivity observer (Hannaford and Ryu 2002; control/passivity.h) over a replay: E(n) = -sum of (F(n-1)
+/// + F(n))/2 . (h(n) - h(n-1)), the energy put into the virtual model so far, exact for a linear spring
+/// between samples. A frictionless spring returns to 0 on every closed path; below 0 the renderer has given
+/// more than it got. 1 N mm = 1 mJ.
 struct Energy {
   std::optional<double> generated_percent;  ///< max(0, -min E) / max stored; nothing without contact
   double generated_mj = 0.0;                ///< max(0, -min E)
@@ -107,9 +108,15 @@ struct Energy {
   double final_mj = 0.0;       ///< E at the end of the path
 };
 /// Needs no truth; lengths that differ are an Error. Apply it to the reference's frames to see what sampling
-/// alone does.
+/// alone does. One stiffness for each model of the scene, as felt (a deformation or a coupling lowers it); a
+/// frame that names no model, or one beyond the list, takes the first. O(n).
 [[nodiscard]] Result<Energy> observe_energy(const trace::ProbePath& path, const trace::ForceTrace& trace,
-                                            double stiffness_n_per_mm);
+                                            std::span<const double> stiffness_n_per_mm);
+[[nodiscard]] inline Result<Energy> observe_energy(const trace::ProbePath& path,
+                                                   const trace::ForceTrace& trace,
+                                                   double stiffness_n_per_mm) {
+  return observe_energy(path, trace, std::span<const double>(&stiffness_n_per_mm, 1));
+}
 
 /// The reference as a trace, so that it can be scored, hashed and plotted like any other.
 [[nodiscard]] trace::ForceTrace as_trace(const trace::ReferenceTrace& reference);

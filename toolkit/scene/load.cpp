@@ -69,6 +69,7 @@ Result<LoadedScene> load(const SceneFile& scene, const io::Readers& readers, con
                          Progress& progress) {
   LoadedScene loaded;
   loaded.input.force_limit_n = scene.force_limit_n;
+  loaded.control = scene.control;
   for (const SceneModel& model : scene.models) {
     progress.report("loading " + model.name, -1.0);
     if (progress.cancelled()) return Error{"stopped while loading the scene", {}, {}, 0};

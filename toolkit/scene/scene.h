@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "toolkit/cloud/cloud.h"
+#include "toolkit/control/controlled_renderer.h"
 #include "toolkit/core/options.h"
 #include "toolkit/core/progress.h"
 #include "toolkit/core/result.h"
@@ -36,7 +37,8 @@ struct SceneFile {
   std::string path;                ///< the file, or the model or generator it was made from
   std::vector<SceneModel> models;  ///< at least one
   std::optional<NamedOptions> renderer;
-  double force_limit_n = 0.0;  ///< 0 = none
+  double force_limit_n = 0.0;       ///< 0 = none
+  control::ControlOptions control;  ///< the rest of [control]; stages around whatever renderer runs
 };
 
 /// Largest scene file that is read: a thousand models take some 300 kB.
@@ -74,6 +76,7 @@ struct Provenance {
 
 struct LoadedScene {
   render::SceneInput input;
+  control::ControlOptions control;     ///< as in the file
   std::vector<Provenance> provenance;  ///< one per model
 };
 

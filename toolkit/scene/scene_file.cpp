@@ -239,24 +239,109 @@ Status read_renderer(const toml::table& root, SceneFile& scene, const Place& pla
   return Done{};
 }
 
+/// A number of `table` that must be above 0, or the value it has without the key.
+Status read_positive(const toml::table& table, const char* key, const char* without, double& value,
+                     const Place& place) {
+  const toml::node* node = table.get(key);
+  if (node == nullptr) return Done{};
+  const Result<double> given = number(*node, key, place);
+  if (!given) return given.error();
+  if (!(*given > 0.0)) return place.at(*node, fmt::format("'{}' must be above 0", key), without);
+  value = *given;
+  return Done{};
+}
+
+Status read_coupling(const toml::table& control, SceneFile& scene, const Place& place) {
+  const toml::node* node = control.get("coupling");
+  if (node == nullptr) return Done{};
+  const toml::table* table = node->as_table();
+  if (table == nullptr)
+    return place.at(*node, "'coupling' must be a table",
+                    "write coupling = { stiffness_n_per_mm = 0.5, damping_n_s_per_mm = 0 }");
+  if (const Status keys =
+          check_keys(*table, {"stiffness_n_per_mm", "damping_n_s_per_mm"}, {}, "coupling", place);
+      !keys)
+    return keys.error();
+  control::Coupling coupling;
+  if (const Status read = read_positive(*table, "stiffness_n_per_mm", "leave out 'coupling' for none",
+                                        coupling.stiffness_n_per_mm, place);
+      !read)
+    return read.error();
+  if (const toml::node* damping = table->get("damping_n_s_per_mm")) {
+    const Result<double> value = number(*damping, "damping_n_s_per_mm", place);
+    if (!value) return value.error();
+    coupling.damping_n_s_per_mm = *value;
+  }
+  if (const Status right = control::check(coupling); !right)
+    return place.at(*node, right.error().what, right.error().remedy);
+  scene.control.coupling = coupling;
+  return Done{};
+}
+
+/// true, false, or a table with the limit of its damping.
+Status read_passivity(const toml::table& control, SceneFile& scene, const Place& place) {
+  const toml::node* node = control.get("passivity");
+  if (node == nullptr) return Done{};
+  control::PassivityOptions passivity;
+  if (const std::optional<bool> on = node->value_exact<bool>()) {
+    if (*on) scene.control.passivity = passivity;
+    return Done{};
+  }
+  const toml::table* table = node->as_table();
+  if (table == nullptr)
+    return place.at(*node, "'passivity' must be true or false",
+                    "or write passivity = { damping_limit_n_s_per_mm = 0.005 }");
+  if (const Status keys = check_keys(*table, {"damping_limit_n_s_per_mm"}, {}, "passivity", place); !keys)
+    return keys.error();
+  if (const Status read = read_positive(*table, "damping_limit_n_s_per_mm", "leave it out for the default",
+                                        passivity.damping_limit_n_s_per_mm, place);
+      !read)
+    return read.error();
+  scene.control.passivity = passivity;
+  return Done{};
+}
+
+Status read_filter(const toml::table& control, SceneFile& scene, const Place& place) {
+  constexpr const char* kNoLimit = "leave it out for no limit";
+  control::ForceFilterOptions& filter = scene.control.filter;
+  if (const Status read =
+          read_positive(control, "rate_limit_n_per_s", kNoLimit, filter.rate_limit_n_per_s, place);
+      !read)
+    return read.error();
+  if (const Status read =
+          read_positive(control, "turn_limit_deg_per_s", kNoLimit, filter.turn_limit_deg_per_s, place);
+      !read)
+    return read.error();
+  const toml::node* node = control.get("filter");
+  if (node == nullptr) return Done{};
+  const Result<std::string> form = text(*node, "filter", place);
+  if (!form) return form.error();
+  if (*form != "per-time" && *form != "literal")
+    return place.at(*node, fmt::format("there is no filter '{}'", *form), "choose from per-time, literal");
+  if (!filter.any())
+    return place.at(*node, "'filter' limits nothing", "add rate_limit_n_per_s or turn_limit_deg_per_s");
+  if (*form == "literal") filter.form = control::FilterForm::kLiteral;
+  return Done{};
+}
+
 Status read_control(const toml::table& root, SceneFile& scene, const Place& place) {
   const toml::node* node = root.get("control");
   if (node == nullptr) return Done{};
   const Result<const toml::table*> table = table_of(*node, "control", place);
   if (!table) return table.error();
-  if (const Status keys =
-          check_keys(**table, {"force_limit_n"}, {"coupling", "virtual_coupling", "filter", "passivity"},
-                     "[control]", place);
+  if (const Status keys = check_keys(
+          **table,
+          {"force_limit_n", "coupling", "passivity", "rate_limit_n_per_s", "turn_limit_deg_per_s", "filter"},
+          {}, "[control]", place);
       !keys)
     return keys.error();
-  if (const toml::node* limit = (*table)->get("force_limit_n")) {
-    const Result<double> value = number(*limit, "force_limit_n", place);
-    if (!value) return value.error();
-    if (!(*value > 0.0))
-      return place.at(*limit, "'force_limit_n' must be above 0", "leave it out for no limit");
-    scene.force_limit_n = *value;
-  }
-  return Done{};
+  if (const Status read =
+          read_positive(**table, "force_limit_n", "leave it out for no limit", scene.force_limit_n, place);
+      !read)
+    return read.error();
+  if (const Status coupling = read_coupling(**table, scene, place); !coupling) return coupling.error();
+  if (const Status filter = read_filter(**table, scene, place); !filter) return filter.error();
+  return read_passivity(**table, scene, place);
 }
 
 Result<SceneFile> from_table(const toml::table& root, const std::string& path) {

@@ -130,7 +130,25 @@ TEST(Wrap, SaysWhatItDoes) {
   const Result<render::PrepareReport> report = again->prepare({}, {});
   ASSERT_TRUE(report);
   ASSERT_EQ(report->notes.size(), 1u);
-  EXPECT_EQ(report->notes[0], "control: virtual coupling of 0.5 N/mm and 0 N s/mm");
+  EXPECT_EQ(report->notes[0],
+            "control: virtual coupling of 0.5 N/mm and 0 N s/mm, passive at 1 kHz on a device with more than "
+            "0.00025 N s/mm of damping");
+}
+
+TEST(Wrap, ReportsTheDelayThatEachLimitAdds) {
+  ControlOptions o;
+  o.filter.rate_limit_n_per_s = 100.0;
+  o.filter.turn_limit_deg_per_s = 50.0;
+  const std::vector<std::string> lines = describe(o);
+  ASSERT_EQ(lines.size(), 2u);
+  EXPECT_EQ(lines[0],
+            "force changes by at most 100 N/s: a step of 1 N arrives to 63 % in 6 ms and to 95 % in 9 ms");
+  EXPECT_EQ(
+      lines[1],
+      "force turns by at most 50 degrees/s: a step of 10 degrees arrives to 63 % in 125 ms and to 95 % in "
+      "189 ms, a steady change is never caught up with");
+  o.filter = {1e-6, 0.0};
+  EXPECT_NE(describe(o)[0].find("does not arrive"), std::string::npos);
 }
 
 TEST(ControlOptions, WrongNumbersAreNamed) {

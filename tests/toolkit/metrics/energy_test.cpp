@@ -1,6 +1,7 @@
 // The passivity observer over replays.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <limits>
 
 #include "tests/toolkit/metrics/tiny.h"
@@ -41,6 +42,34 @@ TEST(Energy, FrictionOnlyTakes) {
   ASSERT_TRUE(e);
   EXPECT_DOUBLE_EQ(e->final_mj, 0.1);
   EXPECT_DOUBLE_EQ(*e->generated_percent, 0.0);
+}
+
+TEST(Energy, EachModelStoresWithItsOwnStiffness) {
+  Tiny t;
+  for (const double z : {0.0, -1.0, 0.0}) t.add(z);
+  t.trace.frames[1].model = 1;
+  // 0.5 N in a spring of 0.25 N/mm: 0.5 mJ. Of the first model's 0.5 N/mm it would be half of that.
+  const std::array<double, 2> stiffness = {0.5, 0.25};
+  EXPECT_DOUBLE_EQ(observe_energy(t.path, t.trace, stiffness)->max_stored_mj, 0.5);
+  t.trace.frames[1].model = 7;
+  EXPECT_DOUBLE_EQ(observe_energy(t.path, t.trace, stiffness)->max_stored_mj, 0.25) << "unknown: the first";
+  EXPECT_FALSE(observe_energy(t.path, t.trace, std::array<double, 2>{0.5, 0.0}));
+  EXPECT_FALSE(observe_energy(t.path, t.trace, std::span<const double>{}));
+}
+
+TEST(Energy, TheKickAtABorderOfStiffness) {
+  // In 2 mm at 0.25 N/mm (soft), aside to 0.5 N/mm (rigid), and out: the step of section 3.3.2.3. In
+  // 0.5 mJ; aside nothing, the force stands across; out 1 mJ. So 0.5 mJ from nowhere, of 1 mJ stored at most.
+  Tiny t;
+  for (const double z : {0.0, -2.0}) t.add(z);
+  t.trace.frames[1].force_n *= 0.5;
+  t.add(-2.0, 0.1, 1.0);
+  t.add(0.0, 0.1, 1.0);
+  const Result<Energy> e = observe_energy(t.path, t.trace, kStiffness);
+  ASSERT_TRUE(e);
+  EXPECT_DOUBLE_EQ(e->final_mj, -0.5);
+  EXPECT_DOUBLE_EQ(e->max_stored_mj, 1.0);
+  EXPECT_DOUBLE_EQ(*e->generated_percent, 50.0);
 }
 
 TEST(Energy, NothingWithoutContact) {

@@ -121,8 +121,63 @@ INSTANTIATE_TEST_SUITE_P(
         Refused{"model_no_list", "[model]\ncloud = \"a.ply\"", 0, "two brackets"},
         Refused{"renderer_unnamed", "[[model]]\ncloud = \"a.ply\"\n[renderer]\nshading = \"none\"", 3,
                 "needs 'name'"},
-        Refused{"force_limit", "[[model]]\ncloud = \"a.ply\"\n[control]\nforce_limit_n = 0", 4, "above 0"}),
+        Refused{"force_limit", "[[model]]\ncloud = \"a.ply\"\n[control]\nforce_limit_n = 0", 4, "above 0"},
+        Refused{"coupling_number", "[[model]]\ncloud = \"a.ply\"\n[control]\ncoupling = 0.5", 4,
+                "must be a table"},
+        Refused{"coupling_without_spring",
+                "[[model]]\ncloud = \"a.ply\"\n[control]\ncoupling = { damping_n_s_per_mm = 0.001 }", 4,
+                "stiffness_n_per_mm"},
+        Refused{"coupling_negative",
+                "[[model]]\ncloud = \"a.ply\"\n[control]\ncoupling = { stiffness_n_per_mm = 1, "
+                "damping_n_s_per_mm = -1 }",
+                4, "damping_n_s_per_mm"},
+        Refused{"coupling_key",
+                "[[model]]\ncloud = \"a.ply\"\n[control]\ncoupling = { stifness_n_per_mm = 1 }", 4,
+                "did you mean 'stiffness_n_per_mm'"},
+        Refused{"passivity_text", "[[model]]\ncloud = \"a.ply\"\n[control]\npassivity = \"on\"", 4,
+                "true or false"},
+        Refused{"passivity_limit",
+                "[[model]]\ncloud = \"a.ply\"\n[control]\npassivity = { damping_limit_n_s_per_mm = 0 }", 4,
+                "above 0"},
+        Refused{"rate_limit", "[[model]]\ncloud = \"a.ply\"\n[control]\nrate_limit_n_per_s = -1", 4,
+                "above 0"},
+        Refused{"turn_limit", "[[model]]\ncloud = \"a.ply\"\n[control]\nturn_limit_deg_per_s = nan", 4,
+                "finite"},
+        Refused{"filter_name",
+                "[[model]]\ncloud = \"a.ply\"\n[control]\nrate_limit_n_per_s = 9\nfilter = \"kalman\"", 5,
+                "no filter"},
+        Refused{"filter_of_nothing", "[[model]]\ncloud = \"a.ply\"\n[control]\nfilter = \"literal\"", 4,
+                "limits nothing"},
+        Refused{"control_key", "[[model]]\ncloud = \"a.ply\"\n[control]\npasivity = true", 4,
+                "did you mean 'passivity'"}),
     [](const auto& tested) { return std::string(tested.param.name); });
+
+TEST(SceneFile, ControlIsOffUnlessAskedFor) {
+  const Result<SceneFile> scene =
+      parse_scene("[[model]]\ncloud = \"a.ply\"\n[control]\npassivity = false\n", "s.toml");
+  ASSERT_TRUE(scene.ok()) << scene.error().message();
+  EXPECT_FALSE(scene->control.any());
+  EXPECT_EQ(scene->force_limit_n, 0.0);
+}
+
+TEST(SceneFile, ReadsEveryControl) {
+  const Result<SceneFile> scene = parse_scene(
+      "[[model]]\ncloud = \"a.ply\"\n[control]\nforce_limit_n = 3.3\n"
+      "coupling = { stiffness_n_per_mm = 0.4, damping_n_s_per_mm = 0.0001 }\n"
+      "rate_limit_n_per_s = 200\nturn_limit_deg_per_s = 900\nfilter = \"literal\"\n"
+      "passivity = { damping_limit_n_s_per_mm = 0.002 }\n",
+      "s.toml");
+  ASSERT_TRUE(scene.ok()) << scene.error().message();
+  EXPECT_EQ(scene->force_limit_n, 3.3);
+  ASSERT_TRUE(scene->control.coupling);
+  EXPECT_EQ(scene->control.coupling->stiffness_n_per_mm, 0.4);
+  EXPECT_EQ(scene->control.coupling->damping_n_s_per_mm, 0.0001);
+  EXPECT_EQ(scene->control.filter.rate_limit_n_per_s, 200.0);
+  EXPECT_EQ(scene->control.filter.turn_limit_deg_per_s, 900.0);
+  EXPECT_EQ(scene->control.filter.form, control::FilterForm::kLiteral);
+  ASSERT_TRUE(scene->control.passivity);
+  EXPECT_EQ(scene->control.passivity->damping_limit_n_s_per_mm, 0.002);
+}
 
 TEST(SceneFile, RefusesAFileTooLargeToBeAScene) {
   const Result<SceneFile> scene = parse_scene(std::string(kMaxSceneBytes + 1, '#'), "big.toml");
