@@ -1,7 +1,7 @@
 # Installation: libraries, headers, the palpate command, and the package files for find_package(palpate).
 #
 # One export set per component, so that who links the toolkit needs neither PCL nor CGAL:
-#   toolkit (always), scene, device, pcd, dem, baselines.   See docs/architecture.md.
+#   toolkit (always), scene, device, pcd, voronoi, dem, baselines.   See docs/architecture.md.
 include(CMakePackageConfigHelpers)
 
 set(palpate_package_dir "${CMAKE_INSTALL_LIBDIR}/cmake/palpate")
@@ -11,7 +11,7 @@ set(palpate_header_dir "${CMAKE_INSTALL_INCLUDEDIR}/palpate")
 function(palpate_component_of target out)
   get_target_property(folder ${target} SOURCE_DIR)
   file(RELATIVE_PATH folder "${PROJECT_SOURCE_DIR}" "${folder}")
-  if(folder MATCHES "^toolkit/(pcd|dem|scene)")
+  if(folder MATCHES "^toolkit/(pcd|dem|scene|voronoi)")
     set(${out} ${CMAKE_MATCH_1} PARENT_SCOPE)
   elseif(folder MATCHES "^(toolkit|device|baselines)(/|$)")
     set(${out} ${CMAKE_MATCH_1} PARENT_SCOPE)
@@ -67,7 +67,7 @@ function(palpate_print_summary)
   message(STATUS "  build       ${CMAKE_BUILD_TYPE}, ${CMAKE_CXX_COMPILER_ID} ${CMAKE_CXX_COMPILER_VERSION}, "
                  "sanitizer: ${PALPATE_SANITIZE}, warnings as errors: ${PALPATE_WARNINGS_AS_ERRORS}")
   message(STATUS "  parts       baselines ${PALPATE_BUILD_BASELINES}, experiments ${PALPATE_BUILD_EXPERIMENTS}, "
-                 "pcd ${PALPATE_WITH_PCD}, dem ${PALPATE_WITH_DEM}, tests ${PALPATE_BUILD_TESTS}, benchmarks ${PALPATE_BUILD_BENCHMARKS}, "
+                 "pcd ${PALPATE_WITH_PCD}, voronoi ${PALPATE_WITH_VORONOI}, dem ${PALPATE_WITH_DEM}, tests ${PALPATE_BUILD_TESTS}, benchmarks ${PALPATE_BUILD_BENCHMARKS}, "
                  "fuzzers ${PALPATE_BUILD_FUZZERS}")
   message(STATUS "  modules     ${module_list}")
 endfunction()

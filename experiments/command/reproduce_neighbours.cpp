@@ -141,7 +141,7 @@ Table builders_table(const std::vector<ModelScores>& models, const Manifest& man
       }
       const neighbourhood::BuilderScore& s = m.scores[b];
       row.push_back(plain(whole_ms(s.one_thread_ms)));
-      row.push_back(plain(whole_ms(s.all_threads_ms)));
+      row.push_back(plain(s.all_threads_ms ? whole_ms(*s.all_threads_ms) : "–"));
       row.push_back(plain(percent(s.agreement.found_percent())));
     }
     const neighbourhood::BuilderScore& first = models.front().scores[b];
@@ -153,7 +153,8 @@ Table builders_table(const std::vector<ModelScores>& models, const Manifest& man
       "Every builder with its default options, the best of three. True links: how many of the links along "
       "the "
       "surface were found. Wall of w: percent of links that lead through a slab of w spacings to its other "
-      "face. A dash: the builder needs a scanner's order that the model does not have.";
+      "face. A dash: the builder "
+      "needs a scanner's order that the model does not have, or knows one thread only.";
   return table;
 }
 
@@ -164,7 +165,8 @@ nlohmann::ordered_json to_json(const std::vector<ModelScores>& models, const Man
       nlohmann::ordered_json row = {{"model", m.model}, {"builder", s.builder}, {"truth", m.truth}};
       if (s.failure.empty()) {
         row["one_thread_ms"] = s.one_thread_ms;
-        row["all_threads_ms"] = s.all_threads_ms;
+        row["all_threads_ms"] =
+            s.all_threads_ms ? nlohmann::ordered_json(*s.all_threads_ms) : nlohmann::ordered_json(nullptr);
         row["links"] = s.agreement.links;
         row["true_links_found_percent"] = s.agreement.found_percent();
         row["notes"] = s.notes;

@@ -12,10 +12,16 @@
 #ifdef PALPATE_WITH_PCD
 #include "toolkit/pcd/pcd_reader.h"
 #endif
+#ifdef PALPATE_WITH_VORONOI
+#include "toolkit/voronoi/voronoi.h"
+#endif
 
 namespace palpate::experiments {
 
 render::Registry all_renderers() {
+#ifdef PALPATE_WITH_VORONOI
+  voronoi::register_voronoi();  // first: renderers list the builders of neighbours as they are registered
+#endif
   render::Registry registry;
   render::register_toolkit_renderers(registry);
 #ifdef PALPATE_WITH_BASELINES

@@ -29,6 +29,7 @@ struct Builder {
   std::function<Result<Built>(const cloud::Cloud&, const Options&, int threads)> build;
   /// Follows the scanner instead of searching: needs a scan's order, and a link has one back.
   bool follows_scanner = false;
+  bool one_thread = false;  ///< whatever it is given
 };
 
 /// All builders: those of this module in the order of section 3.2.2, then those added. A copy; safe from any

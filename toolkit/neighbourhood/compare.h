@@ -71,7 +71,8 @@ struct BuilderScore {
   std::string builder;
   std::string failure;  ///< why there is no table; else empty
   std::vector<std::string> notes;
-  double one_thread_ms = 0.0, all_threads_ms = 0.0;  ///< best of the repeats
+  double one_thread_ms = 0.0;            ///< best of the repeats
+  std::optional<double> all_threads_ms;  ///< none where the builder knows one thread only
   LinkAgreement agreement;
   std::vector<WallLinks> walls;            ///< one per wall
   std::vector<std::string> wall_failures;  ///< one per wall: empty, or why there is no table

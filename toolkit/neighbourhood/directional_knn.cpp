@@ -81,11 +81,13 @@ struct Directions {
   std::size_t filled = 0;
   Directions() { square.fill(kEverything); }
 
-  void offer(std::size_t at, double sq, std::uint32_t i) noexcept {
-    if (!(sq < square[at] || (sq == square[at] && i < index[at]))) return;
+  /// Whether it was the best so far, and every direction has one.
+  bool offer(std::size_t at, double sq, std::uint32_t i) noexcept {
+    if (!(sq < square[at] || (sq == square[at] && i < index[at]))) return false;
     filled += static_cast<std::size_t>(square[at] == kEverything);
     square[at] = sq;
     index[at] = i;
+    return filled == kNeighbours;
   }
   /// Infinite while a direction is empty.
   [[nodiscard]] double worst() const noexcept {
@@ -115,6 +117,7 @@ class Chooser {
   bool operator()(std::uint32_t self, const Vec3& p, const Candidates& c, double radius_mm, Neighbours& out,
                   Scratch& scratch) const {
     const double covered = radius_mm * radius_mm;
+    bool again = false;
     for (double guess = scratch.guess;;) {
       const bool all = !(guess < covered);
       const bool whole = all && radius_mm == kEverything;
@@ -128,11 +131,12 @@ class Chooser {
       }
       const double limit = near.count == kNeighbours ? reach_sq_ * near.worst : kEverything;
       const Frame frame = frame_at(near);
-      const Directions found = search(frame, p, self, limit, scratch);
+      const Directions found = search(frame, p, self, limit, c, scratch);
       if (!(found.worst() < known || limit < known || whole)) {
         if (all) return false;
-        // Some direction may be empty to the end: there is no use in going there by steps.
-        guess = std::max(larger_guess(guess), kGuessRoom * limit);
+        // A direction still empty may be so to the end: there is no use in going there by steps.
+        guess = std::max(larger_guess(guess), again ? kGuessRoom * limit : 0.0);
+        again = true;
         continue;
       }
       scratch.guess = kGuessRoom * std::min(found.worst(), limit);
@@ -182,14 +186,18 @@ class Chooser {
     return none;
   }
 
-  Directions search(const Frame& frame, const Vec3& p, std::uint32_t self, double limit,
+  Directions search(const Frame& frame, const Vec3& p, std::uint32_t self, double limit, const Candidates& c,
                     const Scratch& scratch) const {
     Directions found;
+    double far = limit;  // nothing beyond can be the best of its direction
     for (std::size_t k = 0; k < scratch.count; ++k) {
-      const std::uint32_t other = scratch.index[k];
-      if (other == self || !(scratch.square[k] > 0.0) || scratch.square[k] > limit) continue;
-      if (const auto at = direction_of(frame, cloud_.local_mm(other) - p, tan_sq_))
-        found.offer(*at, scratch.square[k], other);
+      if (scratch.square[k] > far || !(scratch.square[k] > 0.0) || scratch.index[k] == self) continue;
+      const std::size_t at = scratch.kept[k];
+      const Vec3 other(static_cast<double>(c.x[at]), static_cast<double>(c.y[at]),
+                       static_cast<double>(c.z[at]));
+      const auto direction = direction_of(frame, other - p, tan_sq_);
+      if (direction && found.offer(*direction, scratch.square[k], scratch.index[k]))
+        far = std::min(limit, found.worst());
     }
     return found;
   }

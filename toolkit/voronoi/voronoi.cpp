@@ -1,0 +1,181 @@
+#include "toolkit/voronoi/voronoi.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <exception>
+#include <numeric>
+#include <vector>
+
+#include "toolkit/core/parallel.h"
+#include "toolkit/neighbourhood/builders.h"
+#include "toolkit/neighbourhood/knn_kernels.h"
+
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wconversion"
+#pragma GCC diagnostic ignored "-Wsign-conversion"
+#pragma GCC diagnostic ignored "-Wold-style-cast"
+#pragma GCC diagnostic ignored "-Wshadow"
+#include <CGAL/Delaunay_triangulation_3.h>
+#include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
+#include <CGAL/Triangulation_data_structure_3.h>
+#include <CGAL/Triangulation_vertex_base_with_info_3.h>
+#pragma GCC diagnostic pop
+
+namespace palpate::voronoi {
+namespace {
+
+using neighbourhood::kNeighbours;
+using neighbourhood::NeighbourTable;
+using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
+using Vertex = CGAL::Triangulation_vertex_base_with_info_3<std::uint32_t, Kernel>;
+using Cell = CGAL::Delaunay_triangulation_cell_base_3<Kernel>;
+using Triangulation =
+    CGAL::Delaunay_triangulation_3<Kernel, CGAL::Triangulation_data_structure_3<Vertex, Cell>>;
+
+constexpr std::size_t kPointsPerChunk = 16384;
+/// Of one place no point needs more than itself and eight others.
+constexpr std::size_t kOfOnePlace = kNeighbours + 1;
+
+/// Lists of lists in two arrays.
+struct Rows {
+  std::vector<std::uint32_t> begin, values;
+  [[nodiscard]] auto first(std::size_t i) const noexcept { return values.begin() + begin[i]; }
+  [[nodiscard]] auto last(std::size_t i) const noexcept { return values.begin() + begin[i + 1]; }
+};
+
+/// Points by place, the lowest index first in each.
+struct Places {
+  Rows members;
+  std::vector<std::uint32_t> of;  ///< place of each point
+  [[nodiscard]] std::size_t size() const noexcept { return members.begin.size() - 1; }
+};
+
+Places places_of(const cloud::Cloud& cloud) {
+  const auto at = [&](std::uint32_t i) { return std::array{cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i]}; };
+  Places places;
+  std::vector<std::uint32_t>& order = places.members.values;
+  order.resize(cloud.size());
+  std::iota(order.begin(), order.end(), 0u);
+  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+    const auto p = at(a), q = at(b);
+    return p != q ? p < q : a < b;
+  });
+  places.of.resize(cloud.size());
+  for (std::uint32_t k = 0; k < order.size(); ++k) {
+    if (k == 0 || at(order[k]) != at(order[k - 1])) places.members.begin.push_back(k);
+    places.of[order[k]] = static_cast<std::uint32_t>(places.members.begin.size() - 1);
+  }
+  places.members.begin.push_back(static_cast<std::uint32_t>(order.size()));
+  return places;
+}
+
+/// The places whose cells touch, for each place.
+Rows touching(const cloud::Cloud& cloud, const Places& places) {
+  std::vector<std::pair<Kernel::Point_3, std::uint32_t>> points;
+  points.reserve(places.size());
+  for (std::uint32_t place = 0; place < places.size(); ++place) {
+    const Vec3 p = cloud.local_mm(*places.members.first(place));
+    points.emplace_back(Kernel::Point_3(p.x(), p.y(), p.z()), place);
+  }
+  const Triangulation triangulation(points.begin(), points.end());
+  const auto end_of = [](const Triangulation::Edge& edge, int which) {
+    return edge.first->vertex(which)->info();
+  };
+  Rows rows;
+  rows.begin.assign(places.size() + 1, 0);
+  if (triangulation.dimension() < 1) return rows;
+  for (auto edge = triangulation.finite_edges_begin(); edge != triangulation.finite_edges_end(); ++edge) {
+    ++rows.begin[end_of(*edge, edge->second) + 1];
+    ++rows.begin[end_of(*edge, edge->third) + 1];
+  }
+  std::partial_sum(rows.begin.begin(), rows.begin.end(), rows.begin.begin());
+  rows.values.resize(rows.begin.back());
+  std::vector<std::uint32_t> at(rows.begin.begin(), rows.begin.end() - 1);
+  for (auto edge = triangulation.finite_edges_begin(); edge != triangulation.finite_edges_end(); ++edge) {
+    const std::uint32_t a = end_of(*edge, edge->second), b = end_of(*edge, edge->third);
+    rows.values[at[a]++] = b;
+    rows.values[at[b]++] = a;
+  }
+  return rows;
+}
+
+NeighbourTable nearest_eight(const cloud::Cloud& cloud, const Places& places, const Rows& natural,
+                             int threads, VoronoiReport& report) {
+  NeighbourTable table;
+  table.of.resize(cloud.size());
+  std::vector<VoronoiReport> parts((cloud.size() + kPointsPerChunk - 1) / kPointsPerChunk);
+  parallel_chunks(cloud.size(), kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+    VoronoiReport& part = parts[begin / kPointsPerChunk];
+    for (auto self = static_cast<std::uint32_t>(begin); self < end; ++self) {
+      const Vec3 p = cloud.local_mm(self);
+      neighbourhood::BestEight best;
+      std::size_t found = 0;
+      const auto offer = [&](std::uint32_t place) {
+        const auto first = places.members.first(place), last = places.members.last(place);
+        found += static_cast<std::size_t>(last - first);
+        for (auto m = first; m != last && m < first + kOfOnePlace; ++m)
+          if (*m != self) best.offer((cloud.local_mm(*m) - p).squaredNorm(), *m);
+      };
+      const std::uint32_t home = places.of[self];
+      offer(home);
+      --found;  // itself
+      for (auto other = natural.first(home); other != natural.last(home); ++other) offer(*other);
+      best.store(self, table.of[self]);
+      part.more_than_eight += found > kNeighbours;
+      part.fewer_than_eight += found < kNeighbours;
+    }
+  });
+  report.places = places.size();
+  report.natural = natural.values.size() / 2;
+  for (const VoronoiReport& part : parts) {
+    report.more_than_eight += part.more_than_eight;
+    report.fewer_than_eight += part.fewer_than_eight;
+  }
+  return table;
+}
+
+}  // namespace
+
+Result<NeighbourTable> voronoi(const cloud::Cloud& cloud, int threads, VoronoiReport* report) {
+  if (cloud.empty()) return NeighbourTable{};
+  // CGAL may throw; nothing of ours does.
+  try {
+    VoronoiReport found;
+    const Places places = places_of(cloud);
+    NeighbourTable table = nearest_eight(cloud, places, touching(cloud, places), threads, found);
+    if (report != nullptr) *report = found;
+    return table;
+  } catch (const std::bad_alloc&) {
+    return Error{fmt::format("there is not enough memory for the Voronoi cells of {} points", cloud.size()),
+                 "choose neighbours=exact-knn, or reduce the cloud",
+                 {},
+                 0};
+  } catch (const std::exception& thrown) {
+    return Error{fmt::format("CGAL gave up on the Voronoi cells: {}", thrown.what()),
+                 "choose neighbours=exact-knn",
+                 {},
+                 0};
+  }
+}
+
+void register_voronoi() {
+  neighbourhood::Builder builder;
+  builder.name = "voronoi";
+  builder.summary = "the nearest eight of those whose Voronoi cells touch";
+  builder.source = "section 3.2.2.3, CGAL";
+  builder.build = [](const cloud::Cloud& cloud, const Options&, int threads) -> Result<neighbourhood::Built> {
+    VoronoiReport r;
+    Result<NeighbourTable> table = voronoi(cloud, threads, &r);
+    if (!table) return std::move(table).error();
+    neighbourhood::Built built{*std::move(table), {}};
+    built.notes.push_back(fmt::format("{:.2f} natural neighbours on average, fewer than eight at {} points",
+                                      2.0 * static_cast<double>(r.natural) / static_cast<double>(r.places),
+                                      r.fewer_than_eight));
+    return built;
+  };
+  builder.one_thread = true;
+  neighbourhood::add_builder(std::move(builder));
+}
+
+}  // namespace palpate::voronoi
