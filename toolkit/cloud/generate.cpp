@@ -71,15 +71,19 @@ std::uint32_t whole(double x, double least) {
   return static_cast<std::uint32_t>(std::max(least, std::round(x)));
 }
 
-/// Rows of a square grid over a height field, scanner order.
-Samples sample_height_field(const std::shared_ptr<const AnalyticSurface>& surface, const Common& common) {
-  const std::uint32_t side = common.spacing_mm > 0.0 ? whole(common.extent_mm / common.spacing_mm, 1.0) + 1
-                                                     : whole(std::sqrt(common.points), 2.0);
+/// Rows of a grid over a height field, `aspect` times as long in y as in x, scanner order.
+Samples sample_height_field(const std::shared_ptr<const AnalyticSurface>& surface, const Common& common,
+                            double aspect = 1.0) {
+  const bool by_spacing = common.spacing_mm > 0.0;
+  const std::uint32_t side = by_spacing ? whole(common.extent_mm / common.spacing_mm, 1.0) + 1
+                                        : whole(std::sqrt(common.points / aspect), 2.0);
   const std::size_t columns = side;
   const double cells = static_cast<double>(side - 1);
+  const std::uint32_t rows = aspect == 1.0 ? side : whole(aspect * cells, 1.0) + 1;
+  const double cells_y = static_cast<double>(rows - 1);
   Samples samples;
-  samples.count = columns * columns;
-  ScanRaster raster{side, side};
+  samples.count = columns * rows;
+  ScanRaster raster{side, rows};
   if (common.order == "boustrophedon") raster.order = ScanOrder::kBoustrophedon;
   samples.raster = raster;
   samples.spacing_mm = common.extent_mm / cells;
@@ -88,15 +92,15 @@ Samples sample_height_field(const std::shared_ptr<const AnalyticSurface>& surfac
     Shift shift = shift_of(common, row * columns + column);
     // Border points move along the border only, so that the extent stays.
     if (column == 0 || column + 1 == columns) shift.u = 0.0;
-    if (row == 0 || row + 1 == columns) shift.v = 0.0;
+    if (row == 0 || row + 1 == rows) shift.v = 0.0;
     const double u = warped((static_cast<double>(column) + shift.u) / cells, common.nonuniform);
-    const double v = warped((static_cast<double>(row) + shift.v) / cells, common.nonuniform);
+    const double v = warped((static_cast<double>(row) + shift.v) / cells_y, common.nonuniform);
     return surface->at(u, v).point_mm;
   };
   samples.triangles = [=] {
     Triangles found;
-    found.reserve(2 * (columns - 1) * (columns - 1));
-    for (std::uint32_t row = 0; row + 1 < side; ++row)
+    found.reserve(2 * (columns - 1) * (rows - 1));
+    for (std::uint32_t row = 0; row + 1 < rows; ++row)
       for (std::uint32_t column = 0; column + 1 < side; ++column) {
         const auto at = [&](std::uint32_t r, std::uint32_t c) {
           return static_cast<std::uint32_t>(raster.index(r, c));
@@ -256,7 +260,7 @@ std::vector<OptionSpec> with_common(std::string extent, std::string extent_help,
        {},
        0,
        0.9},
-      {"seed", OptionKind::kInteger, "1", "of the jitter", {}, 0, 1e18},
+      {"seed", OptionKind::kInteger, "1", "of the jitter, and of the relief", {}, 0, 1e18},
       {"scale", OptionKind::kNumber, "1", "multiplies every length", {}, 1e-150, 1e150},
       {"mesh", OptionKind::kFlag, "true", "also make the regular triangulation", {}, 0, 0}};
   specs.insert(specs.end(), own.begin(), own.end());
@@ -281,6 +285,12 @@ std::vector<Generator> make_generators() {
       {"saddle", "z = c/2 (x^2 - y^2); scanner order",
        with_common("100", side, fields,
                    {order, {"curvature_per_mm", OptionKind::kNumber, "0.02", "c, 1/mm", {}, 1e-150, 1e150}})},
+      {"relief", "32 waves of all lengths, equally steep: a detailed height field; scanner order",
+       with_common("100", side, fields,
+                   {order,
+                    {"aspect", OptionKind::kNumber, "1", "side along y in sides along x", {}, 1e-3, 1e3},
+                    {"finest_mm", OptionKind::kNumber, "1", "shortest wave, mm", {}, 1e-300, 1e150},
+                    {"slope", OptionKind::kNumber, "0.3", "root mean square of the slope", {}, 1e-6, 1}})},
       {"wedge", "two planes that meet along the y axis; scanner order",
        with_common("100", side, fields,
                    {order,
@@ -351,6 +361,13 @@ Samples sample(const std::string& name, const Options& options, const Common& co
     surface = geometry::make_slab(common.extent_mm, thickness);
     return surface ? sample_slab(thickness, common) : Samples{};
   }
+  if (name == "relief") {
+    const double aspect = options.number("aspect");
+    surface = geometry::make_relief(common.extent_mm, aspect * common.extent_mm,
+                                    options.number("finest_mm") * common.scale, options.number("slope"),
+                                    common.seed);
+    return surface ? sample_height_field(surface, common, aspect) : Samples{};
+  }
   if (name == "wedge") {
     surface = geometry::make_wedge(options.number("angle_deg"), common.extent_mm);
   } else if (name == "saddle") {
@@ -404,10 +421,11 @@ Result<GeneratedModel> generate(const NamedOptions& spec) {
   GeneratedModel model;
   const Samples samples = sample(spec.name, options, common, model.surface);
   if (!model.surface)
-    return Error{fmt::format("{} makes no surface of this kind", spelled(spec.name, options)),
-                 "a sinusoid's slope 2 pi A / L may be at most 8",
-                 {},
-                 0};
+    return Error{
+        fmt::format("{} makes no surface of this kind", spelled(spec.name, options)),
+        "a sinusoid's slope 2 pi A / L may be at most 8, a relief's finest wave must be below its side",
+        {},
+        0};
   if (static_cast<double>(samples.count) > kMostPoints)
     return Error{fmt::format("{} makes {} points", spec.name, samples.count),
                  fmt::format("at most {} points a model", kMostPoints),

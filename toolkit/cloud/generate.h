@@ -34,7 +34,7 @@ struct Generator {
   std::vector<OptionSpec> options;
 };
 
-/// All generators, in the order for --help: sinusoid, plane, saddle, wedge, sphere, torus, slab.
+/// All generators, in the order for --help: sinusoid, plane, saddle, relief, wedge, sphere, torus, slab.
 [[nodiscard]] const std::vector<Generator>& generators();
 [[nodiscard]] const Generator* find_generator(std::string_view name);
 

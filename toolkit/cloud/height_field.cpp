@@ -57,10 +57,12 @@ struct Lattice {
 };
 
 Lattice find_lattice(const Cloud& cloud) {
-  if (cloud.raster && cloud.raster->columns >= 2 && cloud.raster->rows >= 2) {
-    const std::size_t columns = cloud.raster->columns, rows = cloud.raster->rows;
-    const Vec3 first = cloud.local_mm(0), along = cloud.local_mm(columns - 1);
-    const Vec3 across = cloud.local_mm((rows - 1) * columns);
+  const ScanRaster raster = cloud.raster.value_or(ScanRaster{});
+  if (raster.columns >= 2 && raster.rows >= 2 && !raster.columns_wrap && !raster.rows_wrap) {
+    const std::size_t columns = raster.columns, rows = raster.rows;
+    const Vec3 first = cloud.local_mm(raster.index(0, 0)),
+               along = cloud.local_mm(raster.index(0, columns - 1));
+    const Vec3 across = cloud.local_mm(raster.index(rows - 1, 0));
     // A scanner may run along y and step in x.
     if (std::abs(along.x() - first.x()) >= std::abs(along.y() - first.y()))
       return {ends(first.x(), along.x(), columns), ends(first.y(), across.y(), rows)};

@@ -1,11 +1,12 @@
 // Surfaces known by formula, exact in double. All work at any scale: every tolerance follows from the
-// coordinates and the shape's own lengths. Open surfaces (plane, sinusoid, saddle, wedge) are height fields
-// that go on by their formula beyond the generated box; below them is inside everywhere.
+// coordinates and the shape's own lengths. Open surfaces (plane, sinusoid, saddle, relief, wedge) are height
+// fields that go on by their formula beyond the generated box; below them is inside everywhere.
 //
 // Makers return null for parameters that make no such shape (non-finite, or not positive where a length is
 // needed).
 #pragma once
 
+#include <cstdint>
 #include <memory>
 
 #include "toolkit/geometry/analytic_surface.h"
@@ -23,6 +24,12 @@ namespace palpate::geometry {
 /// z = c (x^2 - y^2) with c = curvature_per_mm / 2, so that the principal curvatures at the origin are +-
 /// curvature.
 [[nodiscard]] std::shared_ptr<const AnalyticSurface> make_saddle(double curvature_per_mm, double extent_mm);
+
+/// A detailed relief of 32 waves of random ways and phases, from the longer side down to `finest_mm`, all
+/// equally steep; `slope` is the root of the mean square of its slope, at most 1. Rectangular in plan view.
+[[nodiscard]] std::shared_ptr<const AnalyticSurface> make_relief(double extent_x_mm, double extent_y_mm,
+                                                                 double finest_mm, double slope,
+                                                                 std::uint64_t seed);
 
 /// Two half-planes that meet along the y axis, z = -|x| / tan(angle / 2): `angle_deg` is the angle of the
 /// material, below 180 a ridge (convex), above 180 a valley (concave). Between 10 and 350 degrees.

@@ -57,10 +57,13 @@ class HeightFieldLiteral final : public HapticRenderer {
   void reset(const Vec3& /*hip_mm*/) noexcept override {
     collided_ = false;
     counters_ = {};
+    now_s_ = 0.0;
+    if (model_.motion != nullptr) model_.move_to(now_s_);
   }
 
-  Frame step(const Vec3& hip_mm, double) noexcept override {
+  Frame step(const Vec3& hip_mm, double dt_s) noexcept override {
     ++counters_.frames;
+    if (model_.motion != nullptr) model_.move_to(now_s_ += dt_s);
     Frame frame;
     if (!is_finite(hip_mm)) {
       frame.status = FrameStatus::kNonFinite;
@@ -78,7 +81,11 @@ class HeightFieldLiteral final : public HapticRenderer {
           held_ = kNobody;
         }
         collided_ = true;
-        return walks_ ? respond(h) : answer(post, {h.x(), h.y(), top}, {0.0, 0.0, top - h.z()});
+        if (walks_)
+          respond(h, frame);
+        else
+          answer(post, {h.x(), h.y(), top}, {0.0, 0.0, top - h.z()}, frame);
+        return frame;
       }
     }
     collided_ = false;
@@ -114,7 +121,7 @@ class HeightFieldLiteral final : public HapticRenderer {
 
   /// 4.3.2: from the entry post downhill in distance over the eight neighbours, to the post nearest to the
   /// HIP around there.
-  Frame respond(const Vec3& h) noexcept {
+  void respond(const Vec3& h, Frame& frame) noexcept {
     Post god = entry_;
     double nearest_sq = (at(god) - h).squaredNorm();
     std::int32_t moves = columns_ + rows_;
@@ -134,12 +141,11 @@ class HeightFieldLiteral final : public HapticRenderer {
     }
     if ((model_.surface.features & kFriction) != 0) held_ = god = held_.column < 0 ? god : roll_back(h, god);
     const Vec3 g = at(god);
-    Frame frame = answer(god, g, shading_ == Shading::kNone ? Vec3(g - h) : shaded(h, god));
+    answer(god, g, shading_ == Shading::kNone ? Vec3(g - h) : shaded(h, god), frame);
     if (moves == 0) {
       frame.status = FrameStatus::kBoundHit;
       ++counters_.bound_hits;
     }
-    return frame;
   }
 
   /// Section 3.5.2 as `cloud-literal` reads it: back towards the god object of the frame before, from post
@@ -190,17 +196,15 @@ class HeightFieldLiteral final : public HapticRenderer {
     return shaded_vector(shading_, h, g, first, second);
   }
 
-  Frame answer(const Post& post, const Vec3& god, const Vec3& pull) const noexcept {
+  void answer(const Post& post, const Vec3& god, const Vec3& pull, Frame& frame) const noexcept {
     const double stiffness =
         (model_.surface.features & kVaried) != 0
             ? static_cast<double>(model_.surface.of_place[place(post)].stiffness_n_per_mm)
             : model_.surface.stiffness_n_per_mm;
-    Frame frame;
     frame.contact = true;
     frame.model = 0;
     frame.god_object_mm = model_.to_world(god);
     frame.force_n = limited_fast(model_.direction_to_world(stiffness * pull), force_limit_n_);
-    return frame;
   }
 
   Options options_;
@@ -211,6 +215,7 @@ class HeightFieldLiteral final : public HapticRenderer {
   Shading shading_ = Shading::kNone;
   bool walks_ = true;
 
+  double now_s_ = 0.0;  ///< of a model that moves
   bool collided_ = false;
   Post entry_;           ///< where the first collision was detected
   Post held_ = kNobody;  ///< with friction, the god object of the frame before

@@ -76,6 +76,7 @@ Result<HeightFieldModel> build_height_field_model(const SceneInput& scene, doubl
   model.field = std::move(*field);
   model.world_from_model = input.world_from_model;
   model.model_from_world = input.world_from_model.inverse();
+  model.motion = input.motion;
   model.moved = !input.world_from_model.is_identity();
   if (const Status done = prepare_surface(input, point_of_post, model, report); !done) return done.error();
   if (blend_resolutions > 0.0 && (model.surface.features & kVaried) != 0)

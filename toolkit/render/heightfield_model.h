@@ -16,6 +16,14 @@ struct HeightFieldModel {
   bool moved = false;    ///< world_from_model is not the identity
   SurfaceField surface;  ///< places are posts
 
+  std::shared_ptr<MovingModel> motion;  ///< or null: at rest
+
+  /// Section 3.3.1: the HIP is taken into the model's frame of this instant.
+  void move_to(double now_s) noexcept {
+    world_from_model = motion->newest().at(now_s);
+    model_from_world = world_from_model.inverse();
+    moved = true;
+  }
   [[nodiscard]] Vec3 to_local(const Vec3& world_mm) const noexcept {
     return (moved ? model_from_world * world_mm : world_mm) - field.origin_mm;
   }

@@ -27,8 +27,9 @@ std::string refusal(const std::string& text) {
   return model ? "accepted" : model.error().message();
 }
 
-const char* const kAll[] = {"sinusoid", "plane", "saddle", "wedge:angle_deg=70", "wedge:angle_deg=300",
-                            "sphere",   "torus", "slab"};
+const char* const kAll[] = {
+    "sinusoid", "plane", "saddle", "relief:finest_mm=8", "wedge:angle_deg=70", "wedge:angle_deg=300",
+    "sphere",   "torus", "slab"};
 
 TEST(Generate, Table7IsTheGridOfTheThesis) {
   const GeneratedModel model = made("sinusoid:points=1002001:mesh=false");

@@ -74,6 +74,18 @@ TEST(HeightField, ARasterAlongYIsTurned) {
   EXPECT_FLOAT_EQ(static_cast<float>(field->origin_mm.z()) + field->height_mm[field->at(2, 5)], 25.0f);
 }
 
+TEST(HeightField, ToAndFroIsTheSameField) {
+  const auto field = [](const std::string& order) {
+    const auto spec = parse_named_options("relief:points=900:aspect=0.5:mesh=false:order=" + order).value();
+    return height_field_of(generate(spec).value().cloud).value();
+  };
+  const HeightField a = field("raster"), b = field("boustrophedon");
+  EXPECT_EQ(a.columns, 42u);
+  EXPECT_EQ(a.rows, 22u);
+  EXPECT_EQ(a.height_mm, b.height_mm);
+  EXPECT_EQ(a.origin_mm, b.origin_mm);
+}
+
 TEST(HeightField, HolesAreKept) {
   const auto field = height_field_of(
       build_cloud(

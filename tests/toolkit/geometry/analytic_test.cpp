@@ -59,6 +59,8 @@ TEST(Analytic, MakersRefuseWhatIsNoShape) {
   EXPECT_EQ(make_sinusoid(-1, 50, 100), nullptr);
   EXPECT_EQ(make_saddle(0, 1), nullptr);
   EXPECT_EQ(make_wedge(5, 1), nullptr);
+  EXPECT_EQ(make_relief(1, 1, 2, 0.3, 1), nullptr);
+  EXPECT_EQ(make_relief(1, nan, 0.1, 0.3, 1), nullptr);
   EXPECT_EQ(make_sphere(nan), nullptr);
   EXPECT_EQ(make_torus(1, 2), nullptr);
   EXPECT_EQ(make_slab(1, 0), nullptr);
@@ -88,6 +90,37 @@ TEST(Analytic, KnownPoints) {
   EXPECT_NEAR(valley->at(0.7, 0.5).point_mm.z(), 2.0, 1e-14);
   EXPECT_NEAR(valley->signed_distance_mm({0, 3, -2}), -2.0, 1e-14);
   EXPECT_NEAR(valley->signed_distance_mm({0, 3, 2}), std::sqrt(2.0), 1e-14);
+}
+
+TEST(Analytic, AReliefHasItsSlopeItsNormalsAndItsClosestPoints) {
+  for (const double scale : {1e-3, 1.0, 1e6}) {
+    const auto relief = make_relief(20 * scale, 10 * scale, 2 * scale, 0.3, 5);
+    const int side = 400;
+    double slope_sq = 0.0;
+    std::vector<Vec3> samples;
+    for (int i = 0; i <= side; ++i)
+      for (int j = 0; j <= side; ++j) {
+        const SurfacePoint p = relief->at(static_cast<double>(i) / side, static_cast<double>(j) / side);
+        slope_sq += 1.0 / (p.normal.z() * p.normal.z()) - 1.0;
+        samples.push_back(p.point_mm);
+        ASSERT_TRUE(relief->box_mm().grown(1e-9 * scale).contains(p.point_mm));
+      }
+    EXPECT_NEAR(std::sqrt(slope_sq / static_cast<double>(samples.size())), 0.3, 0.1);
+    const SurfacePoint a = relief->at(0.4, 0.6);
+    const double h = 1e-6;
+    EXPECT_NEAR(a.normal.dot(relief->at(0.4 + h, 0.6).point_mm - a.point_mm), 0.0, 1e-4 * h * 20 * scale);
+    EXPECT_NEAR(a.normal.dot(relief->at(0.4, 0.6 + h).point_mm - a.point_mm), 0.0, 1e-4 * h * 20 * scale);
+    Random random(kSeed);
+    for (int n = 0; n < 50; ++n) {
+      const SurfacePoint at = relief->at(random.uniform(0.3, 0.7), random.uniform(0.3, 0.7));
+      const Vec3 p = at.point_mm + random.uniform(-2.0, 2.0) * scale * at.normal;
+      double best = 1e300;
+      for (const Vec3& q : samples) best = std::min(best, (q - p).norm());
+      const double found = (relief->closest(p).point_mm - p).norm();
+      EXPECT_LE(found, best + 1e-9 * scale);
+      EXPECT_GE(found, best - 0.05 * scale);
+    }
+  }
 }
 
 TEST(Analytic, ClosestAgainstBruteForce) {

@@ -105,6 +105,37 @@ TEST(HeightFieldSurface, ALiteralGodObjectIsRolledBack) {
   EXPECT_NEAR(frame.god_object_mm.x(), 4.0, 1e-6) << "one depth behind the HIP";
 }
 
+// Section 3.3.1: a plane that rises past a still probe is felt in every frame from then on.
+TEST(HeightFieldSurface, ARisingPlaneIsNeverLost) {
+  for (const double speed : {5.0, 50.0, 500.0})
+    for (int run = 0; run < 20; ++run) {
+      SceneInput scene = tilted(0.0);
+      auto simulation = std::make_shared<ScriptedSimulation>();
+      ScriptedMotion motion;
+      motion.start.translation_mm = Vec3(-5.0, -5.0, -1.0);
+      motion.velocity_mm_s = Vec3(0.0, 0.0, speed);
+      motion.stop_s = 3.0 / speed;
+      scene.models[0].world_from_model = motion.start;
+      scene.models[0].motion = simulation->add(motion);
+      scene.simulation = simulation;
+      const auto renderer = prepared(scene);
+      const Vec3 probe(0.037 * run, 0.021 * run, 0.0);
+      simulation->reset();
+      renderer->reset(probe);
+      Frame frame;
+      int lost = 0;
+      for (int i = 1; i < 2 * static_cast<int>(3000.0 / speed) + 100; ++i) {
+        simulation->advance(1e-3 * i);
+        const bool before = frame.contact;
+        frame = renderer->step(probe, 1e-3);
+        lost += before && !frame.contact;
+      }
+      EXPECT_EQ(lost, 0) << speed;
+      EXPECT_TRUE(frame.contact);
+      EXPECT_NEAR(frame.force_n.z(), kStiffness * 2.0, 0.02 * speed * kStiffness);
+    }
+}
+
 TEST(HeightFieldSurface, ValuesThatMakeNoSenseAreRefused) {
   SceneInput scene = tilted(0.0);
   auto properties = std::make_shared<surface::PointProperties>();
