@@ -135,7 +135,7 @@ TEST(Page, EscapesWhatItIsGiven) {
 TEST(Manifests, HoldThePrintedValues) {
   const auto manifests = manifests_for("");
   ASSERT_TRUE(manifests.ok()) << manifests.error().message();
-  ASSERT_EQ(manifests->size(), 3u);
+  ASSERT_EQ(manifests->size(), 5u);
   EXPECT_EQ((*manifests)[0].table, 6);
   const Manifest& seven = (*manifests)[1];
   EXPECT_EQ(seven.table, 7);
@@ -143,6 +143,10 @@ TEST(Manifests, HoldThePrintedValues) {
   EXPECT_EQ(seven.printed_mean_ms, 0.0374);
   EXPECT_EQ((*manifests)[2].contact_frames, 116013u);
   EXPECT_EQ((*manifests)[2].models[0].scale, 1.025);
+  EXPECT_EQ((*manifests)[3].table, 12);
+  EXPECT_EQ((*manifests)[3].printed_mean_ms, 0.0158);
+  EXPECT_EQ((*manifests)[4].printed_frames, 32597u);
+  EXPECT_NE((*manifests)[4].title.find("stand-in"), std::string::npos);
   const render::Registry registry = all_renderers();
   for (const Manifest& m : *manifests)
     for (const ManifestRun& run : m.runs) {

@@ -19,6 +19,8 @@ constexpr int kQuickSolves = 4;
 /// What the last Newton step may leave, as a share of a cell: with posts 0.1 mm apart 2e-8 mm, a hundredth of
 /// what single-precision heights of 10 mm are rounded by.
 constexpr double kQuickError = 0x1p-22;
+/// A step changes the Hessian by at most about so many times its twist.
+constexpr double kHessianChange = 4.0;
 /// The nearest point is never farther off than where it was before, but for rounding.
 constexpr double kNoFarther = 1.0 + 0x1p-40;
 /// Entries one frame follows: the HIP leaves one flank and meets the next. The rest waits.
@@ -34,6 +36,10 @@ constexpr double kFarMm = 1e150;
 
 bool is_near(const PlanPoint& p) noexcept {
   return std::abs(p.x) < kFarPosts && std::abs(p.y) < kFarPosts && std::abs(p.z) < kFarMm;
+}
+
+bool is_share(double s) noexcept {
+  return s >= 0.0 && s <= 1.0;
 }
 
 class HeightFieldRenderer final : public HapticRenderer {
@@ -130,15 +136,20 @@ class HeightFieldRenderer final : public HapticRenderer {
     double x = h.x + lead_x_ + turn_x_, y = h.y + lead_y_ + turn_y_;
     const double old_x = foot_.column + foot_.s, old_y = foot_.row + foot_.t;
     if (!(std::abs(x - old_x) <= 1.0 && std::abs(y - old_y) <= 1.0)) return false;
+    const double enough = kQuickError * std::min(sheet_.x_sq, sheet_.y_sq);
+    std::int32_t last_column = -1, last_row = -1;
     for (int solve = 0; solve < kQuickSolves; ++solve) {
       // Truncation takes the strip beside the first post to cell 0; it is refused below by its place.
       const auto column = static_cast<std::int32_t>(x), row = static_cast<std::int32_t>(y);
       if (!sheet_.has_cell(column, row) || std::abs(column - foot_.column) > 1 ||
           std::abs(row - foot_.row) > 1)
         return false;
+      // To and fro: a crease holds the god object.
+      if (column == last_column && row == last_row) return false;
       const Patch patch = sheet_.patch(column, row);
+      const double hs = h.x - column, ht = h.y - row;
       double s = x - column, t = y - row;
-      const DistanceJet jet(sheet_, patch, s, t, h.x - column, h.y - row, h.z);
+      const DistanceJet jet(sheet_, patch, s, t, hs, ht, h.z);
       const double det = jet.determinant();
       if (!(det > 0.0)) return false;  // holes too
       const double scale = 1.0 / det;
@@ -146,14 +157,23 @@ class HeightFieldRenderer final : public HapticRenderer {
       const double dt = (jet.hst * jet.gs - jet.hss * jet.gt) * scale;
       s += ds;
       t += dt;
-      // What the step leaves of the gradient is the twist's; the Hessian is at least about a step squared.
-      const double left = std::abs(patch.d) * (ds * ds + dt * dt) * (std::abs(jet.zs) + std::abs(jet.zt));
-      if (s >= 0.0 && s <= 1.0 && t >= 0.0 && t <= 1.0) {
-        if (left <= kQuickError * std::min(sheet_.x_sq, sheet_.y_sq))
+      if (is_share(s) && is_share(t)) {
+        // What the step leaves of the gradient is the twist's; the Hessian is at least about a step squared.
+        const double twist = std::abs(patch.d) * (std::abs(jet.zs) + std::abs(jet.zt));
+        const double size = std::abs(ds) + std::abs(dt);
+        if (twist * (size * size) <= enough) return accept({column, row, s, t}, patch, h);
+        // Once more with the same Hessian, which the first step has changed by as little.
+        const DistanceJet now(sheet_, patch, s, t, hs, ht, h.z);
+        const double more_s = (jet.hst * now.gt - jet.htt * now.gs) * scale;
+        const double more_t = (jet.hst * now.gs - jet.hss * now.gt) * scale;
+        s += more_s;
+        t += more_t;
+        const double change = twist * size * (std::abs(more_s) + std::abs(more_t));
+        if (kHessianChange * change <= enough && is_share(s) && is_share(t))
           return accept({column, row, s, t}, patch, h);
-        x = column + s;
-        y = row + t;
-        continue;
+      } else {
+        last_column = column;
+        last_row = row;
       }
       x = column + s;
       y = row + t;
