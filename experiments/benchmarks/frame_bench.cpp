@@ -28,16 +28,20 @@ void segment_box(benchmark::State& state) {
 }
 BENCHMARK(segment_box);
 
-void frame(benchmark::State& state, const char* spec) {
+/// `models` in a row, the path over the first.
+void run_frames(benchmark::State& state, const char* spec, std::int64_t points, std::int64_t models) {
+  constexpr double kApartMm = 150.0;  // models are 100 mm wide
   auto model =
-      cloud::generate(parse_named_options("sinusoid:points=" + std::to_string(state.range(0))).value())
-          .value();
+      cloud::generate(parse_named_options("sinusoid:points=" + std::to_string(points)).value()).value();
   render::SceneInput scene;
   render::ModelInput input;
   input.cloud = std::make_shared<cloud::Cloud>(std::move(model.cloud));
   input.original_mesh = model.original_mesh;
   input.analytic = model.surface;
-  scene.models.push_back(input);
+  for (std::int64_t i = 0; i < models; ++i) {
+    scene.models.push_back(input);
+    input.world_from_model.translation_mm.x() += kApartMm;
+  }
   trace::PathTarget target;
   target.surface = model.surface.get();
   target.box_mm = model.surface->box_mm();
@@ -75,6 +79,22 @@ void frame(benchmark::State& state, const char* spec) {
   state.counters["per_frame"] = benchmark::Counter(static_cast<double>(contacts),
                                                    benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
 }
+
+void frame(benchmark::State& state, const char* spec) {
+  run_frames(state, spec, state.range(0), 1);
+}
+
+/// Most of the models are away from the probe; each has 10,201 points up to a hundred, 1,024 in a thousand.
+void models(benchmark::State& state) {
+  run_frames(state, "cloud", state.range(1), state.range(0));
+}
+BENCHMARK(models)
+    ->Args({1, 10201})
+    ->Args({10, 10201})
+    ->Args({100, 10201})
+    ->Args({1, 1024})
+    ->Args({1000, 1024})
+    ->Unit(benchmark::kMicrosecond);
 
 constexpr std::int64_t kSizes[] = {10201, 101761, 1002001, 10004569};
 #define PALPATE_SIZES \

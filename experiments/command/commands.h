@@ -30,6 +30,12 @@ struct InfoArguments {
   ModelArguments load;
   bool json = false;
 };
+struct PlanArguments {
+  std::string scene;
+  std::string renderer;  ///< empty: the scene's, or the plan's own choice
+  ModelArguments load;
+  bool json = false;
+};
 struct RenderersArguments {
   bool json = false;
 };
@@ -65,6 +71,7 @@ struct Context {
 };
 
 int run_info(const InfoArguments& arguments, Context& context);
+int run_plan(const PlanArguments& arguments, Context& context);
 int run_renderers(const RenderersArguments& arguments);
 int run_replay(const RunArguments& arguments, Context& context);
 int run_compare(const RunArguments& arguments, Context& context);

@@ -33,10 +33,14 @@ void print_json() {
 void print_list() {
   for (const Scan& scan : known_scans()) {
     const auto found = locate_scan(scan);
-    fmt::print("{}\n  {}\n  {} points, {:.1f} MB, unit {}\n  licence: {}\n", scan.name, scan.what,
-               scan.points, static_cast<double>(scan.bytes) / kBytesPerMb, scan.unit, scan.licence);
+    const std::string size = scan.bytes > 0
+                                 ? fmt::format(", {:.1f} MB", static_cast<double>(scan.bytes) / kBytesPerMb)
+                                 : std::string();
+    fmt::print("{}\n  {}\n  {} points{}, unit {}\n  licence: {}\n", scan.name, scan.what, scan.points, size,
+               scan.unit, scan.licence);
     for (const ScanSource& s : scan.sources)
-      fmt::print("  from {}  ({}, sha256 {})\n", s.address, s.file, s.sha256);
+      fmt::print("  from {}  ({}, sha256 {})\n", s.address, s.file,
+                 s.sha256.empty() ? "not known: recorded when it first comes" : s.sha256);
     fmt::print("  {}\n", found ? "here: " + found->string() : "not here yet: palpate fetch " + scan.name);
   }
 }
@@ -94,7 +98,11 @@ int run_fetch(const FetchArguments& arguments, Context& context) {
   const Result<std::filesystem::path> got = fetch_scan(scan, options, context.progress);
   context.progress.clear();
   if (!got) return fail(got.error(), kExitFellShort);
-  fmt::print("stored, checksum right: {}\n", got->string());
+  if (scan.sources.size() == 1 && scan.sources.front().sha256.empty())
+    fmt::print("stored; no checksum is known, this one was recorded for next time: {}\n  {}\n",
+               checksum_record(*got).string(), got->string());
+  else
+    fmt::print("stored, checksum right: {}\n", got->string());
   return kExitOk;
 }
 

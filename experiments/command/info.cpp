@@ -4,6 +4,7 @@
 
 #include "experiments/command/commands.h"
 #include "experiments/command/session.h"
+#include "experiments/data/scene_scans.h"
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/neighbourhood/knn.h"
@@ -146,7 +147,7 @@ void print_text(const Info& info) {
 int run_info(const InfoArguments& arguments, Context& context) {
   const Result<scene::LoadOptions> options = load_options(arguments.load);
   if (!options) return fail(options.error(), kExitBadInput);
-  const Result<scene::SceneFile> file = scene::open_scene(arguments.model);
+  const Result<scene::SceneFile> file = open_scene(arguments.model, context.progress);
   if (!file) return fail(file.error(), kExitBadInput);
   const Result<scene::LoadedScene> loaded = scene::load(*file, all_readers(), *options, context.progress);
   if (!loaded) return fail(loaded.error(), kExitBadInput, &context.progress);

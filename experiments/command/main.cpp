@@ -63,6 +63,7 @@ void add_run_options(CLI::App& command, RunArguments& run) {
 
 struct Arguments {
   InfoArguments info;
+  PlanArguments plan;
   RenderersArguments renderers;
   RunArguments replay, compare;
   ReproduceArguments reproduce;
@@ -86,6 +87,16 @@ void declare(CLI::App& app, Arguments& a) {
       "Examples:\n  palpate info dragon_vrip.ply.gz --unit m --scale 1.025\n  palpate info "
       "sinusoid:points=1002001 --json");
 
+  CLI::App* plan = app.add_subcommand(
+      "plan", "what will be built for a scene and why, with bytes and expected cost; nothing is run");
+  plan->add_option("SCENE", a.plan.scene, "a scene (.toml), a model file or a generator")->required();
+  plan->add_option("--renderer", a.plan.renderer,
+                   "NAME[:option=value...]; default: the scene's, or the plan's own");
+  plan->add_flag("--json", a.plan.json, "print JSON");
+  add_model_options(*plan, a.plan.load);
+  plan->footer(
+      "Examples:\n  palpate plan sinusoid:points=101761\n  palpate plan scan.toml --renderer cloud --json");
+
   CLI::App* renderers =
       app.add_subcommand("renderers", "the renderers with their options, defaults and sources");
   renderers->add_flag("--json", a.renderers.json, "print JSON");
@@ -93,7 +104,8 @@ void declare(CLI::App& app, Arguments& a) {
 
   CLI::App* replay =
       app.add_subcommand("replay", "one renderer along one probe path: trace.csv and result.json");
-  replay->add_option("--renderer", a.replay.renderers, "NAME[:option=value...]; default: the scene's");
+  replay->add_option("--renderer", a.replay.renderers,
+                     "NAME[:option=value...]; default: the scene's, or what `palpate plan` chooses");
   add_run_options(*replay, a.replay);
   replay->footer(
       "Examples:\n  palpate replay sinusoid:points=1002001 --renderer cloud --path weave:frames=50000 --out "
@@ -114,7 +126,7 @@ void declare(CLI::App& app, Arguments& a) {
 
   CLI::App* reproduce =
       app.add_subcommand("reproduce", "the thesis's tables beside the printed values, and a comparison");
-  reproduce->add_option("--tables", a.reproduce.tables, "which tables, separated by commas (default: 6,7,9)");
+  reproduce->add_option("--tables", a.reproduce.tables, "which tables, separated by commas (default: all)");
   reproduce->add_option("--out", a.reproduce.out, "folder for the results")->required();
   reproduce->add_flag("--full", a.reproduce.full,
                       "longer runs too: growth with the number of points to ten million");
@@ -137,6 +149,7 @@ void declare(CLI::App& app, Arguments& a) {
 int dispatch(const CLI::App& app, const Arguments& a, Context& context) {
   const std::string name = app.get_subcommands().front()->get_name();
   if (name == "info") return run_info(a.info, context);
+  if (name == "plan") return run_plan(a.plan, context);
   if (name == "renderers") return run_renderers(a.renderers);
   if (name == "replay") return run_replay(a.replay, context);
   if (name == "compare") return run_compare(a.compare, context);

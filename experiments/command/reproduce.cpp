@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "experiments/command/reproduction.h"
-#include "experiments/data/fetch.h"
+#include "experiments/data/scene_scans.h"
 
 namespace palpate::experiments {
 namespace {
@@ -32,29 +32,53 @@ void finish(Reproduction& r) {
 
 }  // namespace
 
+namespace {
+
+Result<scene::SceneFile> embedded_scene(const std::string& name) {
+  for (const EmbeddedManifest& scene : embedded_scenes())
+    if (name == scene.name) return scene::parse_scene(scene.text, name);
+  return Error{fmt::format("there is no scene '{}'", name), {}, {}, 0};
+}
+
+/// A quick trial keeps the scene and takes a small model.
+Status make_quick(scene::SceneFile& scene, const std::string& generator) {
+  Result<NamedOptions> named = parse_named_options(generator);
+  if (!named) return std::move(named).error();
+  scene::SceneModel& model = scene.models.front();
+  model.generate = *std::move(named);
+  model.name = model.generate->name;
+  model.cloud.clear();
+  model.scan.clear();
+  model.unit.reset();
+  model.scale = 1.0;
+  return Done{};
+}
+
+}  // namespace
+
 Result<scene::SceneFile> scene_of(const ManifestModel& model, Reproduction& r) {
-  if (!model.generate.empty())
-    return scene::open_scene(r.arguments.quick && !model.quick.empty() ? model.quick : model.generate);
-  const Scan* scan = find_scan(model.scan);
-  if (scan == nullptr) return Error{fmt::format("no scan is called '{}'", model.scan), {}, {}, 0};
-  std::optional<std::filesystem::path> file = locate_scan(*scan);
-  if (!file) {
-    FetchOptions options;
-    options.cache = cache_folder();
-    Result<std::filesystem::path> fetched = fetch_scan(*scan, options, r.context.progress);
-    if (!fetched) return std::move(fetched).error();
-    file = *fetched;
+  Result<scene::SceneFile> scene = Error{};
+  if (!model.scene.empty()) {
+    scene = embedded_scene(model.scene);
+  } else if (!model.generate.empty()) {
+    scene = scene::open_scene(model.generate);
+  } else {
+    scene = scene::SceneFile{};
+    scene->path = model.scan;
+    scene->models.emplace_back();
+    scene->models.front().name = scene->models.front().scan = model.scan;
+    scene->models.front().scale = model.scale;
   }
-  Result<scene::SceneFile> scene = scene::open_scene(file->string());
   if (!scene) return scene;
-  scene::SceneModel& loaded = scene->models.front();
-  loaded.scale = model.scale;
-  if (!model.unit.empty()) {
-    const Result<io::Unit> unit = io::parse_unit(model.unit);
-    if (!unit) return unit.error();
-    loaded.unit = *unit;
+  if (r.arguments.quick && !model.quick.empty()) {
+    if (const Status quick = make_quick(*scene, model.quick); !quick) return quick.error();
+    return scene;
   }
-  return scene;
+  const Status found = find_scans(*scene, true, r.context.progress);
+  if (found) return scene;
+  if (model.stand_in.empty()) return found.error();
+  r.stand_ins.push_back(fmt::format("{}: {}", model.name, found.error().message()));
+  return embedded_scene(model.stand_in);
 }
 
 int run_reproduce(const ReproduceArguments& arguments, Context& context) {
@@ -68,6 +92,7 @@ int run_reproduce(const ReproduceArguments& arguments, Context& context) {
                  all_renderers(),
                  all_readers(),
                  begin_page("The thesis's tables, measured again", new_document(context.command_line)),
+                 {},
                  {},
                  {},
                  false,

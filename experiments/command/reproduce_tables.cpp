@@ -123,20 +123,28 @@ void reproduce_frames(const Manifest& manifest, Reproduction& r) {
   const std::string what = fmt::format("table {}", manifest.table);
   const bool quick = r.arguments.quick;
   const ManifestModel& model = manifest.models.front();
+  const std::size_t stand_ins = r.stand_ins.size();
   Result<scene::SceneFile> scene = scene_of(model, r);
   if (!scene) return give_up(r, what, scene.error());
+  const bool stand_in = r.stand_ins.size() > stand_ins;
   StageRequest request;
-  request.scene_name = model.generate.empty()
+  request.scene_name = model.generate.empty() && model.scene.empty()
                            ? fmt::format("{} (unit {}, scale {})", model.scan, model.unit, model.scale)
                            : scene->path;
+  const bool scanned = !scene->models.front().scan.empty() && !manifest.scan_path.empty();
   request.scene = *std::move(scene);
-  request.path = quick ? manifest.quick_path : manifest.path;
+  request.path = quick ? manifest.quick_path : scanned ? manifest.scan_path : manifest.path;
   request.threads = r.arguments.threads;
   request.contact_frames = quick ? 0 : manifest.contact_frames;
   Study study;
   study.name = fmt::format("Table {} ({})", manifest.table, model.name);
-  study.title = manifest.title;
+  study.title = manifest.title + (stand_in ? ", on a STAND-IN" : "");
   study.text = manifest.text;
+  if (stand_in)
+    study.text +=
+        fmt::format(" The scan could not be had: this ran on a stand-in of the same size and spacing, {}.",
+                    request.scene_name);
+  if (stand_in) r.missing.push_back("stand-in instead of " + r.stand_ins.back());
   study.document = new_document(r.context.command_line);
   Result<Stage> stage = set_up(request, r.readers, r.context.progress);
   if (!stage) return give_up(r, what, stage.error());

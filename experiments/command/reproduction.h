@@ -20,9 +20,10 @@ struct Reproduction {
   render::Registry registry;
   io::Readers readers;
   Page page;
-  std::vector<Table> tables;         ///< in the order they are printed at the end
-  std::vector<std::string> missing;  ///< what could not be done, and why
-  bool fell_short = false;           ///< something that was asked for failed
+  std::vector<Table> tables;           ///< in the order they are printed at the end
+  std::vector<std::string> missing;    ///< what could not be done, and why
+  std::vector<std::string> stand_ins;  ///< models that ran as stand-ins, and why
+  bool fell_short = false;             ///< something that was asked for failed
   Stopwatch watch;
 };
 

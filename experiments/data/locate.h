@@ -18,7 +18,7 @@ struct ScanSource {
   std::string address;  ///< a URL, or package@version
   std::string member;   ///< the file inside the archive; empty where the download is the file itself
   std::string file;     ///< what it is stored as, relative to the data folder
-  std::string sha256;   ///< of that stored file
+  std::string sha256;   ///< of that stored file; empty where none is known: recorded at first use
 };
 
 /// A scan that Palpate knows by name.
@@ -27,7 +27,7 @@ struct Scan {
   std::string what;  ///< one line
   std::string unit;  ///< of its coordinates
   std::uint64_t points = 0;
-  std::uint64_t bytes = 0;  ///< of the stored file
+  std::uint64_t bytes = 0;  ///< of the stored file; 0 where it is not known
   std::string licence;
   std::string terms;                ///< shown before a download
   std::string home;                 ///< page to credit
@@ -39,6 +39,9 @@ struct Scan {
 
 /// $XDG_CACHE_HOME/palpate, or ~/.cache/palpate, or empty where neither variable is set.
 [[nodiscard]] std::filesystem::path cache_folder();
+
+/// Where the checksum of a scan that came without a known one is recorded: beside its file in the cache.
+[[nodiscard]] std::filesystem::path checksum_record(const std::filesystem::path& file);
 
 /// The file of a scan: in $PALPATE_DATA first, then in the cache. The cache's files were checked when they
 /// came.

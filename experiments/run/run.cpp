@@ -9,6 +9,7 @@
 #include "toolkit/core/clock.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/io/write_mesh.h"
+#include "toolkit/render/on_virtual_clock.h"
 #include "toolkit/trace/replay.h"
 #include "toolkit/trace/trace_io.h"
 
@@ -73,6 +74,17 @@ std::vector<double> felt_stiffness(const scene::LoadedScene& scene) {
   return felt;
 }
 
+/// The truth is of a rigid surface without friction or texture: where the scene has more, only whether and
+/// when there is contact can be compared.
+void leave_contact_scores(metrics::Accuracy& a) {
+  for (std::optional<double>* force :
+       {&a.force_rms_n, &a.force_rms_percent, &a.force_normal_rms_n, &a.force_tangential_rms_n,
+        &a.force_max_n, &a.within_7_percent, &a.within_10_percent, &a.direction_mean_deg,
+        &a.direction_p99_deg, &a.direction_max_deg, &a.excess_jump_max_n, &a.excess_jumps_per_m,
+        &a.god_object_rms_mm, &a.god_object_max_mm, &a.path_dependence_n})
+    force->reset();
+}
+
 Status add_scores(const Stage& stage, Run& run, Progress& progress) {
   const double stiffness = stage.scene.input.models.front().surface.stiffness_n_per_mm;
   progress.report("scoring " + run.result.label, -1.0);
@@ -86,6 +98,7 @@ Status add_scores(const Stage& stage, Run& run, Progress& progress) {
       metrics::score(stage.path, run.trace, *stage.reference, stage.truth.get(), options, &run.per_frame);
   if (!accuracy) return accuracy.error();
   run.result.accuracy = *accuracy;
+  if (!stage.forces_comparable) leave_contact_scores(*run.result.accuracy);
   return Done{};
 }
 
@@ -98,6 +111,11 @@ Result<Run> run_renderer(const Stage& stage, const RendererRequest& request, con
   Result<std::unique_ptr<render::HapticRenderer>> renderer = registry.make(request.name, request.options);
   if (!renderer) return std::move(renderer).error();
   const render::HapticRenderer& inner = **renderer;  // whose mesh is saved; control has none
+  if (stage.scene.input.simulation != nullptr) {
+    std::unique_ptr<render::HapticRenderer> bare = *std::move(renderer);
+    renderer = std::unique_ptr<render::HapticRenderer>(
+        std::make_unique<render::OnVirtualClock>(std::move(bare), stage.scene.input.simulation));
+  }
   renderer = control::wrap(*std::move(renderer), stage.scene.control);
   TimeLimit limit(progress, options.prepare_limit_s);
   const auto give_up = [&](metrics::RunStatus status, std::string reason) {

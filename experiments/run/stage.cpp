@@ -15,7 +15,7 @@ namespace {
 Result<ReferenceChoice> resolve(ReferenceChoice choice, const render::SceneInput& scene,
                                 std::vector<std::string>& notes) {
   const render::ModelInput& model = scene.models.front();
-  const bool single = scene.models.size() == 1;
+  const bool single = scene.models.size() == 1 && scene.simulation == nullptr;
   switch (choice) {
     case ReferenceChoice::kNone:
       return choice;
@@ -33,8 +33,9 @@ Result<ReferenceChoice> resolve(ReferenceChoice choice, const render::SceneInput
   }
   if (single && model.analytic) return ReferenceChoice::kAnalytic;
   if (single && model.original_mesh) return ReferenceChoice::kOriginalMesh;
-  notes.push_back(single ? "There is no ground truth: the model has neither a formula nor a mesh of its own."
-                         : "There is no ground truth: this version has none for scenes of several models.");
+  notes.push_back(single
+                      ? "There is no ground truth: the model has neither a formula nor a mesh of its own."
+                      : "There is no ground truth: this version has none for several models or moving ones.");
   return ReferenceChoice::kNone;
 }
 
@@ -123,6 +124,14 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
   Result<trace::ProbePath> path = open_path(request.path, target);
   if (!path) return std::move(path).error();
   stage.path = *std::move(path);
+  const surface::Surface& surface = model.surface;
+  stage.forces_comparable = !surface.friction.any() && surface.deformation == 0.0 && !surface.texture.any() &&
+                            !surface.dent.any() && surface.per_point == nullptr;
+  if (*choice != ReferenceChoice::kNone && !stage.forces_comparable)
+    stage.notes.push_back(
+        "The ground truth is the rigid surface without friction, deformation or texture: contact is compared "
+        "with "
+        "it, forces are not.");
   if (*choice != ReferenceChoice::kNone)
     if (const Status added = add_reference(stage, *choice, nearest, progress); !added) return added.error();
   cut(stage, request.contact_frames);

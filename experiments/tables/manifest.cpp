@@ -57,19 +57,16 @@ Manifest from_table(const toml::table& root) {
         manifest.wall_spacings.push_back(spacings);
   read_printed(root, manifest);
   for (const toml::table* t : tables_of(root, "model")) {
-    ManifestModel model{text_of(*t, "name"),
-                        text_of(*t, "generate"),
-                        text_of(*t, "scan"),
-                        text_of(*t, "quick"),
-                        text_of(*t, "unit"),
-                        number_of(*t, "scale", 1.0),
-                        {}};
+    ManifestModel model{text_of(*t, "name"), text_of(*t, "scene"),        text_of(*t, "generate"),
+                        text_of(*t, "scan"), text_of(*t, "stand_in"),     text_of(*t, "quick"),
+                        text_of(*t, "unit"), number_of(*t, "scale", 1.0), {}};
     if (t->get("printed_min") != nullptr) model.printed_min = number_of(*t, "printed_min", 0.0);
     manifest.models.push_back(std::move(model));
   }
   if (const toml::node* node = root.get("path"); node != nullptr && node->is_table()) {
     manifest.path = text_of(*node->as_table(), "spec");
     manifest.quick_path = text_of(*node->as_table(), "quick");
+    manifest.scan_path = text_of(*node->as_table(), "scan");
     manifest.contact_frames = static_cast<std::uint64_t>(number_of(*node->as_table(), "contact_frames", 0.0));
   }
   for (const toml::table* t : tables_of(root, "run"))

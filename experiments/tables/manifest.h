@@ -18,11 +18,15 @@ struct EmbeddedManifest {
 };
 /// The files of experiments/tables, as they were when the program was built.
 [[nodiscard]] std::span<const EmbeddedManifest> embedded_manifests();
+/// Those of experiments/scenes.
+[[nodiscard]] std::span<const EmbeddedManifest> embedded_scenes();
 
 struct ManifestModel {
   std::string name;
+  std::string scene;     ///< one of the embedded scenes; or
   std::string generate;  ///< a generator with options; or
   std::string scan;      ///< a scan known by name
+  std::string stand_in;  ///< the embedded scene that is run, and called so, where the first cannot be had
   std::string quick;     ///< the generator of a quick trial; empty: the same
   std::string unit;
   double scale = 1.0;
@@ -46,6 +50,7 @@ struct Manifest {
   std::vector<ManifestModel> models;
   std::vector<double> wall_spacings;  ///< table 6: walls to find wrong links through, in spacings
   std::string path, quick_path;
+  std::string scan_path;             ///< instead of `path` on a scan, which has no formula; empty: the same
   std::uint64_t contact_frames = 0;  ///< the path ends after so many
   std::vector<ManifestRun> runs;
 };

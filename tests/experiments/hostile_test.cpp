@@ -78,7 +78,7 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"unknown_option", replay(kPlane, "cloud:shiny=1", "tap"), 2, "shiny"},
         Case{"bad_option_value", replay(kPlane, "cloud:shading=purple", "tap"), 2, "purple"},
         Case{"two_for_replay", replay(kPlane, "cloud,cloud-literal", "tap"), 2, "compare"},
-        Case{"no_renderer", {"replay", kPlane, "--path", "tap", "--out", "@/out"}, 2, "no renderer"},
+        Case{"plan_renderer", {"plan", kPlane, "--renderer", "nonsense"}, 2, "no renderer"},
         Case{"same_label",
              {"compare", kPlane, "--renderers", "cloud,cloud", "--path", "tap", "--out", "@/out"},
              2,

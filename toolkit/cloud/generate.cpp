@@ -303,6 +303,11 @@ std::vector<Generator> make_generators() {
                      350}})},
       {"sphere", "centred at the origin; cube faces blown up, layer by layer",
        with_common("50", "diameter, mm", "100000", {})},
+      {"pebble", "a sphere with 24 waves of all lengths: a detailed closed surface",
+       with_common(
+           "50", "mean diameter, mm", "100000",
+           {{"finest", OptionKind::kNumber, "0.1", "shortest wave over the mean radius", {}, 1e-3, 1},
+            {"slope", OptionKind::kNumber, "0.2", "about the root mean square of the slope", {}, 1e-6, 1}})},
       {"torus", "around the z axis; ring by ring",
        with_common("100", "outer diameter, mm", "100000",
                    {{"order",
@@ -346,6 +351,17 @@ Common read_common(const Options& options, bool by_spacing) {
 /// The surface (null where there is none) and its samples.
 Samples sample(const std::string& name, const Options& options, const Common& common,
                std::shared_ptr<const AnalyticSurface>& surface) {
+  if (name == "pebble") {
+    const double radius = 0.5 * common.extent_mm;
+    surface = geometry::make_pebble(radius, options.number("finest") * radius, options.number("slope"),
+                                    common.seed);
+    if (!surface) return Samples{};
+    Samples samples = sample_sphere(radius, common);
+    samples.point = [surface, on_sphere = samples.point](std::size_t i) {
+      return geometry::on_pebble(*surface, on_sphere(i));
+    };
+    return samples;
+  }
   if (name == "sphere") {
     surface = geometry::make_sphere(0.5 * common.extent_mm);
     return surface ? sample_sphere(0.5 * common.extent_mm, common) : Samples{};

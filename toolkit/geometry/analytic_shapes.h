@@ -38,6 +38,15 @@ namespace palpate::geometry {
 /// Centred at the origin.
 [[nodiscard]] std::shared_ptr<const AnalyticSurface> make_sphere(double radius_mm);
 
+/// A detailed closed surface around the origin: a sphere of `radius_mm` with 24 waves of random ways, from
+/// the radius down to `finest_mm` long and equally steep; `slope`, at most 1, is about the root of the mean
+/// square of its slope. Exact for places nearer to it than its sharpest bend, finest_mm / (2 pi slope) at the
+/// least. Null where the waves would reach half of the radius.
+[[nodiscard]] std::shared_ptr<const AnalyticSurface> make_pebble(double radius_mm, double finest_mm,
+                                                                 double slope, std::uint64_t seed);
+/// The point of a pebble in that direction from its middle; `pebble` must come from make_pebble().
+[[nodiscard]] Vec3 on_pebble(const AnalyticSurface& pebble, const Vec3& direction) noexcept;
+
 /// Around the z axis: the tube of radius `minor_mm` around the circle of radius `major_mm` > minor_mm.
 [[nodiscard]] std::shared_ptr<const AnalyticSurface> make_torus(double major_mm, double minor_mm);
 

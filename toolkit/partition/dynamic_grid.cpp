@@ -25,7 +25,7 @@ bool is_near(const Cell& cell) noexcept {
 DynamicGrid DynamicGrid::build(const cloud::Cloud& cloud, const PartitionOptions& options, int threads) {
   DynamicGrid grid;
   grid.grid_ = UniformGrid::build(cloud, options.cell_mm, threads);
-  grid.moved_ = MovedPlaces(cloud.size());
+  grid.moved_ = MovedPlaces(cloud.size() + options.spare_places);
   grid.states_.resize(grid.grid_.slots());
   grid.most_ =
       std::max(kLeastSpare,
@@ -88,37 +88,59 @@ void DynamicGrid::free_spare(std::size_t at) noexcept {
   --used_;
 }
 
-MoveStatus DynamicGrid::change_cell(std::uint32_t place, const Cell& from, const Cell& to) noexcept {
-  const std::size_t to_slot = grid_.slot_of(to);
-  if (to_slot == UniformGrid::kNoSlot) {
-    if (!is_near(to)) return MoveStatus::kFull;
-    if (used_ == most_ && spare_[find_spare(to)].leaf.listed == 0) return MoveStatus::kFull;
+bool DynamicGrid::has_room(const Cell& cell) const noexcept {
+  if (grid_.slot_of(cell) != UniformGrid::kNoSlot) return true;
+  return is_near(cell) && (used_ < most_ || spare_[find_spare(cell)].leaf.listed != 0);
+}
+
+void DynamicGrid::leave_cell(std::uint32_t place, const Cell& cell) noexcept {
+  const std::size_t slot = grid_.slot_of(cell);
+  if (slot != UniformGrid::kNoSlot) {
+    moved_.leave(states_[slot], place);
+    return;
   }
-  const std::size_t from_slot = grid_.slot_of(from);
-  if (from_slot != UniformGrid::kNoSlot) {
-    moved_.leave(states_[from_slot], place);
-  } else {
-    const std::size_t at = find_spare(from);
-    moved_.leave(spare_[at].leaf, place);
-    if (spare_[at].leaf.listed == 0) free_spare(at);
+  const std::size_t at = find_spare(cell);
+  moved_.leave(spare_[at].leaf, place);
+  if (spare_[at].leaf.listed == 0) free_spare(at);
+}
+
+void DynamicGrid::enter_cell(std::uint32_t place, const Cell& cell) noexcept {
+  const std::size_t slot = grid_.slot_of(cell);
+  if (slot != UniformGrid::kNoSlot) {
+    moved_.enter(states_[slot], grid_.places_of(slot), place);
+    return;
   }
-  if (to_slot != UniformGrid::kNoSlot) {
-    moved_.enter(states_[to_slot], grid_.places_of(to_slot), place);
-    return MoveStatus::kMoved;
-  }
-  SpareCell& cell = spare_[find_spare(to)];
-  if (cell.leaf.listed == 0) {
-    cell = {static_cast<std::int32_t>(to.x),
-            static_cast<std::int32_t>(to.y),
-            static_cast<std::int32_t>(to.z),
-            {}};
+  SpareCell& spare = spare_[find_spare(cell)];
+  if (spare.leaf.listed == 0) {
+    spare = {static_cast<std::int32_t>(cell.x),
+             static_cast<std::int32_t>(cell.y),
+             static_cast<std::int32_t>(cell.z),
+             {}};
     ++used_;
   }
-  moved_.enter(cell.leaf, {}, place);
-  const Vec3 where(static_cast<double>(to.x), static_cast<double>(to.y), static_cast<double>(to.z));
+  moved_.enter(spare.leaf, {}, place);
+  const Vec3 where(static_cast<double>(cell.x), static_cast<double>(cell.y), static_cast<double>(cell.z));
   box_.first = box_.first.cwiseMin(where);
   box_.last = box_.last.cwiseMax(where);
+}
+
+MoveStatus DynamicGrid::change_cell(std::uint32_t place, const Cell& from, const Cell& to) noexcept {
+  if (!has_room(to)) return MoveStatus::kFull;
+  leave_cell(place, from);
+  enter_cell(place, to);
   return MoveStatus::kMoved;
+}
+
+MoveStatus DynamicGrid::add(std::uint32_t place, const Vec3f& at_mm) noexcept {
+  const Cell cell = grid_.cell_of(widened(at_mm));
+  if (place >= moved_.places() || !at_mm.allFinite() || !has_room(cell)) return MoveStatus::kFull;
+  moved_.add(place);
+  enter_cell(place, cell);
+  return MoveStatus::kMoved;
+}
+
+void DynamicGrid::remove(std::uint32_t place, const Vec3f& at_mm) noexcept {
+  leave_cell(place, grid_.cell_of(widened(at_mm)));
 }
 
 }  // namespace palpate::partition

@@ -37,6 +37,12 @@ class DynamicGrid {
     return change_cell(place, from, to);
   }
 
+  /// Takes in a point that the cloud did not have. `place` is beyond the cloud's and below its size plus
+  /// PartitionOptions::spare_places, and not taken in already. kMoved or kFull.
+  [[nodiscard]] MoveStatus add(std::uint32_t place, const Vec3f& at_mm) noexcept;
+  /// Takes out a point that was added, from where it is.
+  void remove(std::uint32_t place, const Vec3f& at_mm) noexcept;
+
   /// The cells of the box that all points have ever been in.
   [[nodiscard]] const CellBox& box() const noexcept { return box_; }
   [[nodiscard]] const Lattice& lattice() const noexcept { return grid_.lattice(); }
@@ -58,6 +64,9 @@ class DynamicGrid {
   };
 
   [[nodiscard]] MoveStatus change_cell(std::uint32_t place, const Cell& from, const Cell& to) noexcept;
+  [[nodiscard]] bool has_room(const Cell& cell) const noexcept;
+  void leave_cell(std::uint32_t place, const Cell& cell) noexcept;
+  void enter_cell(std::uint32_t place, const Cell& cell) noexcept;
   /// The slot of a spare cell in use, or the free one where it would go.
   [[nodiscard]] std::size_t find_spare(const Cell& cell) const noexcept;
   [[nodiscard]] std::size_t first_slot(std::int64_t x, std::int64_t y, std::int64_t z) const noexcept;

@@ -55,6 +55,10 @@ class MovedPlaces {
     if (link.after != LeafState::kNone) links_[link.after].before = link.before;
     --leaf.listed;
   }
+  /// A place beyond every leaf's own range: it is nowhere until it enters a leaf, and again after it left.
+  void add(std::uint32_t place) noexcept { away_[place / 64] |= std::uint64_t{1} << place % 64; }
+  [[nodiscard]] std::size_t places() const noexcept { return links_.size(); }
+
   /// Calls visit(range) for all places of a leaf: what is left of its range, in runs, then the list.
   template <class Visit>
   bool visit(const LeafState& leaf, PlaceRange home, Visit&& visit) const {

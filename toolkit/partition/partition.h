@@ -30,6 +30,8 @@ struct PartitionOptions {
   int max_depth = kMortonBits;                ///< of a tree, 0 .. kMortonBits; 0 is the root alone
   /// Of partitions that follow moving points: spare cells or nodes, as a share of those built.
   double spare = 0.25;
+  /// Of a moving grid: places beyond the cloud's that may be added later.
+  std::size_t spare_places = 0;
 };
 
 /// The shape of a partition as it stands.

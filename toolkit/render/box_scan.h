@@ -63,6 +63,8 @@ struct BoxScan {
                    : scan<false>(model, model.grid, counters, skip);
     if (const auto* octree = std::get_if<partition::Octree>(&model.tree))
       return swept ? scan<true>(model, *octree, counters, skip) : scan<false>(model, *octree, counters, skip);
+    if (const auto* moving = std::get_if<partition::DynamicGrid>(&model.tree))
+      return swept ? scan<true>(model, *moving, counters, skip) : scan<false>(model, *moving, counters, skip);
     const auto& quadtree = *std::get_if<partition::Quadtree3d>(&model.tree);
     return swept ? scan<true>(model, quadtree, counters, skip) : scan<false>(model, quadtree, counters, skip);
   }

@@ -10,7 +10,9 @@
 
 #include "toolkit/core/tolerances.h"
 #include "toolkit/render/cloud_slot.h"
+#include "toolkit/render/editable.h"
 #include "toolkit/render/scene_boxes.h"
+#include "toolkit/render/slow_phase.h"
 
 namespace palpate::render {
 namespace {
@@ -30,8 +32,13 @@ constexpr double kJointSlack = 64.0 * kUnitRoundoff;
 /// Stiffness rises over this many resolutions where it varies: the potential's second force is then at most
 /// d / (16 resolutions) of the first for a rise from nothing, a tenth at 2 mm depth and 1 mm resolution.
 constexpr double kBlendResolutions = 8.0;
+/// Points that a surface that gives way may gain by stretching, as a share of those it has, and at least.
+constexpr double kSpareShare = 0.125;
+constexpr std::size_t kLeastSpare = 256;
+/// Changes remembered for undo: some four thousand frames of a full dent, 32 MB.
+constexpr std::size_t kJournalPoints = std::size_t{1} << 19;
 
-class Cloud final : public HapticRenderer {
+class Cloud final : public HapticRenderer, public Editable, public SlowPhase {
  public:
   explicit Cloud(const Options& options) : options_(options) {}
 
@@ -60,6 +67,7 @@ class Cloud final : public HapticRenderer {
       slot->contact.reset(slot->model.to_local(hip_mm));
       slot->state.release();
       slot->listed = 0;
+      slot->pressed = false;
     }
     if (boxes_ == nullptr) return;
     lists_ = 1;
@@ -71,10 +79,33 @@ class Cloud final : public HapticRenderer {
   /// The frame is composed of what the scene asks for: of sixteen, one is ever run.
   Frame step(const Vec3& hip_mm, double dt_s) noexcept override {
     now_s_ += dt_s;
+    dt_s_ = dt_s;
     return (this->*frame_)(hip_mm);
   }
 
   FrameCounters counters() const noexcept override { return counters_; }
+
+  void run_slow_phase_elsewhere() noexcept override { elsewhere_ = boxes_ != nullptr; }
+  void slow_phase(double t_s, const Vec3& from_mm, const Vec3& to_mm) noexcept override {
+    if (boxes_ != nullptr) boxes_->run(t_s, from_mm, to_mm);
+  }
+
+  bool undo(std::size_t model) noexcept override {
+    Deformer* deformer = model < slots_.size() ? slots_[model]->deformer.get() : nullptr;
+    return deformer != nullptr && deformer->undo();
+  }
+  void restore(std::size_t model) noexcept override {
+    if (model < slots_.size() && slots_[model]->deformer != nullptr) slots_[model]->deformer->reset();
+  }
+  Result<cloud::Cloud> edited(std::size_t model) const override {
+    if (model >= slots_.size() || slots_[model]->deformer == nullptr)
+      return Error{"this model does not give way", "give it a [model.surface.dent]", {}, 0};
+    return slots_[model]->deformer->edited();
+  }
+  DeformCounters deform_counters(std::size_t model) const noexcept override {
+    return model < slots_.size() && slots_[model]->deformer != nullptr ? slots_[model]->deformer->counters()
+                                                                       : DeformCounters{};
+  }
 
   Description describe() const override {
     return {
@@ -92,6 +123,12 @@ class Cloud final : public HapticRenderer {
     auto slot = std::make_unique<CloudSlot>();
     PointModelOptions o = point_model_options(options_);
     o.blend_resolutions = kBlendResolutions;
+    const bool gives = input.surface.dent.any() || input.moves != nullptr;
+    if (gives) {
+      o.partition = PartitionKind::kMoving;
+      o.spare_points =
+          static_cast<std::size_t>(kSpareShare * static_cast<double>(input.cloud->size())) + kLeastSpare;
+    }
     Result<PointModel> built = build_point_model(input, o, context, report);
     if (!built) return std::move(built).error();
     slot->model = std::move(*built);
@@ -99,7 +136,19 @@ class Cloud final : public HapticRenderer {
     slot->contact.attach(slot->model);
     features_ |= slot->model.surface.features;
     slot->motion = input.motion;
-    if (slot->motion != nullptr) features_ |= kScene;
+    if (slot->motion != nullptr || gives) features_ |= kScene;
+    if (gives) {
+      Deformer::Options deform;
+      deform.spare_points = o.spare_points;
+      deform.journal_points = std::min(slot->model.points.size() + o.spare_points, kJournalPoints);
+      slot->deformer = std::make_unique<Deformer>(slot->model, deform);
+      slot->dent = input.surface.dent;
+      slot->moves = input.moves;
+      report.bytes += slot->deformer->bytes();
+      report.notes.push_back(
+          fmt::format("deformation: up to {} points a frame, {} spare ones, {} changes undone",
+                      kMaxMovedPoints, deform.spare_points, deform.journal_points));
+    }
     slots_.push_back(std::move(slot));
     return Done{};
   }
@@ -191,22 +240,19 @@ class Cloud final : public HapticRenderer {
   /// frame, so that a model that moves on to a resting HIP meets it.
   template <unsigned kFeatures>
   void many(const Vec3& hip_mm, Frame& frame) noexcept {
-    const Candidates* near = &boxes_->newest();
-    if (!near->covers(previous_, now_s_) || !near->covers(hip_mm, now_s_)) {
-      boxes_->run(now_s_, previous_, hip_mm);
-      near = &boxes_->newest();
-      list_near(*near);
-    }
+    choose_near(hip_mm, frame);
     std::size_t touched = 0;
     for (const std::uint32_t index : near_) {
       CloudSlot& slot = *slots_[index];
       CloudTouch& touch = touches_[std::min(touched, kMaxTouched - 1)];
       if (slot.motion != nullptr) slot.model.set_pose(slot.motion->newest().at(now_s_));
+      take_moves(slot, counters_);
       const Vec3 h = slot.model.to_local(hip_mm);
       const bool touching = slot.contact.update(h, touch.end, counters_);
       if (slot.contact.bound_hit()) frame.status = FrameStatus::kBoundHit;
       if (!touching) {
         slot.state.release();
+        slot.pressed = false;
         continue;
       }
       if (touched == kMaxTouched) {
@@ -227,6 +273,27 @@ class Cloud final : public HapticRenderer {
       if (!sum_) constrain(hip_mm, std::span(touches_).first(touched));
       combine<kFeatures>(hip_mm, std::span(touches_).first(touched), frame);
     }
+    for (std::size_t i = 0; i < touched; ++i) give_way(*touches_[i].slot, touches_[i].contact, dt_s_);
+  }
+
+  void choose_near(const Vec3& hip_mm, Frame& frame) noexcept {
+    const Candidates* near = &boxes_->newest();
+    if (near->number != taken_ && near->covers(previous_, now_s_)) list_near(*near);
+    const auto covered = [&] {
+      return near->number == taken_ && near->covers(previous_, now_s_) && near->covers(hip_mm, now_s_);
+    };
+    if (covered()) return;
+    if (elsewhere_) {  // too late: nothing may be missed
+      Candidates all;
+      all.too_many = true;
+      all.number = taken_;
+      list_near(all);
+      frame.status = FrameStatus::kBoundHit;
+      return;
+    }
+    boxes_->run(now_s_, previous_, hip_mm);
+    near = &boxes_->newest();
+    list_near(*near);
   }
 
   /// Takes over a list of the broad phase. A model that comes near was clear of the HIP up to now; its
@@ -234,6 +301,7 @@ class Cloud final : public HapticRenderer {
   /// it.
   void list_near(const Candidates& found) noexcept {
     ++lists_;
+    taken_ = found.number;
     former_.swap(near_);
     near_.clear();
     const auto enter = [&](std::uint32_t index) {
@@ -309,11 +377,14 @@ class Cloud final : public HapticRenderer {
   std::array<CloudTouch, kMaxTouched> touches_;
   std::unique_ptr<SceneBoxes> boxes_;         ///< of a scene of several models, or moving ones
   std::vector<std::uint32_t> near_, former_;  ///< models looked at, and before; room for all
+  std::uint64_t taken_ = 0;                   ///< the answer of the broad phase that near_ is
+  bool elsewhere_ = false;                    ///< somebody else runs the broad phase
   std::uint64_t lists_ = 1;                   ///< answers of the broad phase taken over, 1 = none
   FrameFunction frame_ = nullptr;
   unsigned features_ = 0;
   bool sum_ = false;  ///< several models: the sum of their forces
   double force_limit_n_ = 0.0;
+  double dt_s_ = 0.0;
   double now_s_ = 0.0, previous_s_ = 0.0;  ///< time of this frame, and of the last
   Vec3 previous_ = Vec3::Zero();           ///< the HIP of the last frame, world
   FrameCounters counters_;

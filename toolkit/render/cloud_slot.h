@@ -2,9 +2,12 @@
 // the surface, the plane there, the properties.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <memory>
 
 #include "toolkit/geometry/half_spaces.h"
+#include "toolkit/render/deformer.h"
 #include "toolkit/render/point_contact.h"
 #include "toolkit/render/shading.h"
 #include "toolkit/render/surface_response.h"
@@ -17,11 +20,39 @@ struct CloudSlot {
   PointContact contact;
   SurfaceState state;
   std::shared_ptr<MovingModel> motion;  ///< or null: at rest
-  std::uint64_t listed = 0;             ///< the last answer of the broad phase that named it
+  std::unique_ptr<Deformer> deformer;   ///< null: the geometry stays
+  surface::Dent dent;
+  std::shared_ptr<MoveQueue> moves;  ///< or null
+  bool pressed = false;              ///< in contact in the last frame: the stroke goes on
+  std::uint64_t listed = 0;          ///< the last answer of the broad phase that named it
   Shading shading = Shading::kNone;
   bool by_spacing = false;  ///< shaded only where the spacing is felt
   double felt_spacing_sq_mm2 = 0.0;
 };
+
+/// Before a frame collides: what a slower deformer has computed is applied, and a resting HIP meets what
+/// moved on to it.
+inline void take_moves(CloudSlot& slot, FrameCounters& counters) noexcept {
+  if (slot.moves == nullptr) return;
+  const MoveBatch* batch = slot.moves->take();
+  if (batch == nullptr) return;
+  slot.deformer->apply(*batch);
+  slot.contact.geometry_changed();
+  for (const Deformer::Moved& moved : slot.deformer->last_moved())
+    slot.contact.point_moved(moved.place, moved.from_mm, moved.to_mm, counters);
+}
+
+/// After a frame's force is answered: the surface gives way where it is pressed deeper than it bears.
+inline void give_way(CloudSlot& slot, const SurfaceContact& contact, double dt_s) noexcept {
+  if (slot.deformer == nullptr || !slot.dent.any()) return;
+  if (!slot.pressed) slot.deformer->begin_stroke();
+  slot.pressed = true;
+  const double over = contact.pull.norm() - slot.dent.yield_mm;
+  if (!(over > 0.0)) return;
+  slot.deformer->press(slot.contact.sheet().place, slot.contact.outward(),
+                       std::min(over, slot.dent.rate_mm_s * dt_s), slot.dent.radius_mm);
+  slot.contact.geometry_changed();
+}
 
 /// A model in contact, before it is known what the others do.
 struct CloudTouch {

@@ -1,5 +1,7 @@
 #include "toolkit/render/point_contact.h"
 
+#include "toolkit/geometry/segment_box.h"
+
 #include <cmath>
 #include <limits>
 
@@ -161,6 +163,18 @@ void PointContact::watch(std::uint32_t place, const Vec3& from, FrameCounters& c
   for (std::size_t i = 1; i < sheets_; ++i)
     if (near_[i].distance_sq_mm2 > near_[farthest].distance_sq_mm2) farthest = i;
   if (sheet.distance_sq_mm2 < near_[farthest].distance_sq_mm2) near_[farthest] = sheet;
+}
+
+void PointContact::point_moved(std::uint32_t place, const Vec3& from, const Vec3& to,
+                               FrameCounters& counters) noexcept {
+  if (contact_) return;
+  // Seen from the point, the HIP came from here.
+  const Vec3 start = tested_to_ + (to - from);
+  const geometry::SegmentProbe probe(start, tested_to_);
+  ++counters.box_tests;
+  if (!geometry::segment_touches_box(probe, model_->points[place].at(), model_->half_box(place))) return;
+  steps_ = kMaxWalkSteps;
+  if (!is_watched(place)) watch(place, start, counters);
 }
 
 }  // namespace palpate::render

@@ -26,6 +26,11 @@ class PointContact {
   void reset(const Vec3& h) noexcept;
   /// Free at `h`, known to be clear of the model: the next update tests the way from there.
   void start_from(const Vec3& h) noexcept;
+  /// Points moved: a search for crossed boxes that had not ended begins again.
+  void geometry_changed() noexcept { scan_.running = false; }
+  /// A point of the model went from one place to another between two updates. A HIP that rests may be met by
+  /// it: the HIP's way is tested as seen from the point. The case that section 3.3.2.1 gives up.
+  void point_moved(std::uint32_t place, const Vec3& from, const Vec3& to, FrameCounters& counters) noexcept;
   /// The HIP is now at `h`. True in contact: `end` is then what lies around the god object.
   [[nodiscard]] bool update(const Vec3& h, WalkEnd& end, FrameCounters& counters) noexcept {
     steps_ = kMaxWalkSteps;

@@ -84,6 +84,11 @@ void partition_points(const cloud::Cloud& cloud, const PointModelOptions& option
     case PartitionKind::kQuadtree:
       model.tree = partition::Quadtree3d::build(cloud, o, threads);
       break;
+    case PartitionKind::kMoving:
+      o.spare_places = options.spare_points;
+      model.tree = partition::DynamicGrid::build(cloud, o, threads);
+      model.cell_mm = std::get<partition::DynamicGrid>(model.tree).cell_mm();
+      break;
   }
 }
 
@@ -92,6 +97,7 @@ template <class Model, class Use>
 auto with_partition(Model& model, Use&& use) {
   if (auto* octree = std::get_if<partition::Octree>(&model.tree)) return use(*octree);
   if (auto* quadtree = std::get_if<partition::Quadtree3d>(&model.tree)) return use(*quadtree);
+  if (auto* moving = std::get_if<partition::DynamicGrid>(&model.tree)) return use(*moving);
   return use(model.grid);
 }
 
@@ -101,7 +107,7 @@ std::span<const std::uint32_t> order_of(const PointModel& model) {
 
 std::string shape_note(const PointModel& model) {
   const partition::LeafStatistics shape = with_partition(model, [](const auto& p) { return p.statistics(); });
-  if (model.tree.index() == 0)
+  if (model.tree.index() == 0 || std::holds_alternative<partition::DynamicGrid>(model.tree))
     return fmt::format("{} cells, at most {} points a cell", shape.leaves, shape.max_points);
   return fmt::format("{} of {} leaves in {} nodes, at most {} points a leaf, {} deep",
                      model.tree.index() == 1 ? "octree" : "quadtree", shape.leaves, shape.nodes,
@@ -117,6 +123,7 @@ void fill_points(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable&
     for (std::size_t place = begin; place < end; ++place)
       place_of[order[place]] = static_cast<std::uint32_t>(place);
   });
+  if (options.partition == PartitionKind::kMoving) model.place_of = place_of;
   model.points.resize(n);
   model.neighbours.resize(n);
   if (options.box != BoxSize::kGlobal) model.half_box_mm.resize(n);

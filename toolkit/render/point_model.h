@@ -11,6 +11,7 @@
 #include "toolkit/core/result.h"
 #include "toolkit/core/vec.h"
 #include "toolkit/neighbourhood/neighbour_table.h"
+#include "toolkit/partition/dynamic_grid.h"
 #include "toolkit/partition/space_tree.h"
 #include "toolkit/partition/uniform_grid.h"
 #include "toolkit/render/renderer.h"
@@ -27,7 +28,12 @@ enum class BoxSize : std::uint8_t {
   kPerVertexCube,  ///< a cube of the largest of the three
 };
 
-enum class PartitionKind : std::uint8_t { kGrid, kOctree, kQuadtree };
+enum class PartitionKind : std::uint8_t {
+  kGrid,
+  kOctree,
+  kQuadtree,
+  kMoving,  ///< a grid whose points may move (Deformer)
+};
 
 struct PointModelOptions {
   std::string neighbours = "auto";  ///< auto, or one of neighbourhood::builders()
@@ -41,6 +47,7 @@ struct PointModelOptions {
   double sphere_mm = 0.0;     ///< its radius; 0 = half the edge of the largest box
   bool normals =
       true;  ///< local planes with a side; and links back, so that a walk cannot be caught in a clump
+  std::size_t spare_points = 0;    ///< of a moving grid: points that may be added
   double blend_resolutions = 0.0;  ///< stiffness rises over at least so many resolutions; 0 = as given
 };
 
@@ -57,12 +64,14 @@ struct PointModel {
   Vec3 global_half_box_mm = Vec3::Zero();
   Vec3 largest_half_box_mm = Vec3::Zero();
   partition::UniformGrid grid;  ///< empty where a tree was chosen
-  std::variant<std::monostate, partition::Octree, partition::Quadtree3d> tree;  ///< instead of the grid
-  double cell_mm = 0.0;         ///< edge of the grid's cells, or what it would be
-  double sphere_mm = 0.0;       ///< radius of the swept sphere; 0: boxes are tested with the segment
-  bool closed = false;          ///< some points lie on pieces that enclose a volume
-  double resolution_mm = 0.0;   ///< as measured, or as given
-  double max_spacing_mm = 0.0;  ///< largest distance to an immediate neighbour
+  /// Instead of the grid.
+  std::variant<std::monostate, partition::Octree, partition::Quadtree3d, partition::DynamicGrid> tree;
+  std::vector<std::uint32_t> place_of;  ///< of a moving grid: the place of each of the cloud's points
+  double cell_mm = 0.0;                 ///< edge of the grid's cells, or what it would be
+  double sphere_mm = 0.0;               ///< radius of the swept sphere; 0: boxes are tested with the segment
+  bool closed = false;                  ///< some points lie on pieces that enclose a volume
+  double resolution_mm = 0.0;           ///< as measured, or as given
+  double max_spacing_mm = 0.0;          ///< largest distance to an immediate neighbour
 
   [[nodiscard]] Vec3 to_local(const Vec3& world_mm) const noexcept {
     return (moved ? model_from_world * world_mm : world_mm) - origin_mm;
@@ -80,7 +89,8 @@ struct PointModel {
   [[nodiscard]] std::size_t bytes() const noexcept {
     return points.capacity() * sizeof(StoredPoint) +
            neighbours.capacity() * sizeof(neighbourhood::Neighbours) +
-           half_box_mm.capacity() * sizeof(Vec3f) + partition_bytes() + surface.bytes();
+           half_box_mm.capacity() * sizeof(Vec3f) + partition_bytes() + surface.bytes() +
+           place_of.capacity() * sizeof(std::uint32_t);
   }
   [[nodiscard]] std::size_t partition_bytes() const noexcept;
   void set_pose(const geometry::RigidTransform& pose) noexcept {

@@ -18,6 +18,7 @@
 #include "toolkit/geometry/rigid_transform.h"
 #include "toolkit/geometry/triangle_mesh.h"
 #include "toolkit/render/motion.h"
+#include "toolkit/render/move_queue.h"
 #include "toolkit/surface/surface.h"
 
 namespace palpate::render {
@@ -32,6 +33,7 @@ struct ModelInput {
   geometry::RigidTransform world_from_model;                  ///< at the start
   std::shared_ptr<MovingModel> motion;                        ///< where it goes from there, or null: at rest
   surface::Surface surface;
+  std::shared_ptr<MoveQueue> moves;  ///< what deforms it from outside, or null: nothing does
 };
 
 /// What prepare() takes.

@@ -28,13 +28,12 @@ SceneBoxes::SceneBoxes(std::vector<ModelBox> models, double horizon_s)
     moves_ |= model.motion != nullptr;
   }
   if (!models_.empty()) margin_mm_ = kMarginShare * diagonals / static_cast<double>(models_.size());
-  tree_ = geometry::BoxTree(static_cast<std::uint32_t>(models_.size()),
-                            [this](std::uint32_t model) { return box_of(model); });
+  for (const ModelBox& model : models_) boxes_.push_back(box_of(model));
+  phase_ = geometry::BroadPhase(boxes_);
 }
 
 /// Where the model can be from now to the horizon.
-geometry::Aabb SceneBoxes::box_of(std::uint32_t index) const noexcept {
-  const ModelBox& model = models_[index];
+geometry::Aabb SceneBoxes::box_of(const ModelBox& model) const noexcept {
   if (model.motion == nullptr) return around(model.local_mm, model.world_from_model);
   const PoseState& pose = model.motion->newest_for_slow_phase();
   geometry::Aabb box = around(model.local_mm, pose.at(t_s_));
@@ -49,28 +48,30 @@ geometry::Aabb SceneBoxes::box_of(std::uint32_t index) const noexcept {
 
 void SceneBoxes::run(double t_s, const Vec3& from_mm, const Vec3& to_mm) noexcept {
   t_s_ = t_s;
-  if (moves_) tree_.refit([this](std::uint32_t model) { return box_of(model); });
+  if (moves_) {
+    for (std::size_t i = 0; i < models_.size(); ++i) boxes_[i] = box_of(models_[i]);
+    phase_.update(boxes_);
+  }
+  geometry::Aabb region;
+  region.add(from_mm);
+  region.add(to_mm);
+  region = region.grown(margin_mm_);
+  std::array<geometry::BoxHit, kMaxCandidates> hits;
+  const geometry::BoxQuery query = phase_.query(region, hits);
   Candidates& found = handover_.back();
-  found.count = 0;
-  found.too_many = false;
-  found.valid = {};
-  found.valid.add(from_mm);
-  found.valid.add(to_mm);
-  found.valid = found.valid.grown(margin_mm_);
+  found.number = ++answers_;
+  found.valid = region;
   found.until_s = moves_ ? t_s + horizon_s_ : HUGE_VAL;
-  const auto meets = [&](const geometry::Aabb& box) { return box.overlaps(found.valid); };
-  tree_.visit(meets, [&](std::uint32_t model) {
-    if (found.count < kMaxCandidates)
-      found.model[found.count++] = model;
-    else
-      found.too_many = true;
-  });
+  found.count = query.hits;
+  found.too_many = query.left_out > 0;
+  for (std::uint32_t i = 0; i < query.hits; ++i) found.model[i] = hits[i].item;
   std::sort(found.model.begin(), found.model.begin() + found.count);
   handover_.publish();
 }
 
 std::size_t SceneBoxes::bytes() const noexcept {
-  return models_.capacity() * sizeof(ModelBox) + tree_.bytes() + sizeof(*this);
+  return models_.capacity() * sizeof(ModelBox) + phase_.bytes() + boxes_.capacity() * sizeof(geometry::Aabb) +
+         sizeof(*this);
 }
 
 }  // namespace palpate::render

@@ -9,7 +9,7 @@
 
 #include "toolkit/core/handover.h"
 #include "toolkit/geometry/aabb.h"
-#include "toolkit/geometry/box_tree.h"
+#include "toolkit/geometry/broad_phase.h"
 #include "toolkit/render/motion.h"
 
 namespace palpate::render {
@@ -20,6 +20,7 @@ inline constexpr std::size_t kMaxCandidates = 32;
 /// The models whose boxes meet `valid` at any time up to `until_s`: while the HIP stays inside, no other can
 /// be touched.
 struct Candidates {
+  std::uint64_t number = 0;  ///< of the answer, rising
   std::array<std::uint32_t, kMaxCandidates> model{};
   std::uint32_t count = 0;
   bool too_many = false;
@@ -44,8 +45,8 @@ class SceneBoxes {
   /// `horizon_s`: how long an answer holds where models move; to be asked at least so often.
   SceneBoxes(std::vector<ModelBox> models, double horizon_s);
 
-  /// Looks around the way from `from_mm` to `to_mm` and hands the result over. O(log n + candidates) where
-  /// nothing moves, O(n) where anything does. Allocates nothing.
+  /// Looks around the way from `from_mm` to `to_mm` and hands the result over without a lock. O(log n +
+  /// candidates) where nothing moves, O(n) where anything does. Allocates nothing.
   void run(double t_s, const Vec3& from_mm, const Vec3& to_mm) noexcept;
   /// The reader's newest list, and the one fetched last.
   [[nodiscard]] const Candidates& newest() noexcept {
@@ -55,14 +56,16 @@ class SceneBoxes {
   [[nodiscard]] std::size_t bytes() const noexcept;
 
  private:
-  [[nodiscard]] geometry::Aabb box_of(std::uint32_t model) const noexcept;
+  [[nodiscard]] geometry::Aabb box_of(const ModelBox& model) const noexcept;
 
   std::vector<ModelBox> models_;
   double horizon_s_;
   double margin_mm_ = 0.0;  ///< how far around the HIP a list reaches
   bool moves_ = false;
   double t_s_ = 0.0;
-  geometry::BoxTree tree_;
+  std::uint64_t answers_ = 0;
+  std::vector<geometry::Aabb> boxes_;
+  geometry::BroadPhase phase_;
   Handover<Candidates> handover_;
 };
 

@@ -1,8 +1,11 @@
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "toolkit/cloud/generate.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/scene/scene.h"
+#include "toolkit/scene/surface_sources.h"
 
 namespace palpate::scene {
 namespace {
@@ -47,6 +50,11 @@ Status load_generated(const SceneModel& model, double scale, render::ModelInput&
 Status load_file(const SceneModel& model, double scale, const io::Readers& readers,
                  const LoadOptions& options, Progress& progress, render::ModelInput& input,
                  Provenance& provenance) {
+  if (model.cloud.empty())
+    return Error{fmt::format("the scan '{}' is not here", model.scan),
+                 fmt::format("`palpate fetch {}` brings it", model.scan),
+                 {},
+                 0};
   io::ReadOptions read;
   read.unit = model.unit ? model.unit : options.unit;
   read.scale = scale;
@@ -63,6 +71,17 @@ Status load_file(const SceneModel& model, double scale, const io::Readers& reade
   return Done{};
 }
 
+render::ScriptedMotion motion_of(const SceneModel& model) {
+  render::ScriptedMotion motion;
+  motion.start = model.world_from_model;
+  motion.velocity_mm_s = model.motion->velocity_mm_s;
+  motion.angular_velocity_rad_s = model.motion->turn_rad_s;
+  motion.about_mm = model.motion->about_mm.value_or(model.world_from_model.translation_mm);
+  motion.start_s = model.motion->start_s;
+  motion.stop_s = model.motion->stop_s.value_or(HUGE_VAL);
+  return motion;
+}
+
 }  // namespace
 
 Result<LoadedScene> load(const SceneFile& scene, const io::Readers& readers, const LoadOptions& options,
@@ -70,6 +89,7 @@ Result<LoadedScene> load(const SceneFile& scene, const io::Readers& readers, con
   LoadedScene loaded;
   loaded.input.force_limit_n = scene.force_limit_n;
   loaded.control = scene.control;
+  std::shared_ptr<render::ScriptedSimulation> simulation;
   for (const SceneModel& model : scene.models) {
     progress.report("loading " + model.name, -1.0);
     if (progress.cancelled()) return Error{"stopped while loading the scene", {}, {}, 0};
@@ -83,10 +103,19 @@ Result<LoadedScene> load(const SceneFile& scene, const io::Readers& readers, con
       return model.line > 0 ? Error(status.error()).in_file(scene.path, model.line) : status.error();
     input.name = model.name;
     input.world_from_model = model.world_from_model;
-    input.surface = model.surface;
+    if (const Status resolved = resolve_surface(model, readers, progress, input); !resolved)
+      return model.line > 0 && resolved.error().file.empty()
+                 ? Error(resolved.error()).in_file(scene.path, model.sources.line)
+                 : resolved.error();
+    if (model.motion) {
+      if (simulation == nullptr)
+        simulation = std::make_shared<render::ScriptedSimulation>(scene.simulation_hz);
+      input.motion = simulation->add(motion_of(model));
+    }
     loaded.input.models.push_back(std::move(input));
     loaded.provenance.push_back(std::move(provenance));
   }
+  loaded.input.simulation = std::move(simulation);
   return loaded;
 }
 

@@ -13,6 +13,7 @@
 #include "toolkit/core/options.h"
 #include "toolkit/core/progress.h"
 #include "toolkit/core/result.h"
+#include "toolkit/geometry/aabb.h"
 #include "toolkit/geometry/rigid_transform.h"
 #include "toolkit/io/read_model.h"
 #include "toolkit/render/renderer.h"
@@ -20,15 +21,53 @@
 
 namespace palpate::scene {
 
-/// One [[model]] of a scene: a file or a generator, never both.
+/// A coefficient that an image spreads over a model, seen along z and tiled: its lowest value gives `low`,
+/// its highest `high`.
+struct FrictionMap {
+  std::string image;  ///< path of a height image or grid
+  double tile_mm = 0.0;
+  double low = 0.0, high = 0.0;
+};
+
+/// What [model.surface] takes from columns of the file or from images; empty names: nothing.
+struct SurfaceSources {
+  std::string stiffness_column, static_friction_column, dynamic_friction_column, deformation_column;
+  std::optional<FrictionMap> friction_map;
+  std::string texture_image;
+  std::int64_t line = 0;
+};
+
+/// One [[model.region]]: a box in the model frame, mm, in which properties differ. Later regions win.
+struct SceneRegion {
+  geometry::Aabb box_mm;
+  std::optional<double> stiffness_n_per_mm;
+  std::optional<surface::Friction> friction;
+  std::optional<double> deformation;
+  std::int64_t line = 0;
+};
+
+/// [model.motion]; the pose it starts from is the model's.
+struct SceneMotion {
+  Vec3 velocity_mm_s = Vec3::Zero();
+  Vec3 turn_rad_s = Vec3::Zero();
+  std::optional<Vec3> about_mm;  ///< world; empty: the model's position
+  double start_s = 0.0;
+  std::optional<double> stop_s;
+};
+
+/// One [[model]] of a scene: a file, a scan known by name or a generator, only one of them.
 struct SceneModel {
-  std::string name;                      ///< file name without folders and endings, or the generator's name
-  std::string cloud;                     ///< path of the file, resolved against the scene file; or empty
+  std::string name;   ///< file name without folders and endings, or the generator's name
+  std::string cloud;  ///< path of the file, resolved against the scene file; or empty
+  std::string scan;   ///< a scan known by name; who knows where it lies sets `cloud` before load()
   std::optional<NamedOptions> generate;  ///< the generator with its options
   std::optional<io::Unit> unit;          ///< of the file; empty: what the file says, else a guess
   double scale = 1.0;                    ///< multiplies all lengths after the unit
   geometry::RigidTransform world_from_model;
   surface::Surface surface;
+  SurfaceSources sources;
+  std::vector<SceneRegion> regions;
+  std::optional<SceneMotion> motion;
   std::int64_t line = 0;  ///< in the scene file; 0 where there is none
 };
 
@@ -37,7 +76,8 @@ struct SceneFile {
   std::string path;                ///< the file, or the model or generator it was made from
   std::vector<SceneModel> models;  ///< at least one
   std::optional<NamedOptions> renderer;
-  double force_limit_n = 0.0;       ///< 0 = none
+  double simulation_hz = render::kSimulationHz;  ///< how often poses are published
+  double force_limit_n = 0.0;                    ///< 0 = none
   control::ControlOptions control;  ///< the rest of [control]; stages around whatever renderer runs
 };
 

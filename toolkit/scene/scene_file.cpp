@@ -1,6 +1,5 @@
-// The TOML side of a scene: the only file that sees toml++.
+// The TOML side of a scene.
 #include <fmt/format.h>
-#include <toml++/toml.h>
 
 #include <cmath>
 #include <filesystem>
@@ -8,7 +7,7 @@
 #include <sstream>
 
 #include "toolkit/cloud/generate.h"
-#include "toolkit/scene/scene.h"
+#include "toolkit/scene/toml_reading.h"
 
 namespace palpate::scene {
 namespace {
@@ -16,79 +15,6 @@ namespace {
 // A rotation whose length differs from 1 by more than this is a mistake, not rounding: four components
 // written with three digits are within 0.002.
 constexpr double kQuaternionSlack = 0.01;
-
-constexpr const char* kLater = "it comes with a later version; remove it";
-
-struct Place {
-  const std::string& file;
-
-  [[nodiscard]] Error at(const toml::source_region& source, std::string what, std::string remedy = {}) const {
-    return Error{fmt::format("{} (column {})", what, source.begin.column), std::move(remedy), file,
-                 static_cast<std::int64_t>(source.begin.line)};
-  }
-  [[nodiscard]] Error at(const toml::node& node, std::string what, std::string remedy = {}) const {
-    return at(node.source(), std::move(what), std::move(remedy));
-  }
-};
-
-/// Refuses keys of `table` that are neither known nor of a later version.
-Status check_keys(const toml::table& table, const std::vector<std::string>& known,
-                  const std::vector<std::string>& later, const std::string& where, const Place& place) {
-  for (const auto& [key, node] : table) {
-    const std::string name(key.str());
-    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
-    if (std::find(later.begin(), later.end(), name) != later.end())
-      return place.at(key.source(), fmt::format("'{}' in {} is not in this version", name, where), kLater);
-    const std::string near = nearest_name(name, known);
-    std::string all;
-    for (const std::string& k : known) all += (all.empty() ? "" : ", ") + k;
-    return place.at(key.source(), fmt::format("{} has no key '{}'", where, name),
-                    near.empty() ? fmt::format("it has {}", all) : fmt::format("did you mean '{}'?", near));
-  }
-  return Done{};
-}
-
-Result<double> number(const toml::node& node, const std::string& key, const Place& place) {
-  const std::optional<double> value = node.is_number() ? node.value<double>() : std::nullopt;
-  if (!value || !std::isfinite(*value))
-    return place.at(node, fmt::format("'{}' must be a finite number", key));
-  return *value;
-}
-
-Result<std::string> text(const toml::node& node, const std::string& key, const Place& place) {
-  const std::optional<std::string> value = node.value_exact<std::string>();
-  if (!value || value->empty()) return place.at(node, fmt::format("'{}' must be a text in quotes", key));
-  return *value;
-}
-
-/// A value of an option, as the text that the command line would have.
-Result<std::string> option_text(const toml::node& node, const std::string& key, const Place& place) {
-  if (const auto value = node.value_exact<std::string>()) return *value;
-  if (const auto value = node.value_exact<bool>()) return std::string(*value ? "true" : "false");
-  if (const auto value = node.value_exact<std::int64_t>()) return fmt::format("{}", *value);
-  if (const auto value = node.value_exact<double>()) return fmt::format("{}", *value);
-  return place.at(node, fmt::format("'{}' must be a text, a number, true or false", key));
-}
-
-template <std::size_t n>
-Result<std::array<double, n>> numbers(const toml::node& node, const std::string& key, const Place& place) {
-  const toml::array* array = node.as_array();
-  if (array == nullptr || array->size() != n)
-    return place.at(node, fmt::format("'{}' must be a list of {} numbers", key, n));
-  std::array<double, n> values{};
-  for (std::size_t i = 0; i < n; ++i) {
-    const Result<double> value = number(*array->get(i), key, place);
-    if (!value) return value.error();
-    values[i] = *value;
-  }
-  return values;
-}
-
-Result<const toml::table*> table_of(const toml::node& node, const std::string& key, const Place& place) {
-  const toml::table* table = node.as_table();
-  if (table == nullptr) return place.at(node, fmt::format("'{}' must be a table, written [{}]", key, key));
-  return table;
-}
 
 Status read_pose(const toml::table& table, SceneModel& model, const Place& place) {
   if (const toml::node* node = table.get("position_mm")) {
@@ -109,42 +35,30 @@ Status read_pose(const toml::table& table, SceneModel& model, const Place& place
   return Done{};
 }
 
-Status read_surface(const toml::table& table, SceneModel& model, const Place& place) {
-  const toml::node* node = table.get("surface");
-  if (node == nullptr) return Done{};
-  const Result<const toml::table*> surface = table_of(*node, "model.surface", place);
-  if (!surface) return surface.error();
-  if (const Status keys = check_keys(**surface, {"stiffness_n_per_mm"},
-                                     {"friction", "deformation", "damping", "damping_n_s_per_mm", "texture"},
-                                     "[model.surface]", place);
-      !keys)
-    return keys.error();
-  if (const toml::node* stiffness = (*surface)->get("stiffness_n_per_mm")) {
-    const Result<double> value = number(*stiffness, "stiffness_n_per_mm", place);
-    if (!value) return value.error();
-    if (!(*value > 0.0)) return place.at(*stiffness, "'stiffness_n_per_mm' must be above 0");
-    model.surface.stiffness_n_per_mm = *value;
-  }
-  return Done{};
-}
-
 /// The file or the generator of a model, with the generator's own keys.
 Status read_source(const toml::table& table, SceneModel& model, const Place& place) {
-  std::vector<std::string> known = {"cloud", "unit", "scale", "position_mm", "rotation", "surface"};
+  std::vector<std::string> known = {"cloud",    "scan",    "unit",   "scale", "position_mm",
+                                    "rotation", "surface", "region", "motion"};
   const toml::node* cloud_node = table.get("cloud");
   const toml::node* generate_node = table.get("generate");
-  if ((cloud_node == nullptr) == (generate_node == nullptr))
-    return place.at(table, "a [[model]] needs either 'cloud' or 'generate'",
-                    "cloud = \"file.ply\", or generate = \"sinusoid\"");
-  const std::vector<std::string> later = {"friction", "deformation", "region",       "shading",
-                                          "motion",   "texture",     "velocity_mm_s"};
+  const toml::node* scan_node = table.get("scan");
+  if ((cloud_node != nullptr) + (generate_node != nullptr) + (scan_node != nullptr) != 1)
+    return place.at(table, "a [[model]] needs either 'cloud' or 'generate' or 'scan'",
+                    "cloud = \"file.ply\", generate = \"sinusoid\", or scan = \"stanford-dragon\"");
+  if (scan_node != nullptr) {
+    const Result<std::string> scan = text(*scan_node, "scan", place);
+    if (!scan) return scan.error();
+    model.scan = *scan;
+    known.push_back("generate");
+    return check_keys(table, known, {}, "a [[model]] with a scan", place);
+  }
   if (cloud_node != nullptr) {
     const Result<std::string> file = text(*cloud_node, "cloud", place);
     if (!file) return file.error();
     const std::filesystem::path folder = std::filesystem::path(place.file).parent_path();
     model.cloud = (folder / *file).lexically_normal().string();
     known.push_back("generate");
-    return check_keys(table, known, later, "a [[model]] with a file", place);
+    return check_keys(table, known, {}, "a [[model]] with a file", place);
   }
   const Result<std::string> name = text(*generate_node, "generate", place);
   if (!name) return name.error();
@@ -154,10 +68,10 @@ Status read_source(const toml::table& table, SceneModel& model, const Place& pla
     for (const cloud::Generator& g : cloud::generators()) all += (all.empty() ? "" : ", ") + g.name;
     return place.at(*generate_node, fmt::format("there is no generator '{}'", *name), "choose from " + all);
   }
-  known = {"generate", "scale", "position_mm", "rotation", "surface"};
+  known = {"generate", "scale", "position_mm", "rotation", "surface", "region", "motion"};
   for (const OptionSpec& spec : generator->options) known.push_back(spec.key);
   if (const Status keys =
-          check_keys(table, known, later, fmt::format("a [[model]] with generate = \"{}\"", *name), place);
+          check_keys(table, known, {}, fmt::format("a [[model]] with generate = \"{}\"", *name), place);
       !keys)
     return keys.error();
   model.generate = NamedOptions{*name, {}};
@@ -183,7 +97,9 @@ Result<SceneModel> read_model_table(const toml::table& table, const Place& place
   SceneModel model;
   model.line = static_cast<std::int64_t>(table.source().begin.line);
   if (const Status source = read_source(table, model, place); !source) return source.error();
-  model.name = model.generate ? model.generate->name : base_name(model.cloud);
+  model.name = model.generate        ? model.generate->name
+               : !model.scan.empty() ? model.scan
+                                     : base_name(model.cloud);
   if (const toml::node* node = table.get("unit")) {
     const Result<std::string> name = text(*node, "unit", place);
     if (!name) return name.error();
@@ -199,6 +115,8 @@ Result<SceneModel> read_model_table(const toml::table& table, const Place& place
   }
   if (const Status pose = read_pose(table, model, place); !pose) return pose.error();
   if (const Status surface = read_surface(table, model, place); !surface) return surface.error();
+  if (const Status regions = read_regions(table, model, place); !regions) return regions.error();
+  if (const Status motion = read_motion(table, model, place); !motion) return motion.error();
   return model;
 }
 
@@ -344,17 +262,34 @@ Status read_control(const toml::table& root, SceneFile& scene, const Place& plac
   return read_passivity(**table, scene, place);
 }
 
+Status read_simulation(const toml::table& root, SceneFile& scene, const Place& place) {
+  const toml::node* node = root.get("simulation");
+  if (node == nullptr) return Done{};
+  const Result<const toml::table*> table = table_of(*node, "simulation", place);
+  if (!table) return table.error();
+  if (const Status keys = check_keys(**table, {"rate_hz"}, {}, "[simulation]", place); !keys)
+    return keys.error();
+  if (const toml::node* rate = (*table)->get("rate_hz")) {
+    const Result<double> value = number(*rate, "rate_hz", place);
+    if (!value) return value.error();
+    if (!(*value > 0.0)) return place.at(*rate, "'rate_hz' must be above 0");
+    scene.simulation_hz = *value;
+  }
+  return Done{};
+}
+
 Result<SceneFile> from_table(const toml::table& root, const std::string& path) {
   const Place place{path};
   SceneFile scene;
   scene.path = path;
-  if (const Status keys = check_keys(root, {"model", "renderer", "control"},
-                                     {"region", "plan", "device", "motion", "light"}, "the scene", place);
+  if (const Status keys = check_keys(root, {"model", "renderer", "simulation", "control"},
+                                     {"plan", "device", "light"}, "the scene", place);
       !keys)
     return keys.error();
   if (const Status models = read_models(root, scene, place); !models) return models.error();
   if (const Status renderer = read_renderer(root, scene, place); !renderer) return renderer.error();
   if (const Status control = read_control(root, scene, place); !control) return control.error();
+  if (const Status simulation = read_simulation(root, scene, place); !simulation) return simulation.error();
   return scene;
 }
 

@@ -62,41 +62,56 @@ bool smallest_direction(const Symmetric& covariance, Vec3& direction) noexcept {
   return is_finite(direction);
 }
 
+/// False where the point and its neighbours give no plane.
+bool plane_normal(std::span<const SurfacePoint> points, const neighbourhood::Neighbours& around,
+                  std::size_t i, Vec3& normal) noexcept {
+  const double px = static_cast<double>(points[i].x_mm), py = static_cast<double>(points[i].y_mm),
+               pz = static_cast<double>(points[i].z_mm);
+  // Sums about the point itself, which is one of those fitted.
+  double sx = 0.0, sy = 0.0, sz = 0.0, count = 1.0;
+  Symmetric sum;
+  for (const std::uint32_t other : around) {
+    if (other == i) continue;
+    const double x = static_cast<double>(points[other].x_mm) - px,
+                 y = static_cast<double>(points[other].y_mm) - py,
+                 z = static_cast<double>(points[other].z_mm) - pz;
+    sx += x;
+    sy += y;
+    sz += z;
+    sum.xx += x * x;
+    sum.xy += x * y;
+    sum.xz += x * z;
+    sum.yy += y * y;
+    sum.yz += y * z;
+    sum.zz += z * z;
+    count += 1.0;
+  }
+  const double share = 1.0 / count;
+  const Symmetric covariance{sum.xx - sx * sx * share, sum.xy - sx * sy * share, sum.xz - sx * sz * share,
+                             sum.yy - sy * sy * share, sum.yz - sy * sz * share, sum.zz - sz * sz * share};
+  return smallest_direction(covariance, normal);
+}
+
 }  // namespace
 
 void fit_planes(std::span<SurfacePoint> points, std::span<const neighbourhood::Neighbours> neighbours,
                 int threads) {
   parallel_chunks(points.size(), kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      const double px = static_cast<double>(points[i].x_mm), py = static_cast<double>(points[i].y_mm),
-                   pz = static_cast<double>(points[i].z_mm);
-      // Sums about the point itself, which is one of those fitted.
-      double sx = 0.0, sy = 0.0, sz = 0.0, count = 1.0;
-      Symmetric sum;
-      for (const std::uint32_t other : neighbours[i]) {
-        if (other == i) continue;
-        const double x = static_cast<double>(points[other].x_mm) - px,
-                     y = static_cast<double>(points[other].y_mm) - py,
-                     z = static_cast<double>(points[other].z_mm) - pz;
-        sx += x;
-        sy += y;
-        sz += z;
-        sum.xx += x * x;
-        sum.xy += x * y;
-        sum.xz += x * z;
-        sum.yy += y * y;
-        sum.yz += y * z;
-        sum.zz += z * z;
-        count += 1.0;
-      }
-      const double share = 1.0 / count;
-      const Symmetric covariance{sum.xx - sx * sx * share, sum.xy - sx * sy * share,
-                                 sum.xz - sx * sz * share, sum.yy - sy * sy * share,
-                                 sum.yz - sy * sz * share, sum.zz - sz * sz * share};
       Vec3 normal;
-      points[i].normal = smallest_direction(covariance, normal) ? encode_normal(normal) : kNoNormal;
+      points[i].normal = plane_normal(points, neighbours[i], i, normal) ? encode_normal(normal) : kNoNormal;
     }
   });
+}
+
+void refit_plane(std::span<SurfacePoint> points, std::span<const neighbourhood::Neighbours> neighbours,
+                 std::uint32_t place) noexcept {
+  const NormalCode before = points[place].normal;
+  Vec3 normal;
+  if (!plane_normal(points, neighbours[place], place, normal)) return;  // the side it had is better than none
+  const bool turned = before != kNoNormal && decode_normal(before).dot(normal) < 0.0;
+  const NormalCode side = is_one_sided(before) ? kOneSided : NormalCode{0};
+  points[place].normal = encode_normal(turned ? Vec3(-normal) : normal) | side;
 }
 
 }  // namespace palpate::surface

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <span>
 
 #include "toolkit/core/vec.h"
@@ -26,6 +27,11 @@ struct SurfacePoint {
 /// threads. O(n).
 void fit_planes(std::span<SurfacePoint> points, std::span<const neighbourhood::Neighbours> neighbours,
                 int threads);
+
+/// The same for one point, its normal turned to the side it had, kept one-sided where it was. Allocates
+/// nothing.
+void refit_plane(std::span<SurfacePoint> points, std::span<const neighbourhood::Neighbours> neighbours,
+                 std::uint32_t place) noexcept;
 
 struct OrientReport {
   std::size_t pieces = 0;            ///< connected by neighbour links

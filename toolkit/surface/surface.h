@@ -38,6 +38,15 @@ struct PointProperties {
   }
 };
 
+/// Geometric deformation by the probe (section 3.3.2.2): deeper than `yield_mm` the points give way, at most
+/// `rate_mm_s`, less and less out to `radius_mm`. All 0: the geometry stays.
+struct Dent {
+  double yield_mm = 0.0;
+  double radius_mm = 0.0;
+  double rate_mm_s = 0.0;
+  [[nodiscard]] bool any() const noexcept { return radius_mm > 0.0 && rate_mm_s > 0.0; }
+};
+
 struct Surface {
   /// Of the spring between HIP and god object, N/mm, above 0.
   double stiffness_n_per_mm = 0.5;
@@ -46,6 +55,7 @@ struct Surface {
   /// [0, 1). Our reading of the printed coefficient; whether that is compliance or scale is not said.
   double deformation = 0.0;
   Texture texture;
+  Dent dent;
   std::shared_ptr<const PointProperties> per_point;  ///< or null
 };
 

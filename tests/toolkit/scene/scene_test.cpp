@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 
@@ -73,6 +74,139 @@ struct Refused {
   const char* says;   // part of the message
 };
 
+TEST(SceneFile, ReadsSurfacesRegionsAndMotion) {
+  const Result<SceneFile> scene = parse_scene(R"toml(
+[[model]]
+generate = "plane"
+  [model.surface]
+  stiffness_n_per_mm = { column = "k" }
+  friction = { static = 0.7, dynamic = 0.5 }
+  deformation = 0.25
+    [model.surface.texture]
+    kind = "grating"
+    effect = "force"
+    depth_mm = 0.1
+    wavelength_mm = 2
+    axis = [0, 3, 4]
+    [model.surface.dent]
+    yield_mm = 0.5
+    radius_mm = 3
+    rate_mm_s = 20
+  [[model.region]]
+  x_mm = [0, 10]
+  friction = 0.9
+  [[model.region]]
+  z_mm = [-1, 1]
+  deformation = 0.5
+  stiffness_n_per_mm = 2
+  [model.motion]
+  velocity_mm_s = [0, 0, 50]
+  turn_deg_s = [180, 0, 0]
+  about_mm = [1, 2, 3]
+  start_s = 0.5
+  stop_s = 2
+[simulation]
+rate_hz = 100
+)toml",
+                                              "scene.toml");
+  ASSERT_TRUE(scene.ok()) << scene.error().message();
+  const SceneModel& model = scene->models[0];
+  EXPECT_EQ(model.sources.stiffness_column, "k");
+  EXPECT_EQ(model.surface.friction.static_coefficient, 0.7);
+  EXPECT_EQ(model.surface.friction.dynamic_coefficient, 0.5);
+  EXPECT_EQ(model.surface.deformation, 0.25);
+  EXPECT_EQ(model.surface.texture.effect, surface::TextureEffect::kForce);
+  EXPECT_LT((model.surface.texture.axis - Vec3(0, 0.6, 0.8)).norm(), 1e-15);
+  EXPECT_EQ(model.surface.dent.radius_mm, 3.0);
+  ASSERT_EQ(model.regions.size(), 2u);
+  EXPECT_EQ(model.regions[0].friction->dynamic_coefficient, 0.9);
+  EXPECT_TRUE(model.regions[0].box_mm.contains(Vec3(5, 1e9, -1e9)));
+  EXPECT_FALSE(model.regions[0].box_mm.contains(Vec3(11, 0, 0)));
+  ASSERT_TRUE(model.motion.has_value());
+  EXPECT_NEAR(model.motion->turn_rad_s.x(), 3.14159265358979, 1e-12);
+  EXPECT_EQ(model.motion->about_mm->y(), 2.0);
+  EXPECT_EQ(scene->simulation_hz, 100.0);
+}
+
+std::string written(const std::string& name, const std::string& text) {
+  const std::filesystem::path file = std::filesystem::path(testing::TempDir()) / name;
+  std::ofstream(file, std::ios::binary) << text;
+  return file.string();
+}
+
+TEST(SceneFile, RegionsAndColumnsBecomePropertiesOfPoints) {
+  const std::string cloud = written("columns.csv", "x,y,z,mu\n0,0,0,0.1\n1,0,0,0.2\n2,0,0,0.3\n");
+  const std::string head = "[[model]]\ncloud = \"" + cloud + "\"\nunit = \"mm\"\n";
+  const auto loaded = [&](const std::string& rest) {
+    const SceneFile scene = parse_scene(head + rest, "/scene.toml").value();
+    io::Readers readers;
+    io::add_standard_readers(readers);
+    return load(scene, readers, {}, no_progress());
+  };
+  const auto with_column = loaded(
+      "[model.surface]\nfriction = { column = \"mu\" }\n[[model.region]]\nx_mm = [1.5, 9]\n"
+      "friction = { static = 0.9, dynamic = 0.8 }\n");
+  ASSERT_TRUE(with_column) << with_column.error().message();
+  const auto& p = with_column->input.models[0].surface.per_point;
+  ASSERT_NE(p, nullptr);
+  EXPECT_EQ(p->static_friction, (std::vector<float>{0.1f, 0.2f, 0.9f}));
+  EXPECT_EQ(p->dynamic_friction, (std::vector<float>{0.1f, 0.2f, 0.8f}));
+  EXPECT_TRUE(p->stiffness_n_per_mm.empty());
+  const auto missing = loaded("[model.surface]\nfriction = { column = \"nu\" }\n");
+  ASSERT_FALSE(missing);
+  EXPECT_EQ(missing.error().file, "/scene.toml");
+  EXPECT_EQ(missing.error().line, 4);
+  EXPECT_NE(missing.error().message().find("it has mu"), std::string::npos) << missing.error().message();
+  EXPECT_EQ(loaded("")->input.models[0].surface.per_point, nullptr) << "nothing varies, nothing is stored";
+}
+
+TEST(SceneFile, ImagesBecomeTexturesAndFrictionMaps) {
+  // A PFM of 2 x 2 pixels, little endian: a column of 0 and one of 1.
+  std::string pfm = "Pf\n2 2\n-1.0\n";
+  for (const float value : {0.0f, 1.0f, 0.0f, 1.0f}) pfm.append(reinterpret_cast<const char*>(&value), 4);
+  const std::string image = written("two.pfm", pfm);
+  const SceneFile scene =
+      parse_scene(
+          "[[model]]\ngenerate = \"plane\"\nextent_mm = 4\nspacing_mm = 1\n[model.surface]\nfriction = { "
+          "image = "
+          "\"" +
+              image +
+              "\", tile_mm = 2, low = 0.2, high = 0.6 }\n[model.surface.texture]\nkind = \"image\"\n"
+              "depth_mm = 0.1\nwavelength_mm = 2\nimage = \"" +
+              image + "\"\n",
+          "/scene.toml")
+          .value();
+  io::Readers readers;
+  io::add_standard_readers(readers);
+  const auto loaded = load(scene, readers, {}, no_progress());
+  ASSERT_TRUE(loaded) << loaded.error().message();
+  const render::ModelInput& model = loaded->input.models[0];
+  ASSERT_NE(model.surface.texture.image, nullptr);
+  EXPECT_EQ(model.surface.texture.image->height, (std::vector<std::uint16_t>{0, 65535, 0, 65535}));
+  for (std::size_t i = 0; i < model.cloud->size(); ++i) {
+    const double x = model.cloud->point_mm(i).x();
+    const bool second = x - 2.0 * std::floor(x / 2.0) >= 1.0;
+    EXPECT_NEAR(static_cast<double>(model.surface.per_point->static_friction[i]), second ? 0.6 : 0.2, 1e-6)
+        << x;
+  }
+}
+
+TEST(SceneFile, MotionIsPublishedByTheSimulation) {
+  const SceneFile scene =
+      parse_scene(
+          "[[model]]\ngenerate = \"plane\"\npoints = 25\nposition_mm = [0, 0, 5]\n[model.motion]\n"
+          "velocity_mm_s = [0, 0, 10]\n",
+          "/scene.toml")
+          .value();
+  io::Readers readers;
+  const auto loaded = load(scene, readers, {}, no_progress());
+  ASSERT_TRUE(loaded);
+  ASSERT_NE(loaded->input.simulation, nullptr);
+  loaded->input.simulation->reset();
+  loaded->input.simulation->advance(1.0);
+  EXPECT_NEAR(loaded->input.models[0].motion->newest().at(1.5).translation_mm.z(), 20.0, 1e-12);
+}
+
 class RefusedScene : public testing::TestWithParam<Refused> {};
 
 TEST_P(RefusedScene, NamesTheLineAndTheRemedy) {
@@ -92,12 +226,42 @@ INSTANTIATE_TEST_SUITE_P(
         Refused{"misspelt_key", "[[model]]\ncloud = \"a.ply\"\nscael = 2", 3, "did you mean 'scale'"},
         Refused{"begun_key", "[[model]]\ncloud = \"a.ply\"\n[model.surface]\nstiffness = 2", 4,
                 "did you mean 'stiffness_n_per_mm'"},
-        Refused{"later_key", "[[model]]\ncloud = \"a.ply\"\n[model.surface]\nfriction = 0.7", 4,
+        Refused{"later_key", "[[model]]\ncloud = \"a.ply\"\n[model.surface]\ndamping = 0.7", 4,
                 "not in this version"},
         Refused{"later_table", "[[model]]\ncloud = \"a.ply\"\n[device]\nname = \"x\"", 3,
                 "not in this version"},
-        Refused{"later_region", "[[model]]\ncloud = \"a.ply\"\n[[model.region]]\nfriction = 1", 0,
-                "not in this version"},
+        Refused{"friction_below_0", "[[model]]\ncloud = \"a.ply\"\n[model.surface]\nfriction = -0.1", 4,
+                "static >= dynamic >= 0"},
+        Refused{"friction_half", "[[model]]\ncloud = \"a.ply\"\n[model.surface]\nfriction = { static = 0.5 }",
+                4, "'static' and 'dynamic'"},
+        Refused{"friction_reversed",
+                "[[model]]\ncloud = \"a.ply\"\n[model.surface]\nfriction = { static = 0.3, dynamic = 0.5 }",
+                4, "static >= dynamic"},
+        Refused{"deformation", "[[model]]\ncloud = \"a.ply\"\n[model.surface]\ndeformation = 1.0", 4,
+                "below 1"},
+        Refused{"map", "[[model]]\ncloud = \"a.ply\"\n[model.surface]\nfriction = { image = \"a.pfm\" }", 4,
+                "needs 'tile_mm'"},
+        Refused{"texture_kind",
+                "[[model]]\ncloud = \"a.ply\"\n[model.surface.texture]\nkind = \"wood\"\ndepth_mm = "
+                "1\nwavelength_mm = 1",
+                4, "choose from grating, noise, image"},
+        Refused{"texture_without_image",
+                "[[model]]\ncloud = \"a.ply\"\n[model.surface.texture]\nkind = \"image\"\ndepth_mm = "
+                "1\nwavelength_mm = 1",
+                3, "needs 'image'"},
+        Refused{"dent", "[[model]]\ncloud = \"a.ply\"\n[model.surface.dent]\nyield_mm = 1", 3,
+                "needs 'radius_mm'"},
+        Refused{"region_empty", "[[model]]\ncloud = \"a.ply\"\n[[model.region]]\nx_mm = [0, 1]", 3,
+                "changes nothing"},
+        Refused{"region_range", "[[model]]\ncloud = \"a.ply\"\n[[model.region]]\nx_mm = [1, 0]\nfriction = 1",
+                4, "[low, high]"},
+        Refused{"region_key", "[[model]]\ncloud = \"a.ply\"\n[[model.region]]\nfricton = 1", 4,
+                "did you mean 'friction'"},
+        Refused{"motion_key", "[[model]]\ncloud = \"a.ply\"\n[model.motion]\nvelocity = 1", 4,
+                "did you mean 'velocity_mm_s'"},
+        Refused{"motion_stop", "[[model]]\ncloud = \"a.ply\"\n[model.motion]\nstart_s = 2\nstop_s = 1", 5,
+                "later than"},
+        Refused{"simulation", "[[model]]\ncloud = \"a.ply\"\n[simulation]\nrate_hz = 0", 4, "above 0"},
         Refused{"unknown_table", "[[model]]\ncloud = \"a.ply\"\n[rendrer]\nname = \"x\"", 3,
                 "did you mean 'renderer'"},
         Refused{"both_sources", "[[model]]\ncloud = \"a.ply\"\ngenerate = \"plane\"", 0,

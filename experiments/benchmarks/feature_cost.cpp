@@ -1,0 +1,85 @@
+// One scene's frames, some times over, and nothing else: what instruction counters run (feature_costs).
+//
+//   feature_cost FEATURES REPEATS      FEATURES: bare, or of friction, varied, texture, soft, many, joined by
+//   +
+#include <fmt/format.h>
+
+#include <cstdlib>
+#include <string>
+#include <string_view>
+
+#include "toolkit/cloud/generate.h"
+#include "toolkit/render/registry.h"
+#include "toolkit/trace/paths.h"
+
+namespace palpate {
+namespace {
+
+bool asks(std::string_view features, std::string_view one) {
+  return features.find(one) != std::string_view::npos;
+}
+
+render::SceneInput scene_of(std::string_view features, cloud::GeneratedModel& made) {
+  render::ModelInput model;
+  model.cloud = std::make_shared<const cloud::Cloud>(made.cloud);
+  model.analytic = made.surface;
+  surface::Surface& s = model.surface;
+  if (asks(features, "soft")) s.deformation = 0.5;
+  if (asks(features, "friction")) s.friction = {0.7, 0.5};
+  if (asks(features, "texture")) {
+    s.texture.kind = surface::TextureKind::kNoise;
+    s.texture.depth_mm = 0.1;
+    s.texture.wavelength_mm = 2.0;
+  }
+  if (asks(features, "varied")) {
+    auto p = std::make_shared<surface::PointProperties>();
+    for (std::size_t i = 0; i < made.cloud.size(); ++i)
+      p->deformation.push_back(made.cloud.x_mm[i] > 0.0f ? 0.5f : 0.0f);
+    s.per_point = p;
+  }
+  render::SceneInput scene;
+  scene.models.push_back(model);
+  if (asks(features, "many"))
+    for (int i = 1; i < 100; ++i) {
+      scene.models.push_back(model);
+      scene.models.back().world_from_model.translation_mm.x() = 300.0 * i;
+    }
+  return scene;
+}
+
+int run(std::string_view features, int repeats) {
+  auto made = cloud::generate(parse_named_options("sinusoid:points=10201").value());
+  if (!made) return 1;
+  const render::SceneInput scene = scene_of(features, *made);
+  render::Registry registry;
+  render::register_toolkit_renderers(registry);
+  auto renderer = registry.make("cloud", {});
+  if (!renderer || !(*renderer)->prepare(scene, {1, nullptr})) return 1;
+  trace::PathTarget target;
+  target.surface = made->surface.get();
+  target.cloud = scene.models[0].cloud.get();
+  target.box_mm = target.cloud->box_mm();
+  target.spacing_mm = made->nominal_spacing_mm;
+  const auto path = trace::make_path(parse_named_options("weave:frames=4500").value(), target);
+  if (!path) return 1;
+  Vec3 sum = Vec3::Zero();
+  for (int i = 0; i < repeats; ++i) {
+    (*renderer)->reset(path->hip_mm[0]);
+    for (const Vec3& hip : path->hip_mm) sum += (*renderer)->step(hip, 1e-3).force_n;
+  }
+  // Printed, so that the frames are not optimised away, and so that two runs can be seen to do the same.
+  fmt::print("{} frames, sum of forces {:.6f} {:.6f} {:.6f} N\n",
+             path->hip_mm.size() * static_cast<std::size_t>(repeats), sum.x(), sum.y(), sum.z());
+  return 0;
+}
+
+}  // namespace
+}  // namespace palpate
+
+int main(int argc, char** argv) {
+  if (argc != 3) {
+    fmt::print(stderr, "usage: feature_cost FEATURES REPEATS\n");
+    return 2;
+  }
+  return palpate::run(argv[1], std::atoi(argv[2]));
+}

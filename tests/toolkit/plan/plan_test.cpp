@@ -1,0 +1,91 @@
+// The plan decides as the renderers do.
+#include "toolkit/plan/plan.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "tests/toolkit/render/scenes.h"
+
+namespace palpate::plan {
+namespace {
+
+const Decision* find(const std::vector<Decision>& decisions, const std::string& about) {
+  const auto at =
+      std::find_if(decisions.begin(), decisions.end(), [&](const Decision& d) { return d.about == about; });
+  return at == decisions.end() ? nullptr : &*at;
+}
+
+std::string choice(const std::vector<Decision>& decisions, const std::string& about) {
+  const Decision* d = find(decisions, about);
+  return d == nullptr ? "nothing said" : d->choice;
+}
+
+Plan planned(const render::SceneInput& scene, const std::string& renderer = {}) {
+  std::optional<NamedOptions> wanted;
+  if (!renderer.empty()) wanted = parse_named_options(renderer).value();
+  return make_plan(scene, wanted, 1).value();
+}
+
+TEST(Plan, HeightFieldsTakeTheirOwnRenderer) {
+  EXPECT_EQ(planned(render::generated("sinusoid:points=10201").input).renderer.name, "heightfield");
+  EXPECT_EQ(planned(render::generated("sphere:points=10000").input).renderer.name, "cloud");
+  EXPECT_EQ(planned(render::generated("sinusoid:points=10201:jitter=0.4").input).renderer.name, "cloud");
+}
+
+TEST(Plan, WhatIsGivenIsTakenAndSaid) {
+  const Plan plan = planned(render::generated("sinusoid:points=10201").input, "cloud:shading=none");
+  EXPECT_EQ(plan.renderer.name, "cloud");
+  EXPECT_TRUE(find(plan.decisions, "renderer")->given);
+  EXPECT_EQ(choice(plan.models[0].decisions, "shading"), "none");
+  EXPECT_TRUE(find(plan.models[0].decisions, "shading")->given);
+}
+
+TEST(Plan, FineCloudsAreNotShaded) {
+  // 0.5 N/mm times 0.014 mm of spacing is 0.007 N.
+  const Plan fine = planned(render::generated("plane:extent_mm=1:spacing_mm=0.01").input, "cloud");
+  EXPECT_EQ(choice(fine.models[0].decisions, "shading"), "none");
+  const Plan coarse = planned(render::generated("plane:extent_mm=40:spacing_mm=1").input, "cloud");
+  EXPECT_NE(choice(coarse.models[0].decisions, "shading"), "none");
+}
+
+TEST(Plan, SurfacesCostBytesOnlyWhereTheyVary) {
+  render::Scene scene = render::generated("plane:extent_mm=40:spacing_mm=1");
+  const Plan bare = planned(scene.input, "cloud");
+  EXPECT_EQ(choice(bare.models[0].decisions, "friction"), "none");
+  scene.input.models[0].surface.friction = {0.7, 0.5};
+  const Plan uniform = planned(scene.input, "cloud");
+  EXPECT_EQ(uniform.bytes, bare.bytes);
+  auto properties = std::make_shared<surface::PointProperties>();
+  properties->static_friction.assign(scene.input.models[0].cloud->size(), 0.5f);
+  scene.input.models[0].surface.per_point = properties;
+  const Plan varied = planned(scene.input, "cloud");
+  EXPECT_EQ(varied.bytes, bare.bytes + 12 * varied.models[0].points);
+  EXPECT_EQ(choice(varied.models[0].decisions, "friction"), "per point");
+  EXPECT_EQ(planned(scene.input).renderer.name, "cloud") << "a height field with properties per point";
+}
+
+TEST(Plan, BytesAreThoseOfTheRenderer) {
+  const render::Scene scene = render::generated("sphere:points=100000");
+  const auto renderer = render::prepared(scene.input, "cloud");
+  render::Registry registry;
+  render::register_toolkit_renderers(registry);
+  const auto again = registry.make("cloud", {}).value();
+  const double held = static_cast<double>(again->prepare(scene.input, {1, nullptr}).value().bytes);
+  EXPECT_NEAR(static_cast<double>(planned(scene.input).bytes), held, 0.1 * held);
+}
+
+TEST(Plan, TextSaysEveryDecision) {
+  const Plan plan = planned(render::generated("sinusoid:points=10201").input);
+  const std::string all = text(plan);
+  for (const Decision& d : plan.decisions) EXPECT_NE(all.find(d.reason), std::string::npos) << d.about;
+  for (const Decision& d : plan.models[0].decisions)
+    EXPECT_NE(all.find(d.reason), std::string::npos) << d.about;
+}
+
+TEST(Plan, EmptySceneIsRefused) {
+  EXPECT_FALSE(make_plan({}, std::nullopt, 1));
+}
+
+}  // namespace
+}  // namespace palpate::plan

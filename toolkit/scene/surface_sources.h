@@ -1,0 +1,14 @@
+// What a model's surface takes from its file's columns, from images and from regions, turned into properties.
+// Internal to scene.
+#pragma once
+
+#include "toolkit/scene/scene.h"
+
+namespace palpate::scene {
+
+/// Fills the surface of a loaded model. Errors name a column that the file does not have, or an image that
+/// cannot be read or is no full grid. O(points x regions).
+[[nodiscard]] Status resolve_surface(const SceneModel& model, const io::Readers& readers, Progress& progress,
+                                     render::ModelInput& input);
+
+}  // namespace palpate::scene

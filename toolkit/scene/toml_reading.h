@@ -1,0 +1,99 @@
+// How the parts of a scene file are read: values of the right kind, errors with line and column. Internal to
+// scene: the only header that sees toml++.
+#pragma once
+
+#include <fmt/format.h>
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "toolkit/scene/scene.h"
+
+namespace palpate::scene {
+
+inline constexpr const char* kLater = "it comes with a later version; remove it";
+
+struct Place {
+  const std::string& file;
+
+  [[nodiscard]] Error at(const toml::source_region& source, std::string what, std::string remedy = {}) const {
+    return Error{fmt::format("{} (column {})", what, source.begin.column), std::move(remedy), file,
+                 static_cast<std::int64_t>(source.begin.line)};
+  }
+  [[nodiscard]] Error at(const toml::node& node, std::string what, std::string remedy = {}) const {
+    return at(node.source(), std::move(what), std::move(remedy));
+  }
+};
+
+/// Refuses keys of `table` that are neither known nor of a later version.
+inline Status check_keys(const toml::table& table, const std::vector<std::string>& known,
+                         const std::vector<std::string>& later, const std::string& where,
+                         const Place& place) {
+  for (const auto& [key, node] : table) {
+    const std::string name(key.str());
+    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+    if (std::find(later.begin(), later.end(), name) != later.end())
+      return place.at(key.source(), fmt::format("'{}' in {} is not in this version", name, where), kLater);
+    const std::string near = nearest_name(name, known);
+    std::string all;
+    for (const std::string& k : known) all += (all.empty() ? "" : ", ") + k;
+    return place.at(key.source(), fmt::format("{} has no key '{}'", where, name),
+                    near.empty() ? fmt::format("it has {}", all) : fmt::format("did you mean '{}'?", near));
+  }
+  return Done{};
+}
+
+inline Result<double> number(const toml::node& node, const std::string& key, const Place& place) {
+  const std::optional<double> value = node.is_number() ? node.value<double>() : std::nullopt;
+  if (!value || !std::isfinite(*value))
+    return place.at(node, fmt::format("'{}' must be a finite number", key));
+  return *value;
+}
+
+inline Result<std::string> text(const toml::node& node, const std::string& key, const Place& place) {
+  const std::optional<std::string> value = node.value_exact<std::string>();
+  if (!value || value->empty()) return place.at(node, fmt::format("'{}' must be a text in quotes", key));
+  return *value;
+}
+
+/// A value of an option, as the text that the command line would have.
+inline Result<std::string> option_text(const toml::node& node, const std::string& key, const Place& place) {
+  if (const auto value = node.value_exact<std::string>()) return *value;
+  if (const auto value = node.value_exact<bool>()) return std::string(*value ? "true" : "false");
+  if (const auto value = node.value_exact<std::int64_t>()) return fmt::format("{}", *value);
+  if (const auto value = node.value_exact<double>()) return fmt::format("{}", *value);
+  return place.at(node, fmt::format("'{}' must be a text, a number, true or false", key));
+}
+
+template <std::size_t n>
+Result<std::array<double, n>> numbers(const toml::node& node, const std::string& key, const Place& place) {
+  const toml::array* array = node.as_array();
+  if (array == nullptr || array->size() != n)
+    return place.at(node, fmt::format("'{}' must be a list of {} numbers", key, n));
+  std::array<double, n> values{};
+  for (std::size_t i = 0; i < n; ++i) {
+    const Result<double> value = number(*array->get(i), key, place);
+    if (!value) return value.error();
+    values[i] = *value;
+  }
+  return values;
+}
+
+inline Result<const toml::table*> table_of(const toml::node& node, const std::string& key,
+                                           const Place& place) {
+  const toml::table* table = node.as_table();
+  if (table == nullptr) return place.at(node, fmt::format("'{}' must be a table, written [{}]", key, key));
+  return table;
+}
+
+/// [model.surface], [[model.region]] and [model.motion].
+[[nodiscard]] Status read_surface(const toml::table& model_table, SceneModel& model, const Place& place);
+[[nodiscard]] Status read_regions(const toml::table& model_table, SceneModel& model, const Place& place);
+[[nodiscard]] Status read_motion(const toml::table& model_table, SceneModel& model, const Place& place);
+
+}  // namespace palpate::scene
