@@ -16,6 +16,7 @@
 #include "toolkit/core/handover.h"
 #include "toolkit/core/options.h"
 #include "toolkit/geometry/broad_phase.h"
+#include "toolkit/render/on_virtual_clock.h"
 
 namespace palpate::house {
 namespace {
@@ -119,6 +120,37 @@ TEST(Frames, NoRendererAllocates) {
     auto renderer = stand.registry.make(info.name, {});
     ASSERT_TRUE(renderer.ok()) << renderer.error().message();
     EXPECT_EQ(blocks_of_frames(**renderer, stand, info.name != "ball"), 0u);
+  }
+}
+
+TEST(Frames, NoSurfaceAllocates) {
+  // Everything that a scene can ask for: friction, texture and stiffness that varies, a dent, other models,
+  // motion.
+  Stand stand = sinusoid_stand();
+  auto simulation = std::make_shared<render::ScriptedSimulation>();
+  render::ModelInput& model = stand.scene.models[0];
+  auto properties = std::make_shared<surface::PointProperties>();
+  for (std::size_t i = 0; i < model.cloud->size(); ++i)
+    properties->deformation.push_back(i % 2 == 0 ? 0.5f : 0.0f);
+  model.surface.per_point = properties;
+  model.surface.friction = {0.7, 0.5};
+  model.surface.texture.kind = surface::TextureKind::kNoise;
+  model.surface.texture.depth_mm = 0.05;
+  model.surface.texture.wavelength_mm = 1.0;
+  for (int i = 1; i < 40; ++i) {
+    stand.scene.models.push_back(stand.scene.models[0]);
+    stand.scene.models.back().world_from_model.translation_mm.x() = 60.0 * (i % 7);
+  }
+  render::ScriptedMotion motion;
+  motion.velocity_mm_s = Vec3(0, 0, 0.5);
+  motion.angular_velocity_rad_s = Vec3(0, 0, 0.01);
+  stand.scene.models[1].motion = simulation->add(motion);
+  stand.scene.models[0].surface.dent = {0.5, 2.0, 5.0};
+  stand.scene.simulation = simulation;
+  for (const char* name : {"cloud", "cloud-literal"}) {
+    SCOPED_TRACE(name);
+    render::OnVirtualClock renderer(stand.registry.make(name, {}).value(), simulation);
+    EXPECT_EQ(blocks_of_frames(renderer, stand, false), 0u);
   }
 }
 
