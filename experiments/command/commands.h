@@ -49,6 +49,7 @@ struct RunArguments {
   std::string reference = "auto";
   std::uint64_t paced = 0;
   std::string save_mesh;
+  std::string save_edited;
   bool json = false;
 };
 struct ReproduceArguments {

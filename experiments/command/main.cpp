@@ -107,6 +107,8 @@ void declare(CLI::App& app, Arguments& a) {
   replay->add_option("--renderer", a.replay.renderers,
                      "NAME[:option=value...]; default: the scene's, or what `palpate plan` chooses");
   add_run_options(*replay, a.replay);
+  replay->add_option("--save-edited", a.replay.save_edited,
+                     "write the first model as the path left it to this PLY file (scenes with dents)");
   replay->footer(
       "Examples:\n  palpate replay sinusoid:points=1002001 --renderer cloud --path weave:frames=50000 --out "
       "out/weave\n"

@@ -74,6 +74,7 @@ int run_study(const RunArguments& arguments, Context& context, const AfterStudy&
   options.threads = arguments.load.threads;
   options.paced_frames = arguments.paced;
   options.save_mesh = arguments.save_mesh;
+  options.save_edited = arguments.save_edited;
   bool saved = false;
   for (const RendererRequest& request : prepared->renderers) {
     Result<Run> run = run_renderer(study.stage, request, registry, options, context.progress);

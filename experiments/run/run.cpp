@@ -9,6 +9,7 @@
 #include "toolkit/core/clock.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/io/write_mesh.h"
+#include "toolkit/render/editable.h"
 #include "toolkit/render/on_virtual_clock.h"
 #include "toolkit/trace/replay.h"
 #include "toolkit/trace/trace_io.h"
@@ -72,6 +73,16 @@ std::vector<double> felt_stiffness(const scene::LoadedScene& scene) {
     felt.push_back(k);
   }
   return felt;
+}
+
+Status save_edited(const render::HapticRenderer& renderer, const std::string& file) {
+  const auto* editable = dynamic_cast<const render::Editable*>(&renderer);
+  if (editable == nullptr)
+    return Error{
+        "this renderer does not change its model", "run cloud, on a scene with [model.surface.dent]", {}, 0};
+  const Result<cloud::Cloud> edited = editable->edited(0);
+  if (!edited) return edited.error();
+  return io::write_cloud_ply(file, *edited);
 }
 
 /// The truth is of a rigid surface without friction or texture: where the scene has more, only whether and
@@ -149,6 +160,8 @@ Result<Run> run_renderer(const Stage& stage, const RendererRequest& request, con
                    report.error().message());
   }
   run.result.take(*report);
+  if (!options.save_edited.empty())
+    if (const Status saved = save_edited(inner, options.save_edited); !saved) return saved.error();
   run.trace = std::move(report->trace);
   run.trace.label = request.label;
   if (const Status scored = add_scores(stage, run, progress); !scored)

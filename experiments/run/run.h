@@ -16,6 +16,7 @@ struct RunOptions {
   int threads = 0;
   std::uint64_t paced_frames = 0;
   std::string save_mesh;         ///< a PLY file for the mesh of a mesh renderer; empty: none
+  std::string save_edited;       ///< a PLY file for the first model as the path left it; empty: none
   double prepare_limit_s = 0.0;  ///< preparation that takes longer is stopped and says so; 0 = none
 };
 

@@ -64,6 +64,7 @@ class Cloud final : public HapticRenderer, public Editable, public SlowPhase {
     previous_s_ = 0.0;
     for (const auto& slot : slots_) {
       if (slot->motion != nullptr) slot->model.set_pose(slot->motion->newest().at(now_s_));
+      if (slot->deformer != nullptr) slot->deformer->reset();
       slot->contact.reset(slot->model.to_local(hip_mm));
       slot->state.release();
       slot->listed = 0;

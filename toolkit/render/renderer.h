@@ -110,7 +110,8 @@ class HapticRenderer {
   [[nodiscard]] virtual Result<PrepareReport> prepare(const SceneInput& scene,
                                                       const PrepareContext& context) = 0;
 
-  /// Puts the HIP into free space at `hip_mm` (world frame) and clears the counters.
+  /// Puts the HIP into free space at `hip_mm` (world frame), gives models that were deformed their prepared
+  /// shape back and clears the counters: the same path gives the same frames again.
   virtual void reset(const Vec3& hip_mm) noexcept = 0;
 
   /// One haptic frame: the HIP is now at `hip_mm` (world frame), `dt_s` after the last frame. Allocates

@@ -59,8 +59,8 @@ Status load_file(const SceneModel& model, double scale, const io::Readers& reade
   read.unit = model.unit ? model.unit : options.unit;
   read.scale = scale;
   read.non_finite = options.non_finite;
-  read.post_mm = options.post_mm;
-  read.vertical_mm = options.vertical_mm;
+  read.post_mm = options.post_mm > 0.0 ? options.post_mm : model.post_mm;
+  read.vertical_mm = options.vertical_mm > 0.0 ? options.vertical_mm : model.vertical_mm;
   Result<io::ReadModel> got = readers.read(model.cloud, read, progress);
   if (!got) return std::move(got).error();
   provenance = {model.cloud,       got->format,      hex(got->content_hash), got->unit,

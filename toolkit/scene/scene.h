@@ -63,6 +63,8 @@ struct SceneModel {
   std::optional<NamedOptions> generate;  ///< the generator with its options
   std::optional<io::Unit> unit;          ///< of the file; empty: what the file says, else a guess
   double scale = 1.0;                    ///< multiplies all lengths after the unit
+  double post_mm = 0.0;                  ///< of height grids: distance of posts; 0: as the file says
+  double vertical_mm = 0.0;              ///< of height grids: mm a unit of height; 0: as the file says
   geometry::RigidTransform world_from_model;
   surface::Surface surface;
   SurfaceSources sources;

@@ -37,8 +37,8 @@ Status read_pose(const toml::table& table, SceneModel& model, const Place& place
 
 /// The file or the generator of a model, with the generator's own keys.
 Status read_source(const toml::table& table, SceneModel& model, const Place& place) {
-  std::vector<std::string> known = {"cloud",    "scan",    "unit",   "scale", "position_mm",
-                                    "rotation", "surface", "region", "motion"};
+  std::vector<std::string> known = {"cloud",       "scan",     "unit",    "scale",  "post_mm", "vertical_mm",
+                                    "position_mm", "rotation", "surface", "region", "motion"};
   const toml::node* cloud_node = table.get("cloud");
   const toml::node* generate_node = table.get("generate");
   const toml::node* scan_node = table.get("scan");
@@ -112,6 +112,15 @@ Result<SceneModel> read_model_table(const toml::table& table, const Place& place
     if (!scale) return scale.error();
     if (!(*scale > 0.0)) return place.at(*node, "'scale' must be above 0");
     model.scale = *scale;
+  }
+  for (const auto& [key, value] :
+       {std::pair{"post_mm", &model.post_mm}, {"vertical_mm", &model.vertical_mm}}) {
+    const toml::node* node = table.get(key);
+    if (node == nullptr || model.generate) continue;
+    const Result<double> read = number(*node, key, place);
+    if (!read) return read.error();
+    if (!(*read > 0.0)) return place.at(*node, fmt::format("'{}' must be above 0", key));
+    *value = *read;
   }
   if (const Status pose = read_pose(table, model, place); !pose) return pose.error();
   if (const Status surface = read_surface(table, model, place); !surface) return surface.error();

@@ -192,8 +192,9 @@ TEST(Dent, StaysAfterTheProbeAndIsFeltAgain) {
   const Scene scene = soft_plane();
   const auto renderer = prepared(scene.input, "cloud");
   auto& editable = dynamic_cast<Editable&>(*renderer);
+  renderer->reset(Vec3(0, 0, 2));
   const auto press = [&](double depth) {
-    renderer->reset(Vec3(0, 0, 2));
+    (void)renderer->step(Vec3(0, 0, 2), kDt);
     double most = 0.0;
     bool lost = false;
     bool touched = false;
@@ -216,6 +217,9 @@ TEST(Dent, StaysAfterTheProbeAndIsFeltAgain) {
   EXPECT_LT(press(1.0), 0.05);
   ASSERT_TRUE(editable.undo(0));
   EXPECT_GT(press(0.45), 0.2) << "after undo the surface is where it was";
+  EXPECT_LT(press(2.0), 0.5 * 0.75);
+  renderer->reset(Vec3(0, 0, 2));
+  EXPECT_GT(press(0.45), 0.2) << "and after a reset";
   editable.restore(0);
   EXPECT_EQ(editable.edited(0)->size(), scene.input.models[0].cloud->size());
   EXPECT_FALSE(editable.undo(1));
