@@ -19,14 +19,19 @@ double profile(double share_sq) noexcept {
 }  // namespace
 
 Deformer::Deformer(PointModel& model, const Options& options)
-    : model_(&model), built_(model.points.size()), used_(built_) {
+    : model_(&model),
+      grid_(std::get_if<partition::DynamicGrid>(&model.tree)),
+      built_(model.points.size()),
+      used_(built_) {
   const std::size_t most = built_ + options.spare_points;
   first_points_ = model.points;
   first_links_ = model.neighbours;
-  model.points.reserve(most);
-  model.neighbours.reserve(most);
-  if (!model.half_box_mm.empty()) model.half_box_mm.reserve(most);
-  if (!model.surface.of_place.empty()) model.surface.of_place.reserve(most);
+  // Spare places are there from the start, copies of the first, so that no array grows in a frame. No link
+  // leads to them and the grid does not know them.
+  model.points.resize(most, model.points.front());
+  model.neighbours.resize(most, model.neighbours.front());
+  if (!model.half_box_mm.empty()) model.half_box_mm.resize(most, model.half_box_mm.front());
+  if (!model.surface.of_place.empty()) model.surface.of_place.resize(most, model.surface.of_place.front());
   journal_.resize(options.journal_points);
   seen_.resize(most);
   recorded_.resize(most);
@@ -66,7 +71,7 @@ void Deformer::remember(std::uint32_t place, bool existed) noexcept {
 }
 
 bool Deformer::move(std::uint32_t place, const Vec3& to_mm) noexcept {
-  auto& grid = std::get<partition::DynamicGrid>(model_->tree);
+  partition::DynamicGrid& grid = *grid_;
   const Vec3f to = to_mm.cast<float>();
   const auto at = [this](std::uint32_t p) {
     const StoredPoint& point = model_->points[p];
@@ -194,18 +199,13 @@ bool Deformer::infer_between(std::uint32_t a, std::uint32_t b) noexcept {
     const Vec3 ta = chord - na * na.dot(chord), tb = chord - nb * nb.dot(chord);
     middle += 0.125 * (ta - tb);
   }
-  auto& grid = std::get<partition::DynamicGrid>(model_->tree);
+  partition::DynamicGrid& grid = *grid_;
   const auto place = static_cast<std::uint32_t>(used_);
   const Vec3f stored = middle.cast<float>();
   if (grid.add(place, stored) == partition::MoveStatus::kFull) return false;
-  if (model_->points.size() == used_) {
-    model_->points.push_back({stored.x(), stored.y(), stored.z(), ca});
-    model_->neighbours.emplace_back();
-    if (!model_->half_box_mm.empty()) model_->half_box_mm.push_back(model_->half_box_mm[a]);
-    if (!model_->surface.of_place.empty()) model_->surface.of_place.push_back(model_->surface.of_place[a]);
-  } else {  // a place that an undone stroke left
-    model_->points[place] = {stored.x(), stored.y(), stored.z(), ca};
-  }
+  model_->points[place] = {stored.x(), stored.y(), stored.z(), ca};
+  if (!model_->half_box_mm.empty()) model_->half_box_mm[place] = model_->half_box_mm[a];
+  if (!model_->surface.of_place.empty()) model_->surface.of_place[place] = model_->surface.of_place[a];
   ++used_;
   remember(place, false);
   link_new(place, a, b);
@@ -274,7 +274,7 @@ bool Deformer::undo() noexcept {
 }
 
 void Deformer::restore(const Entry& entry) noexcept {
-  auto& grid = std::get<partition::DynamicGrid>(model_->tree);
+  partition::DynamicGrid& grid = *grid_;
   const auto at = [this](std::uint32_t p) {
     const StoredPoint& point = model_->points[p];
     return Vec3f(point.x_mm, point.y_mm, point.z_mm);
@@ -295,7 +295,7 @@ void Deformer::restore(const Entry& entry) noexcept {
 }
 
 void Deformer::reset() noexcept {
-  auto& grid = std::get<partition::DynamicGrid>(model_->tree);
+  partition::DynamicGrid& grid = *grid_;
   const auto at = [this](std::uint32_t p) {
     const StoredPoint& point = model_->points[p];
     return Vec3f(point.x_mm, point.y_mm, point.z_mm);

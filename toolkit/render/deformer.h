@@ -93,8 +93,9 @@ class Deformer {
   [[nodiscard]] std::size_t collect(std::uint32_t place, double radius_mm) noexcept;
 
   PointModel* model_;
-  std::size_t built_;  ///< points at the start
-  std::size_t used_;   ///< points now
+  partition::DynamicGrid* grid_;  ///< the model's
+  std::size_t built_;             ///< points at the start
+  std::size_t used_;              ///< points now
   LargeVector<StoredPoint> first_points_;
   LargeVector<neighbourhood::Neighbours> first_links_;
   std::vector<Entry> journal_;                 ///< a ring
