@@ -126,6 +126,13 @@ Result<ModelPlan> plan_model(const render::ModelInput& model, const NamedOptions
   plan.decisions.push_back(shading_decision(model.surface.stiffness_n_per_mm, plan.spacing_mm, renderer));
   plan.decisions.push_back(coordinates_decision(cloud, spacing.nearest_mm.p50));
   add_surface(model, plan);
+  if (model.surface.dent.any() || model.moves != nullptr) {
+    constexpr std::uint64_t kKept = sizeof(render::StoredPoint) + sizeof(neighbourhood::Neighbours) + 12;
+    plan.bytes += kKept * plan.points;
+    plan.decisions.push_back({"deformable geometry", "moving grid, first shape kept",
+                              fmt::format("points move with their links: some {} bytes more for each", kKept),
+                              true});
+  }
   if (model.motion != nullptr)
     plan.decisions.push_back({"motion", "pose read in each frame", "the scene moves it", true});
   return plan;
@@ -160,6 +167,7 @@ Decision choose_renderer(const render::SceneInput& scene) {
   if (scene.models.size() != 1) return {"renderer", "cloud", "several models"};
   const render::ModelInput& model = scene.models.front();
   if (model.motion != nullptr) return {"renderer", "cloud", "the model moves"};
+  if (model.surface.dent.any() || model.moves != nullptr) return {"renderer", "cloud", "its points give way"};
   if (model.surface.per_point != nullptr)
     return {"renderer", "cloud", "its surface differs from point to point"};
   const Result<cloud::HeightField> field = cloud::height_field_of(*model.cloud);

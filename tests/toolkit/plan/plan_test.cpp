@@ -33,6 +33,14 @@ TEST(Plan, HeightFieldsTakeTheirOwnRenderer) {
   EXPECT_EQ(planned(render::generated("sinusoid:points=10201:jitter=0.4").input).renderer.name, "cloud");
 }
 
+TEST(Plan, PointsThatGiveWayTakeTheCloud) {
+  render::Scene scene = render::generated("plane:extent_mm=40:spacing_mm=1");
+  scene.input.models[0].surface.dent = {0.5, 3.0, 20.0};
+  const Plan plan = planned(scene.input);
+  EXPECT_EQ(plan.renderer.name, "cloud");
+  EXPECT_NE(find(plan.models[0].decisions, "deformable geometry"), nullptr);
+}
+
 TEST(Plan, WhatIsGivenIsTakenAndSaid) {
   const Plan plan = planned(render::generated("sinusoid:points=10201").input, "cloud:shading=none");
   EXPECT_EQ(plan.renderer.name, "cloud");
