@@ -240,7 +240,7 @@ TEST(Dem, AnyCutOrFlippedByteIsAnErrorOrAModel) {
       if (i % 3 == 0)
         bad.resize(at);
       else
-        bad[at] = static_cast<char>(random.uniform(0.0, 256.0));
+        bad[at] = static_cast<char>(static_cast<unsigned char>(random.below(256)));
       const auto model = read(bad, name, options);
       if (model) {
         EXPECT_LE(model->cloud.size() * sizeof(Vec3), options.max_bytes);
