@@ -81,3 +81,16 @@ function(palpate_module name)
   target_link_libraries(${target} ${scope} ${arg_PUBLIC})
   set_property(GLOBAL APPEND PROPERTY PALPATE_MODULES ${target})
 endfunction()
+
+# palpate_uses_cgal(NAME SOURCE ...)
+# Gives module NAME CGAL's headers and number libraries, and the rounding mode that its filtered predicates need to the
+# sources that include it. Not CGAL's own targets: they pass -frounding-math on to everything that links them.
+set(CGAL_DO_NOT_WARN_ABOUT_CMAKE_BUILD_TYPE TRUE)
+function(palpate_uses_cgal name)
+  find_package(CGAL REQUIRED)
+  find_library(PALPATE_GMP gmp REQUIRED)
+  find_library(PALPATE_MPFR mpfr REQUIRED)
+  target_include_directories(palpate_${name} SYSTEM PRIVATE ${CGAL_INCLUDE_DIRS})
+  target_link_libraries(palpate_${name} PRIVATE ${PALPATE_GMP} ${PALPATE_MPFR})
+  set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS "-frounding-math")
+endfunction()

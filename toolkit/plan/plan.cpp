@@ -166,10 +166,7 @@ void expect(const render::SceneInput& scene, Plan& plan) {
 Decision choose_renderer(const render::SceneInput& scene) {
   if (scene.models.size() != 1) return {"renderer", "cloud", "several models"};
   const render::ModelInput& model = scene.models.front();
-  if (model.motion != nullptr) return {"renderer", "cloud", "the model moves"};
   if (model.surface.dent.any() || model.moves != nullptr) return {"renderer", "cloud", "its points give way"};
-  if (model.surface.per_point != nullptr)
-    return {"renderer", "cloud", "its surface differs from point to point"};
   const Result<cloud::HeightField> field = cloud::height_field_of(*model.cloud);
   if (!field) return {"renderer", "cloud", "it is no height field on a regular grid: " + field.error().what};
   return {

@@ -38,8 +38,7 @@ Result<PrepareReport> AnalyticRenderer::prepare(const SceneInput& scene, const P
                    0};
     Model model;
     model.surface = input.analytic;
-    model.world_from_model = input.world_from_model;
-    model.model_from_world = input.world_from_model.inverse();
+    model.pose = ModelPose(input, Vec3::Zero());
     model.stiffness_n_per_mm = input.surface.stiffness_n_per_mm;
     model.sub_step_mm = kSubStepPerBox * input.analytic->box_mm().extent_mm().norm();
     report.notes.push_back(fmt::format("{}: {}", input.name, input.analytic->formula()));
@@ -56,11 +55,13 @@ Result<PrepareReport> AnalyticRenderer::prepare(const SceneInput& scene, const P
 
 void AnalyticRenderer::reset(const Vec3& hip_mm) noexcept {
   counters_ = {};
+  now_s_ = 0.0;
   normal_ = Vec3::UnitZ();
   started_ = is_finite(hip_mm);
   for (Model& model : models_) {
     model.touching = false;
-    if (started_) model.reached_mm = model.model_from_world * hip_mm;
+    model.pose.take(now_s_);
+    if (started_) model.reached_mm = model.pose.to_local(hip_mm);
   }
 }
 
@@ -105,7 +106,8 @@ bool AnalyticRenderer::follow(Model& model, const Vec3& hip_mm, FrameCounters& c
   return false;
 }
 
-Frame AnalyticRenderer::step(const Vec3& hip_mm, double) noexcept {
+Frame AnalyticRenderer::step(const Vec3& hip_mm, double dt_s) noexcept {
+  now_s_ += dt_s;
   Frame frame;
   frame.god_object_mm = hip_mm;
   ++counters_.frames;
@@ -115,24 +117,25 @@ Frame AnalyticRenderer::step(const Vec3& hip_mm, double) noexcept {
     return frame;
   }
   if (!started_) {
-    for (Model& model : models_) model.reached_mm = model.model_from_world * hip_mm;
+    for (Model& model : models_) model.reached_mm = model.pose.to_local(hip_mm);
     started_ = true;
   }
   double largest_n = -1.0;
   for (std::size_t i = 0; i < models_.size(); ++i) {
     Model& model = models_[i];
-    const Vec3 hip = model.model_from_world * hip_mm;
+    model.pose.take(now_s_);
+    const Vec3 hip = model.pose.to_local(hip_mm);
     if (!follow(model, hip, counters_)) frame.status = FrameStatus::kBoundHit;
     if (!model.touching) continue;
     const Vec3 force_n =
-        model.world_from_model.rotate(model.stiffness_n_per_mm * (model.god_object.point_mm - hip));
+        model.pose.direction_to_world(model.stiffness_n_per_mm * (model.god_object.point_mm - hip));
     frame.force_n += force_n;
     if (force_n.norm() > largest_n) {
       largest_n = force_n.norm();
       frame.contact = true;
       frame.model = static_cast<std::int32_t>(i);
-      frame.god_object_mm = model.world_from_model * model.god_object.point_mm;
-      normal_ = model.world_from_model.rotate(model.god_object.normal);
+      frame.god_object_mm = model.pose.to_world(model.god_object.point_mm);
+      normal_ = model.pose.direction_to_world(model.god_object.normal);
     }
   }
   frame.force_n = limited(frame.force_n, force_limit_n_);

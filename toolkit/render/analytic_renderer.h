@@ -9,6 +9,7 @@
 
 #include <vector>
 
+#include "toolkit/render/model_pose.h"
 #include "toolkit/render/registry.h"
 #include "toolkit/render/renderer.h"
 
@@ -30,7 +31,7 @@ class AnalyticRenderer final : public HapticRenderer {
  private:
   struct Model {
     std::shared_ptr<const geometry::AnalyticSurface> surface;
-    geometry::RigidTransform world_from_model, model_from_world;
+    ModelPose pose;
     double stiffness_n_per_mm = 0.0;
     double sub_step_mm = 0.0;
     // State, model frame.
@@ -45,6 +46,7 @@ class AnalyticRenderer final : public HapticRenderer {
 
   std::vector<Model> models_;
   double force_limit_n_ = 0.0;
+  double now_s_ = 0.0;
   bool started_ = false;
   FrameCounters counters_;
   Vec3 normal_ = Vec3::UnitZ();

@@ -28,12 +28,12 @@ class BruteForce final : public HapticRenderer {
     model_ = std::move(*built);
     force_limit_n_ = scene.force_limit_n;
     shading_ = options_.text("shading") == "auto" ? Shading::kNone : parse_shading(options_.text("shading"));
-    reset(model_.to_world(Vec3::Zero()));
+    reset(model_.pose.to_world(Vec3::Zero()));
     return report;
   }
 
   void reset(const Vec3& hip_mm) noexcept override {
-    previous_ = model_.to_local(hip_mm);
+    previous_ = model_.pose.to_local(hip_mm);
     near_ = contact_ = false;
     counters_ = {};
     closed_side_ =
@@ -48,7 +48,7 @@ class BruteForce final : public HapticRenderer {
       return frame;
     }
     frame.god_object_mm = hip_mm;
-    const Vec3 h = model_.to_local(hip_mm);
+    const Vec3 h = model_.pose.to_local(hip_mm);
     if (!near_ && crosses_a_box(previous_, h)) {
       near_ = true;
       const std::uint32_t start = nearest(previous_);
@@ -119,9 +119,9 @@ class BruteForce final : public HapticRenderer {
     }
     frame.contact = true;
     frame.model = 0;
-    frame.god_object_mm = model_.to_world(g);
+    frame.god_object_mm = model_.pose.to_world(g);
     frame.force_n =
-        limited(model_.direction_to_world(model_.surface.stiffness_n_per_mm * pull), force_limit_n_);
+        limited(model_.pose.direction_to_world(model_.surface.stiffness_n_per_mm * pull), force_limit_n_);
   }
 
   Options options_;

@@ -1,10 +1,9 @@
 #include "toolkit/render/cloud_literal_renderer.h"
 
 #include <memory>
-#include <vector>
 
-#include "toolkit/core/tolerances.h"
 #include "toolkit/render/literal_model.h"
+#include "toolkit/render/summed_models.h"
 
 namespace palpate::render {
 namespace {
@@ -23,62 +22,24 @@ class CloudLiteral final : public HapticRenderer {
                                          : CellRule::kAdjacent;
     literal.text_form = options_.text("exit_test") == "text";
     literal.count_missed = options_.flag("count_missed");
-    force_limit_n_ = scene.force_limit_n;
     PointModelOptions o = point_model_options(options_);
     o.normals = false;
-    models_.clear();
-    motions_.clear();
+    models_.clear(scene.force_limit_n);
     for (const ModelInput& input : scene.models) {
       Result<PointModel> built = build_point_model(input, o, context, report);
       if (!built) return std::move(built).error();
       if (built->surface.texture.any())
         report.notes.push_back("texture: not rendered by the literal form, which prints no formula for it");
       const Shading shading = shading_of(*built, report);
-      models_.push_back(std::make_unique<LiteralModel>(std::move(*built), shading, literal));
-      motions_.push_back(input.motion);
+      models_.add(std::make_unique<LiteralModel>(std::move(*built), shading, literal));
     }
     reset(Vec3::Zero());
     return report;
   }
 
-  void reset(const Vec3& hip_mm) noexcept override {
-    now_s_ = 0.0;
-    for (std::size_t i = 0; i < models_.size(); ++i) {
-      pose(i);
-      models_[i]->reset(models_[i]->model().to_local(hip_mm));
-    }
-    counters_ = {};
-  }
-
-  /// Several models: the sum of their forces, since the thesis does not say how they combine.
-  Frame step(const Vec3& hip_mm, double dt_s) noexcept override {
-    ++counters_.frames;
-    now_s_ += dt_s;
-    Frame frame;
-    if (!is_finite(hip_mm)) {
-      frame.status = FrameStatus::kNonFinite;
-      return frame;
-    }
-    frame.god_object_mm = hip_mm;
-    double strongest_sq = -1.0;
-    for (std::size_t i = 0; i < models_.size(); ++i) {
-      pose(i);
-      const PointModel& model = models_[i]->model();
-      const LiteralAnswer answer = models_[i]->update(model.to_local(hip_mm), counters_);
-      if (answer.bound_hit) frame.status = FrameStatus::kBoundHit;
-      if (!answer.contact) continue;
-      frame.contact = true;
-      frame.force_n += model.direction_to_world(answer.force_n);
-      if (answer.force_n.squaredNorm() <= strongest_sq) continue;
-      strongest_sq = answer.force_n.squaredNorm();
-      frame.model = static_cast<std::int32_t>(i);
-      frame.god_object_mm = model.to_world(answer.god_object);
-    }
-    frame.force_n = limited(frame.force_n, force_limit_n_);
-    return frame;
-  }
-
-  FrameCounters counters() const noexcept override { return counters_; }
+  void reset(const Vec3& hip_mm) noexcept override { models_.reset(hip_mm); }
+  Frame step(const Vec3& hip_mm, double dt_s) noexcept override { return models_.step(hip_mm, dt_s); }
+  FrameCounters counters() const noexcept override { return models_.counters(); }
 
   Description describe() const override {
     return {
@@ -88,11 +49,6 @@ class CloudLiteral final : public HapticRenderer {
   }
 
  private:
-  /// Section 3.3.1: the HIP is taken into the model's frame of this instant.
-  void pose(std::size_t i) noexcept {
-    if (motions_[i] != nullptr) models_[i]->model().set_pose(motions_[i]->newest().at(now_s_));
-  }
-
   Shading shading_of(const PointModel& model, PrepareReport& report) const {
     if (options_.text("shading") != "auto") return parse_shading(options_.text("shading"));
     const bool shade = model.resolution_mm > kLiteralShadingResolutionMm;
@@ -102,11 +58,7 @@ class CloudLiteral final : public HapticRenderer {
   }
 
   Options options_;
-  std::vector<std::unique_ptr<LiteralModel>> models_;
-  std::vector<std::shared_ptr<MovingModel>> motions_;  ///< of each, or null: at rest
-  double now_s_ = 0.0;
-  double force_limit_n_ = 0.0;
-  FrameCounters counters_;
+  SummedModels<LiteralModel> models_;
 };
 
 }  // namespace

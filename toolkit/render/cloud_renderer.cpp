@@ -29,9 +29,6 @@ constexpr std::size_t kMaxTouched = geometry::kMaxHalfSpaces;
 constexpr int kJointRounds = 3;
 /// Violation of a plane that rounding may leave, as a share of the coordinates.
 constexpr double kJointSlack = 64.0 * kUnitRoundoff;
-/// Stiffness rises over this many resolutions where it varies: the potential's second force is then at most
-/// d / (16 resolutions) of the first for a rise from nothing, a tenth at 2 mm depth and 1 mm resolution.
-constexpr double kBlendResolutions = 8.0;
 /// Points that a surface that gives way may gain by stretching, as a share of those it has, and at least.
 constexpr double kSpareShare = 0.125;
 constexpr std::size_t kLeastSpare = 256;
@@ -63,9 +60,9 @@ class Cloud final : public HapticRenderer, public Editable, public SlowPhase {
     previous_ = hip_mm;
     previous_s_ = 0.0;
     for (const auto& slot : slots_) {
-      if (slot->motion != nullptr) slot->model.set_pose(slot->motion->newest().at(now_s_));
+      slot->model.pose.take(now_s_);
       if (slot->deformer != nullptr) slot->deformer->reset();
-      slot->contact.reset(slot->model.to_local(hip_mm));
+      slot->contact.reset(slot->model.pose.to_local(hip_mm));
       slot->state.release();
       slot->listed = 0;
       slot->pressed = false;
@@ -136,8 +133,7 @@ class Cloud final : public HapticRenderer, public Editable, public SlowPhase {
     choose_shading(*slot, report);
     slot->contact.attach(slot->model);
     features_ |= slot->model.surface.features;
-    slot->motion = input.motion;
-    if (slot->motion != nullptr || gives) features_ |= kScene;
+    if (input.motion != nullptr || gives) features_ |= kScene;
     if (gives) {
       Deformer::Options deform;
       deform.spare_points = o.spare_points;
@@ -167,9 +163,9 @@ class Cloud final : public HapticRenderer, public Editable, public SlowPhase {
       const PointModel& model = slot->model;
       geometry::Aabb box;
       for (const StoredPoint& p : model.points) box.add(p.at());
-      box = {box.low_mm + model.origin_mm - model.largest_half_box_mm,
-             box.high_mm + model.origin_mm + model.largest_half_box_mm};
-      boxes.push_back({box, model.world_from_model, slot->motion});
+      box = {box.low_mm + model.pose.origin_mm - model.largest_half_box_mm,
+             box.high_mm + model.pose.origin_mm + model.largest_half_box_mm};
+      boxes.push_back({box, model.pose.world_from_model, model.pose.motion});
     }
     boxes_ = std::make_unique<SceneBoxes>(std::move(boxes), kHorizonS);
     near_.reserve(slots_.size());
@@ -216,7 +212,7 @@ class Cloud final : public HapticRenderer, public Editable, public SlowPhase {
   template <unsigned kFeatures>
   void single(const Vec3& hip_mm, Frame& frame) noexcept {
     CloudSlot& slot = *slots_.front();
-    const Vec3 h = slot.model.to_local(hip_mm);
+    const Vec3 h = slot.model.pose.to_local(hip_mm);
     WalkEnd end;
     const bool touching = slot.contact.update(h, end, counters_);
     if (slot.contact.bound_hit()) frame.status = FrameStatus::kBoundHit;
@@ -230,11 +226,11 @@ class Cloud final : public HapticRenderer, public Editable, public SlowPhase {
   template <unsigned kFeatures>
   void answer(CloudSlot& slot, const SurfaceContact& contact, std::int32_t model, Frame& frame) noexcept {
     const SurfaceAnswer answer =
-        slot.state.respond<kFeatures>(contact, slot.model.surface.texture, slot.model.origin_mm);
+        slot.state.respond<kFeatures>(contact, slot.model.surface.texture, slot.model.pose.origin_mm);
     frame.contact = true;
     frame.model = model;
-    frame.god_object_mm = slot.model.to_world(answer.god_object_mm);
-    frame.force_n = limited(slot.model.direction_to_world(answer.force_n), force_limit_n_);
+    frame.god_object_mm = slot.model.pose.to_world(answer.god_object_mm);
+    frame.force_n = limited(slot.model.pose.direction_to_world(answer.force_n), force_limit_n_);
   }
 
   /// The models near the HIP, each with its pose of this instant: the HIP's way is taken in each one's own
@@ -246,9 +242,9 @@ class Cloud final : public HapticRenderer, public Editable, public SlowPhase {
     for (const std::uint32_t index : near_) {
       CloudSlot& slot = *slots_[index];
       CloudTouch& touch = touches_[std::min(touched, kMaxTouched - 1)];
-      if (slot.motion != nullptr) slot.model.set_pose(slot.motion->newest().at(now_s_));
+      slot.model.pose.take(now_s_);
       take_moves(slot, counters_);
-      const Vec3 h = slot.model.to_local(hip_mm);
+      const Vec3 h = slot.model.pose.to_local(hip_mm);
       const bool touching = slot.contact.update(h, touch.end, counters_);
       if (slot.contact.bound_hit()) frame.status = FrameStatus::kBoundHit;
       if (!touching) {
@@ -308,8 +304,8 @@ class Cloud final : public HapticRenderer, public Editable, public SlowPhase {
     const auto enter = [&](std::uint32_t index) {
       CloudSlot& slot = *slots_[index];
       if (slot.listed + 1 != lists_) {
-        if (slot.motion != nullptr) slot.model.set_pose(slot.motion->newest().at(previous_s_));
-        slot.contact.start_from(slot.model.to_local(previous_));
+        slot.model.pose.take(previous_s_);
+        slot.contact.start_from(slot.model.pose.to_local(previous_));
         slot.state.release();
       }
       slot.listed = lists_;
@@ -335,7 +331,7 @@ class Cloud final : public HapticRenderer, public Editable, public SlowPhase {
     for (int round = 0; round < kJointRounds; ++round) {
       for (std::size_t i = 0; i < touches.size(); ++i) {
         const CloudSlot& slot = *touches[i].slot;
-        all[i] = plane_near(slot, touches[i].end.place, slot.model.to_local(at), counters_);
+        all[i] = plane_near(slot, touches[i].end.place, slot.model.pose.to_local(at), counters_);
       }
       found = geometry::nearest_allowed(all, hip_mm, slack);
       at = found.point;
@@ -344,8 +340,8 @@ class Cloud final : public HapticRenderer, public Editable, public SlowPhase {
       SurfaceContact& contact = touches[i].contact;
       const PointModel& model = touches[i].slot->model;
       const Vec3 pull = found.push[i] * all[i].normal;
-      contact.hip = model.to_local(at - pull);
-      contact.pull = model.moved ? model.model_from_world.rotate(pull) : pull;
+      contact.hip = model.pose.to_local(at - pull);
+      contact.pull = model.pose.direction_to_local(pull);
     }
   }
 
@@ -357,14 +353,14 @@ class Cloud final : public HapticRenderer, public Editable, public SlowPhase {
     for (CloudTouch& touch : touches) {
       const PointModel& model = touch.slot->model;
       const SurfaceAnswer answer =
-          touch.slot->state.respond<kFeatures>(touch.contact, model.surface.texture, model.origin_mm);
-      force += model.direction_to_world(answer.force_n);
+          touch.slot->state.respond<kFeatures>(touch.contact, model.surface.texture, model.pose.origin_mm);
+      force += model.pose.direction_to_world(answer.force_n);
       const Vec3 target = touch.contact.hip + touch.contact.pull;
-      aside += model.direction_to_world(answer.god_object_mm - target);
+      aside += model.pose.direction_to_world(answer.god_object_mm - target);
       const double size = answer.force_n.squaredNorm();
       if (size > strongest) {
         strongest = size;
-        god_object = model.to_world(target);
+        god_object = model.pose.to_world(target);
         frame.model = touch.model;
       }
     }

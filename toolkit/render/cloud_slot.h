@@ -19,8 +19,7 @@ struct CloudSlot {
   PointModel model;
   PointContact contact;
   SurfaceState state;
-  std::shared_ptr<MovingModel> motion;  ///< or null: at rest
-  std::unique_ptr<Deformer> deformer;   ///< null: the geometry stays
+  std::unique_ptr<Deformer> deformer;  ///< null: the geometry stays
   surface::Dent dent;
   std::shared_ptr<MoveQueue> moves;  ///< or null
   bool pressed = false;              ///< in contact in the last frame: the stroke goes on
@@ -117,14 +116,12 @@ template <unsigned kFeatures>
   Vec3 normal = sheet.outward;
   if (slot.shading != Shading::kNone) {
     const NearestTwo two = enclosing_two(model, end, sheet.outward, at);
-    const Vec3 ab = model.points[two.first].at() - g, ac = model.points[two.second].at() - g;
-    const Vec3 cross = ab.cross(ac);
-    const double longest = std::max(ab.squaredNorm(), ac.squaredNorm());
-    if (cross.norm() > kSliverShare * longest)
-      normal = cross.normalized() * (cross.dot(sheet.outward) < 0.0 ? -1.0 : 1.0);
+    const FacetPlane plane = facet_plane(g, model.points[two.first].at(), model.points[two.second].at());
+    if (plane.usable)
+      normal = plane.scaled_normal.normalized() * (plane.scaled_normal.dot(sheet.outward) < 0.0 ? -1.0 : 1.0);
   }
-  const Vec3 n = model.direction_to_world(normal);
-  return {n, n.dot(model.to_world(g))};
+  const Vec3 n = model.pose.direction_to_world(normal);
+  return {n, n.dot(model.pose.to_world(g))};
 }
 
 }  // namespace palpate::render

@@ -323,7 +323,7 @@ void Deformer::reset() noexcept {
 Result<cloud::Cloud> Deformer::edited() const {
   std::vector<Vec3> points;
   points.reserve(used_);
-  for (std::size_t i = 0; i < used_; ++i) points.push_back(model_->points[i].at() + model_->origin_mm);
+  for (std::size_t i = 0; i < used_; ++i) points.push_back(model_->points[i].at() + model_->pose.origin_mm);
   return cloud::build_cloud(points, cloud::NonFinite::kRefuse);
 }
 

@@ -6,6 +6,7 @@
 
 #include "toolkit/core/tolerances.h"
 #include "toolkit/render/heightfield_model.h"
+#include "toolkit/render/roll_back.h"
 #include "toolkit/render/shading.h"
 
 namespace palpate::render {
@@ -14,6 +15,7 @@ namespace {
 /// A column and a row.
 struct Post {
   std::int32_t column = 0, row = 0;
+  bool operator==(const Post&) const = default;
 };
 
 constexpr Post kNobody{-1, -1};
@@ -58,18 +60,18 @@ class HeightFieldLiteral final : public HapticRenderer {
     collided_ = false;
     counters_ = {};
     now_s_ = 0.0;
-    if (model_.motion != nullptr) model_.move_to(now_s_);
+    model_.pose.take(now_s_);
   }
 
   Frame step(const Vec3& hip_mm, double dt_s) noexcept override {
     ++counters_.frames;
-    if (model_.motion != nullptr) model_.move_to(now_s_ += dt_s);
+    model_.pose.take(now_s_ += dt_s);
     Frame frame;
     if (!is_finite(hip_mm)) {
       frame.status = FrameStatus::kNonFinite;
       return frame;
     }
-    const Vec3 h = model_.to_local(hip_mm);
+    const Vec3 h = model_.pose.to_local(hip_mm);
     // 4.2.1: two divisions, a height, a comparison. The boxes stand around their posts.
     const double x = h.x() * inverse_x_ + 0.5, y = h.y() * inverse_y_ + 0.5;
     if (x >= 0.0 && y >= 0.0 && x < columns_ && y < rows_) {
@@ -127,19 +129,24 @@ class HeightFieldLiteral final : public HapticRenderer {
     std::int32_t moves = columns_ + rows_;
     for (; moves > 0; --moves) {
       Post best = god;
-      for (const Post& step : kAround) {
-        const Post next{god.column + step.column, god.row + step.row};
-        if (!has(next)) continue;
+      around(god, [&](const Post& next) {
         const double sq = (at(next) - h).squaredNorm();
-        if (!(sq < nearest_sq)) continue;
+        if (!(sq < nearest_sq)) return;
         nearest_sq = sq;
         best = next;
-      }
-      if (best.column == god.column && best.row == god.row) break;
+      });
+      if (best == god) break;
       god = best;
       ++counters_.walk_steps;
     }
-    if ((model_.surface.features & kFriction) != 0) held_ = god = held_.column < 0 ? god : roll_back(h, god);
+    if ((model_.surface.features & kFriction) != 0)
+      held_ = god =
+          held_ == kNobody
+              ? god
+              : roll_back(
+                    god, held_, h, model_.surface.static_friction(static_cast<std::uint32_t>(place(held_))),
+                    columns_ + rows_, [this](const Post& p) { return at(p); },
+                    [this](const Post& p, auto&& use) { around(p, use); });
     const Vec3 g = at(god);
     answer(god, g, shading_ == Shading::kNone ? Vec3(g - h) : shaded(h, god), frame);
     if (moves == 0) {
@@ -148,29 +155,13 @@ class HeightFieldLiteral final : public HapticRenderer {
     }
   }
 
-  /// Section 3.5.2 as `cloud-literal` reads it: back towards the god object of the frame before, from post
-  /// to post, as far as the coefficient there times the depth.
-  Post roll_back(const Vec3& h, const Post& god) const noexcept {
-    const double mu = model_.surface.static_friction(static_cast<std::uint32_t>(place(held_)));
-    const Vec3 g = at(god), aim = at(held_);
-    const double most_sq = mu * mu * (g - h).squaredNorm();
-    Post back = god;
-    double left_sq = (aim - g).squaredNorm();
-    for (int step = 0; step < columns_ + rows_; ++step) {
-      Post next = back;
-      for (const Post& way : kAround) {
-        const Post other{back.column + way.column, back.row + way.row};
-        if (!has(other)) continue;
-        const double sq = (at(other) - aim).squaredNorm();
-        if (!(sq < left_sq)) continue;
-        left_sq = sq;
-        next = other;
-      }
-      if ((next.column == back.column && next.row == back.row) || !((at(next) - g).squaredNorm() <= most_sq))
-        break;
-      back = next;
+  /// Calls use(post) for the posts around one.
+  template <class Use>
+  void around(const Post& post, Use&& use) const noexcept {
+    for (const Post& way : kAround) {
+      const Post other{post.column + way.column, post.row + way.row};
+      if (has(other)) use(other);
     }
-    return back;
   }
 
   /// Section 3.4 over the god object and its two neighbours nearest to the HIP: the pull.
@@ -178,9 +169,7 @@ class HeightFieldLiteral final : public HapticRenderer {
     const Vec3 g = at(god);
     Vec3 first = g, second = g;
     double first_sq = std::numeric_limits<double>::infinity(), second_sq = first_sq;
-    for (const Post& step : kAround) {
-      const Post next{god.column + step.column, god.row + step.row};
-      if (!has(next)) continue;
+    around(god, [&](const Post& next) {
       const Vec3 p = at(next);
       const double sq = (p - h).squaredNorm();
       if (sq < first_sq) {
@@ -192,7 +181,7 @@ class HeightFieldLiteral final : public HapticRenderer {
         second = p;
         second_sq = sq;
       }
-    }
+    });
     return shaded_vector(shading_, h, g, first, second);
   }
 
@@ -203,8 +192,8 @@ class HeightFieldLiteral final : public HapticRenderer {
             : model_.surface.stiffness_n_per_mm;
     frame.contact = true;
     frame.model = 0;
-    frame.god_object_mm = model_.to_world(god);
-    frame.force_n = limited_fast(model_.direction_to_world(stiffness * pull), force_limit_n_);
+    frame.god_object_mm = model_.pose.to_world(god);
+    frame.force_n = limited_fast(model_.pose.direction_to_world(stiffness * pull), force_limit_n_);
   }
 
   Options options_;

@@ -6,7 +6,7 @@
 #include <numeric>
 #include <vector>
 
-#include "toolkit/core/clock.h"
+#include "toolkit/render/prepare_phases.h"
 
 namespace palpate::render {
 namespace {
@@ -60,35 +60,27 @@ Status prepare_surface(const ModelInput& input, const std::vector<std::uint32_t>
 
 Result<HeightFieldModel> build_height_field_model(const SceneInput& scene, double blend_resolutions,
                                                   const PrepareContext& context, PrepareReport& report) {
-  const Stopwatch watch;
-  if (scene.models.size() != 1)
-    return Error{
-        fmt::format("the height-field renderers take one model, the scene has {}", scene.models.size()),
-        "keep one [[model]] in the scene",
-        {},
-        0};
-  const ModelInput& input = scene.models.front();
+  PreparePhases phases(report, context);
+  phases.begin("grid");
+  const Result<const ModelInput*> only = only_model(scene);
+  if (!only) return only.error();
+  const ModelInput& input = **only;
   const bool varies = input.surface.per_point != nullptr;
   std::vector<std::uint32_t> point_of_post;
   Result<cloud::HeightField> field = cloud::height_field_of(*input.cloud, varies ? &point_of_post : nullptr);
   if (!field) return std::move(field).error();
   HeightFieldModel model;
   model.field = std::move(*field);
-  model.world_from_model = input.world_from_model;
-  model.model_from_world = input.world_from_model.inverse();
-  model.motion = input.motion;
-  model.moved = !input.world_from_model.is_identity();
+  model.pose = ModelPose(input, model.field.origin_mm);
   if (const Status done = prepare_surface(input, point_of_post, model, report); !done) return done.error();
   if (blend_resolutions > 0.0 && (model.surface.features & kVaried) != 0)
     blend(model, blend_resolutions * model.field.plan_resolution_mm(), report);
-  report.phases.push_back({"grid", watch.ms()});
-  report.total_ms = report.phases.back().ms;
+  phases.end();
   report.bytes = model.field.bytes() + model.surface.bytes();
   report.notes.push_back(
       fmt::format("{} x {} posts, {:.6g} x {:.6g} mm apart, resolution {:.6g} mm seen from above; {} holes",
                   model.field.columns, model.field.rows, model.field.step_x_mm, model.field.step_y_mm,
                   model.field.plan_resolution_mm(), model.field.holes));
-  if (context.progress != nullptr) context.progress->report("grid", 1.0);
   return model;
 }
 

@@ -3,7 +3,7 @@
 
 #include "toolkit/cloud/height_field.h"
 #include "toolkit/core/result.h"
-#include "toolkit/render/renderer.h"
+#include "toolkit/render/model_pose.h"
 #include "toolkit/render/surface_field.h"
 
 namespace palpate::render {
@@ -11,29 +11,8 @@ namespace palpate::render {
 /// Ready for frames. Immutable after build.
 struct HeightFieldModel {
   cloud::HeightField field;
-  geometry::RigidTransform world_from_model;
-  geometry::RigidTransform model_from_world;
-  bool moved = false;    ///< world_from_model is not the identity
+  ModelPose pose;
   SurfaceField surface;  ///< places are posts
-
-  std::shared_ptr<MovingModel> motion;  ///< or null: at rest
-
-  /// Section 3.3.1: the HIP is taken into the model's frame of this instant.
-  void move_to(double now_s) noexcept {
-    world_from_model = motion->newest().at(now_s);
-    model_from_world = world_from_model.inverse();
-    moved = true;
-  }
-  [[nodiscard]] Vec3 to_local(const Vec3& world_mm) const noexcept {
-    return (moved ? model_from_world * world_mm : world_mm) - field.origin_mm;
-  }
-  [[nodiscard]] Vec3 to_world(const Vec3& local_mm) const noexcept {
-    const Vec3 in_model = local_mm + field.origin_mm;
-    return moved ? world_from_model * in_model : in_model;
-  }
-  [[nodiscard]] Vec3 direction_to_world(const Vec3& v) const noexcept {
-    return moved ? world_from_model.rotate(v) : v;
-  }
 };
 
 /// `limited`, without a root where nothing is limited.

@@ -25,8 +25,6 @@ constexpr double kHessianChange = 4.0;
 constexpr double kNoFarther = 1.0 + 0x1p-40;
 /// Entries one frame follows: the HIP leaves one flank and meets the next. The rest waits.
 constexpr int kMaxEntries = 4;
-/// Stiffness rises over this many resolutions where it varies, as that of `cloud`.
-constexpr double kBlendResolutions = 8.0;
 /// Nearer to the next post than to this one.
 constexpr double kMiddle = 0.5;
 /// A HIP farther off than so many posts, or than so many mm, is beside the field; its cell could not be
@@ -61,16 +59,16 @@ class HeightFieldRenderer final : public HapticRenderer {
   void reset(const Vec3& hip_mm) noexcept override {
     counters_ = {};
     now_s_ = 0.0;
-    if (model_.motion != nullptr) model_.move_to(now_s_);
+    model_.pose.take(now_s_);
     contact_ = false;
     state_.release();
     started_ = is_finite(hip_mm);
-    if (started_) start(sheet_.plan(model_.to_local(hip_mm)));
+    if (started_) start(sheet_.plan(model_.pose.to_local(hip_mm)));
   }
 
   /// The frame is composed of what the scene asks for: of eight, one is ever run.
   Frame step(const Vec3& hip_mm, double dt_s) noexcept override {
-    if (model_.motion != nullptr) model_.move_to(now_s_ += dt_s);
+    model_.pose.take(now_s_ += dt_s);
     switch (model_.surface.features) {
       case 0:
         return frame<0>(hip_mm);
@@ -110,7 +108,7 @@ class HeightFieldRenderer final : public HapticRenderer {
       frame.status = FrameStatus::kNonFinite;
       return frame;
     }
-    const Vec3 local = model_.to_local(hip_mm);
+    const Vec3 local = model_.pose.to_local(hip_mm);
     const PlanPoint h = sheet_.plan(local);
     if ((contact_ && follow_quickly(h)) || update(h, frame.status)) {
       answer(state_.respond<kFeatures>(contact_at<kFeatures>(local), model_.surface.texture,
@@ -315,8 +313,8 @@ class HeightFieldRenderer final : public HapticRenderer {
   void answer(const SurfaceAnswer& answer, Frame& frame) const noexcept {
     frame.contact = true;
     frame.model = 0;
-    frame.god_object_mm = model_.to_world(answer.god_object_mm);
-    frame.force_n = limited_fast(model_.direction_to_world(answer.force_n), force_limit_n_);
+    frame.god_object_mm = model_.pose.to_world(answer.god_object_mm);
+    frame.force_n = limited_fast(model_.pose.direction_to_world(answer.force_n), force_limit_n_);
   }
 
   Options options_;

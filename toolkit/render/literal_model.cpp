@@ -5,6 +5,7 @@
 #include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/swept_sphere.h"
 #include "toolkit/partition/cell_walk.h"
+#include "toolkit/render/roll_back.h"
 
 namespace palpate::render {
 namespace {
@@ -26,7 +27,7 @@ void LiteralModel::reset(const Vec3& h) noexcept {
   collided_ = false;
 }
 
-LiteralAnswer LiteralModel::update(const Vec3& h, FrameCounters& counters) noexcept {
+ModelAnswer LiteralModel::update(const Vec3& h, FrameCounters& counters) noexcept {
   const Vec3 before = previous_;
   previous_ = h;
   // Figure 42.
@@ -50,14 +51,13 @@ LiteralAnswer LiteralModel::update(const Vec3& h, FrameCounters& counters) noexc
   return respond(h, first, counters);
 }
 
-LiteralAnswer LiteralModel::respond(const Vec3& h, std::uint32_t from, FrameCounters& counters) noexcept {
+ModelAnswer LiteralModel::respond(const Vec3& h, std::uint32_t from, FrameCounters& counters) noexcept {
   int steps = kMaxWalkSteps;
   WalkEnd end = walk(model_, from, h, steps, [](std::uint32_t) {});
   counters.walk_steps += static_cast<std::uint64_t>(kMaxWalkSteps - steps);
-  LiteralAnswer answer;
+  ModelAnswer answer;
   answer.contact = true;
   answer.bound_hit = steps == 0;
-  counters.bound_hits += answer.bound_hit;
   god_ = end.place;
   Vec3 pull = model_.points[god_].at() - h;
   const double length = pull.norm();
@@ -67,7 +67,13 @@ LiteralAnswer LiteralModel::respond(const Vec3& h, std::uint32_t from, FrameCoun
   // it, deformation scales the force of the rigid surface there.
   std::uint32_t place = god_;
   if ((model_.surface.features & kFriction) != 0) {
-    held_ = place = held_ == kNone ? god_ : roll_back(h, god_);
+    held_ = place = held_ == kNone ? god_
+                                   : roll_back(
+                                         god_, held_, h, model_.surface.static_friction(held_), kMaxWalkSteps,
+                                         [this](std::uint32_t p) { return model_.points[p].at(); },
+                                         [this](std::uint32_t p, auto&& use) {
+                                           for (const std::uint32_t other : model_.neighbours[p]) use(other);
+                                         });
     if (place != god_) {
       end.place = place;
       end.look_around(model_, h);
@@ -85,29 +91,6 @@ LiteralAnswer LiteralModel::respond(const Vec3& h, std::uint32_t from, FrameCoun
   answer.god_object = g;
   answer.force_n = stiffness * pull;
   return answer;
-}
-
-/// Section 3.5.2: the god object moves back along the surface towards that of the frame before. How far is
-/// not printed; here as far as the coefficient times the depth, the friction cone, from point to point. A
-/// coefficient per point is that of the previous god object, as printed.
-std::uint32_t LiteralModel::roll_back(const Vec3& h, std::uint32_t god) const noexcept {
-  const double mu = model_.surface.static_friction(held_);
-  const Vec3 g = model_.points[god].at(), aim = model_.points[held_].at();
-  const double most_sq = mu * mu * (g - h).squaredNorm();
-  std::uint32_t place = god;
-  double left_sq = (aim - g).squaredNorm();
-  for (int step = 0; step < kMaxWalkSteps; ++step) {
-    std::uint32_t next = place;
-    for (const std::uint32_t other : model_.neighbours[place]) {
-      const double d = distance_sq(model_.points[other], aim);
-      if (!(d < left_sq)) continue;
-      left_sq = d;
-      next = other;
-    }
-    if (next == place || distance_sq(model_.points[next], g) > most_sq) break;
-    place = next;
-  }
-  return place;
 }
 
 double LiteralModel::sphere_radius(std::uint32_t place) const noexcept {

@@ -8,6 +8,7 @@
 #include "toolkit/render/point_model.h"
 #include "toolkit/render/point_walk.h"
 #include "toolkit/render/shading.h"
+#include "toolkit/render/summed_models.h"
 
 namespace palpate::render {
 
@@ -24,14 +25,6 @@ struct LiteralOptions {
   bool count_missed = false;  ///< count the cells that the printed sampling skips
 };
 
-/// What one model answers, local.
-struct LiteralAnswer {
-  bool contact = false;
-  bool bound_hit = false;
-  Vec3 god_object = Vec3::Zero();
-  Vec3 force_n = Vec3::Zero();
-};
-
 /// Belongs to one thread. Work per update as printed: cells crossed times points a cell, not bounded; walks
 /// of at most kMaxWalkSteps moves.
 class LiteralModel {
@@ -39,14 +32,12 @@ class LiteralModel {
   LiteralModel(PointModel model, Shading shading, const LiteralOptions& options) noexcept
       : model_(std::move(model)), shading_(shading), options_(options) {}
 
-  [[nodiscard]] const PointModel& model() const noexcept { return model_; }
-  [[nodiscard]] PointModel& model() noexcept { return model_; }
+  [[nodiscard]] ModelPose& pose() noexcept { return model_.pose; }
   void reset(const Vec3& h) noexcept;
-  [[nodiscard]] LiteralAnswer update(const Vec3& h, FrameCounters& counters) noexcept;
+  [[nodiscard]] ModelAnswer update(const Vec3& h, FrameCounters& counters) noexcept;
 
  private:
-  [[nodiscard]] LiteralAnswer respond(const Vec3& h, std::uint32_t from, FrameCounters& counters) noexcept;
-  [[nodiscard]] std::uint32_t roll_back(const Vec3& h, std::uint32_t god) const noexcept;
+  [[nodiscard]] ModelAnswer respond(const Vec3& h, std::uint32_t from, FrameCounters& counters) noexcept;
   [[nodiscard]] double sphere_radius(std::uint32_t place) const noexcept;
   template <class Test>
   bool any_in_cells(const Vec3& a, const Vec3& b, FrameCounters& counters, Test&& test) noexcept;

@@ -6,11 +6,11 @@
 #include <cmath>
 #include <span>
 
-#include "toolkit/core/clock.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/neighbourhood/builders.h"
 #include "toolkit/neighbourhood/walkable.h"
+#include "toolkit/render/prepare_phases.h"
 
 namespace palpate::render {
 namespace {
@@ -19,13 +19,6 @@ constexpr std::size_t kPointsPerChunk = 16384;
 /// A cloud whose points all coincide has no spacing; its boxes get this share of the coordinates' size, or 1
 /// mm at the origin, so that it is still there to be touched.
 constexpr double kPointlessShare = 1e-6;
-
-void phase(PrepareReport& report, const PrepareContext& context, Stopwatch& watch, const char* name) {
-  report.phases.push_back({name, watch.ms()});
-  report.total_ms += report.phases.back().ms;
-  if (context.progress != nullptr) context.progress->report(name, 1.0);
-  watch.restart();
-}
 
 /// The builder that the options mean.
 std::string builder_name(const cloud::Cloud& cloud, const PointModelOptions& options) {
@@ -216,30 +209,20 @@ PointModelOptions point_model_options(const Options& options) {
   return o;
 }
 
-Result<const ModelInput*> only_model(const SceneInput& scene) {
-  if (scene.models.size() != 1)
-    return Error{fmt::format("this renderer takes one model, the scene has {}", scene.models.size()),
-                 "keep one [[model]] in the scene, or take the renderer 'cloud'",
-                 {},
-                 0};
-  return &scene.models.front();
-}
-
 Result<PointModel> build_point_model(const ModelInput& input, const PointModelOptions& options,
                                      const PrepareContext& context, PrepareReport& report) {
   const cloud::Cloud& cloud = *input.cloud;
   if (cloud.empty()) return Error{"the cloud has no points", "give a file with at least one point", {}, 0};
 
-  Stopwatch watch;
+  PreparePhases phases(report, context);
+  phases.begin("neighbours");
   Result<neighbourhood::NeighbourTable> table = neighbours_of(cloud, options, context, report);
   if (!table) return std::move(table).error();
-  phase(report, context, watch, "neighbours");
+  phases.end();
+  phases.begin("resolution");
 
   PointModel model;
-  model.origin_mm = cloud.origin_mm;
-  model.world_from_model = input.world_from_model;
-  model.model_from_world = input.world_from_model.inverse();
-  model.moved = !input.world_from_model.is_identity();
+  model.pose = ModelPose(input, cloud.origin_mm);
   model.max_spacing_mm = worst_resolution(cloud, *table, context.threads);
   model.resolution_mm = options.resolution_mm > 0.0 ? options.resolution_mm : model.max_spacing_mm;
   if (!(model.resolution_mm > 0.0)) {
@@ -247,21 +230,24 @@ Result<PointModel> build_point_model(const ModelInput& input, const PointModelOp
     model.resolution_mm = size > 0.0 ? kPointlessShare * size : 1.0;
     report.notes.push_back("all points coincide: the resolution is a stand-in");
   }
-  phase(report, context, watch, "resolution");
+  phases.end();
 
   // The resolution is that of the nearest eight; links out of clumps may be longer. The scanner's path has a
   // link back for each of its own.
   if (options.normals && !follows_scanner(builder_name(cloud, options))) {
+    phases.begin("links");
     const neighbourhood::WalkableReport mended = neighbourhood::make_walkable(cloud, *table, context.threads);
     if (mended.spread + mended.returned > 0)
       report.notes.push_back(fmt::format("neighbours spread at {} points, links back given to {}",
                                          mended.spread, mended.returned));
-    phase(report, context, watch, "links");
+    phases.end();
   }
 
+  phases.begin("partition");
   partition_points(cloud, options, context.threads, model);
-  phase(report, context, watch, "partition");
+  phases.end();
 
+  phases.begin("store");
   fill_points(cloud, *table, options, context.threads, model);
   Result<SurfaceField> field = build_surface_field(input, order_of(model), report);
   if (!field) return std::move(field).error();
@@ -277,23 +263,26 @@ Result<PointModel> build_point_model(const ModelInput& input, const PointModelOp
   }
   if (options.swept_sphere)
     model.sphere_mm = options.sphere_mm > 0.0 ? options.sphere_mm : model.largest_half_box_mm.maxCoeff();
-  phase(report, context, watch, "store");
+  phases.end();
   if (options.normals) {
+    phases.begin("planes");
     surface::fit_planes(model.points, model.neighbours, context.threads);
-    phase(report, context, watch, "planes");
+    phases.end();
+    phases.begin("sides");
     const surface::OrientReport sides =
         surface::orient_planes(model.points, model.neighbours, context.threads);
     model.closed = sides.one_sided_points > 0;
     report.notes.push_back(fmt::format("{} pieces; {} points on closed ones, touched from outside",
                                        sides.pieces, sides.one_sided_points));
-    phase(report, context, watch, "sides");
+    phases.end();
   }
+  phases.begin("blend");
   if (const std::size_t softer = blend_stiffness(model.surface, model.points, model.neighbours,
                                                  options.blend_resolutions * model.resolution_mm);
       softer > 0) {
+    phases.end();
     report.notes.push_back(fmt::format("stiffness blended over {:.3g} mm: {} points made softer",
                                        options.blend_resolutions * model.resolution_mm, softer));
-    phase(report, context, watch, "blend");
   }
   report.bytes += model.bytes();
   report.notes.push_back(fmt::format("resolution {:.6g} mm, cell {:.6g} mm, box {:.6g} mm, {}",

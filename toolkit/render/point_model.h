@@ -14,6 +14,7 @@
 #include "toolkit/partition/dynamic_grid.h"
 #include "toolkit/partition/space_tree.h"
 #include "toolkit/partition/uniform_grid.h"
+#include "toolkit/render/model_pose.h"
 #include "toolkit/render/renderer.h"
 #include "toolkit/render/surface_field.h"
 #include "toolkit/surface/planes.h"
@@ -53,10 +54,7 @@ struct PointModelOptions {
 
 /// Ready for frames. Places are indices in the partition's order. Immutable after build.
 struct PointModel {
-  Vec3 origin_mm = Vec3::Zero();
-  geometry::RigidTransform world_from_model;
-  geometry::RigidTransform model_from_world;
-  bool moved = false;  ///< world_from_model is not the identity
+  ModelPose pose;
   SurfaceField surface;
   LargeVector<StoredPoint> points;
   LargeVector<neighbourhood::Neighbours> neighbours;
@@ -73,16 +71,6 @@ struct PointModel {
   double resolution_mm = 0.0;           ///< as measured, or as given
   double max_spacing_mm = 0.0;          ///< largest distance to an immediate neighbour
 
-  [[nodiscard]] Vec3 to_local(const Vec3& world_mm) const noexcept {
-    return (moved ? model_from_world * world_mm : world_mm) - origin_mm;
-  }
-  [[nodiscard]] Vec3 to_world(const Vec3& local_mm) const noexcept {
-    const Vec3 in_model = local_mm + origin_mm;
-    return moved ? world_from_model * in_model : in_model;
-  }
-  [[nodiscard]] Vec3 direction_to_world(const Vec3& v) const noexcept {
-    return moved ? world_from_model.rotate(v) : v;
-  }
   [[nodiscard]] Vec3 half_box(std::uint32_t place) const noexcept {
     return half_box_mm.empty() ? global_half_box_mm : Vec3(half_box_mm[place].cast<double>());
   }
@@ -93,20 +81,12 @@ struct PointModel {
            place_of.capacity() * sizeof(std::uint32_t);
   }
   [[nodiscard]] std::size_t partition_bytes() const noexcept;
-  void set_pose(const geometry::RigidTransform& pose) noexcept {
-    world_from_model = pose;
-    model_from_world = pose.inverse();
-    moved = true;
-  }
 };
 
 /// Prepares one model. Phases, notes and bytes are added to `report`. The options that read themselves from a
 /// renderer's Options are point_model_specs().
 [[nodiscard]] Result<PointModel> build_point_model(const ModelInput& input, const PointModelOptions& options,
                                                    const PrepareContext& context, PrepareReport& report);
-
-/// The only model of a scene, for renderers that take one; an Error where there are others.
-[[nodiscard]] Result<const ModelInput*> only_model(const SceneInput& scene);
 
 /// The options every point renderer understands.
 [[nodiscard]] std::vector<OptionSpec> point_model_specs();

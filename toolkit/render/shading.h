@@ -46,6 +46,22 @@ enum class Shading : std::uint8_t {
 /// normal would move by more than a degree (1/64) when a point moves by a hundredth of the edge.
 inline constexpr double kSliverShare = 1.0 / 64.0;
 
+/// The plane of three points.
+struct FacetPlane {
+  Vec3 scaled_normal = Vec3::Zero();  ///< (b - a) x (c - a)
+  double area_sq = 0.0;               ///< its squared length
+  bool usable = false;                ///< false: a sliver
+};
+[[nodiscard]] inline FacetPlane facet_plane(const Vec3& a, const Vec3& b, const Vec3& c) noexcept {
+  const Vec3 ab = b - a, ac = c - a;
+  FacetPlane plane;
+  plane.scaled_normal = ab.cross(ac);
+  plane.area_sq = plane.scaled_normal.squaredNorm();
+  const double longest = std::max({ab.squaredNorm(), ac.squaredNorm(), (c - b).squaredNorm()});
+  plane.usable = plane.area_sq > (kSliverShare * longest) * (kSliverShare * longest);
+  return plane;
+}
+
 /// The shaded vector from the HIP `h` to the surface through the god object `a` and its two neighbours `b`,
 /// `c` that are nearest to the HIP. Falls back to a - h (no shading) for slivers. Scale free, allocates
 /// nothing.
@@ -60,13 +76,10 @@ inline constexpr double kSliverShare = 1.0 / 64.0;
     const double divisor = shading == Shading::kLengthPrinted ? sum : 2.0 * sum;
     return ((sum - la) * fa + (sum - lb) * fb + (sum - lc) * fc) / divisor;
   }
-  const Vec3 ab = b - a, ac = c - a;
-  const Vec3 cross = ab.cross(ac);
-  const double area_sq = cross.squaredNorm();
-  const double longest = std::max({ab.squaredNorm(), ac.squaredNorm(), (c - b).squaredNorm()});
-  if (!(area_sq > (kSliverShare * longest) * (kSliverShare * longest))) return fa;
-  if (shading == Shading::kFacet) return (fa.dot(cross) / area_sq) * cross;
-  const Vec3 normal = cross / std::sqrt(area_sq);
+  const FacetPlane plane = facet_plane(a, b, c);
+  if (!plane.usable) return fa;
+  if (shading == Shading::kFacet) return (fa.dot(plane.scaled_normal) / plane.area_sq) * plane.scaled_normal;
+  const Vec3 normal = plane.scaled_normal / std::sqrt(plane.area_sq);
   double wa, wb, wc;
   if (shading == Shading::kAreaRaw) {
     wa = fb.cross(fc).norm();

@@ -55,6 +55,10 @@ struct SurfaceField {
 [[nodiscard]] Result<SurfaceField> build_uniform_surface_field(const surface::Surface& surface,
                                                                PrepareReport& report);
 
+/// Stiffness that varies rises over this many resolutions: the potential's second force is then at most
+/// d / (16 resolutions) of the first for a rise from nothing, a tenth at 2 mm depth and 1 mm resolution.
+inline constexpr double kBlendResolutions = 8.0;
+
 /// Lets the stiffness rise no faster along the surface than the largest difference over `blend_mm`; it is
 /// only ever made softer. Without this the potential of section 3.3.2.3's border would be a step, and its
 /// force without bound. Exact (a shortest-path search over the links), O(m log m) in the points that change.

@@ -131,12 +131,10 @@ struct FacetStiffness {
 [[nodiscard]] inline FacetStiffness stiffness_on_facet(const Vec3& a, const Vec3& b, const Vec3& c, double ka,
                                                        double kb, double kc, const Vec3& at) noexcept {
   if (kb == ka && kc == ka) return {ka, Vec3::Zero()};
-  const Vec3 ab = b - a, ac = c - a;
-  const Vec3 cross = ab.cross(ac);
-  const double area_sq = cross.squaredNorm();
-  const double longest = std::max(ab.squaredNorm(), ac.squaredNorm());
-  if (!(area_sq > (kSliverShare * longest) * (kSliverShare * longest))) return {ka, Vec3::Zero()};
-  const Vec3 gradient = ((kb - ka) * ac.cross(cross) + (kc - ka) * cross.cross(ab)) / area_sq;
+  const FacetPlane plane = facet_plane(a, b, c);
+  if (!plane.usable) return {ka, Vec3::Zero()};
+  const Vec3& n = plane.scaled_normal;
+  const Vec3 gradient = ((kb - ka) * (c - a).cross(n) + (kc - ka) * n.cross(b - a)) / plane.area_sq;
   const double value = ka + gradient.dot(at - a);
   // Beyond the facet's corners there is no more to tell than at them.
   const double low = std::min({ka, kb, kc}), high = std::max({ka, kb, kc});

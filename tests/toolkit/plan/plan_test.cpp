@@ -70,7 +70,7 @@ TEST(Plan, SurfacesCostBytesOnlyWhereTheyVary) {
   const Plan varied = planned(scene.input, "cloud");
   EXPECT_EQ(varied.bytes, bare.bytes + 12 * varied.models[0].points);
   EXPECT_EQ(choice(varied.models[0].decisions, "friction"), "per point");
-  EXPECT_EQ(planned(scene.input).renderer.name, "cloud") << "a height field with properties per point";
+  EXPECT_EQ(planned(scene.input).renderer.name, "heightfield") << "which has properties per post too";
 }
 
 TEST(Plan, BytesAreThoseOfTheRenderer) {

@@ -3,11 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <limits>
 #include <memory>
-#include <stdexcept>
 
+#include "tests/toolkit/cloud/posts.h"
+#include "tests/toolkit/render/scenes.h"
 #include "toolkit/cloud/generate.h"
 #include "toolkit/cloud/height_field.h"
 #include "toolkit/core/random.h"
@@ -20,41 +20,16 @@
 namespace palpate::render {
 namespace {
 
-using Heights = std::function<double(std::size_t column, std::size_t row)>;
+using cloud::Heights;
+using cloud::posts;
+using cloud::rough;
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
-/// Posts `step` apart from `corner` on; no point where the height is not a number.
-std::vector<Vec3> posts(std::size_t columns, std::size_t rows, double step, const Heights& height,
-                        const Vec3& corner = Vec3::Zero()) {
-  std::vector<Vec3> points;
-  for (std::size_t row = 0; row < rows; ++row)
-    for (std::size_t column = 0; column < columns; ++column) {
-      const double z = height(column, row);
-      if (std::isnan(z)) continue;
-      points.emplace_back(corner +
-                          Vec3(step * static_cast<double>(column), step * static_cast<double>(row), z));
-    }
-  return points;
-}
-
 SceneInput scene_of(const std::vector<Vec3>& points) {
-  SceneInput scene;
-  ModelInput input;
-  input.cloud = std::make_shared<cloud::Cloud>(cloud::build_cloud(points, cloud::NonFinite::kRefuse).value());
-  input.surface.stiffness_n_per_mm = 1.0;
-  scene.models.push_back(input);
+  SceneInput scene = cloud_of(points);
+  scene.models[0].surface.stiffness_n_per_mm = 1.0;
   return scene;
-}
-
-std::unique_ptr<HapticRenderer> prepared(const SceneInput& scene, const std::string& spec) {
-  Registry registry;
-  register_toolkit_renderers(registry);
-  const NamedOptions named = parse_named_options(spec).value();
-  auto renderer = registry.make(named.name, named.options).value();
-  const auto report = renderer->prepare(scene, {1, nullptr});
-  EXPECT_TRUE(report) << (report ? "" : report.error().message());
-  return renderer;
 }
 
 /// Steps of at most `step_mm` from the last place to `to`; the last frame.
@@ -78,14 +53,6 @@ double bilinear(const Heights& height, std::size_t columns, std::size_t rows, do
   };
   return (1 - s) * (1 - t) * at(i, j) + s * (1 - t) * at(i + 1, j) + (1 - s) * t * at(i, j + 1) +
          s * t * at(i + 1, j + 1);
-}
-
-/// Rough ground on unit posts, the same for the same place; slopes up to `rise`.
-Heights rough(double rise, std::uint64_t seed) {
-  return [=](std::size_t column, std::size_t row) {
-    Random random(seed + 7919 * column + 104729 * row);
-    return std::floor(rise * random.uniform(0.0, 1.0) * 1024.0) / 1024.0;  // exact in single precision
-  };
 }
 
 TEST(HeightFieldRenderer, RefusesScenesItCannotTake) {

@@ -1,0 +1,52 @@
+// Where a model stands in the world, and the coordinates its renderer computes in: the model's own, relative
+// to an origin near its points, so that a model far from the world's origin loses no digits.
+#pragma once
+
+#include <memory>
+
+#include "toolkit/geometry/rigid_transform.h"
+#include "toolkit/render/motion.h"
+#include "toolkit/render/renderer.h"
+
+namespace palpate::render {
+
+/// Belongs to one thread. A model that is not turned or shifted costs no transform.
+struct ModelPose {
+  Vec3 origin_mm = Vec3::Zero();  ///< of the local coordinates, model frame
+  geometry::RigidTransform world_from_model;
+  geometry::RigidTransform model_from_world;
+  bool moved = false;                   ///< world_from_model is not the identity
+  std::shared_ptr<MovingModel> motion;  ///< or null: at rest
+
+  ModelPose() = default;
+  ModelPose(const ModelInput& input, const Vec3& origin)
+      : origin_mm(origin),
+        world_from_model(input.world_from_model),
+        model_from_world(input.world_from_model.inverse()),
+        moved(!input.world_from_model.is_identity()),
+        motion(input.motion) {}
+
+  /// The pose of this instant. Section 3.3.1: the HIP is taken into the model's frame, so that a model that
+  /// moves on to a resting HIP meets it. Wait-free.
+  void take(double now_s) noexcept {
+    if (motion == nullptr) return;
+    world_from_model = motion->newest().at(now_s);
+    model_from_world = world_from_model.inverse();
+    moved = true;
+  }
+  [[nodiscard]] Vec3 to_local(const Vec3& world_mm) const noexcept {
+    return (moved ? model_from_world * world_mm : world_mm) - origin_mm;
+  }
+  [[nodiscard]] Vec3 to_world(const Vec3& local_mm) const noexcept {
+    const Vec3 in_model = local_mm + origin_mm;
+    return moved ? world_from_model * in_model : in_model;
+  }
+  [[nodiscard]] Vec3 direction_to_world(const Vec3& v) const noexcept {
+    return moved ? world_from_model.rotate(v) : v;
+  }
+  [[nodiscard]] Vec3 direction_to_local(const Vec3& v) const noexcept {
+    return moved ? model_from_world.rotate(v) : v;
+  }
+};
+
+}  // namespace palpate::render

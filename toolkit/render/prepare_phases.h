@@ -1,0 +1,38 @@
+// Fills in the phases of a preparation's report while they run.
+#pragma once
+
+#include <string>
+#include <utility>
+
+#include "toolkit/core/clock.h"
+#include "toolkit/core/progress.h"
+#include "toolkit/render/renderer.h"
+
+namespace palpate::render {
+
+/// begin(name), the work, end(): one phase. A phase that fails is left without end(). Belongs to one thread;
+/// the report and the context must outlive it.
+class PreparePhases {
+ public:
+  PreparePhases(PrepareReport& report, const PrepareContext& context) noexcept
+      : report_(report), progress_(context.progress != nullptr ? *context.progress : no_progress()) {}
+  void begin(std::string name) {
+    name_ = std::move(name);
+    progress_.report(name_, -1.0);
+    watch_.restart();
+  }
+  void end() {
+    report_.phases.push_back({name_, watch_.ms()});
+    report_.total_ms += report_.phases.back().ms;
+  }
+  void note(std::string text) { report_.notes.push_back(std::move(text)); }
+  [[nodiscard]] Progress& progress() noexcept { return progress_; }
+
+ private:
+  PrepareReport& report_;
+  Progress& progress_;
+  std::string name_;
+  Stopwatch watch_;
+};
+
+}  // namespace palpate::render
