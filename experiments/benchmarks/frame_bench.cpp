@@ -100,6 +100,8 @@ constexpr std::int64_t kSizes[] = {10201, 101761, 1002001, 10004569};
 #define PALPATE_SIZES \
   Arg(kSizes[0])->Arg(kSizes[1])->Arg(kSizes[2])->Arg(kSizes[3])->Unit(benchmark::kMicrosecond)
 BENCHMARK_CAPTURE(frame, cloud, "cloud")->PALPATE_SIZES;
+BENCHMARK_CAPTURE(frame, heightfield, "heightfield")->PALPATE_SIZES;
+BENCHMARK_CAPTURE(frame, heightfield_lookup, "heightfield-literal:response=lookup")->PALPATE_SIZES;
 BENCHMARK_CAPTURE(frame, cloud_unshaded, "cloud:shading=none")->PALPATE_SIZES;
 BENCHMARK_CAPTURE(frame, mesh_godobject, "mesh-godobject:mesh=original")->PALPATE_SIZES;
 BENCHMARK_CAPTURE(frame, analytic, "analytic")->Arg(kSizes[0])->Unit(benchmark::kMicrosecond);

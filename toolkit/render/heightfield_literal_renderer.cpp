@@ -19,6 +19,7 @@ struct Post {
 };
 
 constexpr Post kNobody{-1, -1};
+constexpr double kLowest = std::numeric_limits<double>::lowest();
 
 /// The eight surface neighbours (4.3.2), row by row.
 constexpr std::array<Post, 8> kAround = {
@@ -36,6 +37,8 @@ class HeightFieldLiteral final : public HapticRenderer {
     const cloud::HeightField& field = model_.field;
     columns_ = static_cast<std::int32_t>(field.columns);
     rows_ = static_cast<std::int32_t>(field.rows);
+    end_x_ = columns_;
+    end_y_ = rows_;
     inverse_x_ = 1.0 / field.step_x_mm;
     inverse_y_ = 1.0 / field.step_y_mm;
     force_limit_n_ =
@@ -64,35 +67,8 @@ class HeightFieldLiteral final : public HapticRenderer {
   }
 
   Frame step(const Vec3& hip_mm, double dt_s) noexcept override {
-    ++counters_.frames;
     model_.pose.take(now_s_ += dt_s);
-    Frame frame;
-    if (!is_finite(hip_mm)) {
-      frame.status = FrameStatus::kNonFinite;
-      return frame;
-    }
-    const Vec3 h = model_.pose.to_local(hip_mm);
-    // 4.2.1: two divisions, a height, a comparison. The boxes stand around their posts.
-    const double x = h.x() * inverse_x_ + 0.5, y = h.y() * inverse_y_ + 0.5;
-    if (x >= 0.0 && y >= 0.0 && x < columns_ && y < rows_) {
-      const Post post{static_cast<std::int32_t>(x), static_cast<std::int32_t>(y)};
-      const auto top = static_cast<double>(model_.field.height_mm[place(post)]);
-      if (h.z() < top) {  // never in a hole
-        if (!collided_) {
-          entry_ = post;
-          held_ = kNobody;
-        }
-        collided_ = true;
-        if (walks_)
-          respond(h, frame);
-        else
-          answer(post, {h.x(), h.y(), top}, {0.0, 0.0, top - h.z()}, frame);
-        return frame;
-      }
-    }
-    collided_ = false;
-    frame.god_object_mm = hip_mm;
-    return frame;
+    return walks_ ? walk_frame(hip_mm) : frame<false>(hip_mm);
   }
 
   FrameCounters counters() const noexcept override { return counters_; }
@@ -107,6 +83,41 @@ class HeightFieldLiteral final : public HapticRenderer {
   }
 
  private:
+  template <bool kWalks>
+  Frame frame(const Vec3& hip_mm) noexcept {
+    ++counters_.frames;
+    Frame frame;
+    const Vec3 h = model_.pose.to_local(hip_mm);
+    // 4.2.1: two divisions, a height, a comparison. The boxes stand around their posts.
+    const double x = h.x() * inverse_x_ + 0.5, y = h.y() * inverse_y_ + 0.5;
+    if (x >= 0.0 && y >= 0.0 && x < end_x_ && y < end_y_ && h.z() >= kLowest) {  // never what is no number
+      const Post post{static_cast<std::int32_t>(x), static_cast<std::int32_t>(y)};
+      const auto top = static_cast<double>(model_.field.height_mm[place(post)]);
+      if (h.z() < top) {  // never in a hole
+        if constexpr (kWalks) {
+          if (!collided_) {
+            entry_ = post;
+            held_ = kNobody;
+          }
+          collided_ = true;
+          respond(h, frame);
+        } else {
+          answer(post, {h.x(), h.y(), top}, {0.0, 0.0, top - h.z()}, frame);
+        }
+        return frame;
+      }
+    }
+    if (!is_finite(hip_mm)) {
+      frame.status = FrameStatus::kNonFinite;
+      return frame;
+    }
+    collided_ = false;
+    frame.god_object_mm = hip_mm;
+    return frame;
+  }
+  // Apart, so that the look-up alone needs no registers for it.
+  [[gnu::noinline]] Frame walk_frame(const Vec3& hip_mm) noexcept { return frame<true>(hip_mm); }
+
   std::size_t place(const Post& post) const noexcept {
     return static_cast<std::size_t>(post.row) * static_cast<std::size_t>(columns_) +
            static_cast<std::size_t>(post.column);
@@ -199,6 +210,7 @@ class HeightFieldLiteral final : public HapticRenderer {
   Options options_;
   HeightFieldModel model_;
   std::int32_t columns_ = 0, rows_ = 0;
+  double end_x_ = 0.0, end_y_ = 0.0;  ///< columns and rows
   double inverse_x_ = 1.0, inverse_y_ = 1.0;
   double force_limit_n_ = 0.0;
   Shading shading_ = Shading::kNone;

@@ -36,6 +36,10 @@ bool is_near(const PlanPoint& p) noexcept {
   return std::abs(p.x) < kFarPosts && std::abs(p.y) < kFarPosts && std::abs(p.z) < kFarMm;
 }
 
+bool is_beside(std::int32_t a, std::int32_t b) noexcept {
+  return static_cast<std::uint32_t>(a - b + 1) <= 2;
+}
+
 bool is_share(double s) noexcept {
   return s >= 0.0 && s <= 1.0;
 }
@@ -104,13 +108,18 @@ class HeightFieldRenderer final : public HapticRenderer {
   Frame frame(const Vec3& hip_mm) noexcept {
     ++counters_.frames;
     Frame frame;
-    if (!is_finite(hip_mm)) {
-      frame.status = FrameStatus::kNonFinite;
-      return frame;
-    }
     const Vec3 local = model_.pose.to_local(hip_mm);
     const PlanPoint h = sheet_.plan(local);
-    if ((contact_ && follow_quickly(h)) || update(h, frame.status)) {
+    // What is not a number fails a comparison of the short way.
+    bool touching = contact_ && follow_quickly(h);
+    if (!touching) {
+      if (!is_finite(hip_mm)) {
+        frame.status = FrameStatus::kNonFinite;
+        return frame;
+      }
+      touching = update(h, frame.status);
+    }
+    if (touching) {
       answer(state_.respond<kFeatures>(contact_at<kFeatures>(local), model_.surface.texture,
                                        model_.field.origin_mm),
              frame);
@@ -129,19 +138,15 @@ class HeightFieldRenderer final : public HapticRenderer {
   /// In contact, the way nearly all frames go: the god object moved as the HIP did, and one or two Newton
   /// steps mend it. False, with nothing changed, where it left the cells around, is held by a crease or a
   /// rim, is not below a convex distance, or came out.
-  bool follow_quickly(const PlanPoint& h) noexcept {
+  [[gnu::always_inline]] bool follow_quickly(const PlanPoint& h) noexcept {
     // The way from the HIP to the god object changes as it did from the last frame to this one.
     double x = h.x + lead_x_ + turn_x_, y = h.y + lead_y_ + turn_y_;
-    const double old_x = foot_.column + foot_.s, old_y = foot_.row + foot_.t;
-    if (!(std::abs(x - old_x) <= 1.0 && std::abs(y - old_y) <= 1.0)) return false;
     const double enough = kQuickError * std::min(sheet_.x_sq, sheet_.y_sq);
     std::int32_t last_column = -1, last_row = -1;
     for (int solve = 0; solve < kQuickSolves; ++solve) {
-      // Truncation takes the strip beside the first post to cell 0; it is refused below by its place.
+      if (!(x >= 0.0 && y >= 0.0 && x < sheet_.last_column && y < sheet_.last_row)) return false;
       const auto column = static_cast<std::int32_t>(x), row = static_cast<std::int32_t>(y);
-      if (!sheet_.has_cell(column, row) || std::abs(column - foot_.column) > 1 ||
-          std::abs(row - foot_.row) > 1)
-        return false;
+      if (!is_beside(column, foot_.column) || !is_beside(row, foot_.row)) return false;
       // To and fro: a crease holds the god object.
       if (column == last_column && row == last_row) return false;
       const Patch patch = sheet_.patch(column, row);
@@ -175,12 +180,11 @@ class HeightFieldRenderer final : public HapticRenderer {
       }
       x = column + s;
       y = row + t;
-      if (!(std::abs(x - old_x) <= 2.0 && std::abs(y - old_y) <= 2.0)) return false;
     }
     return false;
   }
 
-  bool accept(const Foot& foot, const Patch& patch, const PlanPoint& h) noexcept {
+  [[gnu::always_inline]] bool accept(const Foot& foot, const Patch& patch, const PlanPoint& h) noexcept {
     const PlanPoint god{foot.column + foot.s, foot.row + foot.t, patch.height(foot.s, foot.t)};
     if (!(h.z < god.z) || !(sheet_.distance_sq(god, h) <= sheet_.distance_sq(god_, h) * kNoFarther))
       return false;
@@ -192,7 +196,8 @@ class HeightFieldRenderer final : public HapticRenderer {
     return true;
   }
 
-  void set_god(const Foot& foot, const Patch& patch, const PlanPoint& god, const PlanPoint& h) noexcept {
+  [[gnu::always_inline]] void set_god(const Foot& foot, const Patch& patch, const PlanPoint& god,
+                                      const PlanPoint& h) noexcept {
     foot_ = foot;
     god_ = god;
     patch_ = patch;
@@ -202,7 +207,7 @@ class HeightFieldRenderer final : public HapticRenderer {
   }
 
   /// Everything else: descent over cells, leaving, the free HIP's segment. Whether it ends in contact.
-  bool update(const PlanPoint& h, FrameStatus& status) noexcept {
+  [[gnu::noinline]] bool update(const PlanPoint& h, FrameStatus& status) noexcept {
     const bool touching = update_within_bounds(h, status);
     counters_.bound_hits += status == FrameStatus::kBoundHit;
     return touching;
@@ -310,7 +315,7 @@ class HeightFieldRenderer final : public HapticRenderer {
     contact.stiffness_gradient = plan - normal * (plan.dot(normal) / normal.squaredNorm());
   }
 
-  void answer(const SurfaceAnswer& answer, Frame& frame) const noexcept {
+  [[gnu::always_inline]] void answer(const SurfaceAnswer& answer, Frame& frame) const noexcept {
     frame.contact = true;
     frame.model = 0;
     frame.god_object_mm = model_.pose.to_world(answer.god_object_mm);

@@ -37,9 +37,10 @@ struct HeightSheet {
   const float* top = nullptr;
   std::int32_t columns = 0, rows = 0;
   std::int32_t block_columns = 0;
-  double step_x = 1.0, step_y = 1.0;        ///< mm
-  double inverse_x = 1.0, inverse_y = 1.0;  ///< 1/mm
-  double x_sq = 1.0, y_sq = 1.0;            ///< step squared, mm^2
+  double step_x = 1.0, step_y = 1.0;         ///< mm
+  double inverse_x = 1.0, inverse_y = 1.0;   ///< 1/mm
+  double x_sq = 1.0, y_sq = 1.0;             ///< step squared, mm^2
+  double last_column = 0.0, last_row = 0.0;  ///< of posts: the field ends there
   double high_mm = 0.0;
 
   HeightSheet() = default;
@@ -55,6 +56,8 @@ struct HeightSheet {
         inverse_y(1.0 / field.step_y_mm),
         x_sq(step_x * step_x),
         y_sq(step_y * step_y),
+        last_column(columns - 1),
+        last_row(rows - 1),
         high_mm(static_cast<double>(field.high_mm)) {}
 
   [[nodiscard]] bool has_cell(std::int32_t column, std::int32_t row) const noexcept {

@@ -29,10 +29,7 @@ struct ModelPose {
   /// The pose of this instant. Section 3.3.1: the HIP is taken into the model's frame, so that a model that
   /// moves on to a resting HIP meets it. Wait-free.
   void take(double now_s) noexcept {
-    if (motion == nullptr) return;
-    world_from_model = motion->newest().at(now_s);
-    model_from_world = world_from_model.inverse();
-    moved = true;
+    if (motion != nullptr) take_from(*motion, now_s);
   }
   [[nodiscard]] Vec3 to_local(const Vec3& world_mm) const noexcept {
     return (moved ? model_from_world * world_mm : world_mm) - origin_mm;
@@ -46,6 +43,14 @@ struct ModelPose {
   }
   [[nodiscard]] Vec3 direction_to_local(const Vec3& v) const noexcept {
     return moved ? model_from_world.rotate(v) : v;
+  }
+
+ private:
+  // Out of the way of models at rest: a call here would cost their frames registers.
+  [[gnu::noinline]] void take_from(MovingModel& moving, double now_s) noexcept {
+    world_from_model = moving.newest().at(now_s);
+    model_from_world = world_from_model.inverse();
+    moved = true;
   }
 };
 
