@@ -1,7 +1,9 @@
 // Table 6, and every way to find neighbours beside it.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <nlohmann/json.hpp>
 
 #include "experiments/command/reproduction.h"
@@ -108,9 +110,24 @@ ModelScores scores_of(const ManifestModel& model, const render::ModelInput& inpu
                       const std::vector<neighbourhood::ThinWall>& walls, Reproduction& r) {
   neighbourhood::SurfaceNeighbours truth =
       neighbourhood::surface_neighbours(*input.cloud, input.original_mesh.get(), 0);
-  const std::vector<std::string> names = builder_names();
-  return {model.name, std::move(truth.from), model.printed_min,
-          neighbourhood::compare_neighbours(names, *input.cloud, truth.table, walls, {}, r.context.progress)};
+  const std::vector<std::string> all = builder_names();
+  const auto waits = [&](const std::string& name) {
+    return !r.arguments.full && !r.arguments.quick &&
+           std::find(model.slow.begin(), model.slow.end(), name) != model.slow.end();
+  };
+  std::vector<std::string> names;
+  std::remove_copy_if(all.begin(), all.end(), std::back_inserter(names), waits);
+  std::vector<neighbourhood::BuilderScore> scores =
+      neighbourhood::compare_neighbours(names, *input.cloud, truth.table, walls, {}, r.context.progress);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (!waits(all[i])) continue;
+    neighbourhood::BuilderScore left_out;
+    left_out.builder = all[i];
+    left_out.failure = "runs with --full only";
+    r.missing.push_back(fmt::format("{} on the {}: it is slow; run with --full", all[i], model.name));
+    scores.insert(scores.begin() + static_cast<std::ptrdiff_t>(i), std::move(left_out));
+  }
+  return {model.name, std::move(truth.from), model.printed_min, std::move(scores)};
 }
 
 /// One row a builder, the thesis's own times first.
@@ -154,7 +171,8 @@ Table builders_table(const std::vector<ModelScores>& models, const Manifest& man
       "the "
       "surface were found. Wall of w: percent of links that lead through a slab of w spacings to its other "
       "face. A dash: the builder "
-      "needs a scanner's order that the model does not have, or knows one thread only.";
+      "needs a scanner's order that the model does not have, knows one thread only, or runs with --full "
+      "only.";
   return table;
 }
 

@@ -152,7 +152,7 @@ void reproduce_frames(const Manifest& manifest, Reproduction& r) {
 
   RunOptions options;
   options.threads = r.arguments.threads;
-  options.paced_frames = quick ? kQuickPacedFrames : kPacedFrames;
+  options.paced_frames = quick ? kQuickPacedFrames : manifest.paced || r.arguments.full ? kPacedFrames : 0;
   options.prepare_limit_s = r.arguments.full ? kFullPrepareLimitS : kPrepareLimitS;
   for (const ManifestRun& wanted : manifest.runs) {
     const std::string& text = quick && !wanted.quick.empty() ? wanted.quick : wanted.renderer;

@@ -55,11 +55,21 @@ Manifest from_table(const toml::table& root) {
     for (const toml::node& wall : *walls)
       if (const double spacings = wall.value_or(0.0); spacings > 0.0)
         manifest.wall_spacings.push_back(spacings);
+  if (const toml::node* paced = root.get("paced")) manifest.paced = paced->value_or(true);
   read_printed(root, manifest);
   for (const toml::table* t : tables_of(root, "model")) {
-    ManifestModel model{text_of(*t, "name"), text_of(*t, "scene"),        text_of(*t, "generate"),
-                        text_of(*t, "scan"), text_of(*t, "stand_in"),     text_of(*t, "quick"),
-                        text_of(*t, "unit"), number_of(*t, "scale", 1.0), {}};
+    ManifestModel model{text_of(*t, "name"),
+                        text_of(*t, "scene"),
+                        text_of(*t, "generate"),
+                        text_of(*t, "scan"),
+                        text_of(*t, "stand_in"),
+                        text_of(*t, "quick"),
+                        text_of(*t, "unit"),
+                        number_of(*t, "scale", 1.0),
+                        {},
+                        {}};
+    if (const toml::array* slow = t->get("slow") == nullptr ? nullptr : t->get("slow")->as_array())
+      for (const toml::node& builder : *slow) model.slow.push_back(builder.value_or(std::string()));
     if (t->get("printed_min") != nullptr) model.printed_min = number_of(*t, "printed_min", 0.0);
     manifest.models.push_back(std::move(model));
   }

@@ -31,6 +31,7 @@ struct ManifestModel {
   std::string unit;
   double scale = 1.0;
   std::optional<double> printed_min;  ///< table 6: minutes
+  std::vector<std::string> slow;      ///< table 6: builders that run with --full only on this model
 };
 
 struct ManifestRun {
@@ -53,6 +54,7 @@ struct Manifest {
   std::string scan_path;             ///< instead of `path` on a scan, which has no formula; empty: the same
   std::uint64_t contact_frames = 0;  ///< the path ends after so many
   std::vector<ManifestRun> runs;
+  bool paced = true;  ///< frames are timed at 1 kHz too; false: with --full only
 };
 
 [[nodiscard]] Result<Manifest> parse_manifest(std::string_view text, const std::string& name);
