@@ -1,11 +1,15 @@
 #include "baselines/register.h"
 
+#include "baselines/points/penalty_grid.h"
+#include "baselines/points/sphere_proxy.h"
 #include "baselines/renderers/mesh_godobject.h"
 
 namespace palpate::baselines {
 
 void register_baseline_renderers(render::Registry& registry) {
   registry.add(mesh_godobject_info());
+  registry.add(penalty_grid_info());
+  registry.add(sphere_proxy_info());
 }
 
 }  // namespace palpate::baselines

@@ -46,7 +46,8 @@ class Model {
       return answer;
     }
     const Vec3 target = vertex_normals.empty() ? probe->god_object().point : shaded_god_object(h);
-    const auto [force, god_object] = respond(h, target);
+    const auto [force, god_object] =
+        render::respond_uniform(state_, surface, h, target - h, mesh.origin_mm());
     answer.contact = true;
     answer.force_n = force;
     answer.god_object = god_object;
@@ -55,7 +56,6 @@ class Model {
 
  private:
   [[nodiscard]] Vec3 shaded_god_object(const Vec3& hip) const noexcept;
-  [[nodiscard]] render::SurfaceAnswer respond(const Vec3& hip, const Vec3& target) noexcept;
 
   render::SurfaceState state_;
 };
@@ -78,21 +78,6 @@ Vec3 Model::shaded_god_object(const Vec3& hip) const noexcept {
   blend /= size;
   const Vec3 first = hip + blend * blend.dot(at.point - hip);
   return first - n * n.dot(first - at.point);
-}
-
-/// The surface's own part: the same stage that the point renderers use.
-render::SurfaceAnswer Model::respond(const Vec3& hip, const Vec3& target) noexcept {
-  render::SurfaceContact contact;
-  contact.hip = hip;
-  contact.pull = target - hip;
-  contact.stiffness_n_per_mm = surface.stiffness_n_per_mm;
-  if (surface.features == 0) return state_.respond<0>(contact, surface.texture, Vec3::Zero());
-  contact.static_friction = surface.friction.static_coefficient;
-  contact.dynamic_friction = surface.friction.dynamic_coefficient;
-  const Vec3& origin = mesh.origin_mm();
-  if ((surface.features & render::kTexture) == 0)
-    return state_.respond<render::kFriction>(contact, surface.texture, origin);
-  return state_.respond<render::kFriction | render::kTexture>(contact, surface.texture, origin);
 }
 
 class MeshGodObject final : public render::HapticRenderer, public MeshHolder {

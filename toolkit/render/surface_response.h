@@ -123,6 +123,23 @@ class SurfaceState {
   bool sliding_ = false;
 };
 
+/// The answer of a surface whose properties are the same everywhere, composed when called: for renderers that
+/// are not composed of templates themselves. Allocates nothing, O(1).
+[[nodiscard]] inline SurfaceAnswer respond_uniform(SurfaceState& state, const SurfaceField& surface,
+                                                   const Vec3& hip, const Vec3& pull,
+                                                   const Vec3& texture_origin) noexcept {
+  SurfaceContact contact;
+  contact.hip = hip;
+  contact.pull = pull;
+  contact.stiffness_n_per_mm = surface.stiffness_n_per_mm;
+  if (surface.features == 0) return state.respond<0>(contact, surface.texture, Vec3::Zero());
+  contact.static_friction = surface.friction.static_coefficient;
+  contact.dynamic_friction = surface.friction.dynamic_coefficient;
+  if ((surface.features & kTexture) == 0)
+    return state.respond<kFriction>(contact, surface.texture, texture_origin);
+  return state.respond<kFriction | kTexture>(contact, surface.texture, texture_origin);
+}
+
 /// Stiffness at a place of a facet, and its gradient along it: linear between the corners.
 struct FacetStiffness {
   double n_per_mm = 0.0;

@@ -1,0 +1,260 @@
+#include "baselines/points/ball_walk.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate::baselines {
+namespace {
+
+/// A ball nearer than this share of a radius beyond its surface is touched: far above the rounding of places
+/// computed in closed form (1e-15 of the coordinates, which are within some thousand radii), far below a bump
+/// that is felt.
+constexpr double kTouchShare = 1e-7;
+/// At rest where the balls leave less than this share of the pull: a thousandth of a degree.
+constexpr double kRestShare = 2e-5;
+/// Moves end after this share of a radius, and the balls at hand reach so far beyond the proxy.
+constexpr double kStrideShare = 0.5;
+/// What rounding may leave of a push between balls, as a share of the pull: 1e-16 times the square of the
+/// flattest angle that the half spaces are solved at (1 / 128), and a hundred times that again.
+constexpr double kSlackShare = 1e-10;
+/// A touched ball that a unit step goes into by more than this stops it: the slack over the rest's share.
+constexpr double kIntoShare = kSlackShare / kRestShare;
+/// Two touched balls whose centres differ by less than this share of a radius are one.
+constexpr double kSameShare = 1e-6;
+
+/// Where A cos t + B sin t first rises to C after t = 0, as cosine and sine; false where it does not within a
+/// quarter turn.
+struct Turn {
+  double cosine = 1.0, sine = 0.0;
+};
+bool first_rise(double a, double b, double c, Turn& turn) noexcept {
+  const double size_sq = a * a + b * b;
+  if (!(size_sq > c * c)) return false;
+  const double root = std::sqrt(size_sq - c * c);
+  turn.cosine = (a * c + b * root) / size_sq;
+  turn.sine = (b * c - a * root) / size_sq;
+  return turn.cosine >= 0.0 && turn.sine >= 0.0;
+}
+
+}  // namespace
+
+BallWalk::BallWalk(const PointGrid& points, double radius_mm)
+    : points_(&points), radius_(radius_mm), balls_(kMaxBalls) {}
+
+void BallWalk::reset(const Vec3& at) noexcept {
+  at_ = at;
+  escape();
+  gathered_ = false;
+  ball_count_ = 0;
+  carried_by_ = 0;
+  moves_ = 0;
+}
+
+/// A start within balls (nearer to the surface than a radius) is moved away from the nearest point, out of
+/// one ball after the other.
+void BallWalk::escape() noexcept {
+  constexpr int kMostBalls = 256;  // a straight way out of a layer two radii thick meets far fewer
+  Vec3 centre = Vec3::Zero();
+  const auto nearest = [&] {
+    double best = radius_ * radius_ * (1.0 - kTouchShare);
+    bool inside = false;
+    points_->within(at_, radius_, [&](std::uint32_t place, double sq) {
+      if (sq >= best) return;
+      best = sq;
+      centre = points_->points[place].at();
+      inside = true;
+    });
+    return inside;
+  };
+  if (!nearest()) return;
+  Vec3 away = at_ - centre;
+  away = away.norm() > 0.0 ? Vec3(away.normalized()) : Vec3(Vec3::UnitZ());
+  for (int i = 0; i < kMostBalls; ++i) {
+    const Vec3 from = at_ - centre;
+    const double along = from.dot(away);
+    at_ += away * (std::sqrt(std::max(0.0, along * along + radius_ * radius_ - from.squaredNorm())) - along);
+    if (!nearest()) return;
+  }
+}
+
+/// Fetches the balls that any move started within a stride from here can meet.
+bool BallWalk::gather() noexcept {
+  const double stride = kStrideShare * radius_;
+  if (gathered_ && (at_ - gathered_at_).squaredNorm() <= stride * stride) return true;
+  ball_count_ = 0;
+  bool room = true;
+  points_->within(at_, radius_ * (1.0 + kTouchShare) + 2.0 * stride, [&](std::uint32_t place, double) {
+    if (ball_count_ == kMaxBalls) {
+      room = false;
+      return;
+    }
+    balls_[ball_count_++] = points_->points[place].at();
+  });
+  gathered_ = room;
+  gathered_at_ = at_;
+  return room;
+}
+
+/// The pull, less what the touched balls push against: the projection on the cone of free directions.
+BallWalk::Hold BallWalk::hold(const Vec3& pull) const noexcept {
+  const double touch = radius_ * (1.0 + kTouchShare), same = radius_ * kSameShare;
+  std::array<geometry::HalfSpace, geometry::kMaxHalfSpaces> planes;
+  std::array<Vec3, geometry::kMaxHalfSpaces> centre;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < ball_count_ && count < planes.size(); ++i) {
+    const Vec3 out = at_ - balls_[i];
+    const double sq = out.squaredNorm();
+    if (sq > touch * touch || !(sq > 0.0)) continue;
+    bool known = false;
+    for (std::size_t k = 0; k < count; ++k)
+      known = known || (centre[k] - balls_[i]).squaredNorm() <= same * same;
+    if (known) continue;
+    planes[count] = {out / std::sqrt(sq), 0.0};
+    centre[count++] = balls_[i];
+  }
+  Hold found;
+  const geometry::NearestAllowed free =
+      geometry::nearest_allowed({planes.data(), count}, pull, kSlackShare * pull.norm());
+  found.way = free.point;
+  for (std::size_t i = 0; i < count && found.count < 3; ++i)
+    if (free.push[i] > 0.0) found.centre[static_cast<std::size_t>(found.count++)] = centre[i];
+  if (!free.all_hold) found.way = Vec3::Zero();
+  return found;
+}
+
+/// The share of the way a -> b that is free of balls; 1 and no centre where all is.
+double BallWalk::first_ball(const Vec3& a, const Vec3& b, Vec3& centre) const noexcept {
+  const Vec3 d = b - a;
+  const double length_sq = d.squaredNorm(), radius_sq = radius_ * radius_;
+  double first = 1.0;
+  if (!(length_sq > 0.0)) return first;
+  const double least = kIntoShare * radius_ * std::sqrt(length_sq);
+  partition::visit_ranges(points_->grid, a, b, Vec3::Constant(radius_), [&](partition::PlaceRange range) {
+    for (std::uint32_t place = range.begin; place < range.end; ++place) {
+      const Vec3 to = points_->points[place].at() - a;
+      const double along = to.dot(d);
+      // Behind, or touched and left or grazed.
+      if (!(along > least)) continue;
+      const double clear_sq = to.squaredNorm() - radius_sq;
+      const double root_sq = along * along - length_sq * clear_sq;
+      if (!(root_sq > 0.0)) continue;
+      const double t = std::max(0.0, (along - std::sqrt(root_sq)) / length_sq);
+      if (t >= first) continue;
+      first = t;
+      centre = a + to;
+    }
+    return true;
+  });
+  return first;
+}
+
+/// Straight towards the goal, up to the first ball. Returns false where the goal is too far away to be
+/// searched in one frame.
+bool BallWalk::fly(const Vec3& goal) noexcept {
+  const Vec3 from = at_, way = goal - from;
+  const double length = safe_length(way);
+  const double piece = kPieceCells * points_->grid.cell_mm();
+  // Pieces outside the grid's box are free; there visit_ranges returns at once.
+  const double pieces = std::ceil(length / piece);
+  const bool whole = pieces <= kMaxPieces;
+  const int count = whole ? std::max(1, static_cast<int>(pieces)) : kMaxPieces;
+  const double share = whole ? 1.0 / count : piece / length;
+  for (int i = 1; i <= count; ++i) {
+    const Vec3 end = whole && i == count ? goal : Vec3(from + way * (share * i));
+    Vec3 centre = Vec3::Zero();
+    const double t = first_ball(at_, end, centre);
+    if (t < 1.0) {
+      at_ += (end - at_) * t;
+      const Vec3 out = at_ - centre;
+      const double size = out.norm();
+      if (size > 0.0) at_ = centre + out * (radius_ / size);
+      return true;
+    }
+    at_ = end;
+  }
+  return whole;
+}
+
+/// Along a circle about `centre` through the proxy (`out` towards it, `along` the way, both unit), up to the
+/// place nearest to the goal, a stride, or the first ball met. On a ball of radius `radius` the circle is a
+/// great one; between two balls it is where they meet.
+void BallWalk::slide(const Vec3& centre, double radius, Vec3 out, Vec3 along, const Vec3& goal,
+                     const Hold& hold) noexcept {
+  const Vec3 g = goal - centre;
+  const double a = out.dot(g), b = along.dot(g);
+  const double size = std::sqrt(a * a + b * b);
+  const double half = 0.5 * kStrideShare * radius_ / radius;  // sine of half the angle of a stride
+  Turn end;
+  end.cosine = half * half < 0.5 ? 1.0 - 2.0 * half * half : 0.0;
+  end.sine = std::sqrt(1.0 - end.cosine * end.cosine);
+  const auto earlier = [&](const Turn& turn) {
+    if (turn.cosine >= 0.0 && turn.sine >= 0.0 && turn.sine < end.sine) end = turn;
+  };
+  if (size > 0.0) earlier({a / size, b / size});
+  if (Turn leave; hold.count == 1 && size > radius) {
+    // The goal is outside of this ball: it lets go where its tangent plane contains the goal.
+    if (first_rise(a, b, radius, leave)) earlier(leave);
+  }
+  for (std::size_t i = 0; i < ball_count_; ++i) {
+    const Vec3 to = balls_[i] - centre;
+    bool held = false;
+    for (int k = 0; k < hold.count; ++k) held = held || balls_[i] == hold.centre[static_cast<std::size_t>(k)];
+    if (held) continue;
+    Turn meet;
+    const double limit = (radius * radius + to.squaredNorm() - radius_ * radius_) / (2.0 * radius);
+    const double a_ball = out.dot(to), b_ball = along.dot(to);
+    if (a_ball >= limit) {
+      if (b_ball > kIntoShare * radius_) return;  // touched already
+    } else if (first_rise(a_ball, b_ball, limit, meet)) {
+      earlier(meet);
+    }
+  }
+  at_ = centre + radius * (end.cosine * out + end.sine * along);
+}
+
+bool BallWalk::go(const Vec3& goal) noexcept {
+  for (int move = 0; move < kMaxBallMoves; ++move) {
+    if (!gather()) return false;
+    const Vec3 pull = goal - at_;
+    const double pull_sq = pull.squaredNorm();
+    if (!(pull_sq > 0.0)) {
+      carried_by_ = 0;
+      return true;
+    }
+    const Hold held = hold(pull);
+    carried_by_ = held.count;
+    if (held.way.squaredNorm() <= kRestShare * kRestShare * pull_sq) return true;
+    ++moves_;
+    if (held.count == 0) {
+      if (!fly(goal)) return false;
+      if (at_ == goal) return true;
+      continue;
+    }
+    const Vec3 before = at_;
+    if (held.count == 1) {
+      const Vec3 out = (at_ - held.centre[0]).normalized();
+      slide(held.centre[0], radius_, out, (held.way - out * out.dot(held.way)).normalized(), goal, held);
+    } else if (held.count == 2) {
+      const Vec3 middle = 0.5 * (held.centre[0] + held.centre[1]);
+      const Vec3 axis = (held.centre[1] - held.centre[0]).normalized();
+      Vec3 out = at_ - middle;
+      out -= axis * axis.dot(out);
+      const double radius = out.norm();
+      if (!(radius > kTouchShare * radius_)) return true;  // the balls touch in one point
+      out /= radius;
+      Vec3 along = axis.cross(out);
+      if (along.dot(pull) < 0.0) along = -along;
+      slide(middle, radius, out, along, goal, held);
+    } else {
+      return true;
+    }
+    // What rounding leaves of a move that goes nowhere is rest.
+    if (!((goal - at_).squaredNorm() < pull_sq)) {
+      at_ = before;
+      return true;
+    }
+  }
+  return false;
+}
+
+}  // namespace palpate::baselines

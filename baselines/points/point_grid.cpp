@@ -1,0 +1,53 @@
+#include "baselines/points/point_grid.h"
+
+#include <utility>
+
+#include "toolkit/neighbourhood/knn.h"
+
+namespace palpate::baselines {
+namespace {
+
+/// A cloud whose points all coincide has no spacing: it gets this share of the coordinates' size, or 1 mm at
+/// the origin, as in `cloud`.
+constexpr double kPointlessShare = 1e-6;
+
+}  // namespace
+
+double natural_spacing_mm(const cloud::Cloud& cloud, int threads) {
+  const geometry::Aabb box = partition::local_box(cloud, threads);
+  if (box.extent_mm().maxCoeff() > 0.0) {
+    const double spacing = neighbourhood::mean_spacing_mm(cloud);
+    if (spacing > 0.0) return spacing;
+  }
+  const double size = cloud.origin_mm.cwiseAbs().maxCoeff();
+  return size > 0.0 ? kPointlessShare * size : 1.0;
+}
+
+PointGrid build_point_grid(const cloud::Cloud& cloud, double cell_mm, int threads) {
+  partition::PartitionOptions options;
+  options.cell_mm = cell_mm;
+  PointGrid made = build_points_in<partition::UniformGrid>(cloud, options, threads);
+  made.grid.drop_order();
+  return made;
+}
+
+Result<OrientedGrid> build_oriented_grid(const render::ModelInput& input, double cell_mm,
+                                         bool keep_neighbours, const render::PrepareContext& context,
+                                         render::PrepareReport& report) {
+  render::PointModelOptions options;
+  options.resolution_mm = cell_mm;
+  options.cell_per_resolution = 1.0;
+  // The rival reports what it keeps itself.
+  const std::size_t bytes = report.bytes;
+  Result<render::PointModel> built = render::build_point_model(input, options, context, report);
+  if (!built) return std::move(built).error();
+  report.bytes = bytes;
+  OrientedGrid made;
+  made.points.points = std::move(built->points);
+  made.points.grid = std::move(built->grid);
+  made.closed = built->closed;
+  if (keep_neighbours) made.neighbours = std::move(built->neighbours);
+  return made;
+}
+
+}  // namespace palpate::baselines

@@ -1,0 +1,83 @@
+// What the point-based rivals read in a frame: points in the order of a grid, and the search around a place.
+// Shared by all of them, so that none is faster or slower for its bookkeeping.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+
+#include "toolkit/cloud/cloud.h"
+#include "toolkit/core/large_pages.h"
+#include "toolkit/core/parallel.h"
+#include "toolkit/core/result.h"
+#include "toolkit/partition/cell_walk.h"
+#include "toolkit/partition/uniform_grid.h"
+#include "toolkit/render/point_model.h"
+#include "toolkit/render/renderer.h"
+#include "toolkit/surface/planes.h"
+
+namespace palpate::baselines {
+
+inline constexpr std::uint32_t kNoPlace = 0xFFFFFFFFu;
+
+/// Points by place with the partition that finds them; 16 bytes a point beside the partition. Everything
+/// local to the cloud's origin, mm. Immutable after building; safe to read from many threads.
+template <class Grid>
+struct PointsIn {
+  LargeVector<surface::SurfacePoint> points;
+  Grid grid;
+
+  /// Calls visit(place, distance_sq) for every point within `radius_mm` of `at`, in the grid's order.
+  /// Allocates nothing. O(points in the cells that the cube around it touches).
+  template <class Visit>
+  void within(const Vec3& at, double radius_mm, Visit&& visit) const {
+    const double most_sq = radius_mm * radius_mm;
+    partition::visit_ranges(grid, at, at, Vec3::Constant(radius_mm), [&](partition::PlaceRange range) {
+      for (std::uint32_t place = range.begin; place < range.end; ++place) {
+        const double sq = (points[place].at() - at).squaredNorm();
+        if (sq <= most_sq) visit(place, sq);
+      }
+      return true;
+    });
+  }
+  [[nodiscard]] std::size_t bytes() const noexcept {
+    return points.capacity() * sizeof(surface::SurfacePoint) + grid.bytes();
+  }
+};
+using PointGrid = PointsIn<partition::UniformGrid>;
+
+/// The length that the rivals' radii are given in: the cloud's mean spacing; a stand-in where all points
+/// coincide. O(n).
+[[nodiscard]] double natural_spacing_mm(const cloud::Cloud& cloud, int threads);
+
+/// Points without normals. O(n); the same for any number of threads.
+template <class Grid>
+[[nodiscard]] PointsIn<Grid> build_points_in(const cloud::Cloud& cloud,
+                                             const partition::PartitionOptions& options, int threads) {
+  constexpr std::size_t kPointsPerChunk = 16384;
+  PointsIn<Grid> made;
+  made.grid = Grid::build(cloud, options, threads);
+  const auto order = made.grid.order();
+  made.points.resize(cloud.size());
+  parallel_chunks(cloud.size(), kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t place = begin; place < end; ++place) {
+      const std::uint32_t i = order[place];
+      made.points[place] = {cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i], surface::kNoNormal};
+    }
+  });
+  return made;
+}
+[[nodiscard]] PointGrid build_point_grid(const cloud::Cloud& cloud, double cell_mm, int threads);
+
+/// Points with the normals of their local planes, on a side that the surface agrees on; found as the point
+/// renderers find them, phases and notes included. `closed` is set where some points enclose a volume.
+struct OrientedGrid {
+  PointGrid points;
+  bool closed = false;
+  LargeVector<neighbourhood::Neighbours> neighbours;  ///< by place; empty unless asked for
+};
+[[nodiscard]] Result<OrientedGrid> build_oriented_grid(const render::ModelInput& input, double cell_mm,
+                                                       bool keep_neighbours,
+                                                       const render::PrepareContext& context,
+                                                       render::PrepareReport& report);
+
+}  // namespace palpate::baselines

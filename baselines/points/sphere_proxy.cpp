@@ -1,0 +1,114 @@
+#include "baselines/points/sphere_proxy.h"
+
+#include <fmt/format.h>
+
+#include <memory>
+#include <utility>
+
+#include "baselines/points/ball_walk.h"
+#include "baselines/points/rival.h"
+#include "toolkit/render/prepare_phases.h"
+
+namespace palpate::baselines {
+namespace {
+
+/// Cells of two radii: the balls at hand are then found in 27 of them.
+constexpr double kCellRadii = 2.0;
+
+class SphereProxy : public RivalModel {
+ public:
+  static constexpr RivalText kText{
+      "sphere-proxy", "every point a ball: a spherical proxy that slides and rests among the points",
+      "CHAI3D 3.3's point clouds (cMultiPoint with its finger proxy); Ruspini et al. 1997; exact, ours"};
+  static constexpr bool kGodObject = true;
+  static std::vector<OptionSpec> specs();
+  static Status prepare(SphereProxy& model, const render::ModelInput& input, const Options& options,
+                        const render::PrepareContext& context, render::PrepareReport& report);
+  [[nodiscard]] std::string work_bound() const;
+
+  void reset(const Vec3& h) noexcept {
+    walk_->reset(h);
+    state.release();
+  }
+  [[nodiscard]] render::ModelAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept;
+
+ private:
+  PointGrid points_;
+  std::unique_ptr<BallWalk> walk_;
+  double radius_mm_ = 0.0;
+  bool felt_offset_ = false;
+};
+
+std::vector<OptionSpec> SphereProxy::specs() {
+  using enum OptionKind;
+  return {
+      {"radius",
+       kNumber,
+       "4",
+       "of the proxy, in mean spacings: larger is smoother, and rounder",
+       {},
+       0.1,
+       16.0},
+      {"radius_mm", kNumber, "0", "the same in mm; 0: by radius", {}, 0.0, 1e12},
+      {"offset",
+       kChoice,
+       "removed",
+       "the radius by which the proxy stays off the points: removed (the HIP is a point) or kept, as in the "
+       "source (the tool is a sphere)",
+       {"removed", "kept"}},
+  };
+}
+
+Status SphereProxy::prepare(SphereProxy& model, const render::ModelInput& input, const Options& options,
+                            const render::PrepareContext& context, render::PrepareReport& report) {
+  render::PreparePhases phases(report, context);
+  model.radius_mm_ = options.number("radius_mm");
+  if (!(model.radius_mm_ > 0.0)) {
+    phases.begin("spacing");
+    model.radius_mm_ = options.number("radius") * natural_spacing_mm(*input.cloud, context.threads);
+    phases.end();
+  }
+  model.felt_offset_ = options.text("offset") == "kept";
+  phases.begin("grid");
+  model.points_ = build_point_grid(*input.cloud, kCellRadii * model.radius_mm_, context.threads);
+  model.walk_ = std::make_unique<BallWalk>(model.points_, model.radius_mm_);
+  phases.end();
+  report.bytes += model.points_.bytes() + kMaxBalls * sizeof(Vec3);
+  report.notes.push_back(fmt::format("radius {:.4g} mm, cell {:.4g} mm, at most {} points a cell",
+                                     model.radius_mm_, model.points_.grid.cell_mm(),
+                                     model.points_.grid.max_points_per_cell()));
+  return Done{};
+}
+
+std::string SphereProxy::work_bound() const {
+  return fmt::format(
+      "at most {} moves among at most {} balls at hand, found in at most 64 cells each time the proxy is "
+      "half "
+      "a radius further; flights of at most {} pieces of {:.0f} cells (the fullest cell holds {} points)",
+      kMaxBallMoves, kMaxBalls, kMaxPieces, kPieceCells,
+      points_.points.empty() ? 0 : points_.grid.max_points_per_cell());
+}
+
+render::ModelAnswer SphereProxy::update(const Vec3& h, render::FrameCounters& counters) noexcept {
+  const std::uint64_t moves = walk_->moves();
+  const bool finished = walk_->go(h);
+  counters.walk_steps += walk_->moves() - moves;
+  Vec3 pull = walk_->proxy() - h;
+  const double length = safe_length(pull);
+  const double felt = felt_offset_ ? length : length - radius_mm_;
+  render::ModelAnswer answer;
+  if (felt > 0.0 && walk_->carried_by() > 0)
+    answer = touch(h, pull * (felt / length));
+  else
+    state.release();
+  answer.bound_hit = !finished;
+  return answer;
+}
+
+}  // namespace
+
+render::RendererInfo sphere_proxy_info() {
+  return rival_info<SphereProxy>();
+}
+
+}  // namespace palpate::baselines
