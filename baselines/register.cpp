@@ -3,6 +3,7 @@
 #include "baselines/points/penalty_grid.h"
 #include "baselines/points/sphere_proxy.h"
 #include "baselines/renderers/mesh_godobject.h"
+#include "baselines/renderers/mesh_proxy.h"
 
 namespace palpate::baselines {
 
@@ -10,6 +11,7 @@ void register_baseline_renderers(render::Registry& registry) {
   registry.add(mesh_godobject_info());
   registry.add(penalty_grid_info());
   registry.add(sphere_proxy_info());
+  registry.add(mesh_proxy_info());
 }
 
 }  // namespace palpate::baselines

@@ -253,22 +253,53 @@ bool visit_near(RTCPointQueryFunctionArguments* args) {
   return true;
 }
 
-NearQuery run_near(RTCScene scene, const SurfaceMesh& mesh, const Vec3& p, double radius_mm, double slack_mm,
-                   bool first_suffices) noexcept {
-  NearQuery query{&mesh, p, radius_mm * radius_mm, kNoFacet, first_suffices};
+void point_query(RTCScene scene, const Vec3& p, double radius_mm, RTCPointQueryFunction visit,
+                 void* query) noexcept {
   RTCPointQuery point;
   point.x = static_cast<float>(p.x());
   point.y = static_cast<float>(p.y());
   point.z = static_cast<float>(p.z());
   point.time = 0.0f;
-  point.radius = static_cast<float>(radius_mm + slack_mm);
+  point.radius = static_cast<float>(radius_mm);
   RTCPointQueryContext context;
   rtcInitPointQueryContext(&context);
-  rtcPointQuery(scene, &point, &context, visit_near, &query);
+  rtcPointQuery(scene, &point, &context, visit, query);
+}
+
+NearQuery run_near(RTCScene scene, const SurfaceMesh& mesh, const Vec3& p, double radius_mm, double slack_mm,
+                   bool first_suffices) noexcept {
+  NearQuery query{&mesh, p, radius_mm * radius_mm, kNoFacet, first_suffices};
+  point_query(scene, p, radius_mm + slack_mm, visit_near, &query);
   return query;
 }
 
+struct GatherQuery {
+  const SurfaceMesh* mesh;
+  Vec3 p;
+  double radius_sq;
+  std::span<NearFacet> found;
+  std::size_t count = 0;
+};
+
+bool visit_gather(RTCPointQueryFunctionArguments* args) {
+  auto* query = static_cast<GatherQuery*>(args->userPtr);
+  if (query->count > query->found.size()) return false;
+  const double distance_sq = closest_on_facet(query->mesh->facet(args->primID), query->p).distance_sq;
+  if (distance_sq > query->radius_sq) return false;
+  if (query->count < query->found.size()) query->found[query->count] = {std::sqrt(distance_sq), args->primID};
+  if (++query->count <= query->found.size()) return false;
+  args->query->radius = 0.0f;  // too many: nothing more is of use
+  return true;
+}
+
 }  // namespace
+
+std::size_t SegmentIndex::gather(const Vec3& p, double radius_mm, std::span<NearFacet> found) const noexcept {
+  if (!state_->clip_box.grown(radius_mm).contains(p)) return 0;
+  GatherQuery query{state_->mesh, p, radius_mm * radius_mm, found};
+  point_query(state_->scene, p, radius_mm + margin_mm(), visit_gather, &query);
+  return query.count;
+}
 
 bool SegmentIndex::within(const Vec3& p, double radius_mm) const noexcept {
   if (!state_->clip_box.grown(radius_mm).contains(p)) return false;

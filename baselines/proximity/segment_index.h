@@ -22,6 +22,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "baselines/mesh/surface_mesh.h"
@@ -33,6 +34,12 @@ namespace palpate::baselines {
 struct SegmentHit {
   std::uint32_t facet = kNoFacet;
   double fraction = 0.0;
+};
+
+/// A facet and its distance, in double.
+struct NearFacet {
+  double distance = 0.0;
+  std::uint32_t facet = kNoFacet;
 };
 
 /// Holds an Embree scene of the mesh, which must outlive it and not move. Queries are safe from many threads,
@@ -55,6 +62,10 @@ class SegmentIndex {
   [[nodiscard]] bool within(const Vec3& p, double radius_mm) const noexcept;
   /// The facet nearest to p within max_radius_mm, float accuracy: kNoFacet where there is none.
   [[nodiscard]] std::uint32_t nearest(const Vec3& p, double max_radius_mm) const noexcept;
+  /// Puts the facets within radius of p into `found` and returns how many there are, in no order; where that
+  /// is more than found.size(), it holds some of them and the count is one more than it holds.
+  [[nodiscard]] std::size_t gather(const Vec3& p, double radius_mm,
+                                   std::span<NearFacet> found) const noexcept;
   /// Step of the grid of end points: half extent x 2^-22 or up to twice that.
   [[nodiscard]] double quantum_mm() const noexcept;
   /// Bounds the distance between the float picture and the mesh: see kMarginQuanta.

@@ -54,6 +54,16 @@ FacetTree::Nearest FacetTree::closest(const Vec3& p) const {
   return best;
 }
 
+void FacetTree::within(const Vec3& p, double radius, std::vector<std::uint32_t>& facets) const {
+  const std::size_t before = facets.size();
+  const double radius_sq = radius * radius;
+  tree_.visit([&](const geometry::Aabb& box) { return box.distance_sq_mm2(p) <= radius_sq; },
+              [&](std::uint32_t i) {
+                if (closest_on_facet(mesh_->facet(i), p).distance_sq <= radius_sq) facets.push_back(i);
+              });
+  std::sort(facets.begin() + static_cast<std::ptrdiff_t>(before), facets.end());
+}
+
 FacetTree::Crossing FacetTree::first_crossing(const Vec3& a, const Vec3& b,
                                               std::uint32_t except_vertex_of) const {
   const double slack = mesh_->rounding_mm();

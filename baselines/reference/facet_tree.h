@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "baselines/mesh/surface_mesh.h"
 #include "toolkit/geometry/box_tree.h"
@@ -20,6 +21,9 @@ class FacetTree {
   /// The closest point of the whole mesh, exact up to double rounding; ties go to the lowest facet. O(log n)
   /// as a rule.
   [[nodiscard]] Nearest closest(const Vec3& p) const;
+
+  /// Adds every facet that lies within `radius` of p, ascending.
+  void within(const Vec3& p, double radius, std::vector<std::uint32_t>& facets) const;
 
   struct Crossing {
     std::uint32_t facet = kNoFacet;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "baselines/renderers/vertex_normals.h"
+
 namespace palpate::baselines {
 namespace {
 
@@ -182,6 +184,14 @@ std::uint32_t MeshProbe::first_around(const Vec3& hip, double& fraction) const n
     }
   }
   return first;
+}
+
+Vec3 MeshProbe::shaded_target(const Vec3& hip, std::span<const Vec3f> vertex_normals) const noexcept {
+  const Vec3 n = mesh_->normal(at_.half);
+  if (n == Vec3::Zero()) return at_.point;
+  const Vec3 m = interpolated_normal(mesh_->facet(facet_of(at_.half)), vertex_normals, at_.point, n);
+  const Vec3 first = hip + m * m.dot(at_.point - hip);
+  return first - n * n.dot(first - at_.point);
 }
 
 MeshProbe::Flight MeshProbe::fly(const Vec3& hip, const Vec3& away) noexcept {

@@ -1,5 +1,7 @@
-// One probe against one mesh: the contact state of `mesh-godobject`, without forces.
+// One probe against one mesh: a point's contact state, without forces.
 #pragma once
+
+#include <span>
 
 #include "baselines/proximity/segment_index.h"
 #include "baselines/renderers/facet_walk.h"
@@ -24,6 +26,11 @@ class MeshProbe {
   bool update(const Vec3& hip) noexcept;
 
   [[nodiscard]] const SurfacePosition& god_object() const noexcept { return at_; }
+  /// The frictionless god object, in contact.
+  [[nodiscard]] Vec3 target(const Vec3& /*hip*/) const noexcept { return at_.point; }
+  /// The same under Ruspini's shading in two passes: the HIP projected on the plane through the god object
+  /// whose normal is interpolated from `vertex_normals`, and that point on the facet's own plane.
+  [[nodiscard]] Vec3 shaded_target(const Vec3& hip, std::span<const Vec3f> vertex_normals) const noexcept;
   [[nodiscard]] bool bound_hit() const noexcept { return bound_hit_; }
   [[nodiscard]] std::uint64_t moves() const noexcept { return moves_; }
 

@@ -6,6 +6,7 @@
 #include "baselines/mesh/facet.h"
 #include "baselines/mesh_holder.h"
 #include "baselines/register.h"
+#include "tests/baselines/mesh_probe_stand.h"
 #include "tests/baselines/meshes.h"
 #include "toolkit/core/random.h"
 
@@ -28,51 +29,10 @@ std::size_t allocations = 0;
 namespace palpate::baselines {
 namespace {
 
-constexpr double kStiffness = 0.5;
-constexpr double kDt = 1e-3;
-
-struct Probe {
-  std::unique_ptr<render::HapticRenderer> renderer;
-  render::PrepareReport report;
-  render::Frame to(const Vec3& hip) { return renderer->step(hip, kDt); }
-  /// In straight steps of `step_mm`.
-  render::Frame glide(const Vec3& from, const Vec3& to_mm, double step_mm) {
-    const int steps = std::max(1, static_cast<int>(std::ceil((to_mm - from).norm() / step_mm)));
-    render::Frame frame;
-    for (int i = 1; i <= steps; ++i) frame = to(from + (to_mm - from) * (double(i) / steps));
-    return frame;
-  }
-};
-
-Probe make(const geometry::TriangleMesh& mesh, const char* options = "mesh-godobject:mesh=original",
-           const geometry::RigidTransform& pose = {}, double limit_n = 0.0) {
-  render::Registry registry;
-  register_baseline_renderers(registry);
-  const auto named = parse_named_options(options);
-  EXPECT_TRUE(named.ok());
-  auto made = registry.make(named->name, named->options);
-  EXPECT_TRUE(made.ok());
-  Probe probe{std::move(made).value(), {}};
-  render::SceneInput scene;
-  scene.force_limit_n = limit_n;
-  render::ModelInput model;
-  model.name = "test";
-  auto cloud = cloud::build_cloud(mesh.vertices_mm, cloud::NonFinite::kRefuse);
-  EXPECT_TRUE(cloud.ok());
-  model.cloud = std::make_shared<const cloud::Cloud>(std::move(cloud).value());
-  model.original_mesh = std::make_shared<const geometry::TriangleMesh>(mesh);
-  model.world_from_model = pose;
-  model.surface.stiffness_n_per_mm = kStiffness;
-  scene.models.push_back(std::move(model));
-  auto report = probe.renderer->prepare(scene, {1, nullptr});
-  EXPECT_TRUE(report.ok()) << (report.ok() ? "" : report.error().message());
-  if (report.ok()) probe.report = *report;
-  return probe;
-}
-
-void expect_near(const Vec3& a, const Vec3& b, double tolerance) {
-  EXPECT_LT((a - b).norm(), tolerance) << a.transpose() << " against " << b.transpose();
-}
+using test::expect_near;
+using test::kStiffness;
+using test::make;
+using test::Probe;
 
 TEST(MeshGodObject, PlaneFromBothSides) {
   Probe probe = make(test::height_mesh(10, 10.0, [](double, double) { return 0.0; }));

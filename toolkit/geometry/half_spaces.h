@@ -44,9 +44,10 @@ inline double violation(std::span<const HalfSpace> planes, const Vec3& x) noexce
 
 /// O(n^3), n = planes.size() <= kMaxHalfSpaces (more are not looked at). Exact but for rounding: of all cases
 /// of up to three active planes the allowed one nearest to p. `slack` is the violation that rounding may
-/// leave, in the planes' units. Allocates nothing.
+/// leave, in the planes' units. `flat_share`: of planes that span less only single ones are solved for.
+/// Allocates nothing.
 [[nodiscard]] inline NearestAllowed nearest_allowed(std::span<const HalfSpace> all, const Vec3& p,
-                                                    double slack) noexcept {
+                                                    double slack, double flat_share = kFlatShare) noexcept {
   const std::span<const HalfSpace> planes = all.first(std::min(all.size(), kMaxHalfSpaces));
   const std::size_t n = planes.size();
   NearestAllowed best;
@@ -78,14 +79,14 @@ inline double violation(std::span<const HalfSpace> planes, const Vec3& x) noexce
     for (std::size_t j = i + 1; j < n; ++j) {
       const double c = planes[i].normal.dot(planes[j].normal);
       const double area_sq = 1.0 - c * c;
-      if (!(area_sq > kFlatShare * kFlatShare)) continue;
+      if (!(area_sq > flat_share * flat_share)) continue;
       const std::array two{i, j};
       const std::array pushes{(gap(i) - c * gap(j)) / area_sq, (gap(j) - c * gap(i)) / area_sq};
       offer(two, pushes);
       for (std::size_t k = j + 1; k < n; ++k) {
         const Vec3 &a = planes[i].normal, &b = planes[j].normal, &d = planes[k].normal;
         const double volume = a.dot(b.cross(d));
-        if (!(std::abs(volume) > kFlatShare)) continue;
+        if (!(std::abs(volume) > flat_share)) continue;
         // The corner, then the pushes that lead to it.
         const Vec3 way = (gap(i) * b.cross(d) + gap(j) * d.cross(a) + gap(k) * a.cross(b)) / volume;
         const std::array three{i, j, k};

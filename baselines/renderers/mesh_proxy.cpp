@@ -1,0 +1,102 @@
+#include "baselines/renderers/mesh_proxy.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+#include <memory>
+
+#include "baselines/renderers/mesh_godobject.h"
+#include "baselines/renderers/mesh_scene.h"
+#include "baselines/renderers/sphere_probe.h"
+
+namespace palpate::baselines {
+namespace {
+
+constexpr const char* kName = "mesh-proxy";
+constexpr const char* kSummary =
+    "a sphere that stays outside of a triangle mesh and follows the HIP, up to three constraints a move";
+constexpr const char* kSource =
+    "Ruspini, Kolarov and Khatib 1997 (the thesis's [71]); exact moves and the skin as tip are ours";
+/// Largest radius that may be asked for, in edges: 2 mm on 0.02 mm spacing.
+constexpr double kMostEdges = 100.0;
+
+/// One radius for the scene: the probe is one body.
+struct SphereSize {
+  double radius_mm = 0.0;
+};
+
+Status choose_radius(const Options& options, const MeshScene<SphereProbe>::Bodies& bodies, SphereSize& size,
+                     render::PrepareReport& report) {
+  double edge = std::numeric_limits<double>::infinity(), least = 0.0;
+  for (const auto& body : bodies) {
+    edge = std::min(edge, body->median_edge_mm);
+    least = std::max(least, SphereProbe::least_radius_mm(body->mesh));
+  }
+  const double given = options.number("radius_mm");
+  size.radius_mm = given > 0.0 ? given : options.number("radius") * edge;
+  report.notes.push_back(fmt::format("sphere: radius {:.4g} mm, {:.3g} median edges of the finest mesh",
+                                     size.radius_mm, size.radius_mm / edge));
+  if (size.radius_mm < least)
+    return Error{fmt::format("a sphere of radius {:.3g} mm is below this mesh's rounding, {:.3g} mm",
+                             size.radius_mm, least),
+                 "take a larger radius, or radius=0 for a point",
+                 {},
+                 0};
+  return Done{};
+}
+
+std::unique_ptr<render::HapticRenderer> make_sphere(const Options& options) {
+  const SphereTip tip = options.text("tip") == "centre" ? SphereTip::kCentre : SphereTip::kSkin;
+  auto size = std::make_shared<SphereSize>();
+  std::string bound = fmt::format(
+      "a model: at most {} moves, {} tests of a facet against the sphere's way (one list of {} more), and "
+      "two Embree queries a move (each O(log facets))",
+      kMaxSphereMoves, kMaxSphereTests, kMaxNearFacets);
+  return std::make_unique<MeshScene<SphereProbe>>(
+      render::Description{kName, kSummary, kSource, std::move(bound), options}, false,
+      [options, size](const MeshScene<SphereProbe>::Bodies& bodies, render::PrepareReport& report) {
+        return choose_radius(options, bodies, *size, report);
+      },
+      [tip, size](const MeshBody& body) {
+        return SphereProbe(body.mesh, *body.index, size->radius_mm, body.median_edge_mm, tip);
+      });
+}
+
+}  // namespace
+
+render::RendererInfo mesh_proxy_info() {
+  render::RendererInfo info;
+  info.name = kName;
+  info.summary = kSummary;
+  info.source = kSource;
+  info.options = mesh_renderer_specs();
+  info.options.push_back({"radius",
+                          OptionKind::kNumber,
+                          "1",
+                          "of the sphere, in median edges of the finest mesh; 0: a point",
+                          {},
+                          0.0,
+                          kMostEdges});
+  info.options.push_back({"radius_mm",
+                          OptionKind::kNumber,
+                          "0",
+                          "of the sphere, in mm; 0: as `radius` says",
+                          {},
+                          0.0,
+                          std::numeric_limits<double>::max()});
+  info.options.push_back({"tip",
+                          OptionKind::kChoice,
+                          "skin",
+                          "what touches first: skin, force from the surface on; centre, force from a radius "
+                          "before it, as printed",
+                          {"skin", "centre"}});
+  info.make = [](const Options& options) -> std::unique_ptr<render::HapticRenderer> {
+    if (options.number("radius") == 0.0 && options.number("radius_mm") == 0.0)
+      return make_point_on_mesh(kName, kSummary, kSource, options);
+    return make_sphere(options);
+  };
+  return info;
+}
+
+}  // namespace palpate::baselines

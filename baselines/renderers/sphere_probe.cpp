@@ -1,0 +1,283 @@
+#include "baselines/renderers/sphere_probe.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "baselines/renderers/vertex_normals.h"
+#include "toolkit/geometry/half_spaces.h"
+
+namespace palpate::baselines {
+namespace {
+
+/// The layer around the sphere in which a facet is touched, in rounding bounds of the mesh: constraints keep
+/// to its middle, the way stops a quarter inside, so that rounding can turn neither into the other.
+constexpr double kSkinRoundings = 64.0;
+constexpr double kKeep = 0.5;
+constexpr double kStop = 0.25;
+/// Newton's steps end this near to where the way stops.
+constexpr double kStopWithin = 1.0 / 16.0;
+/// Steps for one facet. Each about doubles the digits; 53 bits need six, a grazing touch some more.
+constexpr int kMaxNewton = 32;
+/// Contacts whose normals span less than this are one plane for the pair solver; two such planes give
+/// coordinates to 2^-53 / 2^-17 of the depth.
+constexpr double kFlatContacts = 0x1p-17;
+/// Rounded operations between the HIP's distance and a goal.
+constexpr int kGoalOperations = 64;
+/// A list of facets reaches so many edges (or radii, if more) beyond the sphere, before there are too many.
+constexpr double kReachEdges = 2.0;
+/// A list is made anew when less than this part of its reach is left.
+constexpr double kLeastRoom = 0.5;
+/// Times the reach is halved for a list that is too long.
+constexpr int kMaxHalvings = 12;
+/// Lengths are rounded; the sum of a way's pieces is not below the way.
+constexpr double kTravelRounding = 1.0 + 0x1p-40;
+/// A sphere that begins too near to a facet is smaller than the room by this.
+constexpr double kBeginShare = 1.0 - 0x1p-10;
+/// Smallest sphere in skins; below it there is none.
+constexpr double kLeastSkins = 16.0;
+
+}  // namespace
+
+double SphereProbe::least_radius_mm(const SurfaceMesh& mesh) noexcept {
+  return kLeastSkins * kSkinRoundings * mesh.rounding_mm();
+}
+
+SphereProbe::SphereProbe(const SurfaceMesh& mesh, const SegmentIndex& index, double radius_mm,
+                         double spacing_mm, SphereTip tip)
+    : mesh_(&mesh),
+      index_(&index),
+      tip_(tip),
+      radius_(radius_mm),
+      most_reach_(std::max(radius_mm, kReachEdges * spacing_mm)),
+      skin_(kSkinRoundings * mesh.rounding_mm()),
+      near_(kMaxNearFacets) {}
+
+void SphereProbe::reset(const Vec3& hip) noexcept {
+  centre_ = hip;
+  count_ = 0;
+  listed_ = 0;
+  reach_ = -1.0;
+  bound_hit_ = false;
+  moves_ = 0;
+  size_ = radius_;
+  const std::uint32_t facet = index_->nearest(hip, radius_ + skin_);
+  if (facet == kNoFacet) return;
+  size_ = std::min(radius_, kBeginShare * std::sqrt(closest_on_facet(mesh_->facet(facet), hip).distance_sq));
+}
+
+Vec3 SphereProbe::at_tip(const Vec3& centre, const Vec3& hip) const noexcept {
+  if (tip_ == SphereTip::kCentre) return centre;
+  const Vec3 in = hip - centre;
+  const double length = in.norm();
+  return length > size_ ? Vec3(centre + in * (size_ / length)) : hip;
+}
+
+bool SphereProbe::update(const Vec3& hip) noexcept {
+  bound_hit_ = false;
+  tests_ = 0;
+  if (size_ < radius_) grow();
+  if (size_ < kLeastSkins * skin_) {  // began on the surface: no body yet, so nothing holds it
+    const std::uint64_t moves = moves_;
+    reset(hip);
+    moves_ = moves;
+    return false;
+  }
+  bool rests = false;
+  double rest = 0.0;
+  touched_ = count_ > 0;
+  for (int move = 0; move < kMaxSphereMoves && tests_ < kMaxSphereTests && !rests; ++move) {
+    refresh();
+    rest = skin_ + gamma(kGoalOperations) * (hip - centre_).norm();
+    const Vec3 way = way_to(hip, rest - skin_ + skin_ * kStopWithin);
+    const double length = way.norm();
+    rests = length <= rest || !advance(way, length, rest);
+  }
+  if (!rests) {
+    bound_hit_ = true;
+    refresh();
+  }
+  const double pulled = (hip - centre_).norm();
+  // Cut short it may just be off what holds it.
+  return (count_ > 0 || (bound_hit_ && touched_)) && pulled > (tip_ == SphereTip::kSkin ? size_ : rest);
+}
+
+/// Takes the room that there is.
+void SphereProbe::grow() noexcept {
+  const double was = size_;
+  const std::uint32_t facet = index_->nearest(centre_, 2.0 * radius_ + skin_);
+  const double room = facet == kNoFacet
+                          ? radius_
+                          : std::sqrt(closest_on_facet(mesh_->facet(facet), centre_).distance_sq) - skin_;
+  size_ = std::min(radius_, std::max(size_, room));
+  if (size_ != was) reach_ = -1.0;
+}
+
+/// Where contact and sphere are now; false where they do not touch.
+bool SphereProbe::measure(SphereContact& contact) const noexcept {
+  contact.place = closest_on_facet(mesh_->facet(contact.facet), centre_);
+  const double distance = std::sqrt(contact.place.distance_sq);
+  contact.gap = distance - size_;
+  if (!(distance > 0.0) || contact.gap > skin_) return false;
+  contact.normal = (centre_ - contact.place.point) / distance;
+  return true;
+}
+
+void SphereProbe::refresh() noexcept {
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < count_; ++i)
+    if (measure(contacts_[i])) contacts_[kept++] = contacts_[i];
+  count_ = kept;
+}
+
+/// The way to the place nearest to the HIP that the contacts allow; computed around the centre, so that its
+/// rounding is that of the depth.
+Vec3 SphereProbe::way_to(const Vec3& hip, double slack) noexcept {
+  if (count_ == 0) return hip - centre_;
+  std::array<geometry::HalfSpace, kMaxSphereContacts> planes;
+  for (std::size_t i = 0; i < count_; ++i)
+    planes[i] = {contacts_[i].normal, kKeep * skin_ - contacts_[i].gap};
+  const geometry::NearestAllowed found =
+      geometry::nearest_allowed(std::span(planes).first(count_), hip - centre_, slack, kFlatContacts);
+  for (std::size_t i = 0; i < count_; ++i) contacts_[i].push = found.push[i];
+  return found.point;
+}
+
+/// False where nothing moved and nothing new was learnt: the sphere rests.
+bool SphereProbe::advance(const Vec3& way, double length, double rest) noexcept {
+  ++moves_;
+  double room = reach_ < 0.0 ? -1.0 : reach_ - (centre_ - list_centre_).norm();
+  if (room < length) {
+    if (room < kLeastRoom * reach_ || reach_ < 0.0) {
+      list_near();
+      room = reach_;
+    }
+    if (listed_ == 0 && room < length) {
+      const double clear = clearance(length + size_) - size_ - skin_;
+      if (clear > room) {
+        move(way, length, std::min(1.0, clear / length));
+        return true;
+      }
+    }
+  }
+  const Touch touch = first_touch(way, length, std::min(1.0, room / length));
+  tests_ += listed_;
+  move(way, length, touch.fraction);
+  if (touch.facet == kNoFacet) return true;
+  touched_ = true;
+  for (std::size_t i = 0; i < count_; ++i)
+    if (contacts_[i].facet == touch.facet) return touch.fraction * length > rest;
+  remember(touch.facet);
+  return true;
+}
+
+/// One more contact; of too many the one that pushes least goes.
+void SphereProbe::remember(std::uint32_t facet) noexcept {
+  std::size_t slot = count_;
+  if (count_ == kMaxSphereContacts) {
+    slot = 0;
+    for (std::size_t i = 1; i < count_; ++i)
+      if (contacts_[i].push < contacts_[slot].push) slot = i;
+  } else {
+    ++count_;
+  }
+  contacts_[slot] = {};
+  contacts_[slot].facet = facet;
+}
+
+void SphereProbe::list_near() noexcept {
+  double reach = reach_ > 0.0 ? std::min(2.0 * reach_, most_reach_) : most_reach_;
+  std::size_t count = index_->gather(centre_, size_ + skin_ + reach, near_);
+  for (int i = 0; count > near_.size() && i < kMaxHalvings; ++i) {
+    reach *= 0.5;
+    count = index_->gather(centre_, size_ + skin_ + reach, near_);
+  }
+  if (count > near_.size()) {
+    bound_hit_ = true;
+    count = near_.size();
+  }
+  tests_ += count;
+  listed_ = count;
+  reach_ = reach;
+  list_centre_ = centre_;
+  travelled_ = 0.0;
+  // What is touched first among equals must not depend on the tree; near ones first cut the way short.
+  std::sort(near_.begin(), near_.begin() + static_cast<std::ptrdiff_t>(count),
+            [](const NearFacet& a, const NearFacet& b) {
+              return a.distance != b.distance ? a.distance < b.distance : a.facet < b.facet;
+            });
+}
+
+void SphereProbe::move(const Vec3& way, double length, double fraction) noexcept {
+  centre_ += way * fraction;
+  travelled_ += length * fraction * kTravelRounding;
+}
+
+/// A lower bound of the distance to the mesh, no more than `most`. Far away that to its box does, where the
+/// tree's float would not.
+double SphereProbe::clearance(double most) const noexcept {
+  const geometry::Aabb& box = mesh_->local_box_mm();
+  const Vec3 outside = (box.low_mm - centre_).cwiseMax(centre_ - box.high_mm).cwiseMax(0.0);
+  const double to_box = outside.norm();
+  if (to_box > box.extent_mm().norm()) return std::min(most, to_box);
+  const std::uint32_t facet = index_->nearest(centre_, most);
+  if (facet == kNoFacet) return most;
+  return std::sqrt(closest_on_facet(mesh_->facet(facet), centre_).distance_sq) - 2.0 * index_->margin_mm();
+}
+
+SphereProbe::Touch SphereProbe::first_touch(const Vec3& way, double length, double limit) noexcept {
+  Touch first{kNoFacet, limit};
+  const double size = size_ + skin_ + travelled_;
+  for (std::size_t i = 0; i < listed_; ++i) {
+    NearFacet& near = near_[i];
+    if (near.distance > size + length * first.fraction) continue;
+    const double fraction = touch_fraction(near, way, first.fraction);
+    if (fraction < first.fraction) first = {near.facet, fraction};
+  }
+  return first;
+}
+
+/// The part of the way after which the sphere touches, `limit` where it does not before. Renews the facet's
+/// distance.
+double SphereProbe::touch_fraction(NearFacet& near, const Vec3& way, double limit) noexcept {
+  const Facet& f = mesh_->facet(near.facet);
+  double t = 0.0;
+  for (int step = 0; step < kMaxNewton; ++step) {
+    const Vec3 x = centre_ + way * t;
+    const FacetPoint place = closest_on_facet(f, x);
+    const double distance = std::sqrt(place.distance_sq);
+    if (step == 0) near.distance = distance + travelled_;
+    if (!(distance > 0.0)) return t;
+    const double rate = (x - place.point).dot(way) / distance;
+    if (rate >= 0.0) return limit;
+    const double left = distance - size_ - kStop * skin_;
+    if (left <= kStopWithin * skin_) return std::min(t, limit);
+    t -= left / rate;
+    if (t >= limit) return limit;
+  }
+  return t;
+}
+
+Vec3 SphereProbe::shaded_target(const Vec3& hip, std::span<const Vec3f> vertex_normals) noexcept {
+  if (count_ == 0) return at_tip(centre_, hip);
+  std::array<geometry::HalfSpace, kMaxSphereContacts> flat, smooth;
+  std::size_t n = 0;
+  for (std::size_t i = 0; i < count_; ++i) {
+    const SphereContact& contact = contacts_[i];
+    if (!(contact.push > 0.0)) continue;
+    const Vec3 m =
+        interpolated_normal(mesh_->facet(contact.facet), vertex_normals, contact.place.point, contact.normal);
+    flat[n] = {contact.normal, 0.0};
+    smooth[n++] = {m, 0.0};
+  }
+  const double slack = skin_ + gamma(kGoalOperations) * (hip - centre_).norm();
+  const Vec3 goal =
+      geometry::nearest_allowed(std::span(smooth).first(n), hip - centre_, slack, kFlatContacts).point;
+  const Vec3 way = geometry::nearest_allowed(std::span(flat).first(n), goal, slack, kFlatContacts).point;
+  const double length = way.norm();
+  if (!(length > slack)) return at_tip(centre_, hip);
+  const double room = reach_ - (centre_ - list_centre_).norm();
+  const Touch touch = first_touch(way, length, std::min(1.0, std::max(room, 0.0) / length));
+  return at_tip(centre_ + way * touch.fraction, hip);
+}
+
+}  // namespace palpate::baselines

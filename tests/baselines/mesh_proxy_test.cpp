@@ -1,0 +1,249 @@
+// The sphere proxy: never through, never stuck, never where it does not belong.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "baselines/mesh/facet.h"
+#include "tests/baselines/mesh_probe_stand.h"
+#include "toolkit/core/random.h"
+
+namespace palpate::baselines {
+namespace {
+
+using test::expect_near;
+using test::kStiffness;
+using test::make;
+using test::Probe;
+
+double distance_to(const geometry::TriangleMesh& mesh, const Vec3& p) {
+  double least = HUGE_VAL;
+  for (const auto& t : mesh.triangles) {
+    Facet f{};
+    for (std::size_t i = 0; i < 3; ++i) f.corner[i] = mesh.vertices_mm[t[i]];
+    least = std::min(least, closest_on_facet(f, p).distance_sq);
+  }
+  return std::sqrt(least);
+}
+
+std::string sphere(double radius_mm, const char* more = ":tip=centre") {
+  return "mesh-proxy:mesh=original:radius_mm=" + std::to_string(radius_mm) + more;
+}
+
+TEST(MeshProxy, PlaneFromBothSidesBySkinAndByCentre) {
+  const auto flat = test::height_mesh(10, 10.0, [](double, double) { return 0.0; });
+  for (const double side : {1.0, -1.0}) {
+    const Vec3 from{0.3, 0.4, 1.1 * side}, to{2.3, -1.4, -1.0 * side};
+    Probe skin = make(flat, sphere(0.25, "").c_str());
+    skin.renderer->reset(from);
+    EXPECT_FALSE(skin.to({0.3, 0.4, 0.01 * side}).contact);
+    render::Frame frame = skin.glide({0.3, 0.4, 0.01 * side}, to, 0.05);
+    ASSERT_TRUE(frame.contact);
+    expect_near(frame.god_object_mm, {2.3, -1.4, 0}, 1e-9);
+    expect_near(frame.force_n, {0, 0, kStiffness * side}, 1e-9);
+    EXPECT_FALSE(skin.to({2.3, -1.4, 0.1 * side}).contact);
+    Probe centre = make(flat, sphere(0.25).c_str());
+    centre.renderer->reset(from);
+    EXPECT_FALSE(centre.to({0.3, 0.4, 0.26 * side}).contact);
+    EXPECT_TRUE(centre.to({0.3, 0.4, 0.24 * side}).contact);
+    frame = centre.glide({0.3, 0.4, 0.24 * side}, to, 0.05);
+    expect_near(frame.god_object_mm, {2.3, -1.4, 0.25 * side}, 1e-9);
+    expect_near(frame.force_n, {0, 0, kStiffness * 1.25 * side}, 1e-9);
+  }
+}
+
+TEST(MeshProxy, GrooveHoldsByTwoPlanesAndCornerByThree) {
+  constexpr double kRadius = 0.4;
+  Probe groove = make(test::height_mesh(20, 10.0, [](double x, double) { return std::abs(x); }),
+                      sphere(kRadius).c_str());
+  groove.renderer->reset({0.5, 0.2, 3});
+  render::Frame frame = groove.glide({0.5, 0.2, 3}, {0.05, 0.7, -1}, 0.05);
+  expect_near(frame.god_object_mm, {0, 0.7, kRadius * std::sqrt(2.0)}, 1e-9);
+  Probe corner = make(test::box_mesh(5, 5, 5), sphere(kRadius).c_str());
+  corner.renderer->reset({0, 0, 0});
+  frame = corner.glide({0, 0, 0}, {6, 7, 8}, 0.05);
+  expect_near(frame.god_object_mm, Vec3::Constant(5 - kRadius), 1e-9);
+  expect_near(frame.force_n, kStiffness * (Vec3::Constant(5 - kRadius) - Vec3(6, 7, 8)), 1e-8);
+}
+
+// Round an edge the sphere rolls: its centre keeps a radius from the edge.
+TEST(MeshProxy, RollsOverEdgesAndLetsGo) {
+  Probe probe = make(test::box_mesh(5, 5, 5), sphere(0.5).c_str());
+  probe.renderer->reset({0, 0, 6});
+  render::Frame frame = probe.glide({0, 0, 6}, {4.9, 0, 4.9}, 0.1);
+  EXPECT_TRUE(frame.contact);
+  // The HIP is a hair outside of the edge: the centre lies on the cylinder, in the HIP's direction.
+  frame = probe.to({5.1, 0, 5.1});
+  ASSERT_TRUE(frame.contact);
+  for (int i = 0; i < 20; ++i) frame = probe.to({5.1, 0, 5.1});
+  expect_near(frame.god_object_mm, Vec3(5, 0, 5) + 0.5 * Vec3(1, 0, 1).normalized(), 1e-6);
+  EXPECT_FALSE(probe.glide({5.1, 0, 5.1}, {6, 0, 4}, 0.05).contact);
+}
+
+TEST(MeshProxy, ThinSlabsAreNotPassed) {
+  for (const double thickness : {1.0, 0.1, 0.01})
+    for (const double step : {0.05, 0.5, 5.0}) {
+      const auto slab = test::box_mesh(20, 20, thickness / 2);
+      for (const double radius : {1e-4, 0.1, 1.0}) {
+        Probe probe = make(slab, sphere(radius, "").c_str());
+        for (const double side : {1.0, -1.0}) {
+          const Vec3 from{0.37, 0.21, 3 * side}, to{3.1, 2.2, -2.5 * side};
+          probe.renderer->reset(from);
+          probe.glide(from, to, step);
+          render::Frame frame;
+          for (int i = 0; i < 50; ++i) frame = probe.to(to);
+          ASSERT_TRUE(frame.contact) << thickness << ' ' << step << ' ' << radius;
+          expect_near(frame.god_object_mm, {3.1, 2.2, side * thickness / 2}, 1e-8);
+        }
+      }
+    }
+}
+
+/// Facets anywhere in any direction, crossing, some without area.
+geometry::TriangleMesh soup(Random& random, int facets) {
+  geometry::TriangleMesh mesh;
+  for (int i = 0; i < facets; ++i) {
+    const Vec3 at{random.uniform(-5, 5), random.uniform(-5, 5), random.uniform(-5, 5)};
+    const auto first = static_cast<std::uint32_t>(mesh.vertices_mm.size());
+    for (int c = 0; c < 3; ++c)
+      mesh.vertices_mm.push_back(at +
+                                 Vec3(random.uniform(-2, 2), random.uniform(-2, 2), random.uniform(-2, 2)));
+    if (i % 10 == 0) mesh.vertices_mm.back() = 0.5 * (mesh.vertices_mm[first] + mesh.vertices_mm[first + 1]);
+    mesh.triangles.push_back({first, first + 1, first + 2});
+  }
+  return mesh;
+}
+
+// Against brute force: at slow and absurd speeds the sphere keeps its distance from every facet; and held
+// still it is where no small move would bring it nearer to the HIP.
+TEST(MeshProxy, KeepsItsDistanceInASoupOfFacetsAndRestsAtLocalMinima) {
+  constexpr std::uint64_t kSeed = 7;
+  constexpr double kRadius = 0.3, kNudge = 1e-5;
+  Random random(kSeed);
+  for (int run = 0; run < 6; ++run) {
+    const auto mesh = soup(random, 60);
+    Probe probe = make(mesh, sphere(kRadius).c_str());
+    Vec3 hip{20, 0, 0};
+    probe.renderer->reset(hip);
+    for (int i = 0; i < 400; ++i) {
+      const double reach = i % 50 == 0 ? 1e5 : 0.3;
+      hip = i % 50 == 1 ? Vec3::Zero() : hip;
+      hip += reach * Vec3(random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1));
+      render::Frame frame = probe.to(hip);
+      ASSERT_GT(distance_to(mesh, frame.god_object_mm), kRadius - 1e-9) << "seed " << kSeed << " frame " << i;
+      if (i % 20 != 19) continue;
+      for (int k = 0; k < 30; ++k) frame = probe.to(hip);
+      if (!frame.contact) continue;
+      const double pulled = (frame.god_object_mm - hip).norm();
+      for (int k = 0; k < 200; ++k) {
+        const Vec3 way = kNudge * Vec3(random.normal(), random.normal(), random.normal()).normalized();
+        const Vec3 there = frame.god_object_mm + way;
+        if (distance_to(mesh, there) < kRadius) continue;
+        // On round places the first order vanishes: what is left is nudge^2 / (2 radius) and the like.
+        ASSERT_GT((there - hip).norm(), pulled - kNudge * kNudge * (1.0 + 1.0 / kRadius))
+            << "seed " << kSeed << " run " << run << " frame " << i;
+      }
+    }
+  }
+}
+
+TEST(MeshProxy, BeginsSmallWhereThereIsNoRoomAndGrows) {
+  const auto flat = test::height_mesh(10, 10.0, [](double, double) { return 0.0; });
+  Probe probe = make(flat, sphere(0.5).c_str());
+  for (const double start : {0.1, -0.1}) {
+    probe.renderer->reset({0, 0, start});
+    EXPECT_FALSE(probe.to({0, 0, start}).contact);
+    expect_near(probe.glide({0, 0, start}, {0, 0, -5 * start}, 0.01).god_object_mm, {0, 0, start}, 2e-4);
+    EXPECT_FALSE(probe.glide({0, 0, -5 * start}, {0, 0, 10 * start}, 0.01).contact);
+    expect_near(probe.glide({0, 0, 10 * start}, {0, 0, -start}, 0.01).god_object_mm,
+                {0, 0, std::copysign(0.5, start)}, 1e-9);
+  }
+  // On the surface it has no side and no body; once off it, it has both.
+  probe.renderer->reset({0, 0, 0});
+  EXPECT_FALSE(probe.to({0, 0, 0}).contact);
+  EXPECT_FALSE(probe.to({0, 0, 1}).contact);
+  expect_near(probe.to({0, 0, -1}).god_object_mm, {0, 0, 0.5}, 1e-9);
+}
+
+TEST(MeshProxy, HostilePlaces) {
+  geometry::TriangleMesh one;
+  one.vertices_mm = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  one.triangles = {{0, 1, 2}};
+  Probe probe = make(one, "mesh-proxy:mesh=original");
+  probe.renderer->reset({0.2, 0.2, 1e9});
+  EXPECT_FALSE(probe.to({0.2, 0.2, 1e9}).contact);
+  render::Frame frame;
+  for (int i = 0; i < 100; ++i) frame = probe.to({0.2, 0.2, -1e9});
+  EXPECT_TRUE(std::isfinite(frame.force_n.norm()));
+  frame = probe.to({std::nan(""), 0, 0});
+  EXPECT_EQ(frame.status, render::FrameStatus::kNonFinite);
+  EXPECT_EQ(frame.force_n, Vec3::Zero());
+  render::Registry registry;
+  register_baseline_renderers(registry);
+  EXPECT_FALSE(registry.make("mesh-proxy", parse_named_options("mesh-proxy:radius=-1")->options).ok());
+}
+
+TEST(MeshProxy, MotionAndScaleChangeNothing) {
+  const geometry::TriangleMesh mesh =
+      test::height_mesh(60, 10.0, [](double x, double y) { return 0.1 * test::sinusoid(10 * x, 10 * y); });
+  const geometry::RigidTransform pose{Eigen::Quaterniond(0.4, 0.5, -0.6, 0.2).normalized(),
+                                      Vec3(1e4, -3e4, 2e4)};
+  const char* options = "mesh-proxy:mesh=original:radius=2";
+  Probe still = make(mesh, options), posed = make(mesh, options, pose);
+  Probe small = make(test::moved(mesh, {}, 1e-3), options), large = make(test::moved(mesh, {}, 1e6), options);
+  const Vec3 start{0, 0, 5};
+  still.renderer->reset(start);
+  posed.renderer->reset(pose * start);
+  small.renderer->reset(start * 1e-3);
+  large.renderer->reset(start * 1e6);
+  std::size_t touched = 0;
+  for (int i = 0; i < 3000; ++i) {
+    const double t = i * 1e-3;
+    const Vec3 hip{7 * std::sin(2.1 * t), 6 * std::sin(3.3 * t + 0.2), 2.2 * std::cos(11 * t) + 0.8};
+    const render::Frame frame = still.to(hip), other = posed.to(pose * hip);
+    touched += frame.contact;
+    ASSERT_EQ(frame.contact, other.contact) << i;
+    ASSERT_LT((pose * frame.god_object_mm - other.god_object_mm).norm(), 1e-6) << i;
+    ASSERT_LT((frame.god_object_mm - 1e3 * small.to(hip * 1e-3).god_object_mm).norm(), 1e-6) << i;
+    ASSERT_LT((frame.god_object_mm - 1e-6 * large.to(hip * 1e6).god_object_mm).norm(), 1e-6) << i;
+  }
+  EXPECT_GT(touched, 1000u);
+}
+
+TEST(MeshProxy, WithoutSizeItIsTheGodObject) {
+  const auto mesh = test::height_mesh(60, 50.0, test::sinusoid);
+  Probe point = make(mesh), proxy = make(mesh, "mesh-proxy:mesh=original:radius=0");
+  point.renderer->reset({0, 0, 25});
+  proxy.renderer->reset({0, 0, 25});
+  for (int i = 0; i < 2000; ++i) {
+    const double t = i * 1e-3;
+    const Vec3 hip{30 * std::sin(2 * t), 20 * std::sin(3 * t), test::sinusoid(0, 0) * std::cos(9 * t)};
+    ASSERT_EQ(point.to(hip).god_object_mm, proxy.to(hip).god_object_mm) << i;
+  }
+}
+
+TEST(MeshProxy, ShadingIsExactOnAPlaneAndSmoothsFacets) {
+  Probe flat = make(test::height_mesh(10, 10.0, [](double, double) { return 0.0; }),
+                    "mesh-proxy:mesh=original:shading=interpolated");
+  flat.renderer->reset({0, 0, 5});
+  expect_near(flat.glide({0, 0, 5}, {1, 1, -1}, 0.1).force_n, {0, 0, 0.5}, 1e-6);
+  const geometry::TriangleMesh coarse = test::height_mesh(30, 50.0, test::sinusoid);
+  double jump[2] = {0, 0};
+  for (const int shaded : {0, 1}) {
+    Probe probe = make(coarse, shaded != 0 ? "mesh-proxy:mesh=original:radius=0.1:shading=interpolated"
+                                           : "mesh-proxy:mesh=original:radius=0.1");
+    probe.renderer->reset({-20, 3, 30});
+    Vec3 last = probe.glide({-20, 3, 30}, {-20, 3, test::sinusoid(-20, 3) - 1.5}, 0.1).force_n;
+    for (double x = -20; x < 20; x += 0.02) {
+      const Vec3 force = probe.to({x, 3, test::sinusoid(x, 3) - 1.5}).force_n;
+      jump[shaded] = std::max(jump[shaded], (force.normalized() - last.normalized()).norm());
+      last = force;
+    }
+  }
+  EXPECT_LT(jump[1], jump[0]);
+}
+
+}  // namespace
+}  // namespace palpate::baselines
