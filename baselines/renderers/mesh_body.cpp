@@ -8,6 +8,8 @@
 #include "baselines/mesh/mesh_report.h"
 #include "baselines/renderers/mesh_source.h"
 #include "baselines/renderers/vertex_normals.h"
+#include "toolkit/core/parallel.h"
+#include "toolkit/metrics/nearest_point.h"
 #include "toolkit/render/prepare_phases.h"
 
 namespace palpate::baselines {
@@ -30,6 +32,60 @@ double median_edge(const SurfaceMesh& mesh) {
   return *middle;
 }
 
+/// Vertices a chunk, for parallel work; decides nothing about the result.
+constexpr std::size_t kChunk = 4096;
+
+/// For every vertex the cloud's nearest point: the vertex's own where the mesh goes through the points.
+std::vector<std::uint32_t> points_of_vertices(const SurfaceMesh& mesh, const cloud::Cloud& cloud,
+                                              int threads) {
+  const metrics::NearestPoint points(cloud);
+  std::vector<std::uint32_t> nearest(mesh.vertices().size());
+  parallel_chunks(nearest.size(), kChunk, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t v = begin; v < end; ++v)
+      nearest[v] = static_cast<std::uint32_t>(points.find(mesh.vertices()[v] + mesh.origin_mm()));
+  });
+  return nearest;
+}
+
+/// The stiffness rises no faster along the mesh than along points (see blend_stiffness).
+std::size_t blend(MeshBody& body) {
+  const SurfaceMesh& mesh = body.mesh;
+  std::vector<surface::SurfacePoint> points(mesh.vertices().size());
+  std::vector<neighbourhood::Neighbours> around(points.size());
+  for (std::uint32_t v = 0; v < points.size(); ++v) {
+    const Vec3f p = mesh.vertices()[v].cast<float>();
+    points[v] = {p.x(), p.y(), p.z(), surface::kNoNormal};
+    around[v].fill(v);
+    std::size_t count = 0;
+    for (const std::uint32_t facet : mesh.star(v))
+      for (const std::uint32_t other : mesh.facet(facet).vertex) {
+        const auto last = around[v].begin() + static_cast<std::ptrdiff_t>(count);
+        if (other == v || count == around[v].size() || std::find(around[v].begin(), last, other) != last)
+          continue;
+        around[v][count++] = other;
+      }
+  }
+  return render::blend_stiffness(body.surface, points, around,
+                                 render::kBlendResolutions * body.median_edge_mm);
+}
+
+Status prepare_surface(const render::ModelInput& input, MeshBody& body, const render::PrepareContext& context,
+                       render::PrepareReport& report) {
+  std::vector<std::uint32_t> order;
+  if (input.surface.per_point != nullptr)
+    order = points_of_vertices(body.mesh, *input.cloud, context.threads);
+  Result<render::SurfaceField> surface = render::build_surface_field(input, order, report);
+  if (!surface.ok()) return std::move(surface).error();
+  body.surface = std::move(surface).value();
+  if ((body.surface.features & render::kVaried) == 0) return Done{};
+  const std::size_t softer = blend(body);
+  report.notes.push_back(
+      fmt::format("properties: each vertex has those of the nearest point; stiffness blended over {:.3g} mm, "
+                  "{} made softer",
+                  render::kBlendResolutions * body.median_edge_mm, softer));
+  return Done{};
+}
+
 }  // namespace
 
 std::size_t MeshBody::bytes() const noexcept {
@@ -43,6 +99,11 @@ std::vector<OptionSpec> mesh_renderer_specs() {
                      "force shading by interpolated vertex normals, or none"};
   shading.choices = {"none", "interpolated"};
   specs.push_back(std::move(shading));
+  specs.push_back({"combine",
+                   OptionKind::kChoice,
+                   "joint",
+                   "several models touched at once: constrained jointly, or the sum of their forces",
+                   {"joint", "sum"}});
   return specs;
 }
 
@@ -85,14 +146,12 @@ Result<std::unique_ptr<MeshBody>> prepare_body(const render::ModelInput& input, 
                       body->crossings.facets(), body->crossings.pairs()));
   }
   body->pose = render::ModelPose(input, body->mesh.origin_mm());
-  if (input.surface.per_point != nullptr)
-    return Error{fmt::format("model '{}' has properties that differ from point to point", input.name),
-                 "mesh renderers take one value for the whole model: leave out regions and columns",
-                 {},
-                 0};
-  Result<render::SurfaceField> surface = render::build_uniform_surface_field(input.surface, report);
-  if (!surface.ok()) return std::move(surface).error();
-  body->surface = std::move(surface).value();
+  if (input.surface.per_point != nullptr) phases.begin("surface of the vertices");
+  if (Status done = prepare_surface(input, *body, context, report); !done.ok())
+    return std::move(done).error();
+  if (input.surface.per_point != nullptr) phases.end();
+  if (input.surface.dent.any() || input.moves != nullptr)
+    report.notes.push_back("mesh: its geometry stays; dents and moves of points are left out");
   report.bytes += body->bytes();
   return body;
 }

@@ -32,7 +32,7 @@ struct MeshBodyNeeds {
   bool normals = false;
 };
 
-/// The options of every mesh renderer: which mesh, and shading.
+/// The options of every mesh renderer: which mesh, shading, how contacts combine.
 [[nodiscard]] std::vector<OptionSpec> mesh_renderer_specs();
 [[nodiscard]] bool wants_shading(const Options& options);
 

@@ -62,7 +62,13 @@ void MeshProbe::reset(const Vec3& hip) noexcept {
   anchor_ = hip;
   at_ = {};
   moves_ = 0;
-  if (one_sided_) front_ = encloses(hip) ? 1 - outer_ : outer_;
+  if (!one_sided_) return;
+  front_ = mesh_->local_box_mm().contains(hip) && encloses(hip) ? 1 - outer_ : outer_;
+}
+
+void MeshProbe::start_from(const Vec3& hip) noexcept {
+  attached_ = false;
+  anchor_ = hip;
 }
 
 bool MeshProbe::update(const Vec3& hip) noexcept {
@@ -192,6 +198,83 @@ Vec3 MeshProbe::shaded_target(const Vec3& hip, std::span<const Vec3f> vertex_nor
   const Vec3 m = interpolated_normal(mesh_->facet(facet_of(at_.half)), vertex_normals, at_.point, n);
   const Vec3 first = hip + m * m.dot(at_.point - hip);
   return first - n * n.dot(first - at_.point);
+}
+
+namespace {
+
+/// Facets that meet in one place, as far as they count for planes.
+constexpr std::size_t kMaxMeeting = 16;
+/// A place this many wall distances from an edge is on it: joint solutions lie on edges up to rounding.
+constexpr double kOnEdge = 4.0;
+
+struct Meeting {
+  std::array<HalfFacet, kMaxMeeting> half{};
+  std::size_t size = 0;
+  void add(HalfFacet h) noexcept {
+    if (size < half.size()) half[size++] = h;
+  }
+};
+
+Meeting meeting_at(const SurfaceMesh& mesh, const SurfacePosition& at) noexcept {
+  Meeting meeting;
+  meeting.add(at.half);
+  if (at.feature >= kCorner) {
+    mesh.around_corner(at.half, static_cast<std::uint32_t>(at.feature - kCorner),
+                       [&](HalfFacet half) { meeting.add(half); });
+    return meeting;
+  }
+  const Facet& f = mesh.facet(facet_of(at.half));
+  const double on = kOnEdge * wall_distance_mm(mesh);
+  for (std::uint32_t e = 0; e < 3; ++e) {
+    if (at.feature != kEdge + e && closest_on_edge(f, e, at.point).distance_sq > on * on) continue;
+    if (const HalfFacet over = mesh.neighbour(at.half, e); over != kNoFacet) meeting.add(over);
+  }
+  return meeting;
+}
+
+/// Whether all that meets with the half-facet lies on its free side or in its plane.
+bool bounds(const SurfaceMesh& mesh, HalfFacet half, const Meeting& meeting) noexcept {
+  const Vec3 n = mesh.normal(half);
+  const Vec3& on = mesh.facet(facet_of(half)).corner[0];
+  const double clear = wall_distance_mm(mesh);
+  for (std::size_t i = 0; i < meeting.size; ++i)
+    for (const Vec3& corner : mesh.facet(facet_of(meeting.half[i])).corner)
+      if (n.dot(corner - on) < -clear) return false;
+  return n != Vec3::Zero();
+}
+
+}  // namespace
+
+void MeshProbe::planes_near(const Vec3& at, const render::ModelPose& pose,
+                            render::JointPlanes& planes) const noexcept {
+  SurfacePosition near = at_;
+  slide(*mesh_, crossings_, at, near);
+  const auto add = [&](const Vec3& normal, const Vec3& point) {
+    const Vec3 n = pose.direction_to_world(normal);
+    planes.add({n, n.dot(pose.to_world(point))});
+  };
+  const Meeting meeting = meeting_at(*mesh_, near);
+  bool any = false;
+  for (std::size_t i = 0; i < meeting.size; ++i) {
+    if (!bounds(*mesh_, meeting.half[i], meeting)) continue;
+    add(mesh_->normal(meeting.half[i]), near.point);
+    any = true;
+  }
+  if (!any) {
+    bool boundary = false;
+    const Vec3 n = mesh_->pseudonormal(near.half, near.feature, &boundary);
+    if (n != Vec3::Zero()) add(n, near.point);
+  }
+  if (crossings_ == nullptr) return;
+  const double keep = wall_distance_mm(*mesh_);
+  for (const std::uint32_t wall : crossings_->of(facet_of(near.half))) {
+    const Facet& f = mesh_->facet(wall);
+    const Vec3 n = mesh_->normal(half_facet(wall, 0));
+    const double height = n.dot(near.point - f.corner[0]);
+    if (std::abs(height) > 2.0 * keep || closest_on_facet(f, near.point).distance_sq > 4.0 * keep * keep)
+      continue;
+    add(height < 0.0 ? Vec3(-n) : n, near.point);
+  }
 }
 
 MeshProbe::Flight MeshProbe::fly(const Vec3& hip, const Vec3& away) noexcept {

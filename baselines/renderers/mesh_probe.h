@@ -5,6 +5,7 @@
 
 #include "baselines/proximity/segment_index.h"
 #include "baselines/renderers/facet_walk.h"
+#include "toolkit/render/joint_contact.h"
 
 namespace palpate::baselines {
 
@@ -22,8 +23,18 @@ class MeshProbe {
 
   /// O(facets) where the mesh encloses a volume.
   void reset(const Vec3& hip) noexcept;
+  /// Free at `hip`, known to be clear of the mesh and on the side that reset() found. O(1).
+  void start_from(const Vec3& hip) noexcept;
   /// True in contact: god_object() is then valid.
   bool update(const Vec3& hip) noexcept;
+  /// Attached to a facet, though maybe outside by less than the margin.
+  [[nodiscard]] bool contact() const noexcept { return attached_; }
+  /// Whether a held HIP feels anything: a point always does.
+  [[nodiscard]] bool felt(const Vec3& /*hip*/) const noexcept { return true; }
+  /// How far from the mesh it can be touched.
+  [[nodiscard]] double reach_mm() const noexcept { return 0.0; }
+  /// How much nearer to the HIP the felt god object is than the places that planes_near() allows.
+  [[nodiscard]] double skin_mm() const noexcept { return 0.0; }
 
   [[nodiscard]] const SurfacePosition& god_object() const noexcept { return at_; }
   /// The frictionless god object, in contact.
@@ -31,6 +42,16 @@ class MeshProbe {
   /// The same under Ruspini's shading in two passes: the HIP projected on the plane through the god object
   /// whose normal is interpolated from `vertex_normals`, and that point on the facet's own plane.
   [[nodiscard]] Vec3 shaded_target(const Vec3& hip, std::span<const Vec3f> vertex_normals) const noexcept;
+  /// visit(facet, point, share): where the surface's properties are read.
+  template <class Visit>
+  void places(Visit&& visit) const noexcept {
+    visit(facet_of(at_.half), at_.point, 1.0);
+  }
+  /// In contact: the planes of the facets around the local god object of `at`, world frame: one inside a
+  /// facet or on a feature that is convex seen from the touched side, several in a concave one or before
+  /// walls.
+  void planes_near(const Vec3& at, const render::ModelPose& pose, render::JointPlanes& planes) const noexcept;
+
   [[nodiscard]] bool bound_hit() const noexcept { return bound_hit_; }
   [[nodiscard]] std::uint64_t moves() const noexcept { return moves_; }
 

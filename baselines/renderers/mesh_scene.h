@@ -1,75 +1,29 @@
-// The renderer behind `mesh-godobject` and `mesh-proxy`: meshes, one probe for each, the surface's response.
+// The renderer behind `mesh-godobject` and `mesh-proxy`: meshes, one probe for each, the surface's response,
+// several models constrained jointly and found by a broad phase, as `cloud` does.
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <functional>
 #include <memory>
+#include <span>
 #include <utility>
 #include <vector>
 
 #include "baselines/mesh_holder.h"
-#include "baselines/renderers/mesh_body.h"
-#include "toolkit/render/summed_models.h"
-#include "toolkit/render/surface_response.h"
+#include "baselines/renderers/mesh_slot.h"
+#include "toolkit/render/joint_contact.h"
+#include "toolkit/render/near_models.h"
+#include "toolkit/render/slow_phase.h"
 
 namespace palpate::baselines {
 
-/// Probe: reset(h), bool update(h), bound_hit(), moves(), target(h), shaded_target(h, vertex normals): see
-/// MeshProbe.
+/// A mesh renderer of one kind of probe (see mesh_slot.h).
 template <class Probe>
-class MeshModel {
+class MeshScene final : public render::HapticRenderer, public MeshHolder, public render::SlowPhase {
  public:
-  MeshModel(std::unique_ptr<MeshBody> held, Probe&& made) : body(std::move(held)), probe(std::move(made)) {}
-  std::unique_ptr<MeshBody> body;
-  Probe probe;
-
-  [[nodiscard]] render::ModelPose& pose() noexcept { return body->pose; }
-  void reset(const Vec3& h) noexcept {
-    probe.reset(h);
-    state_.release();
-  }
-  [[nodiscard]] render::ModelAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept {
-    const std::uint64_t moves = probe.moves();
-    const bool touching = probe.update(h);
-    counters.walk_steps += probe.moves() - moves;
-    render::ModelAnswer answer;
-    answer.bound_hit = probe.bound_hit();
-    if (!touching) {
-      state_.release();
-      return answer;
-    }
-    const Vec3 target =
-        body->vertex_normals.empty() ? probe.target(h) : probe.shaded_target(h, body->vertex_normals);
-    const auto [force, god_object] = respond(h, target);
-    answer.contact = true;
-    answer.force_n = force;
-    answer.god_object = god_object;
-    return answer;
-  }
-
- private:
-  /// The surface's own part: the same stage that the point renderers use.
-  [[nodiscard]] render::SurfaceAnswer respond(const Vec3& hip, const Vec3& target) noexcept {
-    const render::SurfaceField& surface = body->surface;
-    render::SurfaceContact contact;
-    contact.hip = hip;
-    contact.pull = target - hip;
-    contact.stiffness_n_per_mm = surface.stiffness_n_per_mm;
-    if (surface.features == 0) return state_.respond<0>(contact, surface.texture, Vec3::Zero());
-    contact.static_friction = surface.friction.static_coefficient;
-    contact.dynamic_friction = surface.friction.dynamic_coefficient;
-    const Vec3& origin = body->mesh.origin_mm();
-    if ((surface.features & render::kTexture) == 0)
-      return state_.respond<render::kFriction>(contact, surface.texture, origin);
-    return state_.respond<render::kFriction | render::kTexture>(contact, surface.texture, origin);
-  }
-
-  render::SurfaceState state_;
-};
-
-/// A mesh renderer of one kind of probe.
-template <class Probe>
-class MeshScene final : public render::HapticRenderer, public MeshHolder {
- public:
+  using Slot = MeshSlot<Probe>;
+  using Touch = MeshTouch<Probe>;
   using Bodies = std::vector<std::unique_ptr<MeshBody>>;
   /// Once every body is built: what else the probes need to know, or why there can be none.
   using Survey = std::function<Status(const Bodies&, render::PrepareReport&)>;
@@ -84,38 +38,175 @@ class MeshScene final : public render::HapticRenderer, public MeshHolder {
   Result<render::PrepareReport> prepare(const render::SceneInput& scene,
                                         const render::PrepareContext& context) override {
     render::PrepareReport report;
-    models_.clear(scene.force_limit_n);
+    if (scene.models.empty()) return Error{"the scene has no model", "add a [[model]]", {}, 0};
+    slots_.clear();
+    force_limit_n_ = scene.force_limit_n;
+    sum_ = described_.options.text("combine") == "sum";
     const bool shaded = wants_shading(described_.options);
     Bodies bodies;
+    bool many = scene.models.size() > 1;
     for (const render::ModelInput& input : scene.models) {
       auto body = prepare_body(input, described_.options, {needs_crossings_, shaded}, context, report);
       if (!body.ok()) return std::move(body).error();
       bodies.push_back(std::move(body).value());
+      many |= input.motion != nullptr;
     }
     if (survey_)
       if (Status done = survey_(bodies, report); !done.ok()) return std::move(done).error();
     for (auto& body : bodies) {
       Probe probe = make_probe_(*body);
-      models_.add(std::make_unique<MeshModel<Probe>>(std::move(body), std::move(probe)));
+      slots_.push_back(std::make_unique<Slot>(std::move(body), std::move(probe)));
     }
+    if (many) index_boxes(report);
     report.notes.push_back(shaded ? "shading by interpolated vertex normals (two passes, Ruspini 1997)"
                                   : "shading off");
+    reset(Vec3::Zero());
     return report;
   }
-  void reset(const Vec3& hip_mm) noexcept override { models_.reset(hip_mm); }
-  render::Frame step(const Vec3& hip_mm, double dt_s) noexcept override { return models_.step(hip_mm, dt_s); }
-  render::FrameCounters counters() const noexcept override { return models_.counters(); }
+
+  void reset(const Vec3& hip_mm) noexcept override {
+    counters_ = {};
+    now_s_ = 0.0;
+    for (const auto& slot : slots_) {
+      slot->body->pose.take(now_s_);
+      slot->reset(slot->body->pose.to_local(hip_mm));
+    }
+    near_.reset(hip_mm, [](std::uint32_t, const Vec3&, double) noexcept {});
+  }
+
+  render::Frame step(const Vec3& hip_mm, double dt_s) noexcept override {
+    ++counters_.frames;
+    now_s_ += dt_s;
+    render::Frame frame;
+    if (!is_finite(hip_mm)) {
+      frame.status = render::FrameStatus::kNonFinite;
+      return frame;
+    }
+    frame.god_object_mm = hip_mm;
+    if (near_.built())
+      many(hip_mm, frame);
+    else
+      single(hip_mm, frame);
+    counters_.bound_hits += frame.status == render::FrameStatus::kBoundHit;
+    return frame;
+  }
+
+  render::FrameCounters counters() const noexcept override { return counters_; }
   render::Description describe() const override { return described_; }
   const geometry::TriangleMesh* mesh(std::size_t model) const noexcept override {
-    return model < models_.size() ? models_[model].body->source.get() : nullptr;
+    return model < slots_.size() ? slots_[model]->body->source.get() : nullptr;
+  }
+  void run_slow_phase_elsewhere() noexcept override { near_.run_elsewhere(); }
+  void slow_phase(double t_s, const Vec3& from_mm, const Vec3& to_mm) noexcept override {
+    near_.slow_phase(t_s, from_mm, to_mm);
   }
 
  private:
+  void index_boxes(render::PrepareReport& report) {
+    std::vector<render::ModelBox> boxes;
+    for (const auto& slot : slots_) {
+      const MeshBody& body = *slot->body;
+      const geometry::Aabb local = body.mesh.local_box_mm().grown(slot->probe.reach_mm());
+      const Vec3& origin = body.pose.origin_mm;
+      boxes.push_back(
+          {{local.low_mm + origin, local.high_mm + origin}, body.pose.world_from_model, body.pose.motion});
+    }
+    near_.build(std::move(boxes));
+    report.bytes += near_.bytes();
+  }
+
+  /// The model's frame up to the frictionless contact; false where there is none.
+  [[nodiscard]] bool touch(std::uint32_t index, const Vec3& hip_mm, render::Frame& frame,
+                           Touch& touch) noexcept {
+    Slot& slot = *slots_[index];
+    const Vec3 h = slot.body->pose.to_local(hip_mm);
+    const std::uint64_t moves = slot.probe.moves();
+    const bool held = slot.probe.update(h);
+    counters_.walk_steps += slot.probe.moves() - moves;
+    if (slot.probe.bound_hit()) frame.status = render::FrameStatus::kBoundHit;
+    if (!held) {
+      slot.state.release();
+      return false;
+    }
+    touch.slot = &slot;
+    touch.model = static_cast<std::int32_t>(index);
+    touch.contact = slot.contact_at(h);
+    return true;
+  }
+
+  void single(const Vec3& hip_mm, render::Frame& frame) noexcept {
+    if (touch(0, hip_mm, frame, touches_[0])) answer(touches_[0], hip_mm, frame);
+  }
+
+  void answer(Touch& touch, const Vec3& hip_mm, render::Frame& frame) noexcept {
+    const render::ModelPose& pose = touch.pose();
+    if (!touch.slot->probe.felt(pose.to_local(hip_mm))) {
+      touch.slot->state.release();
+      return;
+    }
+    const render::SurfaceAnswer answer = touch.slot->respond(touch.contact);
+    frame.contact = true;
+    frame.model = touch.model;
+    frame.god_object_mm = pose.to_world(answer.god_object_mm);
+    frame.force_n = render::limited(pose.direction_to_world(answer.force_n), force_limit_n_);
+  }
+
+  void many(const Vec3& hip_mm, render::Frame& frame) noexcept {
+    const auto enter = [this](std::uint32_t i, const Vec3& from, double t_s) noexcept {
+      Slot& slot = *slots_[i];
+      slot.body->pose.take(t_s);
+      slot.probe.start_from(slot.body->pose.to_local(from));
+      slot.state.release();
+    };
+    const auto touching = [this](std::uint32_t i) noexcept { return slots_[i]->probe.contact(); };
+    if (!near_.choose(hip_mm, now_s_, enter, touching)) frame.status = render::FrameStatus::kBoundHit;
+    std::size_t touched = 0;
+    for (const std::uint32_t index : near_.models()) {
+      slots_[index]->body->pose.take(now_s_);
+      if (touched == touches_.size()) {
+        frame.status = render::FrameStatus::kBoundHit;
+        break;
+      }
+      touched += touch(index, hip_mm, frame, touches_[touched]);
+    }
+    near_.done(hip_mm, now_s_);
+    if (touched == 1) answer(touches_.front(), hip_mm, frame);
+    if (touched > 1) answer_jointly(std::span(touches_).first(touched), hip_mm, frame);
+  }
+
+  void answer_jointly(std::span<Touch> touches, const Vec3& hip_mm, render::Frame& frame) noexcept {
+    if (!sum_) {
+      double skin = 0.0;
+      for (const Touch& touch : touches) skin = std::max(skin, touch.slot->probe.skin_mm());
+      render::constrain_jointly(
+          hip_mm, touches,
+          [](Touch& touch, const Vec3& at, render::JointPlanes& planes) noexcept {
+            touch.slot->probe.planes_near(touch.pose().to_local(at), touch.pose(), planes);
+          },
+          skin);
+    }
+    const bool any = std::any_of(touches.begin(), touches.end(),
+                                 [](const Touch& touch) { return touch.contact.pull != Vec3::Zero(); });
+    if (!any) {  // a skin that has not come under any surface
+      for (const Touch& touch : touches) touch.slot->state.release();
+      return;
+    }
+    render::add_up(
+        touches, [](Touch& touch) noexcept { return touch.slot->respond(touch.contact); }, force_limit_n_,
+        frame);
+  }
+
   render::Description described_;
   bool needs_crossings_;
   Survey survey_;
   MakeProbe make_probe_;
-  render::SummedModels<MeshModel<Probe>> models_;
+  std::vector<std::unique_ptr<Slot>> slots_;
+  std::array<Touch, render::kMaxTouched> touches_;
+  render::NearModels near_;  ///< built in a scene of several models, or moving ones
+  bool sum_ = false;         ///< several models: the sum of their forces
+  double force_limit_n_ = 0.0;
+  double now_s_ = 0.0;
+  render::FrameCounters counters_;
 };
 
 }  // namespace palpate::baselines

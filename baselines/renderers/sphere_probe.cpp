@@ -31,6 +31,12 @@ constexpr double kLeastRoom = 0.5;
 constexpr int kMaxHalvings = 12;
 /// Lengths are rounded; the sum of a way's pieces is not below the way.
 constexpr double kTravelRounding = 1.0 + 0x1p-40;
+/// Moves of a trial for the planes of several models.
+constexpr int kMaxTrialMoves = 32;
+/// Facets deeper than the nearest by less than this share of the radius bound the sphere with it.
+constexpr double kSameDepth = 0x1p-20;
+/// Planes that one model gives: a corner's.
+constexpr std::size_t kMaxPlanesGiven = 3;
 /// A sphere that begins too near to a facet is smaller than the room by this.
 constexpr double kBeginShare = 1.0 - 0x1p-10;
 /// Smallest sphere in skins; below it there is none.
@@ -53,12 +59,16 @@ SphereProbe::SphereProbe(const SurfaceMesh& mesh, const SegmentIndex& index, dou
       near_(kMaxNearFacets) {}
 
 void SphereProbe::reset(const Vec3& hip) noexcept {
+  place(hip);
+  moves_ = 0;
+}
+
+void SphereProbe::place(const Vec3& hip) noexcept {
   centre_ = hip;
   count_ = 0;
   listed_ = 0;
   reach_ = -1.0;
   bound_hit_ = false;
-  moves_ = 0;
   size_ = radius_;
   const std::uint32_t facet = index_->nearest(hip, radius_ + skin_);
   if (facet == kNoFacet) return;
@@ -77,28 +87,69 @@ bool SphereProbe::update(const Vec3& hip) noexcept {
   tests_ = 0;
   if (size_ < radius_) grow();
   if (size_ < kLeastSkins * skin_) {  // began on the surface: no body yet, so nothing holds it
-    const std::uint64_t moves = moves_;
-    reset(hip);
-    moves_ = moves;
+    place(hip);
     return false;
   }
-  bool rests = false;
-  double rest = 0.0;
   touched_ = count_ > 0;
-  for (int move = 0; move < kMaxSphereMoves && tests_ < kMaxSphereTests && !rests; ++move) {
-    refresh();
-    rest = skin_ + gamma(kGoalOperations) * (hip - centre_).norm();
-    const Vec3 way = way_to(hip, rest - skin_ + skin_ * kStopWithin);
-    const double length = way.norm();
-    rests = length <= rest || !advance(way, length, rest);
-  }
+  double rest = 0.0;
+  const bool rests = settle(hip, kMaxSphereMoves, rest);
   if (!rests) {
     bound_hit_ = true;
     refresh();
   }
-  const double pulled = (hip - centre_).norm();
   // Cut short it may just be off what holds it.
-  return (count_ > 0 || (bound_hit_ && touched_)) && pulled > (tip_ == SphereTip::kSkin ? size_ : rest);
+  return (count_ > 0 || (bound_hit_ && touched_)) && (hip - centre_).norm() > rest;
+}
+
+/// Moves until the sphere rests; false where it does not within the bounds. `rest`: the way that is none.
+bool SphereProbe::settle(const Vec3& hip, int moves, double& rest) noexcept {
+  for (int move = 0; move < moves && tests_ < kMaxSphereTests; ++move) {
+    refresh();
+    rest = skin_ + gamma(kGoalOperations) * (hip - centre_).norm();
+    const Vec3 way = way_to(hip, rest - skin_ + skin_ * kStopWithin);
+    const double length = way.norm();
+    if (length <= rest || !advance(way, length, rest)) return true;
+  }
+  return false;
+}
+
+void SphereProbe::planes_near(const Vec3& at, const render::ModelPose& pose,
+                              render::JointPlanes& planes) noexcept {
+  // Tried out: the sphere itself stays.
+  const Vec3 centre = centre_;
+  const auto contacts = contacts_;
+  const std::size_t count = count_;
+  const std::uint64_t moved = moves_;
+  double rest = 0.0;
+  settle(at, kMaxTrialMoves, rest);
+  if (reach_ < 0.0) list_near();
+  double nearest = size_ + reach_;
+  for (std::size_t i = 0; i < listed_; ++i)
+    if (near_[i].distance - travelled_ <= nearest)
+      nearest =
+          std::min(nearest, std::sqrt(closest_on_facet(mesh_->facet(near_[i].facet), centre_).distance_sq));
+  const double within = std::max(nearest, size_) + skin_ + kSameDepth * size_;
+  std::array<Vec3, kMaxSphereContacts> normals;
+  std::size_t found = 0;
+  for (std::size_t i = 0; i < listed_ && found < kMaxPlanesGiven; ++i) {
+    if (near_[i].distance - travelled_ > within) continue;
+    const Vec3 point = closest_on_facet(mesh_->facet(near_[i].facet), centre_).point;
+    const Vec3 out = centre_ - point;
+    const double distance = out.norm();
+    if (distance > within || !(distance > 0.0)) continue;
+    const Vec3 n = out / distance;
+    const bool known = std::any_of(normals.begin(), normals.begin() + static_cast<std::ptrdiff_t>(found),
+                                   [&](const Vec3& m) { return (m - n).norm() < geometry::kFlatShare; });
+    if (known) continue;
+    normals[found++] = n;
+    const Vec3 world = pose.direction_to_world(n);
+    planes.add({world, world.dot(pose.to_world(point)) + size_});
+  }
+  centre_ = centre;
+  contacts_ = contacts;
+  count_ = count;
+  moves_ = moved;
+  reach_ = -1.0;  // the list may lie elsewhere now
 }
 
 /// Takes the room that there is.

@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "baselines/proximity/segment_index.h"
+#include "toolkit/render/joint_contact.h"
 
 namespace palpate::baselines {
 
@@ -59,8 +60,19 @@ class SphereProbe {
   /// The sphere's centre is at `hip`. Where a facet is nearer than the radius, the sphere begins smaller and
   /// grows as it gets room.
   void reset(const Vec3& hip) noexcept;
-  /// True in contact. At most kMaxSphereMoves and kMaxSphereTests.
+  /// As reset(), in the middle of a path.
+  void start_from(const Vec3& hip) noexcept { place(hip); }
+  /// True where something keeps the centre from the HIP. At most kMaxSphereMoves and kMaxSphereTests.
   bool update(const Vec3& hip) noexcept;
+  [[nodiscard]] bool contact() const noexcept { return count_ > 0; }
+  /// Whether a held HIP feels that: a skin only where the HIP is under the surface.
+  [[nodiscard]] bool felt(const Vec3& hip) const noexcept {
+    return tip_ == SphereTip::kCentre || (hip - centre_).norm() > size_;
+  }
+  /// How far from the mesh it can be touched.
+  [[nodiscard]] double reach_mm() const noexcept { return radius_; }
+  /// How much nearer to the HIP the felt god object is than the places that planes_near() allows.
+  [[nodiscard]] double skin_mm() const noexcept { return tip_ == SphereTip::kCentre ? 0.0 : size_; }
 
   [[nodiscard]] bool bound_hit() const noexcept { return bound_hit_; }
   [[nodiscard]] std::uint64_t moves() const noexcept { return moves_; }
@@ -69,6 +81,17 @@ class SphereProbe {
   [[nodiscard]] std::span<const SphereContact> contacts() const noexcept {
     return {contacts_.data(), count_};
   }
+  /// visit(facet, point, share): where the surface's properties are read, shares by push.
+  template <class Visit>
+  void places(Visit&& visit) const noexcept {
+    double sum = 0.0;
+    for (const SphereContact& contact : contacts()) sum += contact.push;
+    for (const SphereContact& contact : contacts())
+      if (contact.push > 0.0) visit(contact.facet, contact.place.point, contact.push / sum);
+  }
+  /// Held: the planes that keep the centre where it would rest for a HIP at `at`; where it gets there, that
+  /// before the nearest facet. World frame.
+  void planes_near(const Vec3& at, const render::ModelPose& pose, render::JointPlanes& planes) noexcept;
   /// The frictionless god object of the last update.
   [[nodiscard]] Vec3 target(const Vec3& hip) const noexcept { return at_tip(centre_, hip); }
   /// The same under Ruspini's shading in two passes: the goal on the planes with normals interpolated from
@@ -82,6 +105,8 @@ class SphereProbe {
     double fraction = 1.0;
   };
 
+  void place(const Vec3& hip) noexcept;
+  bool settle(const Vec3& hip, int moves, double& rest) noexcept;
   [[nodiscard]] Vec3 at_tip(const Vec3& centre, const Vec3& hip) const noexcept;
   void grow() noexcept;
   void refresh() noexcept;

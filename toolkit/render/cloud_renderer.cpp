@@ -11,7 +11,8 @@
 #include "toolkit/core/tolerances.h"
 #include "toolkit/render/cloud_slot.h"
 #include "toolkit/render/editable.h"
-#include "toolkit/render/scene_boxes.h"
+#include "toolkit/render/joint_contact.h"
+#include "toolkit/render/near_models.h"
 #include "toolkit/render/slow_phase.h"
 
 namespace palpate::render {
@@ -19,16 +20,6 @@ namespace {
 
 /// The scene has several models, or some that move: a feature of the frame beside those of SurfaceFeature.
 constexpr unsigned kScene = kSurfaceFeatures;
-/// An answer of the broad phase holds for so long where models move: 50 times a second it is asked again.
-constexpr double kHorizonS = 0.02;
-
-/// Models that may be touched in one frame; of more the first ones count.
-constexpr std::size_t kMaxTouched = geometry::kMaxHalfSpaces;
-/// Times the planes of models touched together are looked up where the last solution lies: surfaces are not
-/// planes, and each time the error that is left is about squared.
-constexpr int kJointRounds = 3;
-/// Violation of a plane that rounding may leave, as a share of the coordinates.
-constexpr double kJointSlack = 64.0 * kUnitRoundoff;
 /// Points that a surface that gives way may gain by stretching, as a share of those it has, and at least.
 constexpr double kSpareShare = 0.125;
 constexpr std::size_t kLeastSpare = 256;
@@ -57,21 +48,15 @@ class Cloud final : public HapticRenderer, public Editable, public SlowPhase {
   void reset(const Vec3& hip_mm) noexcept override {
     counters_ = {};
     now_s_ = 0.0;
-    previous_ = hip_mm;
-    previous_s_ = 0.0;
     for (const auto& slot : slots_) {
       slot->model.pose.take(now_s_);
       if (slot->deformer != nullptr) slot->deformer->reset();
       slot->contact.reset(slot->model.pose.to_local(hip_mm));
       slot->state.release();
-      slot->listed = 0;
       slot->pressed = false;
     }
-    if (boxes_ == nullptr) return;
-    lists_ = 1;
-    near_.clear();
-    boxes_->run(now_s_, hip_mm, hip_mm);
-    list_near(boxes_->newest());
+    near_.reset(hip_mm,
+                [this](std::uint32_t i, const Vec3& hip, double t_s) noexcept { enter(i, hip, t_s); });
   }
 
   /// The frame is composed of what the scene asks for: of sixteen, one is ever run.
@@ -83,9 +68,9 @@ class Cloud final : public HapticRenderer, public Editable, public SlowPhase {
 
   FrameCounters counters() const noexcept override { return counters_; }
 
-  void run_slow_phase_elsewhere() noexcept override { elsewhere_ = boxes_ != nullptr; }
+  void run_slow_phase_elsewhere() noexcept override { near_.run_elsewhere(); }
   void slow_phase(double t_s, const Vec3& from_mm, const Vec3& to_mm) noexcept override {
-    if (boxes_ != nullptr) boxes_->run(t_s, from_mm, to_mm);
+    near_.slow_phase(t_s, from_mm, to_mm);
   }
 
   bool undo(std::size_t model) noexcept override {
@@ -167,10 +152,8 @@ class Cloud final : public HapticRenderer, public Editable, public SlowPhase {
              box.high_mm + model.pose.origin_mm + model.largest_half_box_mm};
       boxes.push_back({box, model.pose.world_from_model, model.pose.motion});
     }
-    boxes_ = std::make_unique<SceneBoxes>(std::move(boxes), kHorizonS);
-    near_.reserve(slots_.size());
-    former_.reserve(slots_.size());
-    report.bytes += boxes_->bytes();
+    near_.build(std::move(boxes));
+    report.bytes += near_.bytes();
   }
 
   void choose_shading(CloudSlot& slot, PrepareReport& report) const {
@@ -237,17 +220,21 @@ class Cloud final : public HapticRenderer, public Editable, public SlowPhase {
   /// frame, so that a model that moves on to a resting HIP meets it.
   template <unsigned kFeatures>
   void many(const Vec3& hip_mm, Frame& frame) noexcept {
-    choose_near(hip_mm, frame);
+    const auto entering = [this](std::uint32_t i, const Vec3& hip, double t_s) noexcept {
+      enter(i, hip, t_s);
+    };
+    const auto touching = [this](std::uint32_t i) noexcept { return slots_[i]->contact.contact(); };
+    if (!near_.choose(hip_mm, now_s_, entering, touching)) frame.status = FrameStatus::kBoundHit;
     std::size_t touched = 0;
-    for (const std::uint32_t index : near_) {
+    for (const std::uint32_t index : near_.models()) {
       CloudSlot& slot = *slots_[index];
       CloudTouch& touch = touches_[std::min(touched, kMaxTouched - 1)];
       slot.model.pose.take(now_s_);
       take_moves(slot, counters_);
       const Vec3 h = slot.model.pose.to_local(hip_mm);
-      const bool touching = slot.contact.update(h, touch.end, counters_);
+      const bool held = slot.contact.update(h, touch.end, counters_);
       if (slot.contact.bound_hit()) frame.status = FrameStatus::kBoundHit;
-      if (!touching) {
+      if (!held) {
         slot.state.release();
         slot.pressed = false;
         continue;
@@ -261,129 +248,45 @@ class Cloud final : public HapticRenderer, public Editable, public SlowPhase {
       touch.contact = contact_at<kFeatures>(slot, touch.end, h);
       ++touched;
     }
-    previous_ = hip_mm;
-    previous_s_ = now_s_;
+    near_.done(hip_mm, now_s_);
     if (touched == 1) {
       CloudTouch& touch = touches_.front();
       answer<kFeatures>(*touch.slot, touch.contact, touch.model, frame);
     } else if (touched > 1) {
-      if (!sum_) constrain(hip_mm, std::span(touches_).first(touched));
-      combine<kFeatures>(hip_mm, std::span(touches_).first(touched), frame);
+      const auto touches = std::span(touches_).first(touched);
+      const auto plane_at = [this](const CloudTouch& touch, const Vec3& at, JointPlanes& planes) noexcept {
+        const CloudSlot& slot = *touch.slot;
+        planes.add(plane_near(slot, touch.end.place, slot.model.pose.to_local(at), counters_));
+      };
+      if (!sum_) constrain_jointly(hip_mm, touches, plane_at);
+      const auto respond = [](CloudTouch& touch) noexcept {
+        const PointModel& model = touch.slot->model;
+        return touch.slot->state.respond<kFeatures>(touch.contact, model.surface.texture,
+                                                    model.pose.origin_mm);
+      };
+      add_up(touches, respond, force_limit_n_, frame);
     }
     for (std::size_t i = 0; i < touched; ++i) give_way(*touches_[i].slot, touches_[i].contact, dt_s_);
   }
 
-  void choose_near(const Vec3& hip_mm, Frame& frame) noexcept {
-    const Candidates* near = &boxes_->newest();
-    if (near->number != taken_ && near->covers(previous_, now_s_)) list_near(*near);
-    const auto covered = [&] {
-      return near->number == taken_ && near->covers(previous_, now_s_) && near->covers(hip_mm, now_s_);
-    };
-    if (covered()) return;
-    if (elsewhere_) {  // too late: nothing may be missed
-      Candidates all;
-      all.too_many = true;
-      all.number = taken_;
-      list_near(all);
-      frame.status = FrameStatus::kBoundHit;
-      return;
-    }
-    boxes_->run(now_s_, previous_, hip_mm);
-    near = &boxes_->newest();
-    list_near(*near);
-  }
-
-  /// Takes over a list of the broad phase. A model that comes near was clear of the HIP up to now; its
-  /// contact starts where the HIP was last. One that is touched stays, however far the HIP has gone through
-  /// it.
-  void list_near(const Candidates& found) noexcept {
-    ++lists_;
-    taken_ = found.number;
-    former_.swap(near_);
-    near_.clear();
-    const auto enter = [&](std::uint32_t index) {
-      CloudSlot& slot = *slots_[index];
-      if (slot.listed + 1 != lists_) {
-        slot.model.pose.take(previous_s_);
-        slot.contact.start_from(slot.model.pose.to_local(previous_));
-        slot.state.release();
-      }
-      slot.listed = lists_;
-      near_.push_back(index);
-    };
-    if (found.too_many) {
-      for (std::uint32_t i = 0; i < slots_.size(); ++i) enter(i);
-      return;
-    }
-    for (std::uint32_t i = 0; i < found.count; ++i) enter(found.model[i]);
-    for (const std::uint32_t index : former_)
-      if (slots_[index]->contact.contact() && slots_[index]->listed != lists_) enter(index);
-  }
-
-  /// Several models at once: the god object is the place nearest to the HIP that is outside of all of them.
-  /// Each contact becomes its share of the way there, along its own surface's normal.
-  void constrain(const Vec3& hip_mm, std::span<CloudTouch> touches) noexcept {
-    std::array<geometry::HalfSpace, kMaxTouched> planes;
-    const auto all = std::span(planes).first(touches.size());
-    const double slack = kJointSlack * (hip_mm.cwiseAbs().maxCoeff() + touches.front().contact.pull.norm());
-    Vec3 at = hip_mm;
-    geometry::NearestAllowed found;
-    for (int round = 0; round < kJointRounds; ++round) {
-      for (std::size_t i = 0; i < touches.size(); ++i) {
-        const CloudSlot& slot = *touches[i].slot;
-        all[i] = plane_near(slot, touches[i].end.place, slot.model.pose.to_local(at), counters_);
-      }
-      found = geometry::nearest_allowed(all, hip_mm, slack);
-      at = found.point;
-    }
-    for (std::size_t i = 0; i < touches.size(); ++i) {
-      SurfaceContact& contact = touches[i].contact;
-      const PointModel& model = touches[i].slot->model;
-      const Vec3 pull = found.push[i] * all[i].normal;
-      contact.hip = model.pose.to_local(at - pull);
-      contact.pull = model.pose.direction_to_local(pull);
-    }
-  }
-
-  template <unsigned kFeatures>
-  void combine(const Vec3& hip_mm, std::span<CloudTouch> touches, Frame& frame) noexcept {
-    Vec3 force = Vec3::Zero(), aside = Vec3::Zero();
-    double strongest = -1.0;
-    Vec3 god_object = hip_mm;
-    for (CloudTouch& touch : touches) {
-      const PointModel& model = touch.slot->model;
-      const SurfaceAnswer answer =
-          touch.slot->state.respond<kFeatures>(touch.contact, model.surface.texture, model.pose.origin_mm);
-      force += model.pose.direction_to_world(answer.force_n);
-      const Vec3 target = touch.contact.hip + touch.contact.pull;
-      aside += model.pose.direction_to_world(answer.god_object_mm - target);
-      const double size = answer.force_n.squaredNorm();
-      if (size > strongest) {
-        strongest = size;
-        god_object = model.pose.to_world(target);
-        frame.model = touch.model;
-      }
-    }
-    frame.contact = true;
-    frame.god_object_mm = god_object + aside;
-    frame.force_n = limited(force, force_limit_n_);
+  /// A model that comes near was clear of the HIP up to then; its contact starts there.
+  void enter(std::uint32_t index, const Vec3& hip_mm, double t_s) noexcept {
+    CloudSlot& slot = *slots_[index];
+    slot.model.pose.take(t_s);
+    slot.contact.start_from(slot.model.pose.to_local(hip_mm));
+    slot.state.release();
   }
 
   Options options_;
   std::vector<std::unique_ptr<CloudSlot>> slots_;
   std::array<CloudTouch, kMaxTouched> touches_;
-  std::unique_ptr<SceneBoxes> boxes_;         ///< of a scene of several models, or moving ones
-  std::vector<std::uint32_t> near_, former_;  ///< models looked at, and before; room for all
-  std::uint64_t taken_ = 0;                   ///< the answer of the broad phase that near_ is
-  bool elsewhere_ = false;                    ///< somebody else runs the broad phase
-  std::uint64_t lists_ = 1;                   ///< answers of the broad phase taken over, 1 = none
+  NearModels near_;  ///< built in a scene of several models, or moving ones
   FrameFunction frame_ = nullptr;
   unsigned features_ = 0;
   bool sum_ = false;  ///< several models: the sum of their forces
   double force_limit_n_ = 0.0;
   double dt_s_ = 0.0;
-  double now_s_ = 0.0, previous_s_ = 0.0;  ///< time of this frame, and of the last
-  Vec3 previous_ = Vec3::Zero();           ///< the HIP of the last frame, world
+  double now_s_ = 0.0;  ///< time of this frame
   FrameCounters counters_;
 };
 

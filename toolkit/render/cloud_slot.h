@@ -23,7 +23,6 @@ struct CloudSlot {
   surface::Dent dent;
   std::shared_ptr<MoveQueue> moves;  ///< or null
   bool pressed = false;              ///< in contact in the last frame: the stroke goes on
-  std::uint64_t listed = 0;          ///< the last answer of the broad phase that named it
   Shading shading = Shading::kNone;
   bool by_spacing = false;  ///< shaded only where the spacing is felt
   double felt_spacing_sq_mm2 = 0.0;
@@ -58,8 +57,8 @@ struct CloudTouch {
   CloudSlot* slot = nullptr;
   std::int32_t model = -1;
   WalkEnd end;
-  SurfaceContact contact;      ///< local
-  Vec3 normal = Vec3::Zero();  ///< of the surface at the god object, world, unit
+  SurfaceContact contact;  ///< local
+  [[nodiscard]] const ModelPose& pose() const noexcept { return slot->model.pose; }
 };
 
 /// The frictionless contact at the walk's end, local.

@@ -74,7 +74,7 @@ Result<SurfaceField> build_surface_field(const ModelInput& model, std::span<cons
   if (!built || model.surface.per_point == nullptr) return built;
   SurfaceField& field = *built;
   const surface::PointProperties& p = *model.surface.per_point;
-  if (const Status right = check_lengths(p, order.size()); !right) return right.error();
+  if (const Status right = check_lengths(p, model.cloud->size()); !right) return right.error();
   if (!p.varies_stiffness() && !p.varies_friction()) return built;
   field.features |= kVaried;
   field.of_place.resize(order.size());

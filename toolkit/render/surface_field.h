@@ -44,9 +44,9 @@ struct SurfaceField {
   [[nodiscard]] std::size_t bytes() const noexcept { return of_place.capacity() * sizeof(PlaceSurface); }
 };
 
-/// `order`: cloud index of each place. Notes go to `report`. Values that make no sense (stiffness not above
-/// 0, deformation outside [0, 1), dynamic friction above static, arrays of another length) are an Error.
-/// O(n).
+/// `order`: cloud index of each place, as many places as there are. Notes go to `report`. Values that make no
+/// sense (stiffness not above 0, deformation outside [0, 1), dynamic friction above static, arrays of another
+/// length) are an Error. O(n).
 [[nodiscard]] Result<SurfaceField> build_surface_field(const ModelInput& model,
                                                        std::span<const std::uint32_t> order,
                                                        PrepareReport& report);

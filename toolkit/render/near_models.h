@@ -1,0 +1,115 @@
+// Which of a scene's models a frame looks at: those that the slow broad phase names near the HIP, and those
+// that are touched.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "toolkit/render/scene_boxes.h"
+
+namespace palpate::render {
+
+/// An answer of the broad phase holds for so long where models move: 50 times a second it is asked again.
+inline constexpr double kHorizonS = 0.02;
+
+/// Only build() allocates. choose() and models() belong to the thread of the frames, slow_phase() to its own
+/// where it is run elsewhere (see SlowPhase).
+class NearModels {
+ public:
+  void build(std::vector<ModelBox> boxes) {
+    const std::size_t count = boxes.size();
+    boxes_ = std::make_unique<SceneBoxes>(std::move(boxes), kHorizonS);
+    near_.reserve(count);
+    former_.reserve(count);
+    listed_.assign(count, 0);
+  }
+  [[nodiscard]] bool built() const noexcept { return boxes_ != nullptr; }
+  [[nodiscard]] std::size_t bytes() const noexcept {
+    return boxes_ == nullptr ? 0 : boxes_->bytes() + listed_.capacity() * sizeof(listed_[0]);
+  }
+
+  /// Enter: see choose(). The models are at rest at `hip_mm` at time 0.
+  template <class Enter>
+  void reset(const Vec3& hip_mm, Enter&& enter) noexcept {
+    previous_ = hip_mm;
+    previous_s_ = 0.0;
+    if (boxes_ == nullptr) return;
+    lists_ = 1;
+    near_.clear();
+    listed_.assign(listed_.size(), 0);
+    boxes_->run(0.0, hip_mm, hip_mm);
+    list(boxes_->newest(), enter, [](std::uint32_t) { return false; });
+  }
+
+  void run_elsewhere() noexcept { elsewhere_ = boxes_ != nullptr; }
+  void slow_phase(double t_s, const Vec3& from_mm, const Vec3& to_mm) noexcept {
+    if (boxes_ != nullptr) boxes_->run(t_s, from_mm, to_mm);
+  }
+
+  /// Before a frame at `hip_mm`. enter(i, hip, t): model i comes near, and was clear of the HIP up to there
+  /// and then; touching(i): it is in contact, and stays however far the HIP has gone through it. False where
+  /// the broad phase is run elsewhere and was too late: all models are listed.
+  template <class Enter, class Touching>
+  [[nodiscard]] bool choose(const Vec3& hip_mm, double now_s, Enter&& enter, Touching&& touching) noexcept {
+    const Candidates* near = &boxes_->newest();
+    if (near->number != taken_ && near->covers(previous_, now_s)) list(*near, enter, touching);
+    const auto covered = [&] {
+      return near->number == taken_ && near->covers(previous_, now_s) && near->covers(hip_mm, now_s);
+    };
+    if (covered()) return true;
+    if (elsewhere_) {  // too late: nothing may be missed
+      Candidates all;
+      all.too_many = true;
+      all.number = taken_;
+      list(all, enter, touching);
+      return false;
+    }
+    boxes_->run(now_s, previous_, hip_mm);
+    near = &boxes_->newest();
+    list(*near, enter, touching);
+    return true;
+  }
+  [[nodiscard]] std::span<const std::uint32_t> models() const noexcept { return near_; }
+  /// After the frame.
+  void done(const Vec3& hip_mm, double now_s) noexcept {
+    previous_ = hip_mm;
+    previous_s_ = now_s;
+  }
+
+ private:
+  /// Takes over a list of the broad phase.
+  template <class Enter, class Touching>
+  void list(const Candidates& found, Enter&& enter, Touching&& touching) noexcept {
+    ++lists_;
+    taken_ = found.number;
+    former_.swap(near_);
+    near_.clear();
+    const auto take = [&](std::uint32_t index) {
+      if (listed_[index] + 1 != lists_) enter(index, previous_, previous_s_);
+      listed_[index] = lists_;
+      near_.push_back(index);
+    };
+    if (found.too_many) {
+      for (std::uint32_t i = 0; i < listed_.size(); ++i) take(i);
+      return;
+    }
+    for (std::uint32_t i = 0; i < found.count; ++i) take(found.model[i]);
+    for (const std::uint32_t index : former_)
+      if (touching(index) && listed_[index] != lists_) take(index);
+  }
+
+  std::unique_ptr<SceneBoxes> boxes_;
+  std::vector<std::uint32_t> near_, former_;  ///< models looked at, and before; room for all
+  std::vector<std::uint64_t> listed_;         ///< the last answer of the broad phase that named a model
+  std::uint64_t taken_ = 0;                   ///< the answer of the broad phase that near_ is
+  std::uint64_t lists_ = 1;                   ///< answers of the broad phase taken over, 1 = none
+  bool elsewhere_ = false;                    ///< somebody else runs the broad phase
+  Vec3 previous_ = Vec3::Zero();              ///< the HIP of the last frame, world
+  double previous_s_ = 0.0;
+};
+
+}  // namespace palpate::render
