@@ -33,6 +33,8 @@ class MeshProbe {
   [[nodiscard]] bool felt(const Vec3& /*hip*/) const noexcept { return true; }
   /// How far from the mesh it can be touched.
   [[nodiscard]] double reach_mm() const noexcept { return 0.0; }
+  /// Held: where the body is, the point or the sphere's centre.
+  [[nodiscard]] const Vec3& body_mm() const noexcept { return at_.point; }
   /// How much nearer to the HIP the felt god object is than the places that planes_near() allows.
   [[nodiscard]] double skin_mm() const noexcept { return 0.0; }
 

@@ -18,6 +18,9 @@
 
 namespace palpate::baselines {
 
+/// Times that the models near are looked at again from where the others hold the probe.
+inline constexpr int kJointLooks = 3;
+
 /// A mesh renderer of one kind of probe (see mesh_slot.h).
 template <class Probe>
 class MeshScene final : public render::HapticRenderer, public MeshHolder, public render::SlowPhase {
@@ -115,27 +118,26 @@ class MeshScene final : public render::HapticRenderer, public MeshHolder, public
     report.bytes += near_.bytes();
   }
 
-  /// The model's frame up to the frictionless contact; false where there is none.
-  [[nodiscard]] bool touch(std::uint32_t index, const Vec3& hip_mm, render::Frame& frame,
+  /// The model's frame up to the frictionless contact, the probe pulled to `goal`; false where there is none.
+  [[nodiscard]] bool touch(std::uint32_t index, const Vec3& goal_mm, const Vec3& hip_mm, render::Frame& frame,
                            Touch& touch) noexcept {
     Slot& slot = *slots_[index];
-    const Vec3 h = slot.body->pose.to_local(hip_mm);
     const std::uint64_t moves = slot.probe.moves();
-    const bool held = slot.probe.update(h);
+    const bool held = slot.probe.update(slot.body->pose.to_local(goal_mm));
     counters_.walk_steps += slot.probe.moves() - moves;
     if (slot.probe.bound_hit()) frame.status = render::FrameStatus::kBoundHit;
-    if (!held) {
-      slot.state.release();
-      return false;
-    }
+    if (!held) return false;
     touch.slot = &slot;
     touch.model = static_cast<std::int32_t>(index);
-    touch.contact = slot.contact_at(h);
+    touch.contact = slot.contact_at(slot.body->pose.to_local(hip_mm));
     return true;
   }
 
   void single(const Vec3& hip_mm, render::Frame& frame) noexcept {
-    if (touch(0, hip_mm, frame, touches_[0])) answer(touches_[0], hip_mm, frame);
+    if (touch(0, hip_mm, hip_mm, frame, touches_[0]))
+      answer(touches_[0], hip_mm, frame);
+    else
+      slots_[0]->state.release();
   }
 
   void answer(Touch& touch, const Vec3& hip_mm, render::Frame& frame) noexcept {
@@ -160,37 +162,63 @@ class MeshScene final : public render::HapticRenderer, public MeshHolder, public
     };
     const auto touching = [this](std::uint32_t i) noexcept { return slots_[i]->probe.contact(); };
     if (!near_.choose(hip_mm, now_s_, enter, touching)) frame.status = render::FrameStatus::kBoundHit;
-    std::size_t touched = 0;
     for (const std::uint32_t index : near_.models()) {
       slots_[index]->body->pose.take(now_s_);
-      if (touched == touches_.size()) {
-        frame.status = render::FrameStatus::kBoundHit;
-        break;
-      }
-      touched += touch(index, hip_mm, frame, touches_[touched]);
+      slots_[index]->touched = false;
     }
+    std::size_t touched = 0;
+    look_at_untouched(hip_mm, hip_mm, frame, touched);
+    for (int look = 1; touched > 0; ++look) {
+      const Vec3 body = place_of(std::span(touches_).first(touched), hip_mm);
+      // What holds the probe may have pushed it into a model that the HIP itself is clear of.
+      if (look == kJointLooks || sum_ || near_.models().size() == touched) break;
+      if (!look_at_untouched(body, hip_mm, frame, touched)) break;
+    }
+    for (const std::uint32_t index : near_.models())
+      if (!slots_[index]->touched) slots_[index]->state.release();
     near_.done(hip_mm, now_s_);
     if (touched == 1) answer(touches_.front(), hip_mm, frame);
     if (touched > 1) answer_jointly(std::span(touches_).first(touched), hip_mm, frame);
   }
 
-  void answer_jointly(std::span<Touch> touches, const Vec3& hip_mm, render::Frame& frame) noexcept {
-    if (!sum_) {
-      double skin = 0.0;
-      for (const Touch& touch : touches) skin = std::max(skin, touch.slot->probe.skin_mm());
-      render::constrain_jointly(
-          hip_mm, touches,
-          [](Touch& touch, const Vec3& at, render::JointPlanes& planes) noexcept {
-            touch.slot->probe.planes_near(touch.pose().to_local(at), touch.pose(), planes);
-          },
-          skin);
+  /// Adds the models near that a probe pulled to `goal_mm` touches; true where there were any.
+  bool look_at_untouched(const Vec3& goal_mm, const Vec3& hip_mm, render::Frame& frame,
+                         std::size_t& touched) noexcept {
+    const std::size_t before = touched;
+    for (const std::uint32_t index : near_.models()) {
+      if (slots_[index]->touched) continue;
+      if (touched == touches_.size()) {
+        frame.status = render::FrameStatus::kBoundHit;
+        break;
+      }
+      slots_[index]->touched = touch(index, goal_mm, hip_mm, frame, touches_[touched]);
+      touched += slots_[index]->touched;
     }
+    return touched > before;
+  }
+
+  /// Where the touched models hold the probe's body; of several each gets its share of the way.
+  [[nodiscard]] Vec3 place_of(std::span<Touch> touches, const Vec3& hip_mm) noexcept {
+    const Touch& first = touches.front();
+    if (touches.size() == 1 || sum_) return first.pose().to_world(first.slot->probe.body_mm());
+    double skin = 0.0;
+    for (const Touch& touch : touches) skin = std::max(skin, touch.slot->probe.skin_mm());
+    return render::constrain_jointly(
+        hip_mm, touches,
+        [](Touch& touch, const Vec3& at, render::JointPlanes& planes) noexcept {
+          touch.slot->probe.planes_near(touch.pose().to_local(at), touch.pose(), planes);
+        },
+        skin);
+  }
+
+  void answer_jointly(std::span<Touch> touches, const Vec3& hip_mm, render::Frame& frame) noexcept {
     const bool any = std::any_of(touches.begin(), touches.end(),
                                  [](const Touch& touch) { return touch.contact.pull != Vec3::Zero(); });
     if (!any) {  // a skin that has not come under any surface
       for (const Touch& touch : touches) touch.slot->state.release();
       return;
     }
+    frame.god_object_mm = hip_mm;
     render::add_up(
         touches, [](Touch& touch) noexcept { return touch.slot->respond(touch.contact); }, force_limit_n_,
         frame);

@@ -19,6 +19,7 @@ struct MeshSlot {
   std::unique_ptr<MeshBody> body;
   Probe probe;
   render::SurfaceState state;
+  bool touched = false;  ///< in this frame, in a scene of several
 
   MeshSlot(std::unique_ptr<MeshBody> held, Probe&& made) : body(std::move(held)), probe(std::move(made)) {}
 

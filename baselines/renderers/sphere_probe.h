@@ -71,6 +71,8 @@ class SphereProbe {
   }
   /// How far from the mesh it can be touched.
   [[nodiscard]] double reach_mm() const noexcept { return radius_; }
+  /// Held: where the body is, the point or the sphere's centre.
+  [[nodiscard]] const Vec3& body_mm() const noexcept { return centre_; }
   /// How much nearer to the HIP the felt god object is than the places that planes_near() allows.
   [[nodiscard]] double skin_mm() const noexcept { return tip_ == SphereTip::kCentre ? 0.0 : size_; }
 

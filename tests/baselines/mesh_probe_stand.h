@@ -30,8 +30,19 @@ struct Probe {
   }
 };
 
-inline Probe make(const geometry::TriangleMesh& mesh, const char* options = "mesh-godobject:mesh=original",
-                  const geometry::RigidTransform& pose = {}, double limit_n = 0.0) {
+/// At rest, its points the mesh's vertices.
+inline render::ModelInput model_of(const geometry::TriangleMesh& mesh) {
+  render::ModelInput model;
+  model.name = "test";
+  auto cloud = cloud::build_cloud(mesh.vertices_mm, cloud::NonFinite::kRefuse);
+  EXPECT_TRUE(cloud.ok());
+  model.cloud = std::make_shared<const cloud::Cloud>(std::move(cloud).value());
+  model.original_mesh = std::make_shared<const geometry::TriangleMesh>(mesh);
+  model.surface.stiffness_n_per_mm = kStiffness;
+  return model;
+}
+
+inline Probe make_scene(const render::SceneInput& scene, const char* options) {
   render::Registry registry;
   baselines::register_baseline_renderers(registry);
   const auto named = parse_named_options(options);
@@ -39,21 +50,19 @@ inline Probe make(const geometry::TriangleMesh& mesh, const char* options = "mes
   auto made = registry.make(named->name, named->options);
   EXPECT_TRUE(made.ok());
   Probe probe{std::move(made).value(), {}};
-  render::SceneInput scene;
-  scene.force_limit_n = limit_n;
-  render::ModelInput model;
-  model.name = "test";
-  auto cloud = cloud::build_cloud(mesh.vertices_mm, cloud::NonFinite::kRefuse);
-  EXPECT_TRUE(cloud.ok());
-  model.cloud = std::make_shared<const cloud::Cloud>(std::move(cloud).value());
-  model.original_mesh = std::make_shared<const geometry::TriangleMesh>(mesh);
-  model.world_from_model = pose;
-  model.surface.stiffness_n_per_mm = kStiffness;
-  scene.models.push_back(std::move(model));
   auto report = probe.renderer->prepare(scene, {1, nullptr});
   EXPECT_TRUE(report.ok()) << (report.ok() ? "" : report.error().message());
   if (report.ok()) probe.report = *report;
   return probe;
+}
+
+inline Probe make(const geometry::TriangleMesh& mesh, const char* options = "mesh-godobject:mesh=original",
+                  const geometry::RigidTransform& pose = {}, double limit_n = 0.0) {
+  render::SceneInput scene;
+  scene.force_limit_n = limit_n;
+  scene.models.push_back(model_of(mesh));
+  scene.models[0].world_from_model = pose;
+  return make_scene(scene, options);
 }
 
 inline void expect_near(const Vec3& a, const Vec3& b, double tolerance) {

@@ -48,10 +48,10 @@ class JointPlanes {
 
 /// Touch: SurfaceContact contact (local), const ModelPose& pose(). planes_near(touch, at, planes): adds the
 /// planes (world) of the touched surface near `at` (world). `skin_mm`: the planes hold the centre of a sphere
-/// of that radius, whose skin is the tip; the god object is then so much nearer to the HIP. Allocates
-/// nothing.
+/// of that radius, whose skin is the tip; the god object is then so much nearer to the HIP. Returns the place
+/// that the planes hold. Allocates nothing.
 template <class Touch, class PlanesNear>
-void constrain_jointly(const Vec3& hip_mm, std::span<Touch> touches, PlanesNear&& planes_near,
+Vec3 constrain_jointly(const Vec3& hip_mm, std::span<Touch> touches, PlanesNear&& planes_near,
                        double skin_mm = 0.0) noexcept {
   JointPlanes planes;
   const double slack = kJointSlack * (hip_mm.cwiseAbs().maxCoeff() + touches.front().contact.pull.norm());
@@ -66,6 +66,7 @@ void constrain_jointly(const Vec3& hip_mm, std::span<Touch> touches, PlanesNear&
     found = geometry::nearest_allowed(planes.planes(), hip_mm, slack);
     at = found.point;
   }
+  const Vec3 held = at;
   double share = 1.0;
   if (skin_mm > 0.0) {
     const double way = (at - hip_mm).norm();
@@ -80,6 +81,7 @@ void constrain_jointly(const Vec3& hip_mm, std::span<Touch> touches, PlanesNear&
     contact.hip = touches[i].pose().to_local(at - pull);
     contact.pull = touches[i].pose().direction_to_local(pull);
   }
+  return held;
 }
 
 /// The sum of what the touches answer; the god object that of the strongest, moved by what all of them move
