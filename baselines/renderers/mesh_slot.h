@@ -47,33 +47,10 @@ struct MeshSlot {
 
   /// The surface's own part: the same stage that the point renderers use, composed of what it asks for.
   [[nodiscard]] render::SurfaceAnswer respond(const render::SurfaceContact& contact) noexcept {
-    switch (body->surface.features) {
-      case 0:
-        return respond_with<0>(contact);
-      case 1:
-        return respond_with<1>(contact);
-      case 2:
-        return respond_with<2>(contact);
-      case 3:
-        return respond_with<3>(contact);
-      case 4:
-        return respond_with<4>(contact);
-      case 5:
-        return respond_with<5>(contact);
-      case 6:
-        return respond_with<6>(contact);
-      default:
-        return respond_with<7>(contact);
-    }
+    return render::respond_as_asked(state, body->surface, contact, body->mesh.origin_mm());
   }
 
  private:
-  static_assert(render::kSurfaceFeatures == 8);
-  template <unsigned kFeatures>
-  [[nodiscard]] render::SurfaceAnswer respond_with(const render::SurfaceContact& contact) noexcept {
-    return state.template respond<kFeatures>(contact, body->surface.texture, body->mesh.origin_mm());
-  }
-
   /// Interpolated over the facets that hold the probe, each by its share.
   void read_properties(render::SurfaceContact& contact) const noexcept {
     probe.places([&](std::uint32_t facet, const Vec3& point, double share) {

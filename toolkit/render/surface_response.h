@@ -123,8 +123,34 @@ class SurfaceState {
   bool sliding_ = false;
 };
 
-/// The answer of a surface whose properties are the same everywhere, composed when called: for renderers that
-/// are not composed of templates themselves. Allocates nothing, O(1).
+/// What `surface` asks for, chosen when called: for renderers that are not composed of templates themselves.
+/// Allocates nothing, O(1).
+[[nodiscard]] inline SurfaceAnswer respond_as_asked(SurfaceState& state, const SurfaceField& surface,
+                                                    const SurfaceContact& contact,
+                                                    const Vec3& texture_origin) noexcept {
+  static_assert(kSurfaceFeatures == 8);
+  const surface::Texture& texture = surface.texture;
+  switch (surface.features) {
+    case 0:
+      return state.respond<0>(contact, texture, texture_origin);
+    case 1:
+      return state.respond<1>(contact, texture, texture_origin);
+    case 2:
+      return state.respond<2>(contact, texture, texture_origin);
+    case 3:
+      return state.respond<3>(contact, texture, texture_origin);
+    case 4:
+      return state.respond<4>(contact, texture, texture_origin);
+    case 5:
+      return state.respond<5>(contact, texture, texture_origin);
+    case 6:
+      return state.respond<6>(contact, texture, texture_origin);
+    default:
+      return state.respond<7>(contact, texture, texture_origin);
+  }
+}
+
+/// The same where the properties are the same everywhere.
 [[nodiscard]] inline SurfaceAnswer respond_uniform(SurfaceState& state, const SurfaceField& surface,
                                                    const Vec3& hip, const Vec3& pull,
                                                    const Vec3& texture_origin) noexcept {
@@ -132,12 +158,9 @@ class SurfaceState {
   contact.hip = hip;
   contact.pull = pull;
   contact.stiffness_n_per_mm = surface.stiffness_n_per_mm;
-  if (surface.features == 0) return state.respond<0>(contact, surface.texture, Vec3::Zero());
   contact.static_friction = surface.friction.static_coefficient;
   contact.dynamic_friction = surface.friction.dynamic_coefficient;
-  if ((surface.features & kTexture) == 0)
-    return state.respond<kFriction>(contact, surface.texture, texture_origin);
-  return state.respond<kFriction | kTexture>(contact, surface.texture, texture_origin);
+  return respond_as_asked(state, surface, contact, texture_origin);
 }
 
 /// Stiffness at a place of a facet, and its gradient along it: linear between the corners.
