@@ -59,6 +59,13 @@ struct ReproduceArguments {
   bool full = false;
   bool quick = false;  ///< small models and short paths: a trial of the machinery, no measurement
 };
+struct BehavioursArguments {
+  std::string renderers;  ///< empty: all methods
+  std::string only;       ///< "thin-plate,ridge"; empty: all
+  std::string out;
+  int threads = 0;
+  bool json = false;
+};
 struct FetchArguments {
   std::string name;    ///< empty: list
   std::string source;  ///< an address to take it from instead
@@ -77,6 +84,7 @@ int run_renderers(const RenderersArguments& arguments);
 int run_replay(const RunArguments& arguments, Context& context);
 int run_compare(const RunArguments& arguments, Context& context);
 int run_reproduce(const ReproduceArguments& arguments, Context& context);
+int run_behaviours_command(const BehavioursArguments& arguments, Context& context);
 int run_fetch(const FetchArguments& arguments, Context& context);
 
 /// Prints "palpate: error: ..." and returns `status`.

@@ -67,6 +67,7 @@ struct Arguments {
   RenderersArguments renderers;
   RunArguments replay, compare;
   ReproduceArguments reproduce;
+  BehavioursArguments behaviours;
   FetchArguments fetch;
 };
 
@@ -140,6 +141,20 @@ void declare(CLI::App& app, Arguments& a) {
       "Examples:\n  palpate reproduce --out out/reproduce\n  palpate reproduce --tables 6,7 --out "
       "out/tables");
 
+  CLI::App* behaviours = app.add_subcommand(
+      "behaviours",
+      "small scenes on which methods differ, each counted: a matrix of renderers and behaviours");
+  behaviours->add_option("--renderers", a.behaviours.renderers,
+                         "A,B,..: each NAME[:option=value...][:label=TEXT] (default: every method)");
+  behaviours->add_option("--only", a.behaviours.only, "these behaviours, separated by commas (default: all)");
+  behaviours->add_option("--out", a.behaviours.out, "folder for the results")->required();
+  behaviours->add_option("--threads", a.behaviours.threads, "threads of preparation (default: all)")
+      ->check(CLI::Range(0, 4096));
+  behaviours->add_flag("--json", a.behaviours.json, "print the matrix as JSON");
+  behaviours->footer(
+      "Examples:\n  palpate behaviours --out out/behaviours\n  palpate behaviours --renderers "
+      "cloud,mesh-godobject --only thin-plate,ridge --out out/two");
+
   CLI::App* fetch =
       app.add_subcommand("fetch", "lists the scans known by name, or downloads one, checked, into the cache");
   fetch->add_option("NAME", a.fetch.name, "the scan; without it: the list");
@@ -156,6 +171,7 @@ int dispatch(const CLI::App& app, const Arguments& a, Context& context) {
   if (name == "replay") return run_replay(a.replay, context);
   if (name == "compare") return run_compare(a.compare, context);
   if (name == "reproduce") return run_reproduce(a.reproduce, context);
+  if (name == "behaviours") return run_behaviours_command(a.behaviours, context);
   return run_fetch(a.fetch, context);
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "experiments/behaviours/matrix.h"
 #include "experiments/command/reproduction.h"
 #include "experiments/data/scene_scans.h"
 
@@ -81,6 +82,23 @@ Result<scene::SceneFile> scene_of(const ManifestModel& model, Reproduction& r) {
   return embedded_scene(model.stand_in);
 }
 
+namespace {
+
+/// Every method on the behaviour suite.
+void watch_behaviours(Reproduction& r) {
+  Result<std::vector<Behaviour>> suite = behaviour_suite(r.context.progress);
+  if (!suite) return give_up(r, "the behaviour suite", suite.error());
+  const BehaviourMatrix matrix = run_behaviours(*std::move(suite), methods_of(r.registry), r.registry,
+                                                r.arguments.threads, r.context.progress);
+  r.context.progress.report("drawing the figures", -1.0);
+  add_behaviours(r.page, matrix, r.folder);
+  r.tables.push_back(matrix_table(matrix));
+  if (const Status written = r.folder.write("behaviours.json", matrix_json(matrix)); !written)
+    give_up(r, "behaviours.json", written.error());
+}
+
+}  // namespace
+
 int run_reproduce(const ReproduceArguments& arguments, Context& context) {
   const Result<std::vector<Manifest>> manifests = manifests_for(arguments.tables);
   if (!manifests) return fail(manifests.error(), kExitBadInput);
@@ -97,9 +115,9 @@ int run_reproduce(const ReproduceArguments& arguments, Context& context) {
                  {},
                  false,
                  {}};
-  const bool growth = arguments.tables.empty() && !arguments.quick;
+  const bool all = arguments.tables.empty() && !arguments.quick;
   std::size_t step = 0;
-  const std::size_t steps = manifests->size() + (growth ? 1 : 0);
+  const std::size_t steps = manifests->size() + (all ? 2 : 0);
   for (const Manifest& manifest : *manifests) {
     context.progress.set_prefix(fmt::format("[{}/{}] table {}: ", ++step, steps, manifest.table));
     if (manifest.kind == Manifest::Kind::kNeighbours)
@@ -110,7 +128,9 @@ int run_reproduce(const ReproduceArguments& arguments, Context& context) {
       return fail({"stopped", "the results so far are in " + arguments.out, {}, 0}, kExitFellShort,
                   &context.progress);
   }
-  if (growth) {
+  if (all) {
+    context.progress.set_prefix(fmt::format("[{}/{}] behaviours: ", steps - 1, steps));
+    watch_behaviours(r);
     context.progress.set_prefix(fmt::format("[{}/{}] growth: ", steps, steps));
     measure_growth(r);
   }

@@ -17,6 +17,7 @@ constexpr std::size_t kBins = 320;        // along a path: some two pixels each
 constexpr std::size_t kExcerptFrames =
     1300;                                 // one entry and exit of the weave (900 frames) with what is around
 constexpr std::size_t kMapPoints = 2000;  // of each kind on one map
+constexpr double kMapTics = 6.0;
 constexpr std::size_t kMapPathPoints = 4000;  // a weave keeps its curves
 constexpr double kErrorFloorN = 1e-6;         // below any force a device can show: keeps a logarithm finite
 
@@ -206,14 +207,6 @@ Series stretches(const char* label, const char* colour, const std::vector<Vec3>&
   return s;
 }
 
-/// A step of tics that gives four to eight of them: 1, 2 or 5 times a power of ten.
-double tic_step(double extent) {
-  constexpr double kTics = 6.0, kTen = 10.0, kFive = 5.0;
-  if (!(extent > 0.0)) return 1.0;
-  const double raw = extent / kTics, power = std::pow(kTen, std::floor(std::log10(raw)));
-  return raw / power < 2.0 ? 2.0 * power : raw / power < kFive ? kFive * power : kTen * power;
-}
-
 bool any(const std::vector<std::uint8_t>& flags) {
   return std::any_of(flags.begin(), flags.end(), [](std::uint8_t f) { return f != 0; });
 }
@@ -250,7 +243,7 @@ Chart defect_map(const Study& study, const Run& r, const std::string& who, const
   chart.extra = fmt::format(
       "set size ratio -1\nset offsets graph 0.04, graph 0.04, graph 0.04, graph 0.04\n"
       "set xtics {0:.6g}\nset ytics {0:.6g}\n",
-      tic_step(extent));
+      tic_step(extent, kMapTics));
   return chart;
 }
 

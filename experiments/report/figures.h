@@ -37,8 +37,9 @@ struct Chart {
     kLines,
     kSteps,
     kMarkedLines,
-    kBars,  ///< lying: x is the length from `bars_from`, y the row
-    kMap    ///< x and y to one scale; the first series a thin line, the others thick
+    kBars,    ///< lying: x is the length from `bars_from`, y the row
+    kPanels,  ///< one panel for each series, the first one (the truth) behind it in all
+    kMap      ///< x and y to one scale; the first series a thin line, the others thick
   };
   Style style = Style::kLines;
   double bars_from = 0.0;
@@ -47,6 +48,9 @@ struct Chart {
   std::string extra;  ///< gnuplot commands before `plot`
   std::vector<Series> series;
 };
+
+/// A step of tics that gives about so many of them over an extent: 1, 2 or 5 times a power of ten.
+[[nodiscard]] double tic_step(double extent, double tics);
 
 /// Writes data and script into `folder` and runs gnuplot there. Failing leaves Figure::svg empty and says why
 /// in the caption: a report without one picture is better than none.

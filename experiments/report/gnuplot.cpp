@@ -1,6 +1,7 @@
 // Charts through gnuplot.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <sstream>
@@ -44,6 +45,8 @@ const char* style_name(Chart::Style style, std::size_t index) {
       return "linespoints pt 7 ps 0.6 lw 1.6";
     case Chart::Style::kBars:
       return "boxxyerror fs solid 0.9 noborder";
+    case Chart::Style::kPanels:
+      return "lines lw 1.6";
     case Chart::Style::kMap:
       return index == 0 ? "lines lw 0.6" : "lines lw 4";
   }
@@ -63,6 +66,46 @@ std::string columns_of(const Chart& chart) {
   return fmt::format("1:2:({0:.7g}):1:($2-{1}):($2+{1})", chart.bars_from, kHalfBar);
 }
 
+constexpr std::size_t kPanelColumns = 4;
+constexpr int kPanelHeight = 180;
+constexpr double kSpareRoom = 0.6, kFlatRoom = 0.2, kPanelTics = 4.0;
+
+/// All on the same axes, so that they can be compared; only the outer ones have labels.
+std::string panels_text(const Chart& chart) {
+  const std::size_t panels = chart.series.size() - 1;
+  const std::size_t rows = (panels + kPanelColumns - 1) / kPanelColumns;
+  double low = 0.0, high = 0.0;
+  for (const double y : chart.series.front().y) {
+    low = std::min(low, y);
+    high = std::max(high, y);
+  }
+  // The truth and as much again: what leaves that has left it.
+  const double room = high > low ? high - low : kFlatRoom;
+  const std::vector<double>& x = chart.series.front().x;
+  const double tics = x.empty() ? 1.0 : tic_step(x.back() - x.front(), kPanelTics);
+  std::string s = fmt::format(
+      "unset key\nset xlabel ''\nset ylabel ''\nset yrange [{:.6g}:{:.6g}]\nset xtics {:.6g}\nset ytics "
+      "{:.6g}\n"
+      "set multiplot layout {},{} margins char 6, char 2, char 2.5, char 2 spacing char 4.5, char 4.5\n",
+      low - kSpareRoom * room, high + kSpareRoom * room, tics,
+      tic_step((1.0 + 2.0 * kSpareRoom) * room, kPanelTics), rows, kPanelColumns);
+  for (std::size_t i = 1; i < chart.series.size(); ++i)
+    s += fmt::format(
+        "set title {0} noenhanced offset 0,-0.6 font ',13'\n"
+        "plot '{1}.dat' index 0 using 1:2 with lines lw 5 lc rgb '{2}', '{1}.dat' index {3} using 1:2 with "
+        "{4} "
+        "lc rgb '{5}'\n",
+        quoted(chart.series[i].label), chart.name, chart.series.front().colour, i, style_name(chart.style, i),
+        chart.series[i].colour);
+  return s + "unset multiplot\n";
+}
+
+int height_of(const Chart& chart) {
+  if (chart.style != Chart::Style::kPanels) return chart.height > 0 ? chart.height : kHeight;
+  const std::size_t panels = std::max<std::size_t>(chart.series.size(), 2) - 1;
+  return kPanelHeight * static_cast<int>((panels + kPanelColumns - 1) / kPanelColumns);
+}
+
 std::string script_text(const Chart& chart) {
   std::string s = fmt::format(
       "# Run `gnuplot {0}.gp` in this folder to draw {0}.svg again.\n"
@@ -72,11 +115,12 @@ std::string script_text(const Chart& chart) {
       "set border 3 lc rgb '#555555'\nset tics nomirror textcolor rgb '#333333'\nset grid lc rgb '#e4e4e4' "
       "lt 1 lw 0.6\n"
       "set key outside top center horizontal noenhanced samplen 2\nset xlabel {3}\nset ylabel {4}\n",
-      chart.name, chart.wide ? kWideWidth : kWidth, chart.height > 0 ? chart.height : kHeight,
-      quoted(chart.x_label), quoted(chart.y_label));
+      chart.name, chart.wide ? kWideWidth : kWidth, height_of(chart), quoted(chart.x_label),
+      quoted(chart.y_label));
   if (chart.log_x) s += "set logscale x\nset format x '%g'\n";
   if (chart.log_y) s += "set logscale y\nset format y '%g'\n";
   s += chart.extra;
+  if (chart.style == Chart::Style::kPanels) return s + panels_text(chart);
   std::string plot;
   for (std::size_t i = 0; i < chart.series.size(); ++i) {
     const Series& series = chart.series[i];
@@ -123,6 +167,13 @@ std::string colour_of(const std::string& label, std::size_t index) {
   static const std::vector<std::string> others = {"#cc79a7", "#e69f00", "#56b4e9",
                                                   "#7f3fbf", "#8c6d31", "#666666"};
   return others[index % others.size()];
+}
+
+double tic_step(double extent, double tics) {
+  constexpr double kTen = 10.0, kFive = 5.0;
+  if (!(extent > 0.0)) return 1.0;
+  const double raw = extent / tics, power = std::pow(kTen, std::floor(std::log10(raw)));
+  return raw / power < 2.0 ? 2.0 * power : raw / power < kFive ? kFive * power : kTen * power;
 }
 
 Figure draw(const Chart& chart, const OutputFolder& folder) {

@@ -1,0 +1,179 @@
+#include "experiments/behaviours/matrix.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+namespace palpate::experiments {
+namespace {
+
+/// More than this share of what is counted falls short. One push or crossing is always more.
+constexpr double kFallsShort = 0.01;
+constexpr std::size_t kPictureSamples = 700;  // a panel is some 250 wide
+
+std::string cell_text(const BehaviourOutcome& outcome) {
+  if (!outcome.failure.empty()) return "–";
+  return fmt::format("{} of {}", count_text(outcome.wrong), count_text(outcome.of));
+}
+
+std::uint64_t whole_of(const Behaviour& behaviour) {
+  std::uint64_t whole = 0;
+  for (const Stroke& stroke : behaviour.strokes) whole += behaviour.whole(stroke);
+  return whole;
+}
+
+bool falls_short(const BehaviourOutcome& outcome) {
+  return outcome.failure.empty() &&
+         static_cast<double>(outcome.wrong) > kFallsShort * static_cast<double>(outcome.of);
+}
+
+Series thinned(const Behaviour& behaviour, std::string label, std::string colour,
+               const std::function<double(std::size_t)>& y, std::size_t count) {
+  Series s{std::move(label), std::move(colour), {}, {}};
+  const std::size_t every = std::max<std::size_t>(1, count / kPictureSamples);
+  for (std::size_t i = 0; i < count; i += every) {
+    s.x.push_back(behaviour.x(behaviour.strokes[behaviour.shown], i));
+    s.y.push_back(y(i));
+  }
+  return s;
+}
+
+Chart picture(const BehaviourMatrix& matrix, std::size_t b) {
+  const Behaviour& behaviour = matrix.behaviours[b];
+  const Stroke& shown = behaviour.strokes[behaviour.shown];
+  Chart chart;
+  chart.name = "behaviour-" + behaviour.id;
+  chart.title = behaviour.title;
+  chart.caption = fmt::format("{}, {}; grey is the truth. Under each name: {}.", behaviour.y_label,
+                              behaviour.x_label, behaviour.counted);
+  chart.x_label = behaviour.x_label;
+  chart.y_label = behaviour.y_label;
+  chart.style = Chart::Style::kPanels;
+  chart.wide = true;
+  chart.series.push_back(thinned(
+      behaviour, "truth", "#c4c4c4", [&](std::size_t i) { return behaviour.y(shown.truth.frames[i].frame); },
+      shown.truth.frames.size()));
+  for (std::size_t r = 0; r < matrix.outcomes.size(); ++r) {
+    if (b >= matrix.outcomes[r].size()) continue;
+    const BehaviourOutcome& outcome = matrix.outcomes[r][b];
+    if (!outcome.failure.empty()) continue;
+    const std::string& label = matrix.renderers[r].label;
+    chart.series.push_back(thinned(
+        behaviour, fmt::format("{}: {}", label, cell_text(outcome)),
+        falls_short(outcome) ? "#d55e00" : "#0072b2", [&](std::size_t i) { return outcome.shown[i]; },
+        outcome.shown.size()));
+  }
+  return chart;
+}
+
+/// One line a renderer: where it falls short.
+std::vector<Headline> headlines_of(const BehaviourMatrix& matrix) {
+  std::vector<Headline> lines;
+  for (std::size_t r = 0; r < matrix.outcomes.size(); ++r) {
+    std::size_t ran = 0, right = 0;
+    std::string where;
+    for (std::size_t b = 0; b < matrix.outcomes[r].size(); ++b) {
+      const BehaviourOutcome& outcome = matrix.outcomes[r][b];
+      if (!outcome.failure.empty()) continue;
+      ++ran;
+      if (!falls_short(outcome))
+        ++right;
+      else
+        where += (where.empty() ? "; falls short: " : ", ") + matrix.behaviours[b].title;
+    }
+    lines.push_back({matrix.renderers[r].label, fmt::format("right on {} of {}{}", right, ran, where)});
+  }
+  return lines;
+}
+
+}  // namespace
+
+std::vector<RendererRequest> methods_of(const render::Registry& registry) {
+  std::vector<RendererRequest> requests;
+  for (const render::RendererInfo& info : registry.all())
+    if (!info.needs_analytic && info.source != "oracle") requests.push_back({info.name, info.name, {}});
+  return requests;
+}
+
+BehaviourMatrix run_behaviours(std::vector<Behaviour> behaviours, std::vector<RendererRequest> renderers,
+                               const render::Registry& registry, int threads, Progress& progress) {
+  BehaviourMatrix matrix{std::move(behaviours), std::move(renderers), {}};
+  for (const RendererRequest& request : matrix.renderers) {
+    std::vector<BehaviourOutcome>& row = matrix.outcomes.emplace_back();
+    for (const Behaviour& behaviour : matrix.behaviours) {
+      row.push_back(observe(behaviour, request, registry, threads, progress));
+      if (progress.cancelled()) return matrix;
+    }
+  }
+  return matrix;
+}
+
+Table matrix_table(const BehaviourMatrix& matrix) {
+  Table table;
+  table.title = "Behaviour: what goes wrong, counted";
+  table.caption =
+      "What each column counts stands with its picture. Marked: more than 1 % of what there is. A dash: the "
+      "renderer does not take the scene.";
+  table.columns = {"renderer"};
+  for (const Behaviour& behaviour : matrix.behaviours)
+    table.columns.push_back(fmt::format("{}, of {}", behaviour.title, count_text(whole_of(behaviour))));
+  for (std::size_t r = 0; r < matrix.outcomes.size(); ++r) {
+    std::vector<Cell> row = {{matrix.renderers[r].label, false, false}};
+    for (const BehaviourOutcome& outcome : matrix.outcomes[r])
+      row.push_back({outcome.failure.empty() ? count_text(outcome.wrong) : "–",
+                     outcome.failure.empty() && outcome.wrong == 0, falls_short(outcome)});
+    row.resize(table.columns.size(), {"–", false, false});
+    table.rows.push_back(std::move(row));
+  }
+  return table;
+}
+
+std::string matrix_json(const BehaviourMatrix& matrix) {
+  nlohmann::ordered_json root = {{"schema", "palpate-behaviours-1"}};
+  for (std::size_t r = 0; r < matrix.outcomes.size(); ++r) {
+    nlohmann::ordered_json row = {{"label", matrix.renderers[r].label}, {"name", matrix.renderers[r].name}};
+    for (std::size_t b = 0; b < matrix.outcomes[r].size(); ++b) {
+      const BehaviourOutcome& outcome = matrix.outcomes[r][b];
+      nlohmann::ordered_json one = {{"id", matrix.behaviours[b].id},
+                                    {"counted", matrix.behaviours[b].counted}};
+      if (outcome.failure.empty()) {
+        one["wrong"] = outcome.wrong;
+        one["of"] = outcome.of;
+      } else {
+        one["failure"] = outcome.failure;
+      }
+      row["behaviours"].push_back(std::move(one));
+    }
+    root["renderers"].push_back(std::move(row));
+  }
+  return root.dump(2) + "\n";
+}
+
+void add_behaviours(Page& page, const BehaviourMatrix& matrix, const OutputFolder& folder) {
+  Section section;
+  section.id = "behaviours";
+  section.title = "Behaviour suite";
+  section.paragraphs.push_back(
+      "Scenes on which the methods differ, each small, fixed and with one thing that is counted against "
+      "the "
+      "exact "
+      "surface.");
+  section.tables.push_back(matrix_table(matrix));
+  const Result<OutputFolder> figures = folder.inside("figures");
+  for (std::size_t b = 0; b < matrix.behaviours.size() && figures; ++b) {
+    section.figures.push_back(draw(picture(matrix, b), *figures));
+    section.figures.back().caption = matrix.behaviours[b].text + " " + section.figures.back().caption;
+  }
+  for (std::size_t r = 0; r < matrix.outcomes.size(); ++r) {
+    Fact fact{matrix.renderers[r].label, {}};
+    for (std::size_t b = 0; b < matrix.outcomes[r].size(); ++b)
+      if (const std::string& why = matrix.outcomes[r][b].failure; !why.empty())
+        fact.sentences.push_back(matrix.behaviours[b].title + ": " + why + ".");
+    if (!fact.sentences.empty()) section.facts.push_back(std::move(fact));
+  }
+  page.sections.push_back(std::move(section));
+  page.headlines.push_back({"Behaviour", headlines_of(matrix)});
+}
+
+}  // namespace palpate::experiments
