@@ -122,6 +122,8 @@ int run_reproduce(const ReproduceArguments& arguments, Context& context) {
     context.progress.set_prefix(fmt::format("[{}/{}] table {}: ", ++step, steps, manifest.table));
     if (manifest.kind == Manifest::Kind::kNeighbours)
       reproduce_neighbours(manifest, r);
+    else if (manifest.kind == Manifest::Kind::kMethods)
+      reproduce_methods(manifest, r);
     else
       reproduce_frames(manifest, r);
     if (context.progress.cancelled())

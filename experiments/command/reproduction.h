@@ -37,6 +37,8 @@ void give_up(Reproduction& r, const std::string& what, const Error& error);
 void reproduce_neighbours(const Manifest& manifest, Reproduction& r);
 /// Tables 7 and 9, each with its comparison.
 void reproduce_frames(const Manifest& manifest, Reproduction& r);
+/// Table 11: every method at the sizes at which they were published.
+void reproduce_methods(const Manifest& manifest, Reproduction& r);
 /// Mean frame and preparation from ten thousand to ten million points.
 void measure_growth(Reproduction& r);
 

@@ -45,8 +45,10 @@ void read_printed(const toml::table& root, Manifest& manifest) {
 Manifest from_table(const toml::table& root) {
   Manifest manifest;
   manifest.table = static_cast<int>(number_of(root, "table", 0.0));
-  manifest.kind =
-      text_of(root, "kind") == "neighbours" ? Manifest::Kind::kNeighbours : Manifest::Kind::kFrames;
+  const std::string kind = text_of(root, "kind");
+  manifest.kind = kind == "neighbours" ? Manifest::Kind::kNeighbours
+                  : kind == "methods"  ? Manifest::Kind::kMethods
+                                       : Manifest::Kind::kFrames;
   manifest.title = text_of(root, "title");
   manifest.text = text_of(root, "text");
   if (const toml::array* notes = root.get("notes") == nullptr ? nullptr : root.get("notes")->as_array())
@@ -58,16 +60,17 @@ Manifest from_table(const toml::table& root) {
   if (const toml::node* paced = root.get("paced")) manifest.paced = paced->value_or(true);
   read_printed(root, manifest);
   for (const toml::table* t : tables_of(root, "model")) {
-    ManifestModel model{text_of(*t, "name"),
-                        text_of(*t, "scene"),
-                        text_of(*t, "generate"),
-                        text_of(*t, "scan"),
-                        text_of(*t, "stand_in"),
-                        text_of(*t, "quick"),
-                        text_of(*t, "unit"),
-                        number_of(*t, "scale", 1.0),
-                        {},
-                        {}};
+    ManifestModel model;
+    model.name = text_of(*t, "name");
+    model.scene = text_of(*t, "scene");
+    model.generate = text_of(*t, "generate");
+    model.scan = text_of(*t, "scan");
+    model.stand_in = text_of(*t, "stand_in");
+    model.quick = text_of(*t, "quick");
+    model.unit = text_of(*t, "unit");
+    model.scale = number_of(*t, "scale", 1.0);
+    model.path = text_of(*t, "path");
+    if (const toml::node* full = t->get("full")) model.full = full->value_or(false);
     if (const toml::array* slow = t->get("slow") == nullptr ? nullptr : t->get("slow")->as_array())
       for (const toml::node& builder : *slow) model.slow.push_back(builder.value_or(std::string()));
     if (t->get("printed_min") != nullptr) model.printed_min = number_of(*t, "printed_min", 0.0);
@@ -78,6 +81,18 @@ Manifest from_table(const toml::table& root) {
     manifest.quick_path = text_of(*node->as_table(), "quick");
     manifest.scan_path = text_of(*node->as_table(), "scan");
     manifest.contact_frames = static_cast<std::uint64_t>(number_of(*node->as_table(), "contact_frames", 0.0));
+  }
+  for (const toml::table* t : tables_of(root, "method")) {
+    ManifestMethod method{text_of(*t, "renderer"),
+                          text_of(*t, "kin"),
+                          text_of(*t, "preparation"),
+                          text_of(*t, "broad"),
+                          text_of(*t, "narrow"),
+                          text_of(*t, "response"),
+                          {}};
+    for (const toml::table* p : tables_of(*t, "published"))
+      method.published.push_back({number_of(*p, "points", 0.0), number_of(*p, "us", 0.0)});
+    manifest.methods.push_back(std::move(method));
   }
   for (const toml::table* t : tables_of(root, "run"))
     manifest.runs.push_back({text_of(*t, "renderer"), text_of(*t, "quick")});

@@ -31,7 +31,20 @@ struct ManifestModel {
   std::string unit;
   double scale = 1.0;
   std::optional<double> printed_min;  ///< table 6: minutes
+  std::string path;                   ///< table 11: instead of the manifest's
+  bool full = false;                  ///< table 11: with --full only
   std::vector<std::string> slow;      ///< table 6: builders that run with --full only on this model
+};
+
+/// Table 11: a method, in the words of the table.
+struct ManifestMethod {
+  std::string renderer;
+  std::string kin;  ///< what it stands for in the thesis
+  std::string preparation, broad, narrow, response;
+  struct Published {
+    double points = 0.0, us = 0.0;
+  };
+  std::vector<Published> published;  ///< mean frames that its authors report
 };
 
 struct ManifestRun {
@@ -41,7 +54,7 @@ struct ManifestRun {
 
 struct Manifest {
   int table = 0;
-  enum class Kind { kFrames, kNeighbours };
+  enum class Kind { kFrames, kNeighbours, kMethods };
   Kind kind = Kind::kFrames;
   std::string title, text;
   std::vector<std::string> notes;
@@ -54,6 +67,7 @@ struct Manifest {
   std::string scan_path;             ///< instead of `path` on a scan, which has no formula; empty: the same
   std::uint64_t contact_frames = 0;  ///< the path ends after so many
   std::vector<ManifestRun> runs;
+  std::vector<ManifestMethod> methods;
   bool paced = true;  ///< frames are timed at 1 kHz too; false: with --full only
 };
 
