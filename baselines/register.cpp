@@ -1,7 +1,10 @@
 #include "baselines/register.h"
 
+#include "baselines/points/mls_penalty.h"
+#include "baselines/points/mls_proxy.h"
 #include "baselines/points/penalty_grid.h"
 #include "baselines/points/sphere_proxy.h"
+#include "baselines/points/stream_proxy.h"
 #include "baselines/renderers/mesh_godobject.h"
 #include "baselines/renderers/mesh_proxy.h"
 
@@ -12,6 +15,9 @@ void register_baseline_renderers(render::Registry& registry) {
   registry.add(penalty_grid_info());
   registry.add(sphere_proxy_info());
   registry.add(mesh_proxy_info());
+  registry.add(stream_proxy_info());
+  registry.add(mls_penalty_info());
+  registry.add(mls_proxy_info());
 }
 
 }  // namespace palpate::baselines

@@ -39,13 +39,14 @@ bool first_rise(double a, double b, double c, Turn& turn) noexcept {
 }  // namespace
 
 BallWalk::BallWalk(const PointGrid& points, double radius_mm)
-    : points_(&points), radius_(radius_mm), balls_(kMaxBalls) {}
+    : points_(&points),
+      radius_(radius_mm),
+      near_(points, radius_mm * (1.0 + kTouchShare), kStrideShare * radius_mm) {}
 
 void BallWalk::reset(const Vec3& at) noexcept {
   at_ = at;
   escape();
-  gathered_ = false;
-  ball_count_ = 0;
+  near_.forget();
   carried_by_ = 0;
   moves_ = 0;
 }
@@ -77,40 +78,22 @@ void BallWalk::escape() noexcept {
   }
 }
 
-/// Fetches the balls that any move started within a stride from here can meet.
-bool BallWalk::gather() noexcept {
-  const double stride = kStrideShare * radius_;
-  if (gathered_ && (at_ - gathered_at_).squaredNorm() <= stride * stride) return true;
-  ball_count_ = 0;
-  bool room = true;
-  points_->within(at_, radius_ * (1.0 + kTouchShare) + 2.0 * stride, [&](std::uint32_t place, double) {
-    if (ball_count_ == kMaxBalls) {
-      room = false;
-      return;
-    }
-    balls_[ball_count_++] = points_->points[place].at();
-  });
-  gathered_ = room;
-  gathered_at_ = at_;
-  return room;
-}
-
 /// The pull, less what the touched balls push against: the projection on the cone of free directions.
 BallWalk::Hold BallWalk::hold(const Vec3& pull) const noexcept {
   const double touch = radius_ * (1.0 + kTouchShare), same = radius_ * kSameShare;
   std::array<geometry::HalfSpace, geometry::kMaxHalfSpaces> planes;
   std::array<Vec3, geometry::kMaxHalfSpaces> centre;
   std::size_t count = 0;
-  for (std::size_t i = 0; i < ball_count_ && count < planes.size(); ++i) {
-    const Vec3 out = at_ - balls_[i];
+  for (const Vec3& ball : near_.all()) {
+    if (count == planes.size()) break;
+    const Vec3 out = at_ - ball;
     const double sq = out.squaredNorm();
     if (sq > touch * touch || !(sq > 0.0)) continue;
     bool known = false;
-    for (std::size_t k = 0; k < count; ++k)
-      known = known || (centre[k] - balls_[i]).squaredNorm() <= same * same;
+    for (std::size_t k = 0; k < count; ++k) known = known || (centre[k] - ball).squaredNorm() <= same * same;
     if (known) continue;
     planes[count] = {out / std::sqrt(sq), 0.0};
-    centre[count++] = balls_[i];
+    centre[count++] = ball;
   }
   Hold found;
   const geometry::NearestAllowed free =
@@ -120,59 +103,6 @@ BallWalk::Hold BallWalk::hold(const Vec3& pull) const noexcept {
     if (free.push[i] > 0.0) found.centre[static_cast<std::size_t>(found.count++)] = centre[i];
   if (!free.all_hold) found.way = Vec3::Zero();
   return found;
-}
-
-/// The share of the way a -> b that is free of balls; 1 and no centre where all is.
-double BallWalk::first_ball(const Vec3& a, const Vec3& b, Vec3& centre) const noexcept {
-  const Vec3 d = b - a;
-  const double length_sq = d.squaredNorm(), radius_sq = radius_ * radius_;
-  double first = 1.0;
-  if (!(length_sq > 0.0)) return first;
-  const double least = kIntoShare * radius_ * std::sqrt(length_sq);
-  partition::visit_ranges(points_->grid, a, b, Vec3::Constant(radius_), [&](partition::PlaceRange range) {
-    for (std::uint32_t place = range.begin; place < range.end; ++place) {
-      const Vec3 to = points_->points[place].at() - a;
-      const double along = to.dot(d);
-      // Behind, or touched and left or grazed.
-      if (!(along > least)) continue;
-      const double clear_sq = to.squaredNorm() - radius_sq;
-      const double root_sq = along * along - length_sq * clear_sq;
-      if (!(root_sq > 0.0)) continue;
-      const double t = std::max(0.0, (along - std::sqrt(root_sq)) / length_sq);
-      if (t >= first) continue;
-      first = t;
-      centre = a + to;
-    }
-    return true;
-  });
-  return first;
-}
-
-/// Straight towards the goal, up to the first ball. Returns false where the goal is too far away to be
-/// searched in one frame.
-bool BallWalk::fly(const Vec3& goal) noexcept {
-  const Vec3 from = at_, way = goal - from;
-  const double length = safe_length(way);
-  const double piece = kPieceCells * points_->grid.cell_mm();
-  // Pieces outside the grid's box are free; there visit_ranges returns at once.
-  const double pieces = std::ceil(length / piece);
-  const bool whole = pieces <= kMaxPieces;
-  const int count = whole ? std::max(1, static_cast<int>(pieces)) : kMaxPieces;
-  const double share = whole ? 1.0 / count : piece / length;
-  for (int i = 1; i <= count; ++i) {
-    const Vec3 end = whole && i == count ? goal : Vec3(from + way * (share * i));
-    Vec3 centre = Vec3::Zero();
-    const double t = first_ball(at_, end, centre);
-    if (t < 1.0) {
-      at_ += (end - at_) * t;
-      const Vec3 out = at_ - centre;
-      const double size = out.norm();
-      if (size > 0.0) at_ = centre + out * (radius_ / size);
-      return true;
-    }
-    at_ = end;
-  }
-  return whole;
 }
 
 /// Along a circle about `centre` through the proxy (`out` towards it, `along` the way, both unit), up to the
@@ -195,10 +125,10 @@ void BallWalk::slide(const Vec3& centre, double radius, Vec3 out, Vec3 along, co
     // The goal is outside of this ball: it lets go where its tangent plane contains the goal.
     if (first_rise(a, b, radius, leave)) earlier(leave);
   }
-  for (std::size_t i = 0; i < ball_count_; ++i) {
-    const Vec3 to = balls_[i] - centre;
+  for (const Vec3& ball : near_.all()) {
+    const Vec3 to = ball - centre;
     bool held = false;
-    for (int k = 0; k < hold.count; ++k) held = held || balls_[i] == hold.centre[static_cast<std::size_t>(k)];
+    for (int k = 0; k < hold.count; ++k) held = held || ball == hold.centre[static_cast<std::size_t>(k)];
     if (held) continue;
     Turn meet;
     const double limit = (radius * radius + to.squaredNorm() - radius_ * radius_) / (2.0 * radius);
@@ -214,7 +144,7 @@ void BallWalk::slide(const Vec3& centre, double radius, Vec3 out, Vec3 along, co
 
 bool BallWalk::go(const Vec3& goal) noexcept {
   for (int move = 0; move < kMaxBallMoves; ++move) {
-    if (!gather()) return false;
+    if (!near_.fetch(at_)) return false;
     const Vec3 pull = goal - at_;
     const double pull_sq = pull.squaredNorm();
     if (!(pull_sq > 0.0)) {
@@ -226,8 +156,9 @@ bool BallWalk::go(const Vec3& goal) noexcept {
     if (held.way.squaredNorm() <= kRestShare * kRestShare * pull_sq) return true;
     ++moves_;
     if (held.count == 0) {
-      if (!fly(goal)) return false;
-      if (at_ == goal) return true;
+      const Flight flight = fly(*points_, radius_, kIntoShare, at_, goal);
+      at_ = flight.at;
+      if (!flight.met) return flight.finished;
       continue;
     }
     const Vec3 before = at_;

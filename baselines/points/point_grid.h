@@ -39,6 +39,7 @@ struct PointsIn {
       return true;
     });
   }
+  [[nodiscard]] double cell_mm() const noexcept { return grid.cell_mm(); }
   [[nodiscard]] std::size_t bytes() const noexcept {
     return points.capacity() * sizeof(surface::SurfacePoint) + grid.bytes();
   }

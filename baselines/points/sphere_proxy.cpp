@@ -73,7 +73,7 @@ Status SphereProxy::prepare(SphereProxy& model, const render::ModelInput& input,
   model.points_ = build_point_grid(*input.cloud, kCellRadii * model.radius_mm_, context.threads);
   model.walk_ = std::make_unique<BallWalk>(model.points_, model.radius_mm_);
   phases.end();
-  report.bytes += model.points_.bytes() + kMaxBalls * sizeof(Vec3);
+  report.bytes += model.points_.bytes() + NearPoints<partition::UniformGrid>::bytes();
   report.notes.push_back(fmt::format("radius {:.4g} mm, cell {:.4g} mm, at most {} points a cell",
                                      model.radius_mm_, model.points_.grid.cell_mm(),
                                      model.points_.grid.max_points_per_cell()));
@@ -85,7 +85,7 @@ std::string SphereProxy::work_bound() const {
       "at most {} moves among at most {} balls at hand, found in at most 64 cells each time the proxy is "
       "half "
       "a radius further; flights of at most {} pieces of {:.0f} cells (the fullest cell holds {} points)",
-      kMaxBallMoves, kMaxBalls, kMaxPieces, kPieceCells,
+      kMaxBallMoves, kMaxNear, kMaxPieces, kPieceCells,
       points_.points.empty() ? 0 : points_.grid.max_points_per_cell());
 }
 

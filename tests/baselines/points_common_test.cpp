@@ -9,9 +9,10 @@ namespace palpate::test {
 namespace {
 
 const std::vector<std::string> kRivals = {
-    "penalty-grid",
-    "penalty-grid:neighbours=27:side=outward:threshold=0",
-    "sphere-proxy",
+    "penalty-grid", "penalty-grid:neighbours=27:side=outward:threshold=0",
+    "sphere-proxy", "stream-proxy",
+    "mls-penalty",  "mls-penalty:normals=covariance",
+    "mls-proxy",    "mls-proxy:surface=metaball",
 };
 
 using Frames = std::vector<render::Frame>;

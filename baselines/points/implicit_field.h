@@ -1,0 +1,62 @@
+// The implicit functions of Leeper, Chan and Salisbury 2012 over points with radii of their own.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "baselines/points/outward.h"
+#include "baselines/points/point_grid.h"
+
+namespace palpate::baselines {
+
+enum class ImplicitSurface : std::uint8_t {
+  kSurfel,    ///< f = n . (x - a), a and n the weighted means of points and normals
+  kMetaball,  ///< f = level - sum of weights: a skin around the points, the same from both sides
+};
+enum class ImplicitWeight : std::uint8_t {
+  kWyvill,    ///< 1 - 22/9 q^2 + 17/9 q^4 - 4/9 q^6
+  kWendland,  ///< (1 - q)^4 (4 q + 1)
+};
+
+/// A point's radius, in mean distances to its three nearest.
+inline constexpr double kRadiusSpacings = 3.0;
+inline constexpr std::size_t kRadiusNeighbours = 3;
+/// The radius within which points are looked for, in mean radii of points.
+inline constexpr double kActiveRadii = 3.0;
+
+/// The function and its gradient at a place; negative inside.
+struct ImplicitValue {
+  bool defined = false;  ///< some point's weight reaches here
+  double f = 0.0;        ///< mm of surfels; a number of metaballs
+  Vec3 gradient = Vec3::Zero();
+};
+
+/// Immutable after building; safe to read from many threads. Local coordinates, mm.
+class ImplicitField {
+ public:
+  /// `neighbours` is parallel to the points. `level`: of metaballs, the sum of weights on the surface. O(n).
+  void build(PointGrid points, std::span<const neighbourhood::Neighbours> neighbours, ImplicitSurface surface,
+             ImplicitWeight weight, double level, int threads);
+
+  /// Allocates nothing. O(points within the active radius).
+  [[nodiscard]] ImplicitValue at(const Vec3& place, const OutwardSide& side) const noexcept;
+  /// The point nearest to a place within the active radius; kNoPlace.
+  [[nodiscard]] std::uint32_t nearest(const Vec3& place) const noexcept;
+
+  [[nodiscard]] double active_mm() const noexcept { return active_; }
+  [[nodiscard]] double largest_radius_mm() const noexcept { return largest_; }
+  [[nodiscard]] const PointGrid& points() const noexcept { return points_; }
+  [[nodiscard]] std::size_t bytes() const noexcept {
+    return points_.bytes() + radius_.capacity() * sizeof(float);
+  }
+
+ private:
+  PointGrid points_;
+  LargeVector<float> radius_;  ///< by place
+  double active_ = 0.0, reach_ = 0.0, largest_ = 0.0;
+  ImplicitSurface surface_ = ImplicitSurface::kSurfel;
+  ImplicitWeight weight_ = ImplicitWeight::kWyvill;
+  double level_ = 0.5;
+};
+
+}  // namespace palpate::baselines

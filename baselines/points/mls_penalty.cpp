@@ -1,0 +1,188 @@
+#include "baselines/points/mls_penalty.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <utility>
+
+#include "baselines/points/outward.h"
+#include "baselines/points/rival.h"
+#include "baselines/points/sphere_tree.h"
+#include "toolkit/render/prepare_phases.h"
+#include "toolkit/surface/least_direction.h"
+
+namespace palpate::baselines {
+namespace {
+
+/// Weights below exp(-kCutoff^2) = 1e-4 are left out.
+constexpr double kCutoff = 3.0;
+/// The projection has converged when it moves by less than this share of the kernel's width.
+constexpr double kConvergedShare = 1e-3;
+
+class MlsPenalty : public RivalModel {
+ public:
+  static constexpr RivalText kText{
+      "mls-penalty", "moving-least-squares surface built in the frame, penalty force",
+      "Lee and Kim 2007 ([52]) by the thesis's section 2.2.3; projection of Alexa and Adamson 2004"};
+  static constexpr bool kGodObject = false;
+  static std::vector<OptionSpec> specs();
+  static Status prepare(MlsPenalty& model, const render::ModelInput& input, const Options& options,
+                        const render::PrepareContext& context, render::PrepareReport& report);
+  [[nodiscard]] std::string work_bound() const;
+
+  void reset(const Vec3&) noexcept { side_.release(); }
+  [[nodiscard]] render::ModelAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept;
+
+ private:
+  struct Fit {
+    bool usable = false;
+    Vec3 mean = Vec3::Zero();
+    Vec3 normal = Vec3::Zero();
+  };
+  [[nodiscard]] Fit fit(const Vec3& at, const Vec3& like) const noexcept;
+
+  LargeVector<surface::SurfacePoint> points_;
+  SphereTree tree_;
+  double width_mm_ = 0.0, reach_mm_ = 0.0;
+  int iterations_ = 1;
+  bool covariance_ = false;
+  OutwardSide side_;
+};
+
+std::vector<OptionSpec> MlsPenalty::specs() {
+  using enum OptionKind;
+  return {
+      {"width", kNumber, "1", "of the Gaussian kernel, in mean spacings: larger is smoother", {}, 0.1, 16.0},
+      {"width_mm", kNumber, "0", "the same in mm; 0: by width", {}, 0.0, 1e12},
+      {"reach",
+       kNumber,
+       "32",
+       "the surface is looked for so far from the HIP, in mean spacings",
+       {},
+       0.1,
+       1e6},
+      {"reach_mm", kNumber, "0", "the same in mm; 0: by reach", {}, 0.0, 1e12},
+      {"iterations", kInteger, "8", "of the projection, at most", {}, 1, 64},
+      {"normals",
+       kChoice,
+       "weighted",
+       "of the surface: mean of the points' normals, or the plane of least squares",
+       {"weighted", "covariance"}},
+  };
+}
+
+Status MlsPenalty::prepare(MlsPenalty& model, const render::ModelInput& input, const Options& options,
+                           const render::PrepareContext& context, render::PrepareReport& report) {
+  render::PreparePhases phases(report, context);
+  phases.begin("spacing");
+  const double spacing = natural_spacing_mm(*input.cloud, context.threads);
+  phases.end();
+  const auto length = [&](const char* in_mm, const char* in_spacings) {
+    return options.number(in_mm) > 0.0 ? options.number(in_mm) : options.number(in_spacings) * spacing;
+  };
+  model.width_mm_ = length("width_mm", "width");
+  model.reach_mm_ = length("reach_mm", "reach");
+  model.iterations_ = static_cast<int>(options.integer("iterations"));
+  model.covariance_ = options.text("normals") == "covariance";
+  Result<OrientedGrid> built = build_oriented_grid(input, kCutoff * model.width_mm_, false, context, report);
+  if (!built) return std::move(built).error();
+  model.points_ = std::move(built->points.points);
+  phases.begin("sphere tree");
+  model.tree_.build(model.points_, context.threads);
+  phases.end();
+  report.bytes += model.points_.capacity() * sizeof(surface::SurfacePoint) + model.tree_.bytes();
+  report.notes.push_back(
+      fmt::format("kernel {:.4g} mm wide, surface looked for within {:.4g} mm, {} levels of spheres",
+                  model.width_mm_, model.reach_mm_, model.tree_.levels()));
+  return Done{};
+}
+
+std::string MlsPenalty::work_bound() const {
+  return fmt::format(
+      "unbounded: at most {} sums over all points within {:.0f} kernel widths, and one search through a tree "
+      "of {} "
+      "levels; both grow with the points in reach",
+      iterations_, kCutoff, tree_.levels());
+}
+
+/// The weighted mean of the points around `at`, and the normal there, on the side of `like`.
+MlsPenalty::Fit MlsPenalty::fit(const Vec3& at, const Vec3& like) const noexcept {
+  const double per_width_sq = 1.0 / (width_mm_ * width_mm_);
+  double weights = 0.0;
+  Vec3 mean = Vec3::Zero(), normals = Vec3::Zero();
+  surface::Symmetric square;
+  tree_.within(at, kCutoff * width_mm_, [&](std::uint32_t i, double sq) {
+    const double weight = std::exp(-sq * per_width_sq);
+    const surface::SurfacePoint& point = points_[i];
+    const Vec3 d = point.at() - at;
+    weights += weight;
+    mean += weight * d;
+    if (covariance_) {
+      square.xx += weight * d.x() * d.x();
+      square.xy += weight * d.x() * d.y();
+      square.xz += weight * d.x() * d.z();
+      square.yy += weight * d.y() * d.y();
+      square.yz += weight * d.y() * d.z();
+      square.zz += weight * d.z() * d.z();
+    } else if (point.normal != surface::kNoNormal) {
+      normals += weight * side_.normal(point.normal);
+    }
+  });
+  Fit found;
+  if (!(weights > 0.0)) return found;
+  mean /= weights;
+  found.mean = at + mean;
+  if (covariance_) {
+    const surface::Symmetric spread{
+        square.xx / weights - mean.x() * mean.x(), square.xy / weights - mean.x() * mean.y(),
+        square.xz / weights - mean.x() * mean.z(), square.yy / weights - mean.y() * mean.y(),
+        square.yz / weights - mean.y() * mean.z(), square.zz / weights - mean.z() * mean.z()};
+    if (!surface::least_direction(spread, found.normal)) return found;
+    if (found.normal.dot(like) < 0.0) found.normal = -found.normal;
+    found.usable = true;
+    return found;
+  }
+  const double size = normals.norm();
+  if (!(size > 0.0)) return found;
+  found.normal = normals / size;
+  found.usable = true;
+  return found;
+}
+
+render::ModelAnswer MlsPenalty::update(const Vec3& h, render::FrameCounters& counters) noexcept {
+  const std::uint32_t near = tree_.nearest(h, reach_mm_);
+  if (near == kNoPlace) {
+    side_.release();
+    return {};
+  }
+  // The projection starts at the point nearest to the HIP, which is on the surface but for noise.
+  const surface::SurfacePoint& start = points_[near];
+  side_.choose(start.normal, h - start.at());
+  const Vec3 like = side_.normal(start.normal);
+  if (like == Vec3::Zero()) return {};
+  Vec3 at = start.at();
+  Fit here;
+  for (int i = 0; i < iterations_; ++i) {
+    ++counters.walk_steps;
+    const Fit next = fit(at, like);
+    if (!next.usable) break;
+    here = next;
+    // Almost orthogonal: the HIP on to the plane of this place.
+    const Vec3 foot = h - here.normal * here.normal.dot(h - here.mean);
+    const double moved_sq = (foot - at).squaredNorm();
+    at = foot;
+    if (moved_sq <= kConvergedShare * kConvergedShare * width_mm_ * width_mm_) break;
+  }
+  if (!here.usable) return {};
+  const double depth = here.normal.dot(here.mean - h);
+  if (!(depth > 0.0)) return {};
+  return {true, false, h + depth * here.normal, surface.stiffness_n_per_mm * depth * here.normal};
+}
+
+}  // namespace
+
+render::RendererInfo mls_penalty_info() {
+  return rival_info<MlsPenalty>();
+}
+
+}  // namespace palpate::baselines

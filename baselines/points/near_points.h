@@ -1,0 +1,122 @@
+// The points around a proxy, fetched once for many moves; and straight flights among balls around points.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "baselines/points/point_grid.h"
+
+namespace palpate::baselines {
+
+/// Points around a proxy that are kept at hand, at most. Where more are in reach (clumps far denser than the
+/// cloud), a proxy stays where it is and the frame says that its bound was hit.
+inline constexpr std::size_t kMaxNear = 8192;
+/// Straight flights are searched in pieces of so many cells, at most so many pieces a frame.
+inline constexpr double kPieceCells = 8.0;
+inline constexpr int kMaxPieces = 64;
+
+/// Belongs to one thread; the points must outlive it. fetch() allocates nothing.
+template <class Grid>
+class NearPoints {
+ public:
+  NearPoints(const PointsIn<Grid>& points, double reach_mm, double stride_mm)
+      : points_(&points), reach_(reach_mm), stride_(stride_mm), at_hand_(kMaxNear) {}
+
+  void forget() noexcept { fetched_ = false; }
+  /// Makes all() hold at least every point within reach of any place within a stride of `at`: nothing is done
+  /// while `at` is within a stride of where it was fetched last. False where there are more than kMaxNear.
+  bool fetch(const Vec3& at) noexcept {
+    if (fetched_ && (at - fetched_at_).squaredNorm() <= stride_ * stride_) return true;
+    count_ = 0;
+    bool room = true;
+    points_->within(at, reach_ + 2.0 * stride_, [&](std::uint32_t place, double) {
+      if (count_ == kMaxNear)
+        room = false;
+      else
+        at_hand_[count_++] = points_->points[place].at();
+    });
+    fetched_ = room;
+    fetched_at_ = at;
+    return room;
+  }
+  [[nodiscard]] std::span<const Vec3> all() const noexcept { return {at_hand_.data(), count_}; }
+  static constexpr std::size_t bytes() noexcept { return kMaxNear * sizeof(Vec3); }
+
+ private:
+  const PointsIn<Grid>* points_;
+  double reach_, stride_;
+  std::vector<Vec3> at_hand_;  ///< kMaxNear places
+  std::size_t count_ = 0;
+  bool fetched_ = false;
+  Vec3 fetched_at_ = Vec3::Zero();
+};
+
+/// Where a straight flight ends.
+struct Flight {
+  Vec3 at = Vec3::Zero();
+  bool met = false;  ///< a ball is in the way; `at` is on it
+  bool finished =
+      true;  ///< false: the way was too long to be searched in one frame, `at` is as far as it was
+};
+
+/// The share of the way a -> b that is free of balls of `radius` around points, and the ball's centre; 1
+/// where all is. A ball that the way leads into by less than `graze` (a cosine) where it starts is passed.
+template <class Grid>
+[[nodiscard]] double free_share(const PointsIn<Grid>& points, double radius, double graze, const Vec3& a,
+                                const Vec3& b, Vec3& centre) noexcept {
+  const Vec3 d = b - a;
+  const double length_sq = d.squaredNorm(), radius_sq = radius * radius;
+  double first = 1.0;
+  if (!(length_sq > 0.0)) return first;
+  const double least = graze * radius * std::sqrt(length_sq);
+  partition::visit_ranges(points.grid, a, b, Vec3::Constant(radius), [&](partition::PlaceRange range) {
+    for (std::uint32_t place = range.begin; place < range.end; ++place) {
+      const Vec3 to = points.points[place].at() - a;
+      const double along = to.dot(d);
+      // Behind, or touched and left or grazed.
+      if (!(along > least)) continue;
+      const double root_sq = along * along - length_sq * (to.squaredNorm() - radius_sq);
+      if (!(root_sq > 0.0)) continue;
+      const double t = std::max(0.0, (along - std::sqrt(root_sq)) / length_sq);
+      if (t >= first) continue;
+      first = t;
+      centre = a + to;
+    }
+    return true;
+  });
+  return first;
+}
+
+/// Straight from `from` to `goal`, up to the first ball of `radius` around a point. Nothing is passed
+/// through, however long the way.
+template <class Grid>
+[[nodiscard]] Flight fly(const PointsIn<Grid>& points, double radius, double graze, const Vec3& from,
+                         const Vec3& goal) noexcept {
+  const Vec3 way = goal - from;
+  const double length = safe_length(way);
+  const double piece = kPieceCells * points.cell_mm();
+  const double pieces = std::ceil(length / piece);
+  const bool whole = pieces <= kMaxPieces;
+  const int count = whole ? std::max(1, static_cast<int>(pieces)) : kMaxPieces;
+  const double share = whole ? 1.0 / count : piece / length;
+  Flight flight{from, false, whole};
+  for (int i = 1; i <= count; ++i) {
+    const Vec3 end = whole && i == count ? goal : Vec3(from + way * (share * i));
+    Vec3 centre = Vec3::Zero();
+    const double t = free_share(points, radius, graze, flight.at, end, centre);
+    if (t < 1.0) {
+      flight.at += (end - flight.at) * t;
+      const Vec3 out = flight.at - centre;
+      const double size = out.norm();
+      if (size > 0.0) flight.at = centre + out * (radius / size);
+      return {flight.at, true, true};
+    }
+    flight.at = end;
+  }
+  return flight;
+}
+
+}  // namespace palpate::baselines

@@ -1,0 +1,77 @@
+#include "baselines/points/sphere_tree.h"
+
+#include <limits>
+#include <utility>
+
+namespace palpate::baselines {
+namespace {
+
+constexpr std::size_t kNodesPerChunk = 256;
+
+}  // namespace
+
+void SphereTree::build(std::span<const surface::SurfacePoint> points, int threads) {
+  points_ = points;
+  levels_ = 0;
+  while (levels_ < kMaxSphereLevels && (points.size() >> levels_) > kPointsPerSphere) ++levels_;
+  spheres_.resize((std::size_t{2} << levels_) - 1);
+  for (int level = 0; level <= levels_; ++level) {
+    parallel_chunks(std::size_t{1} << level, kNodesPerChunk, threads,
+                    [&](std::size_t first, std::size_t last) {
+                      for (std::size_t number = first; number < last; ++number) {
+                        const Node node{level, static_cast<std::uint32_t>(number)};
+                        geometry::Aabb box;
+                        for (std::uint32_t place = begin(node); place < end(node); ++place)
+                          box.add(points[place].at());
+                        const Vec3f middle = box.centre_mm().cast<float>();
+                        Sphere sphere{middle.x(), middle.y(), middle.z(), 0.0f};
+                        double most_sq = 0.0;
+                        for (std::uint32_t place = begin(node); place < end(node); ++place)
+                          most_sq = std::max(most_sq, (points[place].at() - sphere.at()).squaredNorm());
+                        sphere.radius = std::nextafter(static_cast<float>(std::sqrt(most_sq)),
+                                                       std::numeric_limits<float>::infinity());
+                        spheres_[index(node)] = sphere;
+                      }
+                    });
+  }
+}
+
+std::uint32_t SphereTree::nearest(const Vec3& at, double most_mm) const noexcept {
+  if (points_.empty()) return kNoPlace;
+  struct Waiting {
+    Node node;
+    double at_least;
+  };
+  const auto least = [&](const Node& node) {
+    const Sphere& sphere = spheres_[index(node)];
+    return std::max(0.0, safe_length(sphere.at() - at) - static_cast<double>(sphere.radius));
+  };
+  std::array<Waiting, kMaxSphereLevels + 1> stack;
+  std::size_t waiting = 0;
+  std::uint32_t best = kNoPlace;
+  double best_mm = most_mm;
+  stack[waiting++] = {{0, 0}, least({0, 0})};
+  while (waiting > 0) {
+    const Waiting next = stack[--waiting];
+    if (next.at_least > best_mm) continue;
+    if (next.node.level < levels_) {
+      Waiting near{{next.node.level + 1, 2 * next.node.number}, 0.0};
+      Waiting far{{next.node.level + 1, 2 * next.node.number + 1}, 0.0};
+      near.at_least = least(near.node);
+      far.at_least = least(far.node);
+      if (far.at_least < near.at_least) std::swap(near, far);
+      stack[waiting++] = far;
+      stack[waiting++] = near;
+      continue;
+    }
+    for (std::uint32_t place = begin(next.node); place < end(next.node); ++place) {
+      const double mm = safe_length(points_[place].at() - at);
+      if (mm > best_mm || (mm == best_mm && place > best)) continue;
+      best_mm = mm;
+      best = place;
+    }
+  }
+  return best;
+}
+
+}  // namespace palpate::baselines

@@ -1,0 +1,281 @@
+// `stream-proxy`, `mls-penalty` and `mls-proxy` against formulas, and their parts against brute force.
+#include <algorithm>
+
+#include "baselines/points/implicit_field.h"
+#include "baselines/points/sphere_tree.h"
+#include "tests/baselines/point_rivals.h"
+
+namespace palpate::test {
+namespace {
+
+const std::vector<std::string> kSmooth = {"stream-proxy", "mls-penalty", "mls-penalty:normals=covariance",
+                                          "mls-proxy", "mls-proxy:weight=wendland"};
+
+/// RMS of the force error over the RMS of the true force, along the weaving path on a generated model.
+double relative_error(const std::string& rival, const std::string& generator, double depth,
+                      double* missed = nullptr) {
+  const auto made = cloud::generate(parse_named_options(generator).value()).value();
+  render::ModelInput model = model_of(made.cloud);
+  const Prepared probe = prepare(model, rival, 0);
+  const auto path = weaving(*made.surface, 4000, depth);
+  probe.renderer->reset(path.front());
+  double error = 0.0, size = 0.0, lost = 0.0;
+  for (std::size_t i = 0; i < path.size(); ++i) {
+    const render::Frame frame = probe.to(path[i]);
+    const double d = made.surface->signed_distance_mm(path[i]);
+    const Vec3 truth =
+        d < 0.0 ? Vec3(kStiffness * (made.surface->closest(path[i]).point_mm - path[i])) : Vec3(Vec3::Zero());
+    error += (frame.force_n - truth).squaredNorm();
+    size += truth.squaredNorm();
+    lost += d < -0.1 * depth && !frame.contact;
+  }
+  if (missed != nullptr) *missed = lost;
+  return std::sqrt(error / size);
+}
+
+class Smooth : public testing::TestWithParam<std::string> {};
+
+TEST_P(Smooth, PlaneIsExact) {
+  const double spacing = 0.2;
+  const Prepared rival = prepare(
+      model_of(cloud_of(height_points(101, spacing, [](double, double) { return 0.0; }))), GetParam());
+  for (const double side : {1.0, -1.0}) {
+    rival.renderer->reset({-5, -5, 3.0 * side});
+    EXPECT_FALSE(rival.glide({-5, -5, 3.0 * side}, {-5, -5, 0.1 * side}, 0.02).contact);
+    rival.glide({-5, -5, 0.1 * side}, {-5, -5, -1.0 * side}, 0.02);
+    for (int i = 0; i < 200; ++i) {
+      const render::Frame frame = rival.to({-5 + 0.05 * i, -5 + 0.031 * i, -1.0 * side});
+      ASSERT_TRUE(frame.contact) << i;
+      // The tilt that the rest's tolerance, and points entering the kernel one by one, leave.
+      ASSERT_NEAR(frame.force_n.z(), kStiffness * side, 0.01 * kStiffness) << i;
+      ASSERT_LT(std::hypot(frame.force_n.x(), frame.force_n.y()), 0.02 * kStiffness) << i;
+    }
+    EXPECT_FALSE(rival.glide({5, 1.2, -1.0 * side}, {5, 1.2, 0.1 * side}, 0.05).contact);
+  }
+}
+
+TEST_P(Smooth, ErrorFallsWithTheSquareOfTheSpacing) {
+  double missed = 0.0;
+  const std::string model = "sinusoid:amplitude_mm=2:wavelength_mm=20:extent_mm=40:mesh=false:points=";
+  const double coarse = relative_error(GetParam(), model + "10201", 0.5, &missed);
+  EXPECT_EQ(missed, 0.0);
+  const double fine = relative_error(GetParam(), model + "40401", 0.5, &missed);
+  EXPECT_EQ(missed, 0.0);
+  // A fitted surface is off by curvature x kernel^2 / 4, and the kernel is in spacings.
+  EXPECT_LT(coarse, 0.08);
+  EXPECT_LT(fine, 0.025);
+  EXPECT_LT(fine, coarse / 2.5) << coarse << " to " << fine;
+}
+
+TEST_P(Smooth, ClosedSurfacesAreFeltFromOutside) {
+  EXPECT_LT(relative_error(GetParam(), "sphere:extent_mm=20:points=40000:mesh=false:seed=2", 1.0), 0.03);
+}
+
+INSTANTIATE_TEST_SUITE_P(Points, Smooth, testing::ValuesIn(kSmooth), [](const auto& rival) {
+  std::string name = rival.param;
+  std::replace_if(
+      name.begin(), name.end(), [](char c) { return std::isalnum(static_cast<unsigned char>(c)) == 0; }, '_');
+  return name;
+});
+
+TEST(SphereTree, FindsWhatBruteForceFinds) {
+  for (const std::size_t n : {1u, 7u, 8u, 9u, 1000u}) {
+    Random random(n);
+    std::vector<Vec3> places;
+    for (std::size_t i = 0; i < n; ++i)
+      places.push_back({random.uniform(-5, 5), random.uniform(-5, 5), random.uniform(-1, 1)});
+    const cloud::Cloud cloud = cloud_of(places);
+    const baselines::PointGrid grid = baselines::build_point_grid(cloud, 1.0, 1);
+    baselines::SphereTree tree, parallel;
+    tree.build(grid.points, 1);
+    parallel.build(grid.points, 0);
+    for (int i = 0; i < 300; ++i) {
+      const Vec3 at(random.uniform(-7, 7), random.uniform(-7, 7), random.uniform(-3, 3));
+      const double radius = random.uniform(0.0, 4.0);
+      std::vector<std::uint32_t> expected, found, found_in_grid;
+      std::uint32_t nearest = baselines::kNoPlace;
+      for (std::uint32_t k = 0; k < n; ++k) {
+        const double sq = (grid.points[k].at() - at).squaredNorm();
+        if (sq <= radius * radius) expected.push_back(k);
+        if (sq <= radius * radius &&
+            (nearest == baselines::kNoPlace || sq < (grid.points[nearest].at() - at).squaredNorm()))
+          nearest = k;
+      }
+      tree.within(at, radius, [&](std::uint32_t place, double) { found.push_back(place); });
+      grid.within(at, radius, [&](std::uint32_t place, double) { found_in_grid.push_back(place); });
+      std::sort(found_in_grid.begin(), found_in_grid.end());
+      ASSERT_EQ(found, expected);
+      ASSERT_EQ(found_in_grid, expected);
+      ASSERT_EQ(tree.nearest(at, radius), nearest);
+      ASSERT_EQ(parallel.nearest(at, radius), nearest);
+    }
+  }
+}
+
+TEST(ImplicitField, IsItsFormulaAndItsGradientTheSlope) {
+  const auto places = height_points(
+      21, 1.0, [](double x, double y) { return 0.1 * x * y; }, 0.3);
+  const render::ModelInput model = model_of(cloud_of(places));
+  for (const auto weight : {baselines::ImplicitWeight::kWyvill, baselines::ImplicitWeight::kWendland}) {
+    render::PrepareReport report;
+    auto oriented = baselines::build_oriented_grid(model, 3.0, true, {1, nullptr}, report).value();
+    const auto points = oriented.points.points;
+    const auto neighbours = oriented.neighbours;
+    baselines::ImplicitField balls, surfels;
+    balls.build(oriented.points, neighbours, baselines::ImplicitSurface::kMetaball, weight, 0.5, 1);
+    surfels.build(std::move(oriented.points), neighbours, baselines::ImplicitSurface::kSurfel, weight, 0.5,
+                  1);
+    const auto w = [&](double q) {
+      const double s = q * q;
+      if (weight == baselines::ImplicitWeight::kWyvill)
+        return 1 - 22.0 / 9 * s + 17.0 / 9 * s * s - 4.0 / 9 * s * s * s;
+      return std::pow(1 - q, 4) * (4 * q + 1);
+    };
+    Random random(9);
+    baselines::OutwardSide side;
+    std::size_t defined = 0;
+    for (int i = 0; i < 300; ++i) {
+      const Vec3 at(random.uniform(-9, 9), random.uniform(-9, 9), random.uniform(-4, 4));
+      double sum = 0.0;
+      Vec3 mean = Vec3::Zero(), normal = Vec3::Zero();
+      for (std::size_t k = 0; k < points.size(); ++k) {
+        std::vector<double> distance;
+        for (const std::uint32_t other : neighbours[k])
+          if (other != k) distance.push_back((points[other].at() - points[k].at()).norm());
+        std::sort(distance.begin(), distance.end());
+        const double radius = double(float(distance[0] + distance[1] + distance[2]));  // 3 x the mean of 3
+        const double q = (points[k].at() - at).norm() / radius;
+        if (q >= 1.0) continue;
+        sum += w(q);
+        mean += w(q) * points[k].at();
+        normal += w(q) * surface::decode_normal(points[k].normal);
+      }
+      const auto ball = balls.at(at, side), surfel = surfels.at(at, side);
+      ASSERT_EQ(surfel.defined, sum > 0.0) << i;
+      if (!(sum > 0.0)) continue;
+      ++defined;
+      ASSERT_NEAR(ball.f, 0.5 - sum, 1e-6);
+      ASSERT_NEAR(surfel.f, (normal / sum).dot(at - mean / sum), 1e-6);
+      const double step = 1e-5;
+      for (int axis = 0; axis < 3; ++axis) {
+        const Vec3 d = step * Vec3::Unit(axis);
+        const auto up = balls.at(at + d, side), down = balls.at(at - d, side);
+        if (!up.defined || !down.defined) continue;
+        ASSERT_NEAR((up.f - down.f) / (2 * step), ball.gradient[axis], 1e-4) << i;
+      }
+    }
+    EXPECT_GT(defined, 100u);
+  }
+}
+
+TEST(MlsPenalty, WiderKernelsSmoothNoise) {
+  Random random(4);
+  const double noise = 0.1;
+  const auto points = height_points(81, 0.25, [&](double, double) { return noise * random.normal(); });
+  const auto error_of = [&](const std::string& options) {
+    const Prepared rival = prepare(model_of(cloud_of(points)), options);
+    rival.renderer->reset({0, 0, 3});
+    EXPECT_FALSE(rival.to({0, 0, 3}).contact);  // the side it comes from
+    double sum = 0.0;
+    Random place(8);
+    for (int i = 0; i < 400; ++i) {
+      const render::Frame frame = rival.to({place.uniform(-7, 7), place.uniform(-7, 7), -1.0});
+      sum += std::pow(frame.force_n.z() / kStiffness - 1.0, 2);
+    }
+    return std::sqrt(sum / 400);
+  };
+  // A mean over the kernel's points, 2 pi width^2 of them effectively: 1 / sqrt(25) of the noise at width 2.
+  EXPECT_LT(error_of("mls-penalty:width=2"), 0.4 * noise);
+  EXPECT_LT(error_of("mls-penalty:width=2"), 0.7 * error_of("mls-penalty:width=0.7"));
+}
+
+TEST(MlsPenalty, PopsThroughThinPlatesAsPenaltiesDo) {
+  auto points = height_points(61, 0.25, [](double, double) { return 0.5; });
+  const auto lower = height_points(61, 0.25, [](double, double) { return -0.5; });
+  points.insert(points.end(), lower.begin(), lower.end());
+  const Prepared penalty = prepare(model_of(cloud_of(points)), "mls-penalty");
+  const Prepared proxy = prepare(model_of(cloud_of(points)), "stream-proxy");
+  for (const Prepared* rival : {&penalty, &proxy}) {
+    rival->renderer->reset({0.1, 0, 2});
+    EXPECT_GT(rival->glide({0.1, 0, 2}, {0.1, 0, 0.2}, 0.02).force_n.z(), 0.1);
+  }
+  EXPECT_GE(proxy.glide({0.1, 0, 0.2}, {0.1, 0, -0.3}, 0.02).force_n.z(), 0.39);
+  EXPECT_LT(penalty.glide({0.1, 0, 0.2}, {0.1, 0, -0.3}, 0.02).force_n.z(), 0.2)
+      << "the other face is nearer";
+}
+
+TEST(MlsProxy, MetaballsAreASkinFeltFromBothSides) {
+  const auto points = height_points(41, 0.25, [](double, double) { return 0.0; });
+  const Prepared rival = prepare(model_of(cloud_of(points)), "mls-proxy:surface=metaball");
+  for (const double side : {1.0, -1.0}) {
+    rival.renderer->reset({0, 0, 3.0 * side});
+    const render::Frame frame = rival.glide({0, 0, 3.0 * side}, {0.3, 0.2, -0.4 * side}, 0.02);
+    ASSERT_TRUE(frame.contact);
+    // Points' radii are 3 spacings, and the level 0.5 lies within them.
+    EXPECT_GT(frame.god_object_mm.z() * side, 0.25);
+    EXPECT_LT(frame.god_object_mm.z() * side, 0.75);
+  }
+}
+
+TEST(MlsProxy, LosesTheSurfaceWhereTheHipOutrunsItsNeighbourhood) {
+  const auto points = height_points(41, 0.25, [](double, double) { return 0.0; });
+  const Prepared rival = prepare(model_of(cloud_of(points)), "mls-proxy");
+  rival.renderer->reset({0, 0, 5});
+  EXPECT_FALSE(rival.glide({0, 0, 5}, {0, 0, -5}, 5.0).contact) << "no frame saw the points: a pop-through";
+  rival.renderer->reset({0, 0, 5});
+  EXPECT_TRUE(rival.glide({0, 0, 5}, {0, 0, -5}, 0.1).contact);
+}
+
+TEST(StreamProxy, FollowsPointsThatMoveAndGetsThemBack) {
+  const auto points = height_points(21, 0.5, [](double, double) { return 0.0; });
+  render::ModelInput model = model_of(cloud_of(points));
+  model.moves = std::make_shared<render::MoveQueue>();
+  ASSERT_LE(points.size(), render::kMaxBatch);
+  const Prepared rival = prepare(model, "stream-proxy");
+  const Vec3 hip(0.1, 0.05, -0.5);
+  const auto press = [&] {
+    rival.renderer->reset({0.1, 0.05, 3});
+    return rival.glide({0.1, 0.05, 3}, hip, 0.05);
+  };
+  const render::Frame before = press();
+  EXPECT_NEAR(before.force_n.z(), kStiffness * 0.5, 0.01);
+  // The plane rises under the resting HIP, a fiftieth of a spacing a batch.
+  double height = 0.0;
+  for (int k = 0; k < 100; ++k) {
+    height += 0.01;
+    render::MoveBatch* batch = model.moves->begin();
+    ASSERT_NE(batch, nullptr);
+    for (std::uint32_t i = 0; i < points.size(); ++i) {
+      batch->point[i] = i;
+      batch->to_mm[i] = (model.cloud->local_mm(i) + Vec3(0, 0, height)).cast<float>();
+    }
+    batch->count = static_cast<std::uint32_t>(points.size());
+    model.moves->publish();
+    const render::Frame frame = rival.to(hip);
+    ASSERT_NEAR(frame.force_n.z(), kStiffness * (0.5 + height), 0.02) << k;
+  }
+  const render::Frame after = press();
+  EXPECT_EQ(after.force_n, before.force_n) << "reset gives the prepared shape back";
+}
+
+TEST(StreamProxy, ShellsMustLieInOrder) {
+  render::SceneInput scene;
+  scene.models.push_back(model_of(cloud_of({{0, 0, 0}, {1, 0, 0}})));
+  const auto refused = rival("stream-proxy:r1=2:r2=1")->prepare(scene, {});
+  ASSERT_FALSE(refused.ok());
+  EXPECT_FALSE(refused.error().remedy.empty());
+}
+
+TEST(StreamProxy, ThinSlabsHoldAtAnySpeed) {
+  const auto points = height_points(41, 0.25, [](double, double) { return 0.0; });
+  const Prepared rival = prepare(model_of(cloud_of(points)), "stream-proxy");
+  for (const double step : {0.01, 0.5, 5.0, 50.0}) {
+    rival.renderer->reset({0.1, 0.2, 60});
+    const render::Frame frame = rival.glide({0.1, 0.2, 60}, {0.3, -0.1, -40}, step);
+    ASSERT_TRUE(frame.contact) << step;
+    EXPECT_NEAR(frame.god_object_mm.z(), 0.0, 0.05) << step;
+  }
+}
+
+}  // namespace
+}  // namespace palpate::test
