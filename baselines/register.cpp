@@ -5,6 +5,8 @@
 #include "baselines/points/penalty_grid.h"
 #include "baselines/points/sphere_proxy.h"
 #include "baselines/points/stream_proxy.h"
+#include "baselines/points/vector_field.h"
+#include "baselines/points/vgraph.h"
 #include "baselines/renderers/mesh_godobject.h"
 #include "baselines/renderers/mesh_proxy.h"
 
@@ -18,6 +20,8 @@ void register_baseline_renderers(render::Registry& registry) {
   registry.add(stream_proxy_info());
   registry.add(mls_penalty_info());
   registry.add(mls_proxy_info());
+  registry.add(vgraph_info());
+  registry.add(vector_field_info());
 }
 
 }  // namespace palpate::baselines

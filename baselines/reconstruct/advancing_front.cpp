@@ -5,6 +5,7 @@
 #include <exception>
 #include <iterator>
 
+#include "baselines/reconstruct/fixed_order.h"
 #include "toolkit/core/clock.h"
 
 #include <CGAL/Advancing_front_surface_reconstruction.h>
@@ -61,6 +62,8 @@ Result<geometry::TriangleMesh> reconstruct(const cloud::Cloud& cloud, Progress& 
     mesh.triangles.push_back({face->vertex(0)->vertex_3()->info(), face->vertex(1)->vertex_3()->info(),
                               face->vertex(2)->vertex_3()->info()});
   }
+  // CGAL's order and orientation follow where its faces lie in memory.
+  fix_order(mesh);
   report.front_ms = watch.ms();
   if (mesh.triangles.empty())
     return Error{

@@ -64,37 +64,57 @@ Places places_of(const cloud::Cloud& cloud) {
   return places;
 }
 
-/// The places whose cells touch, for each place.
-Rows touching(const cloud::Cloud& cloud, const Places& places) {
-  std::vector<std::pair<Kernel::Point_3, std::uint32_t>> points;
-  points.reserve(places.size());
-  for (std::uint32_t place = 0; place < places.size(); ++place) {
-    const Vec3 p = cloud.local_mm(*places.members.first(place));
-    points.emplace_back(Kernel::Point_3(p.x(), p.y(), p.z()), place);
-  }
-  const Triangulation triangulation(points.begin(), points.end());
+/// The ends of the edges of the triangulation, for each point.
+Links links_of(const Triangulation& triangulation, std::size_t count) {
   const auto end_of = [](const Triangulation::Edge& edge, int which) {
     return edge.first->vertex(which)->info();
   };
-  Rows rows;
-  rows.begin.assign(places.size() + 1, 0);
-  if (triangulation.dimension() < 1) return rows;
+  Links links;
+  links.begin.assign(count + 1, 0);
+  if (triangulation.dimension() < 1) return links;
   for (auto edge = triangulation.finite_edges_begin(); edge != triangulation.finite_edges_end(); ++edge) {
-    ++rows.begin[end_of(*edge, edge->second) + 1];
-    ++rows.begin[end_of(*edge, edge->third) + 1];
+    ++links.begin[end_of(*edge, edge->second) + 1];
+    ++links.begin[end_of(*edge, edge->third) + 1];
   }
-  std::partial_sum(rows.begin.begin(), rows.begin.end(), rows.begin.begin());
-  rows.values.resize(rows.begin.back());
-  std::vector<std::uint32_t> at(rows.begin.begin(), rows.begin.end() - 1);
+  std::partial_sum(links.begin.begin(), links.begin.end(), links.begin.begin());
+  links.ends.resize(links.begin.back());
+  std::vector<std::uint32_t> at(links.begin.begin(), links.begin.end() - 1);
   for (auto edge = triangulation.finite_edges_begin(); edge != triangulation.finite_edges_end(); ++edge) {
     const std::uint32_t a = end_of(*edge, edge->second), b = end_of(*edge, edge->third);
-    rows.values[at[a]++] = b;
-    rows.values[at[b]++] = a;
+    links.ends[at[a]++] = b;
+    links.ends[at[b]++] = a;
   }
-  return rows;
+  return links;
 }
 
-NeighbourTable nearest_eight(const cloud::Cloud& cloud, const Places& places, const Rows& natural,
+/// The places whose cells touch, for each place. May throw.
+template <class At>
+Links touching(std::size_t count, const At& at) {
+  std::vector<std::pair<Kernel::Point_3, std::uint32_t>> points;
+  points.reserve(count);
+  for (std::uint32_t place = 0; place < count; ++place) {
+    const Vec3 p = at(place);
+    points.emplace_back(Kernel::Point_3(p.x(), p.y(), p.z()), place);
+  }
+  return links_of(Triangulation(points.begin(), points.end()), count);
+}
+
+/// work() with what CGAL throws as an Error: nothing of ours throws.
+template <class Work>
+auto caught(std::size_t points, const char* remedy, const Work& work) -> decltype(work()) {
+  try {
+    return work();
+  } catch (const std::bad_alloc&) {
+    return Error{fmt::format("there is not enough memory for the Voronoi cells of {} points", points),
+                 std::string(remedy) + ", or reduce the cloud",
+                 {},
+                 0};
+  } catch (const std::exception& thrown) {
+    return Error{fmt::format("CGAL gave up on the Voronoi cells: {}", thrown.what()), remedy, {}, 0};
+  }
+}
+
+NeighbourTable nearest_eight(const cloud::Cloud& cloud, const Places& places, const Links& natural,
                              int threads, VoronoiReport& report) {
   NeighbourTable table;
   table.of.resize(cloud.size());
@@ -114,14 +134,14 @@ NeighbourTable nearest_eight(const cloud::Cloud& cloud, const Places& places, co
       const std::uint32_t home = places.of[self];
       offer(home);
       --found;  // itself
-      for (auto other = natural.first(home); other != natural.last(home); ++other) offer(*other);
+      for (const std::uint32_t other : natural.of(home)) offer(other);
       best.store(self, table.of[self]);
       part.more_than_eight += found > kNeighbours;
       part.fewer_than_eight += found < kNeighbours;
     }
   });
   report.places = places.size();
-  report.natural = natural.values.size() / 2;
+  report.natural = natural.ends.size() / 2;
   for (const VoronoiReport& part : parts) {
     report.more_than_eight += part.more_than_eight;
     report.fewer_than_eight += part.fewer_than_eight;
@@ -133,24 +153,21 @@ NeighbourTable nearest_eight(const cloud::Cloud& cloud, const Places& places, co
 
 Result<NeighbourTable> voronoi(const cloud::Cloud& cloud, int threads, VoronoiReport* report) {
   if (cloud.empty()) return NeighbourTable{};
-  // CGAL may throw; nothing of ours does.
-  try {
+  return caught(cloud.size(), "choose neighbours=exact-knn", [&]() -> Result<NeighbourTable> {
     VoronoiReport found;
     const Places places = places_of(cloud);
-    NeighbourTable table = nearest_eight(cloud, places, touching(cloud, places), threads, found);
+    const Links natural =
+        touching(places.size(), [&](std::uint32_t p) { return cloud.local_mm(*places.members.first(p)); });
+    NeighbourTable table = nearest_eight(cloud, places, natural, threads, found);
     if (report != nullptr) *report = found;
     return table;
-  } catch (const std::bad_alloc&) {
-    return Error{fmt::format("there is not enough memory for the Voronoi cells of {} points", cloud.size()),
-                 "choose neighbours=exact-knn, or reduce the cloud",
-                 {},
-                 0};
-  } catch (const std::exception& thrown) {
-    return Error{fmt::format("CGAL gave up on the Voronoi cells: {}", thrown.what()),
-                 "choose neighbours=exact-knn",
-                 {},
-                 0};
-  }
+  });
+}
+
+Result<Links> natural_links(std::span<const Vec3> points) {
+  return caught(points.size(), "choose another graph", [&]() -> Result<Links> {
+    return touching(points.size(), [&](std::uint32_t i) { return points[i]; });
+  });
 }
 
 void register_voronoi() {

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
+#include <vector>
 
 #include "toolkit/cloud/cloud.h"
 #include "toolkit/core/result.h"
@@ -26,6 +28,22 @@ struct VoronoiReport {
 /// on all); needs about 400 bytes a point meanwhile. An Error where memory runs out.
 [[nodiscard]] Result<neighbourhood::NeighbourTable> voronoi(const cloud::Cloud& cloud, int threads,
                                                             VoronoiReport* report = nullptr);
+
+/// Which points' Voronoi cells touch, both ways: row i is ends[begin[i] .. begin[i + 1]), in CGAL's order.
+struct Links {
+  std::vector<std::uint32_t> begin, ends;
+  [[nodiscard]] std::span<const std::uint32_t> of(std::size_t i) const noexcept {
+    return {ends.data() + begin[i], begin[i + 1] - begin[i]};
+  }
+  [[nodiscard]] std::size_t bytes() const noexcept {
+    return (begin.capacity() + ends.capacity()) * sizeof(std::uint32_t);
+  }
+};
+
+/// All natural neighbours: the edges of the 3D Delaunay triangulation, on which a greedy walk towards a place
+/// ends at the point nearest to it. Points must be finite; of several at one place only one is linked. Cost
+/// and errors as for voronoi().
+[[nodiscard]] Result<Links> natural_links(std::span<const Vec3> points);
 
 /// Adds the builder "voronoi" to neighbourhood::builders(). Call before renderers are registered, which list
 /// the builders' names.

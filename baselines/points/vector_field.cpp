@@ -1,0 +1,148 @@
+#include "baselines/points/vector_field.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "baselines/points/rival.h"
+#include "baselines/points/sphere_tree.h"
+#include "baselines/points/voxel_field.h"
+#include "toolkit/render/prepare_phases.h"
+
+namespace palpate::baselines {
+namespace {
+
+constexpr double kBytesPerMb = 1e6;
+/// Further sideways from the nearest point than so many spacings, and than from its plane, a place is beyond
+/// the surface's border.
+constexpr double kBesideSpacings = 2.0;
+
+class VectorFieldModel : public RivalModel {
+ public:
+  static constexpr RivalText kText{
+      "vector-field", "a force for every place, looked up in a voxel field prepared from the points",
+      "vector field mapping, the thesis's section 2.2.2; the field (distance to the points' planes): ours"};
+  static constexpr bool kGodObject = false;
+  static std::vector<OptionSpec> specs();
+  static Status prepare(VectorFieldModel& model, const render::ModelInput& input, const Options& options,
+                        const render::PrepareContext& context, render::PrepareReport& report);
+  [[nodiscard]] std::string work_bound() const { return "one look-up of eight samples"; }
+
+  void reset(const Vec3&) noexcept {}
+  [[nodiscard]] render::ModelAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept;
+
+ private:
+  VoxelField field_;
+};
+
+std::vector<OptionSpec> VectorFieldModel::specs() {
+  using enum OptionKind;
+  return {
+      {"voxel", kNumber, "3", "edge of a voxel in mean spacings", {}, 0.1, 1000.0},
+      {"voxel_mm", kNumber, "0", "the same in mm; 0: by voxel", {}, 0.0, 1e12},
+      {"depth",
+       kNumber,
+       "8",
+       "the field reaches so many voxels inside; deeper there is no force",
+       {},
+       1,
+       1000.0},
+      {"memory_mb", kNumber, "2000", "limit of the field's memory", {}, 0.001, 1e6},
+      {"flip", kFlag, "false", "of surfaces with a border: take the other side for outside", {}},
+  };
+}
+
+/// The side of open pieces that is outside: where most of their normals look, along the axis on which they
+/// agree best; nothing else tells.
+double open_sign(const PointGrid& points) {
+  Vec3 sum = Vec3::Zero();
+  for (const surface::SurfacePoint& point : points.points)
+    if (point.normal != surface::kNoNormal && !surface::is_one_sided(point.normal))
+      sum += surface::decode_normal(point.normal);
+  Eigen::Index axis = 0;
+  sum.cwiseAbs().maxCoeff(&axis);
+  return sum[axis] < 0.0 ? -1.0 : 1.0;
+}
+
+/// The nearest point's plane, seen from a place.
+class PlaneSampler {
+ public:
+  PlaneSampler(const PointGrid& points, const SphereTree& tree, double sign, double spacing)
+      : points_(points), tree_(tree), sign_(sign), beside_sq_(std::pow(kBesideSpacings * spacing, 2)) {}
+
+  FieldSample operator()(const Vec3& at, double most, std::uint32_t& hint) const {
+    // No further than the point that was nearest to the place before, a rounding added.
+    if (hint != kNoPlace) most = std::min(most, (points_.points[hint].at() - at).norm() * (1.0 + gamma(8)));
+    const std::uint32_t nearest = tree_.nearest(at, most);
+    if (nearest == kNoPlace) return {0.0f, 0.0f, 0.0f, static_cast<float>(most)};
+    hint = nearest;
+    const surface::SurfacePoint& point = points_.points[hint];
+    const Vec3 to = point.at() - at;
+    const double distance = to.norm();
+    const FieldSample outside{0.0f, 0.0f, 0.0f, static_cast<float>(distance)};
+    if (point.normal == surface::kNoNormal) return outside;
+    const Vec3 out =
+        surface::decode_normal(point.normal) * (surface::is_one_sided(point.normal) ? 1.0 : sign_);
+    const double height = -out.dot(to), beside_sq = distance * distance - height * height;
+    if (beside_sq > beside_sq_ && beside_sq > height * height) return outside;
+    const Vec3f pull = (-height * out).cast<float>();
+    return {pull.x(), pull.y(), pull.z(), static_cast<float>(height)};
+  }
+
+ private:
+  const PointGrid& points_;
+  const SphereTree& tree_;
+  double sign_, beside_sq_;
+};
+
+Status VectorFieldModel::prepare(VectorFieldModel& model, const render::ModelInput& input,
+                                 const Options& options, const render::PrepareContext& context,
+                                 render::PrepareReport& report) {
+  render::PreparePhases phases(report, context);
+  phases.begin("spacing");
+  const double spacing = natural_spacing_mm(*input.cloud, context.threads);
+  phases.end();
+  Result<OrientedGrid> built = build_oriented_grid(input, 2.0 * spacing, false, context, report);
+  if (!built) return std::move(built).error();
+  const PointGrid& points = built->points;
+  phases.begin("sphere tree");
+  SphereTree tree;
+  tree.build(points.points, context.threads);
+  phases.end();
+  VoxelFieldOptions field;
+  field.voxel_mm =
+      options.number("voxel_mm") > 0.0 ? options.number("voxel_mm") : options.number("voxel") * spacing;
+  field.depth_mm = options.number("depth") * field.voxel_mm;
+  field.most_bytes = static_cast<std::size_t>(options.number("memory_mb") * kBytesPerMb);
+  const double sign = open_sign(points) * (options.flag("flip") ? -1.0 : 1.0);
+  phases.begin("field");
+  Result<VoxelField> made =
+      VoxelField::build([&](std::size_t i) { return points.points[i].at(); }, points.points.size(),
+                        partition::local_box(*input.cloud, context.threads), field,
+                        PlaneSampler(points, tree, sign, spacing), context.threads);
+  if (!made) return std::move(made).error();
+  model.field_ = std::move(*made);
+  phases.end();
+  report.bytes += model.field_.bytes();
+  report.notes.push_back(fmt::format("voxel {:.4g} mm, {:.4g} mm deep, {} bricks, {:.1f} MB", field.voxel_mm,
+                                     field.depth_mm, model.field_.bricks(),
+                                     static_cast<double>(model.field_.bytes()) / kBytesPerMb));
+  return Done{};
+}
+
+render::ModelAnswer VectorFieldModel::update(const Vec3& h, render::FrameCounters& counters) noexcept {
+  ++counters.cells_visited;
+  const VoxelField::Value value = field_.at(h);
+  if (!value.known || !(value.distance < 0.0)) return {};
+  return {true, false, h + value.to_surface, surface.stiffness_n_per_mm * value.to_surface};
+}
+
+}  // namespace
+
+render::RendererInfo vector_field_info() {
+  return rival_info<VectorFieldModel>();
+}
+
+}  // namespace palpate::baselines
