@@ -2,23 +2,10 @@
 
 #include <fmt/format.h>
 
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wconversion"
-#pragma GCC diagnostic ignored "-Wsign-conversion"
-#pragma GCC diagnostic ignored "-Wold-style-cast"
-#pragma GCC diagnostic ignored "-Wcast-qual"
-#pragma GCC diagnostic ignored "-Wshadow"
-#pragma GCC diagnostic ignored "-Wpedantic"
-#include <OpenMesh/Core/Mesh/TriMesh_ArrayKernelT.hh>
-#pragma GCC diagnostic pop
+#include "baselines/mesh/half_edges.h"
 
 namespace palpate::baselines {
 namespace {
-
-struct Traits : OpenMesh::DefaultTraits {
-  using Point = OpenMesh::Vec3d;
-};
-using HalfEdges = OpenMesh::TriMesh_ArrayKernelT<Traits>;
 
 std::size_t count_components(const HalfEdges& mesh) {
   std::vector<bool> seen(mesh.n_faces(), false);
@@ -62,13 +49,12 @@ MeshReport report_on(const SurfaceMesh& mesh) {
   HalfEdges held;
   held.reserve(mesh.vertices().size(), mesh.facets().size() * 3 / 2, mesh.facets().size());
   for (const Vec3& v : mesh.vertices()) held.add_vertex({v.x(), v.y(), v.z()});
-  omerr().disable();  // refused faces are counted below; OpenMesh would print a line for each
+  const QuietOpenMesh quiet;  // refused faces are counted below
   MeshReport report;
   for (const Facet& f : mesh.facets()) {
     const auto vertex = [&](std::size_t i) { return OpenMesh::VertexHandle(static_cast<int>(f.vertex[i])); };
     if (!held.add_face(vertex(0), vertex(1), vertex(2)).is_valid()) ++report.refused_faces;
   }
-  omerr().enable();
   report.vertices = held.n_vertices();
   report.faces = held.n_faces();
   report.flat_faces = mesh.counts().flat_facets;

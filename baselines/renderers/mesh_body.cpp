@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "baselines/mesh/mesh_report.h"
+#include "baselines/renderers/mesh_refine.h"
 #include "baselines/renderers/mesh_source.h"
 #include "baselines/renderers/vertex_normals.h"
 #include "toolkit/core/parallel.h"
@@ -95,6 +96,7 @@ std::size_t MeshBody::bytes() const noexcept {
 
 std::vector<OptionSpec> mesh_renderer_specs() {
   std::vector<OptionSpec> specs = mesh_source_specs();
+  for (OptionSpec& spec : mesh_refine_specs()) specs.push_back(std::move(spec));
   OptionSpec shading{"shading", OptionKind::kChoice, "none",
                      "force shading by interpolated vertex normals, or none"};
   shading.choices = {"none", "interpolated"};
@@ -118,6 +120,8 @@ Result<std::unique_ptr<MeshBody>> prepare_body(const render::ModelInput& input, 
   render::PreparePhases phases(report, context);
   auto body = std::make_unique<MeshBody>();
   auto source = mesh_of(input, options, phases);
+  if (!source.ok()) return std::move(source).error();
+  source = refined(std::move(source).value(), input, options, context.threads, phases);
   if (!source.ok()) return std::move(source).error();
   body->source = std::move(source).value();
   phases.begin("connect facets");

@@ -40,7 +40,7 @@ const std::vector<Heavy> kHeavy = {
     {"pcl/",
      {"toolkit/pcd/", "baselines/", "tests/toolkit/pcd/", "tests/baselines/", "experiments/benchmarks/"},
      {}},
-    {"OpenMesh/", {"baselines/", "tests/baselines/"}, {}},
+    {"OpenMesh/", {"baselines/", "tests/baselines/"}, {"baselines/mesh/"}},
     {"embree", {"baselines/", "tests/baselines/", "experiments/benchmarks/"}, {"baselines/proximity/"}},
     {"vtk", {}, {}},
     {"gdal", {"toolkit/dem/", "tests/toolkit/dem/"}, {}},

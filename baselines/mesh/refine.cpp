@@ -1,0 +1,250 @@
+#include "baselines/mesh/refine.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "baselines/mesh/half_edges.h"
+#include "baselines/mesh/surface_mesh.h"
+
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wconversion"
+#pragma GCC diagnostic ignored "-Wsign-conversion"
+#pragma GCC diagnostic ignored "-Wold-style-cast"
+#pragma GCC diagnostic ignored "-Wcast-qual"
+#pragma GCC diagnostic ignored "-Wshadow"
+#pragma GCC diagnostic ignored "-Wpedantic"
+#pragma GCC diagnostic ignored "-Wdouble-promotion"
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#include <OpenMesh/Tools/Decimater/DecimaterT.hh>
+#include <OpenMesh/Tools/Decimater/ModNormalFlippingT.hh>
+#include <OpenMesh/Tools/Decimater/ModQuadricT.hh>
+#include <OpenMesh/Tools/Smoother/JacobiLaplaceSmootherT.hh>
+#pragma GCC diagnostic pop
+
+namespace palpate::baselines {
+namespace {
+
+using Corners = std::array<std::uint32_t, 3>;
+
+/// Side of every facet that its piece calls outer, so that neighbours agree; 0 for the first of each piece.
+std::vector<std::uint8_t> agreeing_sides(const SurfaceMesh& mesh) {
+  constexpr std::uint8_t kUnknown = 2;
+  std::vector<std::uint8_t> side(mesh.facets().size(), kUnknown);
+  std::vector<std::uint32_t> open;
+  for (std::uint32_t start = 0; start < side.size(); ++start) {
+    if (side[start] != kUnknown) continue;
+    side[start] = 0;
+    open.push_back(start);
+    while (!open.empty()) {
+      const std::uint32_t facet = open.back();
+      open.pop_back();
+      for (std::uint32_t e = 0; e < 3; ++e) {
+        const HalfFacet next = mesh.neighbour(half_facet(facet, side[facet]), e);
+        if (next == kNoFacet || side[facet_of(next)] != kUnknown) continue;
+        side[facet_of(next)] = static_cast<std::uint8_t>(side_of(next));
+        open.push_back(facet_of(next));
+      }
+    }
+  }
+  return side;
+}
+
+std::size_t turn_to_agree(const SurfaceMesh& mesh, std::vector<Corners>& facets) {
+  const std::vector<std::uint8_t> side = agreeing_sides(mesh);
+  std::size_t turned = 0;
+  for (std::size_t i = 0; i < side.size(); ++i) {
+    if (side[i] == 0) continue;
+    std::swap(facets[i][1], facets[i][2]);
+    ++turned;
+  }
+  return turned;
+}
+
+/// Facets that half-edges cannot hold get corners of their own, so that none is lost. Returns how many.
+std::size_t fill(const std::vector<Vec3>& vertices, const std::vector<Corners>& facets, HalfEdges& held) {
+  held.reserve(vertices.size(), facets.size() * 3 / 2, facets.size());
+  const auto add_vertex = [&](const Vec3& v) { return held.add_vertex({v.x(), v.y(), v.z()}); };
+  for (const Vec3& v : vertices) add_vertex(v);
+  const QuietOpenMesh quiet;
+  std::size_t cut = 0;
+  const auto handle = [](std::uint32_t v) { return OpenMesh::VertexHandle(static_cast<int>(v)); };
+  for (const Corners& f : facets) {
+    if (held.add_face(handle(f[0]), handle(f[1]), handle(f[2])).is_valid()) continue;
+    ++cut;
+    held.add_face(add_vertex(vertices[f[0]]), add_vertex(vertices[f[1]]), add_vertex(vertices[f[2]]));
+  }
+  return cut;
+}
+
+geometry::TriangleMesh plain(const HalfEdges& held, const Vec3& origin) {
+  geometry::TriangleMesh mesh;
+  std::vector<std::uint32_t> number(held.n_vertices(), 0);
+  for (const OpenMesh::VertexHandle v : held.vertices()) {
+    if (held.is_isolated(v)) continue;
+    number[static_cast<std::size_t>(v.idx())] = static_cast<std::uint32_t>(mesh.vertices_mm.size());
+    const auto& p = held.point(v);
+    mesh.vertices_mm.push_back(origin + Vec3(p[0], p[1], p[2]));
+  }
+  for (const OpenMesh::FaceHandle f : held.faces()) {
+    Corners corners{};
+    std::size_t i = 0;
+    for (const OpenMesh::VertexHandle v : held.fv_range(f))
+      if (i < 3) corners[i++] = number[static_cast<std::size_t>(v.idx())];
+    mesh.triangles.push_back(corners);
+  }
+  return mesh;
+}
+
+/// A mesh welded, as plain arrays relative to its origin: far from it nothing is lost.
+struct Welded {
+  SurfaceMesh mesh;
+  std::vector<Vec3> vertices;
+  std::vector<Corners> facets;
+};
+
+Result<Welded> weld(const geometry::TriangleMesh& mesh) {
+  Result<SurfaceMesh> built = SurfaceMesh::build(mesh, 1);
+  if (!built.ok()) return std::move(built).error();
+  Welded welded;
+  welded.mesh = std::move(built).value();
+  welded.vertices.assign(welded.mesh.vertices().begin(), welded.mesh.vertices().end());
+  for (const Facet& f : welded.mesh.facets()) welded.facets.push_back(f.vertex);
+  return welded;
+}
+
+/// The boundary half-edges around a hole, in order; empty where the loop is longer than `most` or touches
+/// itself.
+std::vector<OpenMesh::VertexHandle> loop_from(const HalfEdges& held, OpenMesh::HalfedgeHandle start,
+                                              std::size_t most, std::vector<bool>& seen) {
+  std::vector<OpenMesh::VertexHandle> loop;
+  OpenMesh::HalfedgeHandle at = start;
+  std::size_t length = 0;
+  do {
+    seen[static_cast<std::size_t>(at.idx())] = true;
+    if (++length <= most) loop.push_back(held.from_vertex_handle(at));
+    at = held.next_halfedge_handle(at);
+  } while (at != start);
+  std::vector<int> places;
+  for (const OpenMesh::VertexHandle v : loop) places.push_back(v.idx());
+  std::sort(places.begin(), places.end());
+  const bool simple = std::adjacent_find(places.begin(), places.end()) == places.end();
+  if (length > most || length < 3 || !simple) loop.clear();
+  return loop;
+}
+
+/// The triangulation of a loop with the least area: triples of places in it; empty where there is none that
+/// makes no edge of the mesh twice.
+std::vector<std::array<std::size_t, 3>> least_area(const HalfEdges& held,
+                                                   const std::vector<OpenMesh::VertexHandle>& loop) {
+  const std::size_t n = loop.size();
+  const auto area = [&](std::size_t i, std::size_t j, std::size_t k) {
+    const auto a = held.point(loop[i]);
+    return ((held.point(loop[j]) - a) % (held.point(loop[k]) - a)).norm();
+  };
+  const auto is_new = [&](std::size_t i, std::size_t j) {
+    return j == i + 1 || (i == 0 && j == n - 1) || !held.find_halfedge(loop[i], loop[j]).is_valid();
+  };
+  std::vector<double> cost(n * n, 0.0);
+  std::vector<std::size_t> apex(n * n, 0);
+  for (std::size_t span = 2; span < n; ++span)
+    for (std::size_t i = 0; i + span < n; ++i) {
+      const std::size_t k = i + span;
+      double best = HUGE_VAL;
+      if (is_new(i, k))
+        for (std::size_t j = i + 1; j < k; ++j) {
+          const double sum = cost[i * n + j] + cost[j * n + k] + area(i, j, k);
+          if (!(sum < best)) continue;
+          best = sum;
+          apex[i * n + k] = j;
+        }
+      cost[i * n + k] = best;
+    }
+  std::vector<std::array<std::size_t, 3>> facets;
+  if (!(cost[n - 1] < HUGE_VAL)) return facets;
+  std::vector<std::array<std::size_t, 2>> open{{0, n - 1}};
+  while (!open.empty()) {
+    const auto [i, k] = open.back();
+    open.pop_back();
+    if (k < i + 2) continue;
+    const std::size_t j = apex[i * n + k];
+    facets.push_back({i, j, k});
+    open.push_back({i, j});
+    open.push_back({j, k});
+  }
+  return facets;
+}
+
+void fill_holes(HalfEdges& held, std::size_t max_edges, RepairReport& report) {
+  std::vector<bool> seen(held.n_halfedges(), false);
+  std::vector<std::vector<OpenMesh::VertexHandle>> loops;
+  for (const OpenMesh::HalfedgeHandle start : held.halfedges()) {
+    if (!held.is_boundary(start) || seen[static_cast<std::size_t>(start.idx())]) continue;
+    loops.push_back(loop_from(held, start, max_edges, seen));
+  }
+  const QuietOpenMesh quiet;
+  for (const auto& loop : loops) {
+    std::size_t added = 0;
+    if (!loop.empty())
+      for (const auto& f : least_area(held, loop))
+        added += held.add_face(loop[f[0]], loop[f[1]], loop[f[2]]).is_valid();
+    report.filled_holes += added > 0;
+    report.left_loops += added == 0;
+    report.filled_facets += added;
+  }
+}
+
+}  // namespace
+
+Result<geometry::TriangleMesh> repaired(const geometry::TriangleMesh& mesh, std::size_t max_hole_edges,
+                                        RepairReport* report) {
+  RepairReport unused;
+  RepairReport& r = report != nullptr ? *report : unused;
+  r = {};
+  Result<Welded> welded = weld(mesh);
+  if (!welded.ok()) return std::move(welded).error();
+  r.welded = welded->mesh.counts().welded_vertices;
+  r.dropped = welded->mesh.counts().collapsed_facets;
+  r.turned = turn_to_agree(welded->mesh, welded->facets);
+  HalfEdges held;
+  r.cut = fill(welded->vertices, welded->facets, held);
+  fill_holes(held, max_hole_edges, r);
+  return plain(held, welded->mesh.origin_mm());
+}
+
+Result<geometry::TriangleMesh> decimated(const geometry::TriangleMesh& mesh, double share) {
+  if (!(share > 0.0 && share <= 1.0))
+    return Error{"a mesh is decimated to a share of its facets above 0 and at most 1", "set decimate", {}, 0};
+  const Result<Welded> welded = weld(mesh);
+  if (!welded.ok()) return welded.error();
+  HalfEdges held;
+  fill(welded->vertices, welded->facets, held);
+  held.request_face_normals();
+  held.update_face_normals();
+  OpenMesh::Decimater::DecimaterT<HalfEdges> decimater(held);
+  OpenMesh::Decimater::ModQuadricT<HalfEdges>::Handle quadric;
+  OpenMesh::Decimater::ModNormalFlippingT<HalfEdges>::Handle flipping;
+  decimater.add(quadric);
+  decimater.add(flipping);
+  decimater.module(quadric).unset_max_err();
+  if (!decimater.initialize()) return Error{"OpenMesh's decimater did not start", "report this", {}, 0};
+  const auto target = static_cast<std::size_t>(share * static_cast<double>(held.n_faces()));
+  decimater.decimate_to_faces(0, target);
+  held.garbage_collection();
+  return plain(held, welded->mesh.origin_mm());
+}
+
+Result<geometry::TriangleMesh> smoothed(const geometry::TriangleMesh& mesh, int iterations) {
+  const Result<Welded> welded = weld(mesh);
+  if (!welded.ok()) return welded.error();
+  HalfEdges held;
+  fill(welded->vertices, welded->facets, held);
+  using Smoother = OpenMesh::Smoother::JacobiLaplaceSmootherT<HalfEdges>;
+  Smoother smoother(held);
+  smoother.initialize(Smoother::Tangential_and_Normal, Smoother::C1);
+  smoother.smooth(static_cast<unsigned int>(std::max(iterations, 0)));
+  return plain(held, welded->mesh.origin_mm());
+}
+
+}  // namespace palpate::baselines
