@@ -18,6 +18,7 @@
 #pragma GCC diagnostic ignored "-Wdouble-promotion"
 #pragma GCC diagnostic ignored "-Wunused-parameter"
 #include <OpenMesh/Tools/Decimater/DecimaterT.hh>
+#include <OpenMesh/Tools/Decimater/ModAspectRatioT.hh>
 #include <OpenMesh/Tools/Decimater/ModNormalFlippingT.hh>
 #include <OpenMesh/Tools/Decimater/ModQuadricT.hh>
 #include <OpenMesh/Tools/Smoother/JacobiLaplaceSmootherT.hh>
@@ -25,6 +26,12 @@
 
 namespace palpate::baselines {
 namespace {
+
+/// A collapse may turn no facet by more: by the library's own 90 degrees slivers turn over in two steps.
+constexpr float kMostTurnDegrees = 45.0f;
+/// A collapse may make no facet more slender, longest edge over height; the library's own default. Where the
+/// quadric error vanishes (straight lines on a surface) it alone would make facets without area.
+constexpr float kMostSlender = 10.0f;
 
 using Corners = std::array<std::uint32_t, 3>;
 
@@ -227,7 +234,11 @@ Result<geometry::TriangleMesh> decimated(const geometry::TriangleMesh& mesh, dou
   OpenMesh::Decimater::ModNormalFlippingT<HalfEdges>::Handle flipping;
   decimater.add(quadric);
   decimater.add(flipping);
+  OpenMesh::Decimater::ModAspectRatioT<HalfEdges>::Handle ratio;
+  decimater.add(ratio);
   decimater.module(quadric).unset_max_err();
+  decimater.module(flipping).set_max_normal_deviation(kMostTurnDegrees);
+  decimater.module(ratio).set_aspect_ratio(kMostSlender);
   if (!decimater.initialize()) return Error{"OpenMesh's decimater did not start", "report this", {}, 0};
   const auto target = static_cast<std::size_t>(share * static_cast<double>(held.n_faces()));
   decimater.decimate_to_faces(0, target);

@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "baselines/mesh_holder.h"
 #include "baselines/reference/rest.h"
 #include "baselines/register.h"
 #include "toolkit/cloud/generate.h"
@@ -111,9 +112,15 @@ struct Jams {
   double most_off_rad = 0.0, most_off_mm = 0.0;
 };
 
+/// The mesh that a renderer works on, which may be a refined one.
+struct Own {
+  baselines::SurfaceMesh mesh;
+  std::unique_ptr<baselines::FacetTree> tree;
+};
+
 /// Runs the path once more and holds still at frames evenly spread over the contact frames of `trace`.
-Jams jams(const Ground& ground, render::HapticRenderer& renderer, const trace::ForceTrace& trace, int stops,
-          double centre_radius) {
+Jams jams(const Ground& ground, const Own& own, render::HapticRenderer& renderer,
+          const trace::ForceTrace& trace, int stops, double centre_radius) {
   std::vector<std::size_t> touched;
   for (std::size_t i = 0; i < trace.frames.size(); ++i)
     if (trace.frames[i].contact) touched.push_back(i);
@@ -135,14 +142,15 @@ Jams jams(const Ground& ground, render::HapticRenderer& renderer, const trace::F
     }
     result.most_calls = std::max(result.most_calls, calls - same);
     result.restless += same < kRestCalls;
-    const Vec3& origin = ground.mesh.origin_mm();
-    const baselines::Rest rest = baselines::rest_of(ground.mesh, *ground.tree, frame.god_object_mm - origin,
-                                                    centre_radius, kReachMm, hip - origin);
+    const Vec3& own_origin = own.mesh.origin_mm();
+    const baselines::Rest rest = baselines::rest_of(own.mesh, *own.tree, frame.god_object_mm - own_origin,
+                                                    centre_radius, kReachMm, hip - own_origin);
     result.jammed += same < kRestCalls || !(rest.off_rad <= kMostOffRad);
     result.most_off_rad = std::max(result.most_off_rad, rest.off_rad);
     const Vec3 towards = (hip - frame.god_object_mm).normalized() * centre_radius;
     result.most_off_mm =
-        std::max(result.most_off_mm, (frame.god_object_mm + towards - origin - ground.closest[at]).norm());
+        std::max(result.most_off_mm,
+                 (frame.god_object_mm + towards - ground.mesh.origin_mm() - ground.closest[at]).norm());
   }
   return result;
 }
@@ -165,7 +173,13 @@ Jams jams(const Ground& ground, render::HapticRenderer& renderer, const trace::F
   if (centred && !(radius > 0.0))
     return Error{"a sphere's rest is judged by its radius", "give radius_mm", "", 0};
   const Track tracked = track(ground, measured->trace, radius);
-  const Jams found = jams(ground, **renderer, measured->trace, stops, radius);
+  const auto* holder = dynamic_cast<const baselines::MeshHolder*>(renderer->get());
+  if (holder == nullptr) return Error{"this renderer works on no mesh", "take a mesh renderer", "", 0};
+  auto mesh = baselines::SurfaceMesh::build(*holder->mesh(0), 0);
+  if (!mesh) return mesh.error();
+  Own own{std::move(*mesh), nullptr};
+  own.tree = std::make_unique<baselines::FacetTree>(own.mesh);
+  const Jams found = jams(ground, own, **renderer, measured->trace, stops, radius);
   fmt::print(
       "{:60} {:7.0f} {:9.2e} {:9.2e} {:6.2f} {:6.2f} {:6.2f} {:7.1f} {:5} {:6} {:6} {:9.1e} {:9.2e}\n", spec,
       report->total_ms, tracked.rms_mm, tracked.max_mm,

@@ -7,6 +7,7 @@
 #include "baselines/mesh/refine.h"
 #include "baselines/mesh/surface_mesh.h"
 #include "baselines/mesh_holder.h"
+#include "baselines/proximity/crossings.h"
 #include "baselines/proximity/mesh_gap.h"
 #include "tests/baselines/mesh_probe_stand.h"
 #include "toolkit/core/random.h"
@@ -145,6 +146,19 @@ TEST(Decimate, KeepsWhatItIsAskedAndTheShape) {
   }
   EXPECT_FALSE(decimated(flat, 0.0).ok());
   EXPECT_FALSE(decimated({}, 0.5).ok());
+}
+
+// A fold is a false wall to whatever walks over it.
+TEST(Decimate, FoldsNothing) {
+  const auto mesh = test::height_mesh(150, 50.0, test::sinusoid);
+  for (const double share : {0.5, 0.1, 0.01}) {
+    const auto made = decimated(mesh, share);
+    ASSERT_TRUE(made.ok());
+    const auto held = indexed(*made);
+    EXPECT_EQ(Crossings::find(held->mesh, *held->index, 0).pairs(), 0u) << share;
+    for (std::uint32_t f = 0; f < held->mesh.facets().size(); ++f)
+      ASSERT_GT(held->mesh.normal(half_facet(f, 0)).z(), 0.0) << share;
+  }
 }
 
 TEST(Smooth, TakesNoiseAndLeavesAPlane) {
