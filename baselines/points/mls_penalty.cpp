@@ -2,12 +2,15 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
 #include "baselines/points/outward.h"
 #include "baselines/points/rival.h"
 #include "baselines/points/sphere_tree.h"
+#include "toolkit/core/tolerances.h"
 #include "toolkit/render/prepare_phases.h"
 #include "toolkit/surface/least_direction.h"
 
@@ -16,6 +19,11 @@ namespace {
 
 /// Weights below exp(-kCutoff^2) = 1e-4 are left out.
 constexpr double kCutoff = 3.0;
+/// The points of a projection are fetched once, with room for it to move by so many widths.
+constexpr double kRoom = 1.0;
+/// Points that are fetched at once, at most: some 120 are usual; where there are more, each sum looks them
+/// up.
+constexpr std::size_t kMaxFetched = 1024;
 /// The projection has converged when it moves by less than this share of the kernel's width.
 constexpr double kConvergedShare = 1e-3;
 
@@ -30,7 +38,10 @@ class MlsPenalty : public RivalModel {
                         const render::PrepareContext& context, render::PrepareReport& report);
   [[nodiscard]] std::string work_bound() const;
 
-  void reset(const Vec3&) noexcept { side_.release(); }
+  void reset(const Vec3&) noexcept {
+    side_.release();
+    last_ = kNoPlace;
+  }
   [[nodiscard]] render::ModelAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept;
 
  private:
@@ -39,7 +50,12 @@ class MlsPenalty : public RivalModel {
     Vec3 mean = Vec3::Zero();
     Vec3 normal = Vec3::Zero();
   };
-  [[nodiscard]] Fit fit(const Vec3& at, const Vec3& like) const noexcept;
+  struct Fetched {
+    Vec3 at, normal;  ///< the normal outward, or zero
+  };
+  struct Sum;
+  void fetch(const Vec3& at) noexcept;
+  [[nodiscard]] Fit fit(const Vec3& at, const Vec3& like) noexcept;
 
   LargeVector<surface::SurfacePoint> points_;
   SphereTree tree_;
@@ -47,6 +63,11 @@ class MlsPenalty : public RivalModel {
   int iterations_ = 1;
   bool covariance_ = false;
   OutwardSide side_;
+  std::uint32_t last_ = kNoPlace;  ///< nearest in the last frame: this frame's is no further
+  std::array<Fetched, kMaxFetched> fetched_;
+  std::size_t fetched_count_ = 0;
+  Vec3 fetched_at_ = Vec3::Zero();
+  bool fetched_all_ = false;
 };
 
 std::vector<OptionSpec> MlsPenalty::specs() {
@@ -105,29 +126,64 @@ std::string MlsPenalty::work_bound() const {
       iterations_, kCutoff, tree_.levels());
 }
 
-/// The weighted mean of the points around `at`, and the normal there, on the side of `like`.
-MlsPenalty::Fit MlsPenalty::fit(const Vec3& at, const Vec3& like) const noexcept {
-  const double per_width_sq = 1.0 / (width_mm_ * width_mm_);
+/// Weighted sums over points around a place.
+struct MlsPenalty::Sum {
+  Vec3 at;
+  double per_width_sq;
+  bool covariance;
   double weights = 0.0;
   Vec3 mean = Vec3::Zero(), normals = Vec3::Zero();
-  surface::Symmetric square;
-  tree_.within(at, kCutoff * width_mm_, [&](std::uint32_t i, double sq) {
+  surface::Symmetric square{};
+
+  void add(const Vec3& point, const Vec3& normal, double sq) noexcept {
     const double weight = std::exp(-sq * per_width_sq);
-    const surface::SurfacePoint& point = points_[i];
-    const Vec3 d = point.at() - at;
+    const Vec3 d = point - at;
     weights += weight;
     mean += weight * d;
-    if (covariance_) {
-      square.xx += weight * d.x() * d.x();
-      square.xy += weight * d.x() * d.y();
-      square.xz += weight * d.x() * d.z();
-      square.yy += weight * d.y() * d.y();
-      square.yz += weight * d.y() * d.z();
-      square.zz += weight * d.z() * d.z();
-    } else if (point.normal != surface::kNoNormal) {
-      normals += weight * side_.normal(point.normal);
+    if (!covariance) {
+      normals += weight * normal;
+      return;
     }
+    square.xx += weight * d.x() * d.x();
+    square.xy += weight * d.x() * d.y();
+    square.xz += weight * d.x() * d.z();
+    square.yy += weight * d.y() * d.y();
+    square.yz += weight * d.y() * d.z();
+    square.zz += weight * d.z() * d.z();
+  }
+};
+
+void MlsPenalty::fetch(const Vec3& at) noexcept {
+  fetched_count_ = 0;
+  fetched_at_ = at;
+  fetched_all_ = true;
+  tree_.within(at, (kCutoff + kRoom) * width_mm_, [&](std::uint32_t i, double) {
+    if (fetched_count_ == kMaxFetched)
+      fetched_all_ = false;
+    else
+      fetched_[fetched_count_++] = {points_[i].at(), side_.normal(points_[i].normal)};
   });
+}
+
+/// The weighted mean of the points around `at`, and the normal there, on the side of `like`.
+MlsPenalty::Fit MlsPenalty::fit(const Vec3& at, const Vec3& like) noexcept {
+  Sum sum{at, 1.0 / (width_mm_ * width_mm_), covariance_};
+  const double cutoff = kCutoff * width_mm_, room = kRoom * width_mm_;
+  if ((at - fetched_at_).squaredNorm() > room * room) fetch(at);
+  if (fetched_all_) {
+    for (std::size_t i = 0; i < fetched_count_; ++i) {
+      const double sq = (fetched_[i].at - at).squaredNorm();
+      if (sq <= cutoff * cutoff) sum.add(fetched_[i].at, fetched_[i].normal, sq);
+    }
+  } else {
+    tree_.within(at, cutoff, [&](std::uint32_t i, double sq) {
+      sum.add(points_[i].at(), side_.normal(points_[i].normal), sq);
+    });
+  }
+  const double weights = sum.weights;
+  const Vec3& normals = sum.normals;
+  const surface::Symmetric& square = sum.square;
+  Vec3 mean = sum.mean;
   Fit found;
   if (!(weights > 0.0)) return found;
   mean /= weights;
@@ -150,7 +206,9 @@ MlsPenalty::Fit MlsPenalty::fit(const Vec3& at, const Vec3& like) const noexcept
 }
 
 render::ModelAnswer MlsPenalty::update(const Vec3& h, render::FrameCounters& counters) noexcept {
-  const std::uint32_t near = tree_.nearest(h, reach_mm_);
+  double most = reach_mm_;
+  if (last_ != kNoPlace) most = std::min(most, safe_length(points_[last_].at() - h) * (1.0 + gamma(8)));
+  const std::uint32_t near = last_ = tree_.nearest(h, most);
   if (near == kNoPlace) {
     side_.release();
     return {};
@@ -161,6 +219,7 @@ render::ModelAnswer MlsPenalty::update(const Vec3& h, render::FrameCounters& cou
   const Vec3 like = side_.normal(start.normal);
   if (like == Vec3::Zero()) return {};
   Vec3 at = start.at();
+  fetch(at);
   Fit here;
   for (int i = 0; i < iterations_; ++i) {
     ++counters.walk_steps;

@@ -3,6 +3,8 @@
 #include <limits>
 #include <utility>
 
+#include "toolkit/core/tolerances.h"
+
 namespace palpate::baselines {
 namespace {
 
@@ -38,36 +40,37 @@ void SphereTree::build(std::span<const surface::SurfacePoint> points, int thread
 
 std::uint32_t SphereTree::nearest(const Vec3& at, double most_mm) const noexcept {
   if (points_.empty()) return kNoPlace;
+  // In squares: a sphere holds nothing nearer than best where its centre is further than radius + best.
   struct Waiting {
     Node node;
-    double at_least;
+    double centre_sq, radius;
   };
-  const auto least = [&](const Node& node) {
+  const auto seen = [&](const Node& node) {
     const Sphere& sphere = spheres_[index(node)];
-    return std::max(0.0, safe_length(sphere.at() - at) - static_cast<double>(sphere.radius));
+    return Waiting{node, (sphere.at() - at).squaredNorm(), static_cast<double>(sphere.radius)};
   };
   std::array<Waiting, kMaxSphereLevels + 1> stack;
   std::size_t waiting = 0;
   std::uint32_t best = kNoPlace;
-  double best_mm = most_mm;
-  stack[waiting++] = {{0, 0}, least({0, 0})};
+  double best_mm = most_mm, best_sq = most_mm * most_mm;
+  stack[waiting++] = seen({0, 0});
   while (waiting > 0) {
     const Waiting next = stack[--waiting];
-    if (next.at_least > best_mm) continue;
+    const double reach = next.radius + best_mm;
+    if (next.centre_sq > reach * reach) continue;
     if (next.node.level < levels_) {
-      Waiting near{{next.node.level + 1, 2 * next.node.number}, 0.0};
-      Waiting far{{next.node.level + 1, 2 * next.node.number + 1}, 0.0};
-      near.at_least = least(near.node);
-      far.at_least = least(far.node);
-      if (far.at_least < near.at_least) std::swap(near, far);
+      Waiting near = seen({next.node.level + 1, 2 * next.node.number});
+      Waiting far = seen({next.node.level + 1, 2 * next.node.number + 1});
+      if (far.centre_sq < near.centre_sq) std::swap(near, far);
       stack[waiting++] = far;
       stack[waiting++] = near;
       continue;
     }
     for (std::uint32_t place = begin(next.node); place < end(next.node); ++place) {
-      const double mm = safe_length(points_[place].at() - at);
-      if (mm > best_mm || (mm == best_mm && place > best)) continue;
-      best_mm = mm;
+      const double sq = (points_[place].at() - at).squaredNorm();
+      if (sq > best_sq || (sq == best_sq && place > best)) continue;
+      best_sq = sq;
+      best_mm = std::sqrt(sq) * (1.0 + gamma(4));  // never below the root
       best = place;
     }
   }
