@@ -56,7 +56,8 @@ SphereProbe::SphereProbe(const SurfaceMesh& mesh, const SegmentIndex& index, dou
       radius_(radius_mm),
       most_reach_(std::max(radius_mm, kReachEdges * spacing_mm)),
       skin_(kSkinRoundings * mesh.rounding_mm()),
-      near_(kMaxNearFacets) {}
+      near_(kMaxNearFacets),
+      planes_(kMaxNearFacets) {}
 
 void SphereProbe::reset(const Vec3& hip) noexcept {
   place(hip);
@@ -251,6 +252,7 @@ void SphereProbe::list_near() noexcept {
   reach_ = reach;
   list_centre_ = centre_;
   travelled_ = 0.0;
+  std::fill_n(planes_.begin(), count, geometry::HalfSpace{Vec3::Zero(), HUGE_VAL});
   // What is touched first among equals must not depend on the tree; near ones first cut the way short.
   std::sort(near_.begin(), near_.begin() + static_cast<std::ptrdiff_t>(count),
             [](const NearFacet& a, const NearFacet& b) {
@@ -278,26 +280,33 @@ double SphereProbe::clearance(double most) const noexcept {
 SphereProbe::Touch SphereProbe::first_touch(const Vec3& way, double length, double limit) noexcept {
   Touch first{kNoFacet, limit};
   const double size = size_ + skin_ + travelled_;
+  const double clear = size_ + (kStop + kStopWithin) * skin_;
   for (std::size_t i = 0; i < listed_; ++i) {
-    NearFacet& near = near_[i];
-    if (near.distance > size + length * first.fraction) continue;
-    const double fraction = touch_fraction(near, way, first.fraction);
-    if (fraction < first.fraction) first = {near.facet, fraction};
+    if (near_[i].distance > size + length * first.fraction) continue;
+    const geometry::HalfSpace& plane = planes_[i];
+    const double height = plane.normal.dot(centre_) - plane.offset;
+    if (height > clear && height + first.fraction * plane.normal.dot(way) > clear) continue;
+    const double fraction = touch_fraction(i, way, first.fraction);
+    if (fraction < first.fraction) first = {near_[i].facet, fraction};
   }
   return first;
 }
 
 /// The part of the way after which the sphere touches, `limit` where it does not before. Renews the facet's
-/// distance.
-double SphereProbe::touch_fraction(NearFacet& near, const Vec3& way, double limit) noexcept {
-  const Facet& f = mesh_->facet(near.facet);
+/// bounds.
+double SphereProbe::touch_fraction(std::size_t i, const Vec3& way, double limit) noexcept {
+  const Facet& f = mesh_->facet(near_[i].facet);
   double t = 0.0;
   for (int step = 0; step < kMaxNewton; ++step) {
     const Vec3 x = centre_ + way * t;
     const FacetPoint place = closest_on_facet(f, x);
     const double distance = std::sqrt(place.distance_sq);
-    if (step == 0) near.distance = distance + travelled_;
     if (!(distance > 0.0)) return t;
+    if (step == 0) {
+      near_[i].distance = distance + travelled_;
+      const Vec3 normal = (x - place.point) / distance;
+      planes_[i] = {normal, normal.dot(place.point)};
+    }
     const double rate = (x - place.point).dot(way) / distance;
     if (rate >= 0.0) return limit;
     const double left = distance - size_ - kStop * skin_;

@@ -118,7 +118,7 @@ class SphereProbe {
   void list_near() noexcept;
   [[nodiscard]] double clearance(double most) const noexcept;
   [[nodiscard]] Touch first_touch(const Vec3& way, double length, double limit) noexcept;
-  [[nodiscard]] double touch_fraction(NearFacet& near, const Vec3& way, double limit) noexcept;
+  [[nodiscard]] double touch_fraction(std::size_t i, const Vec3& way, double limit) noexcept;
   void move(const Vec3& way, double length, double fraction) noexcept;
   void remember(std::uint32_t facet) noexcept;
 
@@ -136,6 +136,9 @@ class SphereProbe {
   /// Every facet within size_ + reach_ of list_centre_. `distance` minus the way travelled since bounds a
   /// facet's distance from below: most facets need no look for many frames.
   std::vector<NearFacet> near_;
+  /// The plane through each one's place that was nearest when it was last looked at, across the way to there:
+  /// distances are convex, so the height over it bounds them from below, too.
+  std::vector<geometry::HalfSpace> planes_;
   std::size_t listed_ = 0;
   Vec3 list_centre_ = Vec3::Zero();
   double reach_ = -1.0;     ///< below 0: no list
