@@ -52,6 +52,10 @@ if(TARGET palpate AND PALPATE_BUILD_EXPERIMENTS)
   install(TARGETS palpate RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 endif()
 
+if(TARGET palpate-reconstruct)
+  install(TARGETS palpate-reconstruct RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+endif()
+
 configure_package_config_file("${CMAKE_CURRENT_LIST_DIR}/palpateConfig.cmake.in"
   "${PROJECT_BINARY_DIR}/palpateConfig.cmake" INSTALL_DESTINATION ${palpate_package_dir})
 write_basic_package_version_file("${PROJECT_BINARY_DIR}/palpateConfigVersion.cmake"

@@ -99,7 +99,7 @@ std::vector<OptionSpec> VGraph::specs() {
 Status VGraph::prepare(VGraph& model, const render::ModelInput& input, const Options& options,
                        const render::PrepareContext& context, render::PrepareReport& report) {
   render::PreparePhases phases(report, context);
-  auto source = mesh_of(input, options, phases);
+  auto source = mesh_of(input, options, context.threads, phases);
   if (!source.ok()) return std::move(source).error();
   model.source_ = std::move(source).value();
   phases.begin("connect facets");

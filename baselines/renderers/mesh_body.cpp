@@ -119,7 +119,7 @@ Result<std::unique_ptr<MeshBody>> prepare_body(const render::ModelInput& input, 
                                                render::PrepareReport& report) {
   render::PreparePhases phases(report, context);
   auto body = std::make_unique<MeshBody>();
-  auto source = mesh_of(input, options, phases);
+  auto source = mesh_of(input, options, context.threads, phases);
   if (!source.ok()) return std::move(source).error();
   source = refined(std::move(source).value(), input, options, context.threads, phases);
   if (!source.ok()) return std::move(source).error();

@@ -4,22 +4,49 @@
 
 #include <utility>
 
-#include "baselines/reconstruct/advancing_front.h"
+#include "baselines/reconstruct/reconstruct.h"
 
 namespace palpate::baselines {
+namespace {
+
+constexpr double kBytesPerGb = 1e9;
+constexpr const char* kOriginal = "original";
+
+}  // namespace
 
 std::vector<OptionSpec> mesh_source_specs() {
-  return {{"mesh",
-           OptionKind::kChoice,
-           "advancing-front",
-           "which mesh: the file's own or a reconstruction",
-           {"original", "advancing-front"}}};
+  OptionSpec mesh{"mesh",
+                  OptionKind::kChoice,
+                  "advancing-front",
+                  "which mesh: the file's own or a reconstruction",
+                  {kOriginal}};
+  for (const Method& method : methods()) mesh.choices.push_back(method.name);
+  std::vector<OptionSpec> specs = {
+      std::move(mesh),
+      {"mesh_time_limit_s",
+       OptionKind::kNumber,
+       "120",
+       "a reconstruction may take so long; 0: no limit",
+       {},
+       0.0,
+       1e9},
+      {"mesh_memory_limit_gb",
+       OptionKind::kNumber,
+       "0",
+       "a reconstruction may use so much memory; 0: three quarters of the machine's",
+       {},
+       0.0,
+       1e6},
+      {"mesh_cache", OptionKind::kFlag, "true", "take a reconstruction from the cache, and keep it there"}};
+  for (OptionSpec& spec : all_method_options()) specs.push_back(std::move(spec));
+  return specs;
 }
 
 Result<std::shared_ptr<const geometry::TriangleMesh>> mesh_of(const render::ModelInput& input,
-                                                              const Options& options,
+                                                              const Options& options, int threads,
                                                               render::PreparePhases& phases) {
-  if (options.text("mesh") == "original") {
+  const std::string& name = options.text("mesh");
+  if (name == kOriginal) {
     if (input.original_mesh == nullptr || input.original_mesh->empty())
       return Error{fmt::format("model '{}' brings no mesh of its own", input.name),
                    "take a reconstruction, for example mesh=advancing-front",
@@ -27,14 +54,27 @@ Result<std::shared_ptr<const geometry::TriangleMesh>> mesh_of(const render::Mode
                    0};
     return input.original_mesh;
   }
-  phases.begin("advancing front (CGAL)");
-  ReconstructionReport found;
-  auto made = advancing_front(*input.cloud, phases.progress(), &found);
-  if (!made.ok()) return std::move(made).error();
-  phases.end();
-  phases.note(fmt::format("advancing front: Delaunay {:.0f} ms, front {:.0f} ms, {} duplicate points",
-                          found.triangulation_ms, found.front_ms, found.duplicates));
-  return std::make_shared<const geometry::TriangleMesh>(std::move(made).value());
+  const Result<const Method*> method = find_method(name);
+  if (!method) return method.error();
+  std::optional<MeshCache> cache;
+  if (options.flag("mesh_cache")) cache = MeshCache::standard();
+  ReconstructRequest request;
+  request.method = name;
+  request.options = own_options(**method, options);
+  request.limits.time_s = options.number("mesh_time_limit_s");
+  request.limits.memory_bytes =
+      static_cast<std::size_t>(options.number("mesh_memory_limit_gb") * kBytesPerGb);
+  request.threads = threads;
+  request.cache = cache ? &*cache : nullptr;
+  Result<Reconstruction> made = reconstruct(request, *input.cloud, phases.progress());
+  if (!made) return std::move(made).error();
+  for (render::PreparePhase& phase : made->made.phases)
+    phases.add({fmt::format("{}: {}", name, phase.name), phase.ms});
+  for (std::string& note : made->made.notes) phases.note(std::move(note));
+  if (made->recorded)
+    phases.note(fmt::format("{}: from the cache; its times are those of {}, on {} threads", name,
+                            made->made_on, made->threads));
+  return std::make_shared<const geometry::TriangleMesh>(std::move(made->mesh));
 }
 
 }  // namespace palpate::baselines

@@ -12,14 +12,16 @@
 
 namespace palpate::baselines {
 
-/// The options that choose the mesh, the same for every mesh renderer.
+/// The options that choose the mesh, the same for every mesh renderer: `mesh`, the limits and the cache of a
+/// reconstruction, and the options of every method.
 [[nodiscard]] std::vector<OptionSpec> mesh_source_specs();
 
 /// The mesh that `options` (complete, of mesh_source_specs() among others) mean for this model, never null or
-/// empty; each step of making it is a phase. Errors: the model brings no mesh of its own; the reconstruction
-/// failed.
+/// empty. The steps of making it are phases, with the times of the day it was made where it comes from the
+/// cache, and a note says so. Errors: the model brings no mesh of its own; those of reconstruct().
 [[nodiscard]] Result<std::shared_ptr<const geometry::TriangleMesh>> mesh_of(const render::ModelInput& input,
                                                                             const Options& options,
+                                                                            int threads,
                                                                             render::PreparePhases& phases);
 
 }  // namespace palpate::baselines

@@ -57,7 +57,9 @@ struct ReproduceArguments {
   std::string out;
   int threads = 0;
   bool full = false;
-  bool quick = false;  ///< small models and short paths: a trial of the machinery, no measurement
+  bool no_cache = false;     ///< reconstructions are made anew, and not kept
+  double mesh_limit_s = -1;  ///< of one reconstruction; 0: none; negative: 120, and none with --full
+  bool quick = false;        ///< small models and short paths: a trial of the machinery, no measurement
 };
 struct BehavioursArguments {
   std::string renderers;  ///< empty: all methods

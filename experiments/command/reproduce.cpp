@@ -62,7 +62,7 @@ Result<scene::SceneFile> scene_of(const ManifestModel& model, Reproduction& r) {
   if (!model.scene.empty()) {
     scene = embedded_scene(model.scene);
   } else if (!model.generate.empty()) {
-    scene = scene::open_scene(model.generate);
+    scene = scene::open_scene(model.in_time.empty() || r.arguments.full ? model.generate : model.in_time);
   } else {
     scene = scene::SceneFile{};
     scene->path = model.scan;
@@ -124,6 +124,8 @@ int run_reproduce(const ReproduceArguments& arguments, Context& context) {
       reproduce_neighbours(manifest, r);
     else if (manifest.kind == Manifest::Kind::kMethods)
       reproduce_methods(manifest, r);
+    else if (manifest.kind == Manifest::Kind::kMeshes)
+      reproduce_meshes(manifest, r);
     else
       reproduce_frames(manifest, r);
     if (context.progress.cancelled())

@@ -35,6 +35,8 @@ void give_up(Reproduction& r, const std::string& what, const Error& error);
 
 /// Table 6: the modified kNN as the thesis timed it, and every builder beside it.
 void reproduce_neighbours(const Manifest& manifest, Reproduction& r);
+/// Table 3: every reconstruction on every model, beside the printed times.
+void reproduce_meshes(const Manifest& manifest, Reproduction& r);
 /// Tables 7 and 9, each with its comparison.
 void reproduce_frames(const Manifest& manifest, Reproduction& r);
 /// Table 11: every method at the sizes at which they were published.

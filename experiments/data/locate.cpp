@@ -65,6 +65,17 @@ const std::vector<Scan>& known_scans() {
          "5c26bdd0591b/tutorials/correspondence_grouping/milk_cartoon_all_small_clorox.pcd",
          "", "pcl/milk_cartoon_all_small_clorox.pcd",
          "588b622f9708a0905bae04d8674f3401cc67c5291e5075d6cb7d7eb1e555a40d"}}},
+      {"stanford-bunny",
+       "the Stanford bunny, bun_zipper.ply (table 3 of the thesis), with its own mesh",
+       "m",
+       35947,
+       0,
+       kLicence,
+       kTerms,
+       kHome,
+       {{ScanSource::Kind::kAddress, "http://graphics.stanford.edu/pub/3Dscanrep/bunny.tar.gz",
+         "bunny/reconstruction/bun_zipper.ply", "stanford/bun_zipper.ply",
+         "b1acc63bece78444aa2e15bdcc72371a201279b98c6f5d4b74c993d02f0566fe"}}},
       unrecorded("xyzrgb-dragon", "the XYZ RGB dragon (table 10 of the thesis), with its own mesh", "mm",
                  3609600, "http://graphics.stanford.edu/data/3Dscanrep/xyzrgb/xyzrgb_dragon.ply.gz", "",
                  "stanford/xyzrgb_dragon.ply.gz", true),
@@ -87,14 +98,6 @@ const Scan* find_scan(std::string_view name) {
   return nullptr;
 }
 
-std::filesystem::path cache_folder() {
-  if (const char* cache = std::getenv("XDG_CACHE_HOME"); cache != nullptr && *cache == '/')
-    return std::filesystem::path(cache) / "palpate";
-  if (const char* home = std::getenv("HOME"); home != nullptr && *home != '\0')
-    return std::filesystem::path(home) / ".cache" / "palpate";
-  return {};
-}
-
 std::filesystem::path checksum_record(const std::filesystem::path& file) {
   return file.string() + ".sha256";
 }
@@ -105,10 +108,12 @@ std::optional<std::filesystem::path> locate_scan(const Scan& scan) {
     folders.emplace_back(data);
   if (const std::filesystem::path cache = cache_folder(); !cache.empty()) folders.push_back(cache);
   for (const std::filesystem::path& folder : folders) {
-    for (const ScanSource& source : scan.sources) {
-      std::error_code code;
-      if (std::filesystem::is_regular_file(folder / source.file, code)) return folder / source.file;
-    }
+    for (const ScanSource& source : scan.sources)
+      for (const char* compressed : {"", ".gz", ".xz"}) {
+        const std::filesystem::path file = folder / (source.file + compressed);
+        std::error_code code;
+        if (std::filesystem::is_regular_file(file, code)) return file;
+      }
   }
   return std::nullopt;
 }

@@ -9,6 +9,8 @@
 #include <string_view>
 #include <vector>
 
+#include "toolkit/core/cache_folder.h"
+
 namespace palpate::experiments {
 
 /// One way to get a scan.
@@ -37,14 +39,11 @@ struct Scan {
 [[nodiscard]] const std::vector<Scan>& known_scans();
 [[nodiscard]] const Scan* find_scan(std::string_view name);
 
-/// $XDG_CACHE_HOME/palpate, or ~/.cache/palpate, or empty where neither variable is set.
-[[nodiscard]] std::filesystem::path cache_folder();
-
 /// Where the checksum of a scan that came without a known one is recorded: beside its file in the cache.
 [[nodiscard]] std::filesystem::path checksum_record(const std::filesystem::path& file);
 
-/// The file of a scan: in $PALPATE_DATA first, then in the cache. The cache's files were checked when they
-/// came.
+/// The file of a scan, as it is or compressed: in $PALPATE_DATA first, then in the cache. The cache's files
+/// were checked when they came.
 [[nodiscard]] std::optional<std::filesystem::path> locate_scan(const Scan& scan);
 
 }  // namespace palpate::experiments

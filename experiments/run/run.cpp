@@ -139,7 +139,9 @@ Result<Run> run_renderer(const Stage& stage, const RendererRequest& request, con
   if (!prepared)
     return limit.expired() ? give_up(metrics::RunStatus::kDidNotFinish,
                                      fmt::format("preparation stopped after {} s", options.prepare_limit_s))
-                           : give_up(metrics::RunStatus::kFailed, prepared.error().message());
+                           : give_up(prepared.error().gave_up ? metrics::RunStatus::kDidNotFinish
+                                                              : metrics::RunStatus::kFailed,
+                                     prepared.error().message());
   run.result.prepare = *std::move(prepared);
   if (!options.save_mesh.empty())
     if (const Status saved = save_mesh(inner, options.save_mesh, run.saved_mesh); !saved)

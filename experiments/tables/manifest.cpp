@@ -48,6 +48,7 @@ Manifest from_table(const toml::table& root) {
   const std::string kind = text_of(root, "kind");
   manifest.kind = kind == "neighbours" ? Manifest::Kind::kNeighbours
                   : kind == "methods"  ? Manifest::Kind::kMethods
+                  : kind == "meshes"   ? Manifest::Kind::kMeshes
                                        : Manifest::Kind::kFrames;
   manifest.title = text_of(root, "title");
   manifest.text = text_of(root, "text");
@@ -73,6 +74,8 @@ Manifest from_table(const toml::table& root) {
     if (const toml::node* full = t->get("full")) model.full = full->value_or(false);
     if (const toml::array* slow = t->get("slow") == nullptr ? nullptr : t->get("slow")->as_array())
       for (const toml::node& builder : *slow) model.slow.push_back(builder.value_or(std::string()));
+    model.in_time = text_of(*t, "in_time");
+    model.points_in_time = static_cast<std::uint64_t>(number_of(*t, "points_in_time", 0.0));
     if (t->get("printed_min") != nullptr) model.printed_min = number_of(*t, "printed_min", 0.0);
     manifest.models.push_back(std::move(model));
   }
@@ -93,6 +96,14 @@ Manifest from_table(const toml::table& root) {
     for (const toml::table* p : tables_of(*t, "published"))
       method.published.push_back({number_of(*p, "points", 0.0), number_of(*p, "us", 0.0)});
     manifest.methods.push_back(std::move(method));
+  }
+  for (const toml::table* t : tables_of(root, "printed_mesh")) {
+    PrintedMesh row{
+        text_of(*t, "method"), text_of(*t, "model"), text_of(*t, "time"), text_of(*t, "machine"), {},
+        text_of(*t, "kin"),    text_of(*t, "ours")};
+    if (const toml::array* minutes = t->get("minutes") == nullptr ? nullptr : t->get("minutes")->as_array())
+      for (const toml::node& m : *minutes) row.minutes.push_back(m.value_or(0.0));
+    manifest.printed_meshes.push_back(std::move(row));
   }
   for (const toml::table* t : tables_of(root, "run"))
     manifest.runs.push_back({text_of(*t, "renderer"), text_of(*t, "quick")});

@@ -34,6 +34,8 @@ struct ManifestModel {
   std::string path;                   ///< table 11: instead of the manifest's
   bool full = false;                  ///< table 11: with --full only
   std::vector<std::string> slow;      ///< table 6: builders that run with --full only on this model
+  std::string in_time;                ///< table 3: the generator of a run of minutes; --full takes `generate`
+  std::uint64_t points_in_time = 0;   ///< table 3: so many of its points in a run of minutes; 0: all
 };
 
 /// Table 11: a method, in the words of the table.
@@ -47,6 +49,14 @@ struct ManifestMethod {
   std::vector<Published> published;  ///< mean frames that its authors report
 };
 
+/// A row of table 3.
+struct PrintedMesh {
+  std::string method, model, time, machine;
+  std::vector<double> minutes;  ///< the printed time, or its ends where a range is printed
+  std::string kin;              ///< the one of our methods that is nearest to it
+  std::string ours;             ///< the model of ours that is nearest to its
+};
+
 struct ManifestRun {
   std::string renderer;
   std::string quick;  ///< of a quick trial; empty: the same
@@ -54,7 +64,7 @@ struct ManifestRun {
 
 struct Manifest {
   int table = 0;
-  enum class Kind { kFrames, kNeighbours, kMethods };
+  enum class Kind { kFrames, kNeighbours, kMethods, kMeshes };
   Kind kind = Kind::kFrames;
   std::string title, text;
   std::vector<std::string> notes;
@@ -69,6 +79,7 @@ struct Manifest {
   std::vector<ManifestRun> runs;
   std::vector<ManifestMethod> methods;
   bool paced = true;  ///< frames are timed at 1 kHz too; false: with --full only
+  std::vector<PrintedMesh> printed_meshes;
 };
 
 [[nodiscard]] Result<Manifest> parse_manifest(std::string_view text, const std::string& name);

@@ -1,6 +1,5 @@
 #include <gtest/gtest.h>
 
-#include "baselines/reconstruct/advancing_front.h"
 #include "baselines/reference/facet_tree.h"
 #include "baselines/reference/mesh_reference.h"
 #include "baselines/register.h"
@@ -112,33 +111,6 @@ TEST(MeshReference, AgreesWithTheFormulaOnASphere) {
     contacts += reference.frames[i].frame.contact;
   }
   EXPECT_GT(contacts, 700u);
-}
-
-TEST(AdvancingFront, ReconstructsASurfaceAndRefusesLines) {
-  RecordProperty("seed", static_cast<int>(kSeed));
-  Random random(kSeed);
-  std::vector<Vec3> points;
-  for (int i = 0; i < 3000; ++i) {
-    const double x = random.uniform(-20, 20), y = random.uniform(-20, 20);
-    points.push_back({x, y, test::sinusoid(x, y)});
-  }
-  points.push_back(points[5]);
-  auto cloud = cloud::build_cloud(points, cloud::NonFinite::kRefuse);
-  ASSERT_TRUE(cloud.ok());
-  ReconstructionReport report;
-  auto mesh = advancing_front(*cloud, no_progress(), &report);
-  ASSERT_TRUE(mesh.ok()) << mesh.error().message();
-  EXPECT_EQ(report.duplicates, 1u);
-  EXPECT_EQ(mesh->vertices_mm.size(), points.size());
-  // A disc of n vertices with b on its border has 2 n - 2 - b triangles.
-  EXPECT_GT(mesh->triangles.size(), 5600u);
-  EXPECT_LT(mesh->triangles.size(), 6000u);
-
-  std::vector<Vec3> line;
-  for (int i = 0; i < 100; ++i) line.push_back({double(i), 2.0 * i, 0});
-  auto thin = cloud::build_cloud(line, cloud::NonFinite::kRefuse);
-  ASSERT_TRUE(thin.ok());
-  EXPECT_FALSE(advancing_front(*thin, no_progress()).ok());
 }
 
 }  // namespace

@@ -18,6 +18,7 @@ struct Error {
   std::string remedy;     ///< what the reader can do about it, or empty
   std::string file;       ///< the file that is wrong
   std::int64_t line = 0;  ///< its line, counted from 1; 0 where a line means nothing (binary files)
+  bool gave_up = false;   ///< a limit of time or memory was reached: with a higher one it might have worked
 
   /// "file:line: what; remedy" with the parts that exist.
   [[nodiscard]] std::string message() const;

@@ -21,9 +21,11 @@ class PreparePhases {
     progress_.report(name_, -1.0);
     watch_.restart();
   }
-  void end() {
-    report_.phases.push_back({name_, watch_.ms()});
-    report_.total_ms += report_.phases.back().ms;
+  void end() { add({name_, watch_.ms()}); }
+  /// A phase that was timed elsewhere.
+  void add(PreparePhase phase) {
+    report_.total_ms += phase.ms;
+    report_.phases.push_back(std::move(phase));
   }
   void note(std::string text) { report_.notes.push_back(std::move(text)); }
   [[nodiscard]] Progress& progress() noexcept { return progress_; }
