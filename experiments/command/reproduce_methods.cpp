@@ -142,6 +142,7 @@ Result<metrics::ResultDocument> run_methods(const Manifest& manifest, const Mani
   options.threads = r.arguments.threads;
   options.prepare_limit_s = r.arguments.full ? kFullPrepareLimitS : kPrepareLimitS;
   for (const ManifestMethod& method : manifest.methods) {
+    if (r.registry.find(method.renderer) == nullptr) continue;  // said once, above
     const Result<std::vector<RendererRequest>> requests = parse_renderers(method.renderer, r.registry);
     if (!requests) return requests.error();
     Result<Run> run = run_renderer(study.stage, requests->front(), r.registry, options, r.context.progress);
@@ -161,6 +162,9 @@ void reproduce_methods(const Manifest& manifest, Reproduction& r) {
       fmt::format("table{}", manifest.table), manifest.title, {}, {words_table(manifest)}, {}, {}};
   if (!manifest.text.empty()) section.paragraphs.push_back(manifest.text);
   HeadlineGroup found{manifest.title, {}};
+  for (const ManifestMethod& method : manifest.methods)
+    if (r.registry.find(method.renderer) == nullptr)
+      r.missing.push_back(fmt::format("table {}: {} is not in this build", manifest.table, method.renderer));
   for (const ManifestModel& model : manifest.models) {
     if (model.full && !r.arguments.full) {
       r.missing.push_back(fmt::format("table {} on the {}: run with --full", manifest.table, model.name));
