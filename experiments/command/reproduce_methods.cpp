@@ -25,13 +25,22 @@ Value bytes_per_point(const R& result) {
   return static_cast<double>(result.prepare->bytes) / static_cast<double>(result.model->points);
 }
 
+const std::string& label_of(const ManifestMethod& method) {
+  return method.label.empty() ? method.renderer : method.label;
+}
+
+bool is_in_build(const ManifestMethod& method, const Reproduction& r) {
+  const Result<NamedOptions> named = parse_named_options(method.renderer);
+  return named && r.registry.find(named->name) != nullptr;
+}
+
 /// What the thesis prints, and what each of ours does.
 Table words_table(const Manifest& manifest) {
   Table table;
   table.title = manifest.title;
   table.columns = {"renderer", "kin", "preparation", "broad phase", "narrow phase", "response"};
   for (const ManifestMethod& m : manifest.methods)
-    table.rows.push_back({plain(m.renderer), plain(m.kin), plain(m.preparation), plain(m.broad),
+    table.rows.push_back({plain(label_of(m)), plain(m.kin), plain(m.preparation), plain(m.broad),
                           plain(m.narrow), plain(m.response)});
   table.caption = "Thesis: " + manifest.hardware + ".";
   table.notes = manifest.notes;
@@ -63,7 +72,7 @@ Table model_table(const ManifestModel& model, const Manifest& manifest,
   const auto number = [](const Value& v) { return v ? short_number(*v) : std::string("–"); };
   for (const R& r : document.renderers) {
     const auto method = std::find_if(manifest.methods.begin(), manifest.methods.end(),
-                                     [&](const ManifestMethod& m) { return m.renderer == r.label; });
+                                     [&](const ManifestMethod& m) { return label_of(m) == r.label; });
     std::vector<Cell> row = {plain(r.label)};
     if (r.status != metrics::RunStatus::kOk) {
       row.push_back(
@@ -142,8 +151,9 @@ Result<metrics::ResultDocument> run_methods(const Manifest& manifest, const Mani
   options.threads = r.arguments.threads;
   options.prepare_limit_s = r.arguments.full ? kFullPrepareLimitS : kPrepareLimitS;
   for (const ManifestMethod& method : manifest.methods) {
-    if (r.registry.find(method.renderer) == nullptr) continue;  // said once, above
-    const Result<std::vector<RendererRequest>> requests = parse_renderers(method.renderer, r.registry);
+    if (!is_in_build(method, r)) continue;  // said once, above
+    const Result<std::vector<RendererRequest>> requests =
+        parse_renderers(fmt::format("{}:label={}", method.renderer, label_of(method)), r.registry);
     if (!requests) return requests.error();
     Result<Run> run = run_renderer(study.stage, requests->front(), r.registry, options, r.context.progress);
     if (!run) return std::move(run).error();
@@ -163,7 +173,7 @@ void reproduce_methods(const Manifest& manifest, Reproduction& r) {
   if (!manifest.text.empty()) section.paragraphs.push_back(manifest.text);
   HeadlineGroup found{manifest.title, {}};
   for (const ManifestMethod& method : manifest.methods)
-    if (r.registry.find(method.renderer) == nullptr)
+    if (!is_in_build(method, r))
       r.missing.push_back(fmt::format("table {}: {} is not in this build", manifest.table, method.renderer));
   for (const ManifestModel& model : manifest.models) {
     if (model.full && !r.arguments.full) {

@@ -86,13 +86,14 @@ Manifest from_table(const toml::table& root) {
     manifest.contact_frames = static_cast<std::uint64_t>(number_of(*node->as_table(), "contact_frames", 0.0));
   }
   for (const toml::table* t : tables_of(root, "method")) {
-    ManifestMethod method{text_of(*t, "renderer"),
-                          text_of(*t, "kin"),
-                          text_of(*t, "preparation"),
-                          text_of(*t, "broad"),
-                          text_of(*t, "narrow"),
-                          text_of(*t, "response"),
-                          {}};
+    ManifestMethod method;
+    method.renderer = text_of(*t, "renderer");
+    method.label = text_of(*t, "label");
+    method.kin = text_of(*t, "kin");
+    method.preparation = text_of(*t, "preparation");
+    method.broad = text_of(*t, "broad");
+    method.narrow = text_of(*t, "narrow");
+    method.response = text_of(*t, "response");
     for (const toml::table* p : tables_of(*t, "published"))
       method.published.push_back({number_of(*p, "points", 0.0), number_of(*p, "us", 0.0)});
     manifest.methods.push_back(std::move(method));

@@ -40,8 +40,9 @@ struct ManifestModel {
 
 /// Table 11: a method, in the words of the table.
 struct ManifestMethod {
-  std::string renderer;
-  std::string kin;  ///< what it stands for in the thesis
+  std::string renderer;  ///< with its options
+  std::string label;     ///< as a row; the renderer's name where empty
+  std::string kin;       ///< what it stands for in the thesis
   std::string preparation, broad, narrow, response;
   struct Published {
     double points = 0.0, us = 0.0;

@@ -146,7 +146,7 @@ TEST(Manifests, HoldThePrintedValues) {
   ASSERT_GE(manifests->size(), 8u);
   EXPECT_TRUE(table(6).kind == Manifest::Kind::kNeighbours);
   EXPECT_TRUE(table(11).kind == Manifest::Kind::kMethods);
-  EXPECT_EQ(table(11).methods.size(), 11u);
+  EXPECT_EQ(table(11).methods.size(), 12u);
   for (const ManifestMethod& method : table(11).methods)
     EXPECT_EQ(method.published.size(), method.renderer == "mls-penalty"     ? 2u
                                        : method.renderer == "cloud-literal" ? 3u
