@@ -140,7 +140,7 @@ void declare(CLI::App& app, Arguments& a) {
                    "--full 0)")
       ->check(CLI::NonNegativeNumber);
   reproduce->add_flag("--no-cache", a.reproduce.no_cache,
-                      "table 3: make every mesh anew, and keep none for the next run");
+                      "make every mesh anew, and keep none for the next run");
   reproduce->add_flag("--quick", a.reproduce.quick,
                       "small models, short paths: tries the machinery, measures nothing");
   reproduce->add_option("--threads", a.reproduce.threads, "threads of preparation (default: all)")

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdlib>
 
 #include "experiments/behaviours/matrix.h"
 #include "experiments/command/reproduction.h"
@@ -104,6 +105,7 @@ int run_reproduce(const ReproduceArguments& arguments, Context& context) {
   if (!manifests) return fail(manifests.error(), kExitBadInput);
   const Result<OutputFolder> folder = OutputFolder::open(arguments.out);
   if (!folder) return fail(folder.error(), kExitBadInput);
+  if (arguments.no_cache) ::setenv("PALPATE_MESH_CACHE", "off", 1);  // for the renderers too
   Reproduction r{arguments,
                  context,
                  *folder,

@@ -259,8 +259,7 @@ void write_results(const Manifest& manifest, const std::vector<Row>& rows, Repro
 }  // namespace
 
 void reproduce_meshes(const Manifest& manifest, Reproduction& r) {
-  std::optional<baselines::MeshCache> cache;
-  if (!r.arguments.no_cache) cache = baselines::MeshCache::standard();
+  std::optional<baselines::MeshCache> cache = baselines::MeshCache::standard();
   std::vector<Row> rows;
   std::vector<Table> tables;
   for (const ManifestModel& model : manifest.models) {

@@ -255,6 +255,32 @@ TEST_F(Command, ReproduceQuickPrintsPrintedValuesBesideOurs) {
   EXPECT_TRUE(std::filesystem::exists(in("out/table7/result.json")));
 }
 
+TEST_F(Command, ReproduceMeshesTwiceMakesThemOnce) {
+  if (all_renderers().find("mesh-godobject") == nullptr) GTEST_SKIP() << "built without the reconstructions";
+  const Environment cache("PALPATE_MESH_CACHE", in("meshes").c_str());
+  const auto rows = [&](const char* out, std::vector<std::string> more = {}) {
+    std::vector<std::string> arguments = {"reproduce", "--tables", "3", "--quick", "--out", in(out)};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const ProcessOutcome run = palpate_command(arguments);
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+    EXPECT_NE(run.out.find("SGI Onyx"), std::string::npos) << run.out;
+    std::ifstream file(in(std::string(out) + "/table3/meshes.json"));
+    return json::parse(file);
+  };
+  const json first = rows("first"), second = rows("second"), anew = rows("third", {"--no-cache"});
+  ASSERT_GE(first.size(), 24u);
+  ASSERT_EQ(first.size(), second.size());
+  for (std::size_t i = 0; i < first.size(); ++i) {
+    if (first[i].contains("failure")) continue;  // a method that this build does not have
+    EXPECT_TRUE(second[i]["recorded"]) << second[i];
+    EXPECT_EQ(first[i]["total_ms"], second[i]["total_ms"]);
+    EXPECT_EQ(first[i]["faces"], second[i]["faces"]);
+    EXPECT_FALSE(anew[i]["recorded"]) << anew[i];
+    EXPECT_EQ(first[i]["faces"], anew[i]["faces"]);
+    EXPECT_GE(first[i]["points_to_mesh_max_mm"], first[i]["points_to_mesh_rms_mm"]);
+  }
+}
+
 TEST_F(Command, FetchListsWithLicenceAndChecksum) {
   const ProcessOutcome run = palpate_command({"fetch", "--json"});
   ASSERT_EQ(run.exit_code, 0);

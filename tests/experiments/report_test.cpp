@@ -146,6 +146,15 @@ TEST(Manifests, HoldThePrintedValues) {
   ASSERT_GE(manifests->size(), 8u);
   EXPECT_TRUE(table(6).kind == Manifest::Kind::kNeighbours);
   EXPECT_TRUE(table(11).kind == Manifest::Kind::kMethods);
+  EXPECT_TRUE(table(3).kind == Manifest::Kind::kMeshes);
+  EXPECT_EQ(table(3).printed_meshes.size(), 8u);
+  for (const PrintedMesh& printed : table(3).printed_meshes) {
+    EXPECT_FALSE(printed.minutes.empty()) << printed.method;
+    EXPECT_TRUE(printed.ours.empty() ||
+                std::any_of(table(3).models.begin(), table(3).models.end(),
+                            [&](const ManifestModel& m) { return m.name == printed.ours; }))
+        << printed.method;
+  }
   EXPECT_EQ(table(11).methods.size(), 12u);
   for (const ManifestMethod& method : table(11).methods)
     EXPECT_EQ(method.published.size(), method.renderer == "mls-penalty"     ? 2u
