@@ -132,11 +132,11 @@ void declare(CLI::App& app, Arguments& a) {
   reproduce->add_option("--tables", a.reproduce.tables, "which tables, separated by commas (default: all)");
   reproduce->add_option("--out", a.reproduce.out, "folder for the results")->required();
   reproduce->add_flag("--full", a.reproduce.full,
-                      "longer runs too: growth with the number of points to ten million; whole models and no "
-                      "limit of time for the reconstructions of table 3");
+                      "longer runs too: growth with the number of points to ten million; whole models; no "
+                      "limit of time for reconstructions");
   reproduce
       ->add_option("--mesh-limit", a.reproduce.mesh_limit_s,
-                   "a reconstruction of table 3 may take so many seconds; 0: no limit (default: 120, with "
+                   "a reconstruction may take so many seconds; 0: no limit (default: 120, with "
                    "--full 0)")
       ->check(CLI::NonNegativeNumber);
   reproduce->add_flag("--no-cache", a.reproduce.no_cache,

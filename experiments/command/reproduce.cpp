@@ -58,6 +58,12 @@ Status make_quick(scene::SceneFile& scene, const std::string& generator) {
 
 }  // namespace
 
+double mesh_limit_s(const Reproduction& r) {
+  constexpr double kInTimeS = 120.0;  // a run of minutes
+  if (r.arguments.mesh_limit_s >= 0.0) return r.arguments.mesh_limit_s;
+  return r.arguments.full ? 0.0 : kInTimeS;
+}
+
 Result<scene::SceneFile> scene_of(const ManifestModel& model, Reproduction& r) {
   Result<scene::SceneFile> scene = Error{};
   if (!model.scene.empty()) {

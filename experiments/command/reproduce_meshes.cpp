@@ -26,7 +26,7 @@ void reproduce_meshes(const Manifest& manifest, Reproduction& r) {
 
 namespace {
 
-constexpr double kLimitS = 120.0, kMsPerMinute = 60000.0;
+constexpr double kMsPerMinute = 60000.0;
 constexpr std::size_t kSamples = 20000;  // places whose distance is measured, either way
 constexpr std::uint64_t kSeed = 1;       // of the points that a thinned model keeps
 
@@ -80,9 +80,7 @@ Row run(const baselines::Method& method, const ManifestModel& model, const cloud
   request.method = method.name;
   request.threads = r.arguments.threads;
   request.cache = cache;
-  request.limits.time_s = r.arguments.mesh_limit_s >= 0.0 ? r.arguments.mesh_limit_s
-                          : r.arguments.full              ? 0.0
-                                                          : kLimitS;
+  request.limits.time_s = mesh_limit_s(r);
   r.context.progress.report(fmt::format("{}, {}", model.name, method.name), -1.0);
   Result<baselines::Reconstruction> made = baselines::reconstruct(request, cloud, r.context.progress);
   if (!made) {

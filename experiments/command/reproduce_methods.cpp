@@ -13,6 +13,8 @@ using R = metrics::RendererResult;
 using Value = std::optional<double>;
 
 constexpr double kPrepareLimitS = 120.0, kFullPrepareLimitS = 3600.0;
+/// The option of renderers that make a mesh.
+constexpr const char* kMeshLimit = "mesh_time_limit_s";
 /// A published figure is compared with a model of at most this share more or fewer points.
 constexpr double kSameSize = 0.1;
 
@@ -155,7 +157,11 @@ Result<metrics::ResultDocument> run_methods(const Manifest& manifest, const Mani
     const Result<std::vector<RendererRequest>> requests =
         parse_renderers(fmt::format("{}:label={}", method.renderer, label_of(method)), r.registry);
     if (!requests) return requests.error();
-    Result<Run> run = run_renderer(study.stage, requests->front(), r.registry, options, r.context.progress);
+    RendererRequest wanted = requests->front();
+    const std::vector<OptionSpec>& specs = r.registry.find(wanted.name)->options;
+    if (std::any_of(specs.begin(), specs.end(), [](const OptionSpec& s) { return s.key == kMeshLimit; }))
+      wanted.options.set(kMeshLimit, fmt::format("{}", mesh_limit_s(r)));
+    Result<Run> run = run_renderer(study.stage, wanted, r.registry, options, r.context.progress);
     if (!run) return std::move(run).error();
     run->trace = {};  // a result is all that is shown
     study.runs.push_back(*std::move(run));

@@ -30,6 +30,9 @@ struct Reproduction {
 /// The scene of a manifest's model: generated, or a scan found or fetched.
 [[nodiscard]] Result<scene::SceneFile> scene_of(const ManifestModel& model, Reproduction& r);
 
+/// How long one reconstruction may take, s; 0: no limit.
+[[nodiscard]] double mesh_limit_s(const Reproduction& r);
+
 /// Says what is missing. It is a failure only where it was asked for by name.
 void give_up(Reproduction& r, const std::string& what, const Error& error);
 

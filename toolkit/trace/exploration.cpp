@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numbers>
+#include <optional>
 #include <vector>
 
 #include "toolkit/cloud/statistics.h"
@@ -238,6 +240,32 @@ double give_way(const Walk& walk, const Fitting& fitting, double depth_mm) {
   return 0.0;
 }
 
+/// Where the walk begins: the outermost point, seen along `outward`, around which the points make a surface.
+/// A scan's outermost point may be a stray one, or the tip of a ragged rim from which no step leads on. The
+/// HIP beyond it is clear of every point.
+std::optional<Walk> outermost(const cloud::Cloud& cloud, const Fitting& fitting, const Vec3& outward,
+                              double clearance_mm) {
+  std::vector<std::pair<double, std::uint32_t>> order;
+  order.reserve(cloud.size());
+  for (std::size_t i = 0; i < cloud.size(); ++i)
+    order.emplace_back(-cloud.local_mm(i).dot(outward), static_cast<std::uint32_t>(i));
+  // Mostly the first will do.
+  std::make_heap(order.begin(), order.end(), std::greater<>());
+  for (auto end = order.end(); end != order.begin(); --end) {
+    std::pop_heap(order.begin(), end, std::greater<>());
+    const Vec3 at = cloud.local_mm(std::prev(end)->second);
+    const Fit fit = fit_plane(*fitting.grid, at, fitting.radius_mm, outward);
+    if (!fit.good) continue;
+    const Vec3 hip = at + clearance_mm * outward;
+    const double near = kClearOfOthers * clearance_mm;
+    bool clear = true;
+    fitting.grid->around(hip,
+                         [&](const Vec3& q) { clear = clear && (q - hip).squaredNorm() >= near * near; });
+    if (clear) return Walk{at, fit.normal, Vec3::Zero()};
+  }
+  return std::nullopt;
+}
+
 /// The walk and the HIP above it, relative to the cloud's origin. `hip` is where the HIP starts.
 std::vector<Vec3> follow_walk(Walk walk, Vec3 hip, const Fitting& fitting, double tightest_turn_mm,
                               const ExplorationOptions& options, Random& random) {
@@ -279,15 +307,14 @@ Result<std::vector<Vec3>> explore(const PathTarget& target, const ExplorationOpt
   if (!fitting) return std::move(fitting).error();
   Random random(options.seed);
   const Vec3 outward = outward_direction(target, random);
-  std::size_t extreme = 0;
-  for (std::size_t i = 1; i < cloud.size(); ++i)
-    if (cloud.local_mm(i).dot(outward) > cloud.local_mm(extreme).dot(outward)) extreme = i;
-
-  Walk walk{cloud.local_mm(extreme), outward, Vec3::Zero()};
-  if (const Fit fit = fit_plane(*fitting->grid, walk.on_surface, fitting->radius_mm, outward); fit.good)
-    walk.normal = fit.normal;
+  std::optional<Walk> start = outermost(cloud, *fitting, outward, options.clearance_mm);
+  if (!start)
+    return Error{"nowhere do the points make a surface that can be explored",
+                 "clean the scan first (`palpate clean`), or give a path file",
+                 {},
+                 0};
+  Walk walk = *start;
   walk.heading = any_tangent(walk.normal, 2.0 * std::numbers::pi * random.uniform());
-  // Beyond the extreme point no part of the cloud can be: free space.
   const Vec3 hip = walk.on_surface + options.clearance_mm * outward;
   std::vector<Vec3> path =
       follow_walk(walk, hip, *fitting, kTightestTurnPerBox * box.extent_mm().norm(), options, random);

@@ -237,6 +237,27 @@ TEST(Paths, ExplorationStaysWithTheCloudAtHumanSpeed) {
   }
 }
 
+TEST(Paths, ExplorationDoesNotStayAtAStrayPoint) {
+  // The outermost points stand alone: from there no step would lead on.
+  Target t = target_of("sinusoid:points=30000");
+  t.target.surface = nullptr;
+  std::vector<Vec3> points;
+  for (std::size_t i = 0; i < t.model.cloud.size(); ++i) points.push_back(t.model.cloud.point_mm(i));
+  const geometry::Aabb box = t.target.box_mm;
+  points.push_back(box.high_mm + Vec3(3, 3, 3));
+  points.push_back(box.high_mm + Vec3(-3, 3, 4));
+  points.push_back(box.low_mm + Vec3(50, 50, 5));
+  const cloud::Cloud stray = *cloud::build_cloud(points, cloud::NonFinite::kRefuse);
+  t.target.cloud = &stray;
+  t.target.box_mm = stray.box_mm();
+  const ProbePath path = path_of("exploration:frames=20000", t.target);
+  geometry::Aabb visited;
+  for (const Vec3& p : path.hip_mm) visited.add(p);
+  EXPECT_GT(visited.extent_mm().norm(), 0.3 * box.extent_mm().norm());
+  const geometry::AnalyticSurface& surface = *t.model.surface;
+  EXPECT_TRUE(check_path_starts_free(path, surface, {}));
+}
+
 TEST(Paths, ExplorationStartsOnTheMeshsOutside) {
   // A plane whose triangles face down: outside is below.
   Target t = target_of("plane:points=2500");
