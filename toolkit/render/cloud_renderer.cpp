@@ -91,14 +91,16 @@ class Cloud final : public HapticRenderer, public Editable, public SlowPhase {
   }
 
   Description describe() const override {
-    return {
-        "cloud", "chapter 3 made right",
-        "El-Far, chapter 3; side, bounds, friction cone and joint contact ours",
-        fmt::format(
-            "a model near the HIP: {} moves of the god object, {} wider looks of 64 points, {} box tests, "
-            "segments of {} cells a frame; what is left is done in the next; up to {} touched at once",
-            kMaxWalkSteps, kMaxRescues, kMaxBoxTests, kMaxSegmentCells, kMaxTouched),
-        options_};
+    return {"cloud", "chapter 3 made right",
+            "El-Far, chapter 3; side, bounds, friction cone and joint contact ours",
+            fmt::format("a model near the HIP: {} moves of the god object and {} along an edge, {} wider "
+                        "looks of 64 points, {} "
+                        "box tests, segments of {} cells, at a crease {} facets and as many lines a frame; "
+                        "what is left is done "
+                        "in the next; up to {} touched at once",
+                        kMaxWalkSteps, kMaxFaceMoves, kMaxRescues, kMaxBoxTests, kMaxSegmentCells,
+                        neighbourhood::kNeighbours, kMaxTouched),
+            options_};
   }
 
  private:

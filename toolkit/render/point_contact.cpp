@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace palpate::render {
 namespace {
@@ -63,11 +64,49 @@ bool PointContact::look(const Vec3& h, WalkEnd& end, FrameCounters& counters) no
     contact_ = true;
     scan_.running = false;
     end = follow(*model_, near_[0], h, steps_, counters);
+    near_[0].turned_from = kNoPlace;  // it comes from outside, not over an edge
     height_mm_ = height_mm(*model_, near_[0], h);
     return true;
   }
   behind_ = tested_to_ != h;
   return false;
+}
+
+/// The walk went around an edge to the points nearest to the HIP. At a convex one the god object stays on the
+/// face that it came from, as on a mesh, until its place there lies beyond the next one.
+void PointContact::keep_to_face(const Vec3& h, WalkEnd& end, FrameCounters& counters) noexcept {
+  Sheet& sheet = near_[0];
+  Sheet face = sheet;
+  face.place = std::exchange(sheet.turned_from, kNoPlace);
+  face.turned_from = kNoPlace;
+  face.set_outward(*model_);
+  const Vec3 from = model_->points[face.place].at();
+  if (!(height_mm(*model_, sheet, from) < 0.0)) return;  // a groove
+  const Vec3 foot = h - height_mm(*model_, face, h) * face.outward;
+  if (!(height_mm(*model_, sheet, foot) < 0.0)) return;
+  if ((foot - from).squaredNorm() > local_resolution_sq(*model_, face.place)) return;
+  // Along the edge the god object moves on, from point to point of its face.
+  double least = (foot - from).squaredNorm();
+  for (int move = 0; move < kMaxFaceMoves; ++move) {
+    const std::uint32_t before = face.place;
+    for (const std::uint32_t other : model_->neighbours[before]) {
+      const StoredPoint& p = model_->points[other];
+      const double square = distance_sq(p, foot);
+      if (!(square < least) || p.normal == surface::kNoNormal ||
+          !(face.side * surface::decode_normal(p.normal).dot(face.outward) >= kEdgeCosine))
+        continue;
+      least = square;
+      face.place = other;
+    }
+    if (face.place == before) break;
+    ++counters.walk_steps;
+  }
+  face.set_outward(*model_);
+  end.place = face.place;
+  end.distance_sq_mm2 = face.distance_sq_mm2 = distance_sq(model_->points[face.place], h);
+  end.look_around(*model_, h);
+  face.walk_cut = false;
+  sheet = face;
 }
 
 /// Brings the watched sheets to where the path has been tested, and lets go of those left behind.

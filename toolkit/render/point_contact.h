@@ -15,9 +15,14 @@ namespace palpate::render {
 /// Sheets watched while free: two faces that meet and one more that comes near.
 inline constexpr std::size_t kMaxSheets = 3;
 
+/// Moves a frame may make along an edge that the god object has not passed; as kMaxWalkSteps, but that a
+/// probe seldom runs along an edge at over a few spacings a frame.
+inline constexpr int kMaxFaceMoves = 4;
+
 /// Everything in the model's local coordinates, mm. Belongs to one thread; the model is only read and must
-/// outlive this. Work per update: kMaxWalkSteps moves, kMaxRescues wider looks of 64 points, kMaxBoxTests box
-/// tests, segments of kMaxSegmentCells cells; what is left is done in the next.
+/// outlive this. Work per update: kMaxWalkSteps moves and kMaxFaceMoves along an edge, kMaxRescues wider
+/// looks of 64 points, kMaxBoxTests box tests, segments of kMaxSegmentCells cells; what is left is done in
+/// the next.
 class PointContact {
  public:
   /// Before the first use, and after the model's boxes grew.
@@ -52,6 +57,8 @@ class PointContact {
     Sheet& sheet = near_[0];
     const double before = height_mm_;  // of the last frame's HIP over the last frame's plane
     end = follow(*model_, sheet, h, steps_, counters);
+    if (sheet.turned_from != kNoPlace) [[unlikely]]
+      keep_to_face(h, end, counters);
     const double height = height_mm_ = height_mm(*model_, sheet, h);
     if (sheet.walk_cut || (height < 0.0 && !beyond_rim(sheet, h))) return true;
     contact_ = false;
@@ -64,6 +71,7 @@ class PointContact {
   }
 
   bool look(const Vec3& h, WalkEnd& end, FrameCounters& counters) noexcept;
+  void keep_to_face(const Vec3& h, WalkEnd& end, FrameCounters& counters) noexcept;
   void follow_sheets(FrameCounters& counters) noexcept;
   [[nodiscard]] std::size_t touched_sheet() const noexcept;
   [[nodiscard]] bool under(const Sheet& sheet, const Vec3& h) const noexcept;

@@ -23,6 +23,12 @@ inline constexpr std::size_t kFourth = 3;
 /// The third corner of a facet stands at least 15 degrees off the line of the other two: sin 15 = 0.26.
 inline constexpr double kFacetCosine = 0.26;
 
+/// Linked points whose planes are turned by more than 20 degrees, less than the 25.6 that a hand tells apart
+/// at rest, have an edge between them: cos 20 = 0.94.
+inline constexpr double kEdgeCosine = 0.94;
+/// In place of a place: none.
+inline constexpr std::uint32_t kNoPlace = std::numeric_limits<std::uint32_t>::max();
+
 /// The god object's point and the side that is outside. The normals of a surface agree on a side (surface
 /// orientation), so one sign, decided where the probe came from, holds wherever the god object goes.
 struct Sheet {
@@ -31,6 +37,8 @@ struct Sheet {
   Vec3 outward = Vec3::UnitZ();  ///< at `place`; kept from before where the points give no plane
   double distance_sq_mm2 = 0.0;  ///< HIP to the point at `place`
   bool walk_cut = false;         ///< the bound on steps was reached; the walk goes on in the next frame
+  std::uint32_t turned_from =
+      kNoPlace;  ///< the last walk came from there, around an edge; cleared by who asks
 
   /// The normal of the new place.
   void set_outward(const PointModel& model) noexcept {
@@ -74,8 +82,12 @@ struct Sheet {
   WalkEnd end = walk(model, sheet.place, h, steps, [](std::uint32_t) {});
   for (int rescue = 0;; ++rescue) {
     if (end.place != sheet.place || rescue > 0) {
+      const Vec3 outward = sheet.outward;
+      const std::uint32_t from = sheet.place;
       sheet.place = end.place;
       sheet.set_outward(model);
+      if (outward.dot(sheet.outward) < kEdgeCosine) [[unlikely]]
+        sheet.turned_from = from;
     }
     if (rescue == kMaxRescues || steps <= 0 ||
         !(sideways_sq(model, sheet, h) > kStuckSpacings * kStuckSpacings * fourth_sq(model, end.place)))

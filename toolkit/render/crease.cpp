@@ -1,0 +1,98 @@
+#include "toolkit/render/crease.h"
+
+#include <array>
+#include <cmath>
+
+namespace palpate::render {
+namespace {
+
+/// Of neighbours that lie within 15 degrees of each other as seen from the point the nearer one is a corner
+/// of the fan: the facet between them would be a sliver, whose plane noise turns. cos 15 = 0.966; the sine is
+/// that of kFacetCosine.
+constexpr double kSameWayCosine = 0.966;
+
+/// Neighbours around a point, counter-clockwise as seen from outside.
+struct Fan {
+  std::array<Vec3, neighbourhood::kNeighbours> corner;  ///< relative to the point
+  std::array<double, neighbourhood::kNeighbours> u, v, length, turn;
+  std::size_t size = 0;
+
+  /// Takes a corner unless one that was taken before, which is nearer, lies the same way.
+  void take(const Vec3& d, double du, double dv) noexcept {
+    const double in_plane = std::sqrt(du * du + dv * dv);
+    if (!(in_plane > kFacetCosine * d.norm())) return;  // on the normal line, or the point itself
+    for (std::size_t i = 0; i < size; ++i)
+      if (u[i] * du + v[i] * dv > kSameWayCosine * length[i] * in_plane) return;
+    // Grows with the angle, from -2 to 2.
+    const double share = dv / (std::abs(du) + std::abs(dv));
+    const double at = du >= 0.0 ? share : dv >= 0.0 ? 2.0 - share : -2.0 - share;
+    std::size_t i = size++;
+    for (; i > 0 && turn[i - 1] > at; --i) {
+      corner[i] = corner[i - 1];
+      u[i] = u[i - 1];
+      v[i] = v[i - 1];
+      length[i] = length[i - 1];
+      turn[i] = turn[i - 1];
+    }
+    corner[i] = d;
+    u[i] = du;
+    v[i] = dv;
+    length[i] = in_plane;
+    turn[i] = at;
+  }
+  /// No gap of more than 165 degrees: a facet fits between any two that follow each other.
+  [[nodiscard]] bool closed() const noexcept {
+    if (size < 3) return false;
+    for (std::size_t i = 0; i < size; ++i) {
+      const std::size_t j = i + 1 == size ? 0 : i + 1;
+      if (!(u[i] * v[j] - v[i] * u[j] > kFacetCosine * length[i] * length[j])) return false;
+    }
+    return true;
+  }
+};
+
+Fan fan_around(const WalkEnd& end, const Vec3& g, const Vec3& outward) noexcept {
+  const Vec3 e = outward.unitOrthogonal(), f = outward.cross(e);
+  Fan fan;
+  for (std::size_t k = 0; k < neighbourhood::kNeighbours; ++k) {
+    const Vec3 d = Vec3(end.x_mm[k], end.y_mm[k], end.z_mm[k]) - g;
+    fan.take(d, e.dot(d), f.dot(d));
+  }
+  return fan;
+}
+
+}  // namespace
+
+Vec3 pull_to_fan(const PointModel& model, const WalkEnd& end, const Vec3& outward, const Vec3& h,
+                 const Vec3& pull) noexcept {
+  const Vec3 g = model.points[end.place].at();
+  const Fan fan = fan_around(end, g, outward);
+  if (!fan.closed()) return pull;
+  const Vec3 r = h - g;
+  double least = r.squaredNorm();
+  Vec3 best = -r;
+  std::array<Vec3, neighbourhood::kNeighbours> aside;  // corner x r
+  for (std::size_t i = 0; i < fan.size; ++i) {
+    const Vec3& d = fan.corner[i];
+    aside[i] = d.cross(r);
+    const double along = d.dot(r);
+    if (!(along > 0.0)) continue;
+    const Vec3 to_line = (along / d.squaredNorm()) * d - r;
+    const double square = to_line.squaredNorm();
+    if (!(square < least)) continue;
+    least = square;
+    best = to_line;
+  }
+  for (std::size_t i = 0; i < fan.size; ++i) {
+    const std::size_t j = i + 1 == fan.size ? 0 : i + 1;
+    const Vec3 n = fan.corner[i].cross(fan.corner[j]);
+    if (!(n.dot(aside[i]) >= 0.0 && n.dot(aside[j]) <= 0.0)) continue;  // the foot is beside the facet
+    const double height = n.dot(r), area_sq = n.squaredNorm();
+    if (!(height * height < least * area_sq)) continue;
+    least = height * height / area_sq;
+    best = (-height / area_sq) * n;
+  }
+  return best;
+}
+
+}  // namespace palpate::render
