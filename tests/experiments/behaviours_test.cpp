@@ -68,6 +68,14 @@ TEST(Behaviours, TheLiteralFormFeelsBoxesFromOutside) {
   EXPECT_EQ(outcome("narrow-groove", "cloud").wrong, 0u);
 }
 
+TEST(Behaviours, TheCloudIsHeldInCreasesAndOnItsFace) {
+  // The literal form stays on one flank and goes around the edge early.
+  EXPECT_GT(outcome("concave-wedge", "cloud-literal").wrong, 50u);
+  EXPECT_GT(outcome("ridge", "cloud-literal").wrong, 10u);
+  EXPECT_EQ(outcome("concave-wedge", "cloud").wrong, 0u);
+  EXPECT_EQ(outcome("ridge", "cloud").wrong, 0u);
+}
+
 TEST(Behaviours, ARefusedSceneIsNamed) {
   const BehaviourOutcome refused = outcome("thin-plate", "heightfield");
   EXPECT_NE(refused.failure, "");

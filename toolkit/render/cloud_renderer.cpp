@@ -92,7 +92,7 @@ class Cloud final : public HapticRenderer, public Editable, public SlowPhase {
 
   Description describe() const override {
     return {"cloud", "chapter 3 made right",
-            "El-Far, chapter 3; side, bounds, friction cone and joint contact ours",
+            "El-Far, chapter 3; side, bounds, creases, friction cone and joint contact ours",
             fmt::format("a model near the HIP: {} moves of the god object and {} along an edge, {} wider "
                         "looks of 64 points, {} "
                         "box tests, segments of {} cells, at a crease {} facets and as many lines a frame; "
@@ -298,7 +298,7 @@ RendererInfo cloud_info() {
   RendererInfo info;
   info.name = "cloud";
   info.summary = "chapter 3 made right: a contact state with a side, shading by stiffness and spacing";
-  info.source = "El-Far, chapter 3; contact side, friction cone, joint contact and bounds are ours";
+  info.source = "El-Far, chapter 3; contact side, creases, friction cone, joint contact and bounds are ours";
   info.options = point_model_specs();
   for (OptionSpec& spec : box_test_specs()) info.options.push_back(std::move(spec));
   info.options.push_back(partition_spec());

@@ -62,18 +62,6 @@ struct CloudTouch {
   [[nodiscard]] const ModelPose& pose() const noexcept { return slot->model.pose; }
 };
 
-/// The vector from the HIP to the plane of the facet a, b, c; at a crease to what holds the god object there.
-[[nodiscard]] inline Vec3 facet_pull(const CloudSlot& slot, const WalkEnd& end, const Vec3& h, const Vec3& a,
-                                     const Vec3& b, const Vec3& c) noexcept {
-  const FacetPlane plane = facet_plane(a, b, c);
-  if (!plane.usable) return a - h;
-  const Vec3 pull = ((a - h).dot(plane.scaled_normal) / plane.area_sq) * plane.scaled_normal;
-  if (at_crease(plane.scaled_normal, plane.area_sq, slot.contact.outward()) &&
-      beside_sector(plane.scaled_normal, b - a, c - a, h - a)) [[unlikely]]
-    return pull_to_fan(slot.model, end, slot.contact.outward(), h, pull);
-  return pull;
-}
-
 /// The frictionless contact at the walk's end, local.
 template <unsigned kFeatures>
 [[nodiscard]] inline SurfaceContact contact_at(const CloudSlot& slot, const WalkEnd& end,
@@ -91,10 +79,11 @@ template <unsigned kFeatures>
     __builtin_prefetch(&model.neighbours[two.first]);  // where the god object most likely goes next
     const Vec3 b = model.points[two.first].at();
     if (slot.shading != Shading::kNone &&
-        (!slot.by_spacing || (b - g).squaredNorm() > slot.felt_spacing_sq_mm2))
-      contact.pull = slot.shading == Shading::kFacet
-                         ? facet_pull(slot, end, h, g, b, model.points[two.second].at())
-                         : shaded_vector(slot.shading, h, g, b, model.points[two.second].at());
+        (!slot.by_spacing || (b - g).squaredNorm() > slot.felt_spacing_sq_mm2)) {
+      contact.pull = shaded_vector(slot.shading, h, g, b, model.points[two.second].at());
+      if (slot.shading == Shading::kFacet && at_crease(contact.pull, slot.contact.outward())) [[unlikely]]
+        contact.pull = pull_at_crease(model, end, two, slot.contact.outward(), h, contact.pull);
+    }
   }
   if (varied) {
     const PlaceSurface& here = model.surface.of_place[end.place];

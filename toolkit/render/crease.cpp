@@ -3,6 +3,8 @@
 #include <array>
 #include <cmath>
 
+#include "toolkit/render/shading.h"
+
 namespace palpate::render {
 namespace {
 
@@ -14,15 +16,18 @@ constexpr double kSameWayCosine = 0.966;
 /// Neighbours around a point, counter-clockwise as seen from outside.
 struct Fan {
   std::array<Vec3, neighbourhood::kNeighbours> corner;  ///< relative to the point
-  std::array<double, neighbourhood::kNeighbours> u, v, length, turn;
+  std::array<double, neighbourhood::kNeighbours> u, v, square, turn;
   std::size_t size = 0;
 
   /// Takes a corner unless one that was taken before, which is nearer, lies the same way.
   void take(const Vec3& d, double du, double dv) noexcept {
-    const double in_plane = std::sqrt(du * du + dv * dv);
-    if (!(in_plane > kFacetCosine * d.norm())) return;  // on the normal line, or the point itself
-    for (std::size_t i = 0; i < size; ++i)
-      if (u[i] * du + v[i] * dv > kSameWayCosine * length[i] * in_plane) return;
+    const double in_plane = du * du + dv * dv;
+    // On the normal line, or the point itself.
+    if (!(in_plane > kFacetCosine * kFacetCosine * d.squaredNorm())) return;
+    for (std::size_t i = 0; i < size; ++i) {
+      const double same = u[i] * du + v[i] * dv;
+      if (same > 0.0 && same * same > kSameWayCosine * kSameWayCosine * square[i] * in_plane) return;
+    }
     // Grows with the angle, from -2 to 2.
     const double share = dv / (std::abs(du) + std::abs(dv));
     const double at = du >= 0.0 ? share : dv >= 0.0 ? 2.0 - share : -2.0 - share;
@@ -31,13 +36,13 @@ struct Fan {
       corner[i] = corner[i - 1];
       u[i] = u[i - 1];
       v[i] = v[i - 1];
-      length[i] = length[i - 1];
+      square[i] = square[i - 1];
       turn[i] = turn[i - 1];
     }
     corner[i] = d;
     u[i] = du;
     v[i] = dv;
-    length[i] = in_plane;
+    square[i] = in_plane;
     turn[i] = at;
   }
   /// No gap of more than 165 degrees: a facet fits between any two that follow each other.
@@ -45,7 +50,9 @@ struct Fan {
     if (size < 3) return false;
     for (std::size_t i = 0; i < size; ++i) {
       const std::size_t j = i + 1 == size ? 0 : i + 1;
-      if (!(u[i] * v[j] - v[i] * u[j] > kFacetCosine * length[i] * length[j])) return false;
+      const double across = u[i] * v[j] - v[i] * u[j];
+      if (!(across > 0.0 && across * across > kFacetCosine * kFacetCosine * square[i] * square[j]))
+        return false;
     }
     return true;
   }
@@ -61,14 +68,14 @@ Fan fan_around(const WalkEnd& end, const Vec3& g, const Vec3& outward) noexcept 
   return fan;
 }
 
-}  // namespace
+/// The foot of r, relative to a facet's first corner as the other two are, lies on its plane beyond the line
+/// to one of them.
+bool beside(const FacetPlane& plane, const Vec3& b, const Vec3& c, const Vec3& r) noexcept {
+  return plane.scaled_normal.dot(b.cross(r)) < 0.0 || plane.scaled_normal.dot(c.cross(r)) > 0.0;
+}
 
-Vec3 pull_to_fan(const PointModel& model, const WalkEnd& end, const Vec3& outward, const Vec3& h,
-                 const Vec3& pull) noexcept {
-  const Vec3 g = model.points[end.place].at();
-  const Fan fan = fan_around(end, g, outward);
-  if (!fan.closed()) return pull;
-  const Vec3 r = h - g;
+/// The vector from r to the nearest place on the fan.
+Vec3 pull_to(const Fan& fan, const Vec3& r) noexcept {
   double least = r.squaredNorm();
   Vec3 best = -r;
   std::array<Vec3, neighbourhood::kNeighbours> aside;  // corner x r
@@ -93,6 +100,18 @@ Vec3 pull_to_fan(const PointModel& model, const WalkEnd& end, const Vec3& outwar
     best = (-height / area_sq) * n;
   }
   return best;
+}
+
+}  // namespace
+
+Vec3 pull_at_crease(const PointModel& model, const WalkEnd& end, const NearestTwo& two, const Vec3& outward,
+                    const Vec3& h, const Vec3& pull) noexcept {
+  const Vec3 g = model.points[end.place].at(), b = model.points[two.first].at(),
+             c = model.points[two.second].at();
+  const FacetPlane plane = facet_plane(g, b, c);
+  if (!plane.usable || !beside(plane, b - g, c - g, h - g)) return pull;
+  const Fan fan = fan_around(end, g, outward);
+  return fan.closed() ? pull_to(fan, h - g) : pull;
 }
 
 }  // namespace palpate::render

@@ -10,25 +10,19 @@ namespace palpate::render {
 /// surface there: the force is then off by less than the 7 % that a hand can tell apart.
 inline constexpr double kCreaseSine = 1.0 / 16.0;
 
-/// Whether a facet, by its normal of any length, stands at a crease of the sheet. Scale free.
-[[nodiscard]] inline bool at_crease(const Vec3& scaled_normal, double area_sq, const Vec3& outward) noexcept {
-  const double along = scaled_normal.dot(outward);
-  return along * along < (1.0 - kCreaseSine * kCreaseSine) * area_sq;
+/// Whether a facet, by the pull that leads to its plane, stands at a crease of the sheet. Scale free.
+[[nodiscard]] inline bool at_crease(const Vec3& pull, const Vec3& outward) noexcept {
+  const double along = pull.dot(outward);
+  return along * along < (1.0 - kCreaseSine * kCreaseSine) * pull.squaredNorm();
 }
 
-/// Whether the foot of `r` on the plane of a facet lies beside it: beyond the line to one of its corners b, c.
-/// All relative to its corner a, `normal` = b x c.
-[[nodiscard]] inline bool beside_sector(const Vec3& normal, const Vec3& b, const Vec3& c,
-                                        const Vec3& r) noexcept {
-  return normal.dot(b.cross(r)) < 0.0 || normal.dot(c.cross(r)) > 0.0;
-}
-
-/// The vector from `h` to the nearest place on the fan of facets between the walk's end and its neighbours,
-/// each facet going on outward without end: a facet, the line between two of them, or the point itself. Where
-/// the facets make a groove or a corner, this is what the planes of Zilles and Salisbury (1995) allow, and it
-/// changes continuously with h. `pull` is to the plane of the facet found first and is the answer where the
-/// neighbours do not surround the point. At most eight facets and eight lines; allocates nothing.
-[[nodiscard]] Vec3 pull_to_fan(const PointModel& model, const WalkEnd& end, const Vec3& outward,
-                               const Vec3& h, const Vec3& pull) noexcept;
+/// `pull` as it is while its foot lies on the facet of the walk's end and the two. Beside it, the vector from
+/// `h` to the nearest place on the fan of facets between the end and all its neighbours, each facet going on
+/// outward without end: a facet, the line between two of them, or the point itself. Where the facets make a
+/// groove or a corner, this is what the planes of Zilles and Salisbury (1995) allow, and it changes
+/// continuously with h. `pull` too where the facet is a sliver or the neighbours do not surround the point.
+/// At most eight facets and eight lines; allocates nothing.
+[[nodiscard]] Vec3 pull_at_crease(const PointModel& model, const WalkEnd& end, const NearestTwo& two,
+                                  const Vec3& outward, const Vec3& h, const Vec3& pull) noexcept;
 
 }  // namespace palpate::render

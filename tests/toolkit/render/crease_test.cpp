@@ -94,8 +94,8 @@ TEST(Crease, GrooveHoldsByBothFlanks) {
 }
 
 TEST(Crease, GrooveBetweenThePointsIsOffByNoMoreThanItsFacets) {
-  // A column of points on either side of the bottom, half a spacing from it, jittered ones up to 0.7: the facets
-  // between them bridge it, and no place of theirs is farther from it than these points.
+  // A column of points on either side of the bottom, half a spacing from it, jittered ones up to 0.7: the
+  // facets between them bridge it, and no place of theirs is farther from it than these points.
   const double rise = 1.0 / std::sqrt(3.0), slant = std::sqrt(1.0 + rise * rise);
   for (const auto& [more, bridge] : {std::pair{"", 0.5 * slant}, std::pair{":jitter=0.2", 0.7 * slant}}) {
     SCOPED_TRACE(more);
