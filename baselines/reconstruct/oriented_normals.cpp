@@ -18,16 +18,12 @@ std::vector<Vec3> plane_normals(const MethodInput& input, render::PreparePhases&
   const neighbourhood::NeighbourTable neighbours = neighbourhood::exact_knn(cloud, input.threads);
   phases.end();
   phases.begin("normals");
-  std::vector<surface::SurfacePoint> points(cloud.size());
-  for (std::size_t i = 0; i < points.size(); ++i)
-    points[i] = {cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i], surface::kNoNormal};
+  std::vector<surface::SurfacePoint> points = surface::surface_points(cloud);
   surface::fit_planes(points, neighbours.of, input.threads);
   phases.end();
   phases.begin("orientation of normals");
   const surface::OrientReport found = surface::orient_planes(points, neighbours.of, input.threads);
-  std::vector<Vec3> normals(points.size(), Vec3::Zero());
-  for (std::size_t i = 0; i < points.size(); ++i)
-    if (points[i].normal != surface::kNoNormal) normals[i] = surface::decode_normal(points[i].normal);
+  std::vector<Vec3> normals = surface::normals_of(points);
   phases.end();
   phases.note(fmt::format("normals: {} connected piece{}, {} points in pieces that enclose a volume",
                           found.pieces, found.pieces == 1 ? "" : "s", found.one_sided_points));

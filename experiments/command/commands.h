@@ -36,6 +36,13 @@ struct PlanArguments {
   ModelArguments load;
   bool json = false;
 };
+struct CleanArguments {
+  std::string model;  ///< empty: list the steps
+  std::string steps;
+  std::string out;
+  ModelArguments load;
+  bool json = false;
+};
 struct RenderersArguments {
   bool json = false;
 };
@@ -82,6 +89,7 @@ struct Context {
 
 int run_info(const InfoArguments& arguments, Context& context);
 int run_plan(const PlanArguments& arguments, Context& context);
+int run_clean(const CleanArguments& arguments, Context& context);
 int run_renderers(const RenderersArguments& arguments);
 int run_replay(const RunArguments& arguments, Context& context);
 int run_compare(const RunArguments& arguments, Context& context);

@@ -77,6 +77,7 @@ nlohmann::ordered_json to_json(const Info& info) {
       {"triangles", info.model.original_mesh ? info.model.original_mesh->triangles.size() : 0},
       {"formula", info.model.analytic ? nlohmann::ordered_json(info.model.analytic->formula())
                                       : nlohmann::ordered_json(nullptr)},
+      {"cleaned", info.provenance.cleaned},
       {"warnings", info.warnings}};
   j["raster"] =
       s.raster ? nlohmann::ordered_json{{"columns", s.raster->columns},
@@ -117,6 +118,7 @@ void print_text(const Info& info) {
   if (info.model.analytic) row("formula", info.model.analytic->formula());
   row("points", fmt::format("{}", s.points));
   row("not finite", fmt::format("{} dropped", info.provenance.non_finite));
+  for (const std::string& step : info.provenance.cleaned) row("cleaned", step);
   row("duplicates", fmt::format("{}", s.duplicates));
   row("box", fmt::format("({:.6g}, {:.6g}, {:.6g}) to ({:.6g}, {:.6g}, {:.6g}) mm", low.x(), low.y(), low.z(),
                          high.x(), high.y(), high.z()));

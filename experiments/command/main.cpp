@@ -51,8 +51,9 @@ void add_run_options(CLI::App& command, RunArguments& run) {
                   "a file (.csv, .traj) or a generator such as weave:frames=20000:depth_mm=2")
       ->required();
   command.add_option("--out", run.out, "folder for the results; made where it is missing")->required();
-  command.add_option("--reference", run.reference, "ground truth: auto, analytic, original-mesh, none")
-      ->check(CLI::IsMember({"auto", "analytic", "original-mesh", "none"}));
+  command.add_option(
+      "--reference", run.reference,
+      "ground truth: auto, analytic, original-mesh, none, or a mesh file in the model's frame");
   command
       .add_option("--paced", run.paced, "also time so many frames at 1 kHz, with the caches warm and evicted")
       ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{10'000'000}));
@@ -69,6 +70,7 @@ struct Arguments {
   ReproduceArguments reproduce;
   BehavioursArguments behaviours;
   FetchArguments fetch;
+  CleanArguments clean;
 };
 
 void declare(CLI::App& app, Arguments& a) {
@@ -97,6 +99,18 @@ void declare(CLI::App& app, Arguments& a) {
   add_model_options(*plan, a.plan.load);
   plan->footer(
       "Examples:\n  palpate plan sinusoid:points=101761\n  palpate plan scan.toml --renderer cloud --json");
+
+  CLI::App* clean = app.add_subcommand(
+      "clean", "cleans a raw scan step by step: outliers, smooth, thin, upsample, fill-holes");
+  clean->add_option("MODEL", a.clean.model, "a model file, a scene (.toml) or a generator");
+  clean->add_option("--steps", a.clean.steps,
+                    "STEP[/option=value..] joined by +; without it and a MODEL: the list of steps");
+  clean->add_option("--out", a.clean.out, "the PLY file to write");
+  clean->add_flag("--json", a.clean.json, "print JSON");
+  add_model_options(*clean, a.clean.load);
+  clean->footer(
+      "Examples:\n  palpate clean\n  palpate clean scan.ply --unit m --steps outliers+smooth/neighbours=12 "
+      "--out cleaned.ply");
 
   CLI::App* renderers =
       app.add_subcommand("renderers", "the renderers with their options, defaults and sources");
@@ -175,6 +189,7 @@ int dispatch(const CLI::App& app, const Arguments& a, Context& context) {
   const std::string name = app.get_subcommands().front()->get_name();
   if (name == "info") return run_info(a.info, context);
   if (name == "plan") return run_plan(a.plan, context);
+  if (name == "clean") return run_clean(a.clean, context);
   if (name == "renderers") return run_renderers(a.renderers);
   if (name == "replay") return run_replay(a.replay, context);
   if (name == "compare") return run_compare(a.compare, context);

@@ -6,6 +6,7 @@
 #include "baselines/register.h"
 #endif
 #include "experiments/command/version.h"
+#include "experiments/run/cleaning.h"
 #ifdef PALPATE_WITH_DEM
 #include "toolkit/dem/dem_reader.h"
 #endif
@@ -52,6 +53,8 @@ Result<scene::LoadOptions> load_options(const ModelArguments& arguments) {
   if (arguments.scale > 0.0) options.scale = arguments.scale;
   options.post_mm = arguments.post_mm;
   options.vertical_mm = arguments.vertical_mm;
+  options.cleaning = &all_cleaning();
+  options.threads = arguments.threads;
   options.non_finite = arguments.non_finite == "refuse" ? cloud::NonFinite::kRefuse : cloud::NonFinite::kDrop;
   return options;
 }

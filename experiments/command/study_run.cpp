@@ -34,7 +34,7 @@ Result<Prepared> check(const RunArguments& arguments, const render::Registry& re
     prepared.renderers = {*std::move(renderer)};
   }  // else the plan chooses, when the models are known
   prepared.stage = {arguments.scene, *std::move(scene),      *load, arguments.path,
-                    *reference,      arguments.load.threads, 0};
+                    *reference,      arguments.load.threads, 0,     arguments.reference};
   return prepared;
 }
 

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <set>
 
+#include "experiments/run/cleaning.h"
 #include "toolkit/scene/scene.h"
 #include "toolkit/trace/trace_io.h"
 
@@ -57,12 +58,17 @@ std::string generator_names() {
 }  // namespace
 
 Result<RendererRequest> request_of(NamedOptions named, const render::Registry& registry) {
-  RendererRequest request{named.name, named.name, {}};
+  RendererRequest request{named.name, named.name, {}, {}};
   for (const auto& [key, value] : named.options.all()) {
-    if (key == "label")
+    if (key == "label") {
       request.label = value;
-    else
+    } else if (key == "clean") {
+      Result<std::vector<NamedOptions>> steps = all_cleaning().parse(value);
+      if (!steps) return std::move(steps).error();
+      request.clean = *std::move(steps);
+    } else {
       request.options.set(key, value);
+    }
   }
   if (const Status label = check_label(request.label); !label) return label.error();
   // Making one checks the name and every option; nothing is prepared.

@@ -17,11 +17,12 @@ namespace palpate::experiments {
 struct RendererRequest {
   std::string label;
   std::string name;
-  Options options;  ///< as given
+  Options options;                    ///< as given
+  std::vector<NamedOptions> clean{};  ///< steps of cleaning before it is prepared, checked
 };
 
-/// "cloud,mesh-godobject:mesh=original:label=file-mesh". Names and options are checked against the registry;
-/// labels must be unique and fit a file name.
+/// "cloud,mesh-godobject:mesh=original:label=file-mesh,cloud:clean=outliers+smooth:label=cleaned". Names and
+/// options are checked against the registry; labels must be unique and fit a file name.
 [[nodiscard]] Result<std::vector<RendererRequest>> parse_renderers(std::string_view text,
                                                                    const render::Registry& registry);
 [[nodiscard]] Result<RendererRequest> request_of(NamedOptions named, const render::Registry& registry);

@@ -5,6 +5,7 @@
 #ifdef PALPATE_WITH_BASELINES
 #include "baselines/mesh_holder.h"
 #endif
+#include "experiments/run/cleaning.h"
 #include "toolkit/control/controlled_renderer.h"
 #include "toolkit/core/clock.h"
 #include "toolkit/core/parallel.h"
@@ -43,7 +44,16 @@ metrics::RendererResult begin(const Stage& stage, const RendererRequest& request
   if (const Result<Options> complete =
           validate(request.options, registry.find(request.name)->options, request.name))
     result.options.assign(complete->all().begin(), complete->all().end());
+  if (!request.clean.empty()) result.options.emplace_back("clean", cleaning_text(request.clean));
   return result;
+}
+
+/// What cleaning took stands before the renderer's own phases: it is needed as well before the first frame.
+void put_before(const std::vector<render::PreparePhase>& phases, const std::vector<std::string>& notes,
+                render::PrepareReport& report) {
+  report.phases.insert(report.phases.begin(), phases.begin(), phases.end());
+  report.notes.insert(report.notes.begin(), notes.begin(), notes.end());
+  for (const render::PreparePhase& phase : phases) report.total_ms += phase.ms;
 }
 
 Status save_mesh(const render::HapticRenderer& renderer, const std::string& file, bool& saved) {
@@ -134,8 +144,18 @@ Result<Run> run_renderer(const Stage& stage, const RendererRequest& request, con
     run.result.reason = std::move(reason);
     return std::move(run);
   };
+  std::optional<CleanedScene> cleaned;
+  if (!request.clean.empty()) {
+    Result<CleanedScene> made = clean_scene(stage.scene.input, request.clean, options.threads, limit);
+    if (!made) return give_up(metrics::RunStatus::kFailed, made.error().message());
+    cleaned = *std::move(made);
+    run.result.model->points = 0;
+    for (const render::ModelInput& model : cleaned->input.models)
+      run.result.model->points += model.cloud->size();
+  }
   progress.report("preparing " + request.label, -1.0);
-  Result<render::PrepareReport> prepared = (*renderer)->prepare(stage.scene.input, {options.threads, &limit});
+  Result<render::PrepareReport> prepared =
+      (*renderer)->prepare(cleaned ? cleaned->input : stage.scene.input, {options.threads, &limit});
   if (!prepared)
     return limit.expired() ? give_up(metrics::RunStatus::kDidNotFinish,
                                      fmt::format("preparation stopped after {} s", options.prepare_limit_s))
@@ -143,6 +163,9 @@ Result<Run> run_renderer(const Stage& stage, const RendererRequest& request, con
                                                               : metrics::RunStatus::kFailed,
                                      prepared.error().message());
   run.result.prepare = *std::move(prepared);
+  if (cleaned) put_before(cleaned->phases, cleaned->notes, *run.result.prepare);
+  for (const scene::Provenance& p : stage.scene.provenance)
+    put_before(p.cleaning, p.cleaned, *run.result.prepare);
   if (!options.save_mesh.empty())
     if (const Status saved = save_mesh(inner, options.save_mesh, run.saved_mesh); !saved)
       return saved.error();

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
+
 #include "experiments/run/arguments.h"
 #include "experiments/run/mesh_truth.h"
 #include "toolkit/metrics/reference.h"
@@ -28,6 +30,10 @@ Result<ReferenceChoice> resolve(ReferenceChoice choice, const render::SceneInput
                    "use --reference auto",
                    {},
                    0};
+    case ReferenceChoice::kMeshFile:
+      if (single) return choice;
+      return Error{
+          "a mesh file can be the reference of one model at rest only", "use --reference none", {}, 0};
     case ReferenceChoice::kAuto:
       break;
   }
@@ -39,9 +45,25 @@ Result<ReferenceChoice> resolve(ReferenceChoice choice, const render::SceneInput
   return ReferenceChoice::kNone;
 }
 
-Status add_reference(Stage& stage, ReferenceChoice choice, const neighbourhood::NeighbourTable& neighbours,
-                     Progress& progress) {
-  const render::ModelInput& model = stage.scene.input.models.front();
+/// The mesh that the request names as truth, in mm of the model's frame.
+Result<std::shared_ptr<const geometry::TriangleMesh>> read_truth(const StageRequest& request,
+                                                                 const scene::LoadedScene& loaded,
+                                                                 const io::Readers& readers,
+                                                                 Progress& progress) {
+  io::ReadOptions read;
+  read.unit = loaded.provenance.front().unit;
+  read.scale = request.load.scale.value_or(request.scene.models.front().scale);
+  Result<io::ReadModel> got = readers.read(request.reference_file, read, progress);
+  if (!got) return std::move(got).error();
+  if (got->mesh == nullptr || got->mesh->empty())
+    return Error{"has no faces, so it cannot be the truth", "give a mesh, or --reference none",
+                 request.reference_file, 0};
+  return std::shared_ptr<const geometry::TriangleMesh>(std::move(got->mesh));
+}
+
+/// `model` is the first one, with the truth as its mesh.
+Status add_reference(Stage& stage, const render::ModelInput& model, ReferenceChoice choice,
+                     const neighbourhood::NeighbourTable& neighbours, Progress& progress) {
   const double stiffness = model.surface.stiffness_n_per_mm;
   const double limit = stage.scene.input.force_limit_n;
   progress.report("computing the ground truth", -1.0);
@@ -88,8 +110,10 @@ Result<ReferenceChoice> parse_reference(const std::string& text) {
   if (text == "analytic") return ReferenceChoice::kAnalytic;
   if (text == "original-mesh") return ReferenceChoice::kOriginalMesh;
   if (text == "none") return ReferenceChoice::kNone;
-  return Error{fmt::format("there is no reference '{}'", text),
-               "choose from auto, analytic, original-mesh, none",
+  std::error_code code;
+  if (std::filesystem::is_regular_file(text, code)) return ReferenceChoice::kMeshFile;
+  return Error{fmt::format("there is no reference '{}', nor a file of this name", text),
+               "choose from auto, analytic, original-mesh, none, or give a mesh file",
                {},
                0};
 }
@@ -102,9 +126,16 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
   stage.scene = *std::move(loaded);
   for (const scene::Provenance& p : stage.scene.provenance)
     for (const std::string& warning : p.warnings) stage.notes.push_back(warning);
-  const render::ModelInput& model = stage.scene.input.models.front();
   const Result<ReferenceChoice> choice = resolve(request.reference, stage.scene.input, stage.notes);
   if (!choice) return choice.error();
+  render::ModelInput model = stage.scene.input.models.front();
+  if (*choice == ReferenceChoice::kMeshFile) {
+    Result<std::shared_ptr<const geometry::TriangleMesh>> truth =
+        read_truth(request, stage.scene, readers, progress);
+    if (!truth) return std::move(truth).error();
+    model.original_mesh = *std::move(truth);
+    model.analytic = nullptr;
+  }
 
   progress.report("finding neighbours", -1.0);
   const neighbourhood::NeighbourTable nearest = neighbourhood::exact_knn(*model.cloud, request.threads);
@@ -133,7 +164,8 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
         "with "
         "it, forces are not.");
   if (*choice != ReferenceChoice::kNone)
-    if (const Status added = add_reference(stage, *choice, nearest, progress); !added) return added.error();
+    if (const Status added = add_reference(stage, model, *choice, nearest, progress); !added)
+      return added.error();
   cut(stage, request.contact_frames);
   return stage;
 }

@@ -17,8 +17,8 @@
 
 namespace palpate::experiments {
 
-enum class ReferenceChoice { kAuto, kAnalytic, kOriginalMesh, kNone };
-/// "auto", "analytic", "original-mesh", "none".
+enum class ReferenceChoice { kAuto, kAnalytic, kOriginalMesh, kMeshFile, kNone };
+/// "auto", "analytic", "original-mesh", "none", or the name of a mesh file that exists.
 [[nodiscard]] Result<ReferenceChoice> parse_reference(const std::string& text);
 
 struct StageRequest {
@@ -29,6 +29,7 @@ struct StageRequest {
   ReferenceChoice reference = ReferenceChoice::kAuto;
   int threads = 0;
   std::uint64_t contact_frames = 0;  ///< the path ends after so many frames of true contact; 0 = whole
+  std::string reference_file{};      ///< of kMeshFile: in the model's frame, its unit and scale
 };
 
 struct Stage {

@@ -36,7 +36,9 @@ struct Heavy {
   Folders headers;
 };
 const std::vector<Heavy> kHeavy = {
-    {"CGAL/", {"toolkit/voronoi/", "baselines/", "tests/baselines/", "experiments/benchmarks/"}, {}},
+    {"CGAL/",
+     {"toolkit/voronoi/", "baselines/", "tests/baselines/", "experiments/benchmarks/"},
+     {"baselines/reconstruct/cgal_points.h"}},
     {"pcl/",
      {"toolkit/pcd/", "baselines/", "tests/toolkit/pcd/", "tests/baselines/", "experiments/benchmarks/"},
      {}},

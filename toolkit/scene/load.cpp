@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "toolkit/cloud/generate.h"
@@ -47,6 +48,44 @@ Status load_generated(const SceneModel& model, double scale, render::ModelInput&
   return Done{};
 }
 
+/// The points of all views behind those of the first, with the columns that all of them have.
+Status add_views(const SceneModel& model, const io::Readers& readers, const io::ReadOptions& read,
+                 Progress& progress, io::ReadModel& got) {
+  std::vector<Vec3> points;
+  for (std::size_t i = 0; i < got.cloud.size(); ++i) points.push_back(got.cloud.point_mm(i));
+  std::vector<cloud::Property> properties = std::move(got.cloud.properties);
+  for (const SceneView& view : model.views) {
+    progress.report("loading " + view.cloud, -1.0);
+    if (progress.cancelled()) return Error{"stopped while loading the scene", {}, {}, 0};
+    Result<io::ReadModel> more = readers.read(view.cloud, read, progress);
+    if (!more) return std::move(more).error();
+    if (more->unit != got.unit)
+      return Error{fmt::format("is in {}, the model's first file in {}", io::unit_name(more->unit),
+                               io::unit_name(got.unit)),
+                   "say the unit of all files: unit = \"mm\" in the scene, or --unit", view.cloud, 0};
+    const geometry::RigidTransform pose{view.model_from_view.rotation,
+                                        view.model_from_view.translation_mm * read.scale};
+    for (std::size_t i = 0; i < more->cloud.size(); ++i) points.push_back(pose * more->cloud.point_mm(i));
+    std::erase_if(properties, [&](cloud::Property& p) {
+      const auto at = std::find_if(more->cloud.properties.begin(), more->cloud.properties.end(),
+                                   [&](const cloud::Property& q) { return q.name == p.name; });
+      if (at == more->cloud.properties.end()) return true;
+      p.values.insert(p.values.end(), at->values.begin(), at->values.end());
+      return false;
+    });
+    got.file_points += more->file_points;
+    got.non_finite += more->non_finite;
+    got.warnings.insert(got.warnings.end(), more->warnings.begin(), more->warnings.end());
+  }
+  Result<cloud::Cloud> merged = cloud::build_cloud(points, cloud::NonFinite::kRefuse);
+  if (!merged) return std::move(merged).error();
+  merged->properties = std::move(properties);
+  got.cloud = *std::move(merged);
+  got.mesh = nullptr;  // of one view alone
+  got.format += fmt::format(", {} views merged", model.views.size() + 1);
+  return Done{};
+}
+
 Status load_file(const SceneModel& model, double scale, const io::Readers& readers,
                  const LoadOptions& options, Progress& progress, render::ModelInput& input,
                  Provenance& provenance) {
@@ -63,11 +102,46 @@ Status load_file(const SceneModel& model, double scale, const io::Readers& reade
   read.vertical_mm = options.vertical_mm > 0.0 ? options.vertical_mm : model.vertical_mm;
   Result<io::ReadModel> got = readers.read(model.cloud, read, progress);
   if (!got) return std::move(got).error();
-  provenance = {model.cloud,       got->format,      hex(got->content_hash), got->unit,
-                got->unit_guessed, got->file_points, got->non_finite,        got->warnings};
+  if (!model.views.empty())
+    if (const Status added = add_views(model, readers, read, progress, *got); !added) return added.error();
+  provenance.source = model.cloud;
+  provenance.format = got->format;
+  provenance.content_hash = model.views.empty() ? hex(got->content_hash) : hash_of(got->cloud);
+  provenance.unit = got->unit;
+  provenance.unit_guessed = got->unit_guessed;
+  provenance.file_points = got->file_points;
+  provenance.non_finite = got->non_finite;
+  provenance.warnings = got->warnings;
   if (!got->compression.empty()) provenance.format += ", " + got->compression;
   input.cloud = std::make_shared<const cloud::Cloud>(std::move(got->cloud));
   if (got->mesh != nullptr && !got->mesh->empty()) input.original_mesh = std::move(got->mesh);
+  return Done{};
+}
+
+/// The steps of all models, complete, before anything is read.
+Result<std::vector<std::vector<NamedOptions>>> checked_steps(const SceneFile& scene,
+                                                             const Cleaning& cleaning) {
+  std::vector<std::vector<NamedOptions>> steps;
+  for (const SceneModel& model : scene.models) {
+    std::vector<NamedOptions>& own = steps.emplace_back();
+    for (const SceneClean& clean : model.clean) {
+      Result<NamedOptions> step = cleaning.check(clean.step);
+      if (!step) return std::move(step).error().in_file(scene.path, clean.line);
+      own.push_back(*std::move(step));
+    }
+  }
+  return steps;
+}
+
+/// The file's own faces are left behind: they are those of the points before.
+Status clean_model(const std::vector<NamedOptions>& steps, const Cleaning& cleaning, int threads,
+                   Progress& progress, render::ModelInput& input, Provenance& provenance) {
+  Result<CleanedCloud> cleaned = cleaning.run(*input.cloud, steps, threads, progress);
+  if (!cleaned) return std::move(cleaned).error();
+  input.cloud = std::make_shared<const cloud::Cloud>(std::move(cleaned->cloud));
+  input.original_mesh = nullptr;
+  provenance.cleaning = std::move(cleaned->phases);
+  provenance.cleaned = std::move(cleaned->notes);
   return Done{};
 }
 
@@ -89,6 +163,10 @@ Result<LoadedScene> load(const SceneFile& scene, const io::Readers& readers, con
   LoadedScene loaded;
   loaded.input.force_limit_n = scene.force_limit_n;
   loaded.control = scene.control;
+  const Cleaning none;
+  const Cleaning& cleaning = options.cleaning != nullptr ? *options.cleaning : none;
+  const Result<std::vector<std::vector<NamedOptions>>> steps = checked_steps(scene, cleaning);
+  if (!steps) return steps.error();
   std::shared_ptr<render::ScriptedSimulation> simulation;
   for (const SceneModel& model : scene.models) {
     progress.report("loading " + model.name, -1.0);
@@ -96,9 +174,10 @@ Result<LoadedScene> load(const SceneFile& scene, const io::Readers& readers, con
     render::ModelInput input;
     Provenance provenance;
     const double scale = options.scale.value_or(model.scale);
-    const Status status = model.generate
-                              ? load_generated(model, scale, input, provenance)
-                              : load_file(model, scale, readers, options, progress, input, provenance);
+    Status status = model.generate ? load_generated(model, scale, input, provenance)
+                                   : load_file(model, scale, readers, options, progress, input, provenance);
+    if (const auto& own = (*steps)[loaded.input.models.size()]; status && !own.empty())
+      status = clean_model(own, cleaning, options.threads, progress, input, provenance);
     if (!status)
       return model.line > 0 ? Error(status.error()).in_file(scene.path, model.line) : status.error();
     input.name = model.name;

@@ -17,6 +17,7 @@
 #include "toolkit/geometry/rigid_transform.h"
 #include "toolkit/io/read_model.h"
 #include "toolkit/render/renderer.h"
+#include "toolkit/scene/cleaning.h"
 #include "toolkit/surface/surface.h"
 
 namespace palpate::scene {
@@ -55,12 +56,27 @@ struct SceneMotion {
   std::optional<double> stop_s;
 };
 
+/// One [[model.view]]: a further file of the same object, as its scanner stood elsewhere.
+struct SceneView {
+  std::string cloud;                         ///< path, resolved against the scene file
+  geometry::RigidTransform model_from_view;  ///< in mm after the unit, before the scale
+  std::int64_t line = 0;
+};
+
+/// One [[model.clean]]: a step of cleaning, checked when the scene is loaded.
+struct SceneClean {
+  NamedOptions step;
+  std::int64_t line = 0;
+};
+
 /// One [[model]] of a scene: a file, a scan known by name or a generator, only one of them.
 struct SceneModel {
-  std::string name;   ///< file name without folders and endings, or the generator's name
-  std::string cloud;  ///< path of the file, resolved against the scene file; or empty
-  std::string scan;   ///< a scan known by name; who knows where it lies sets `cloud` before load()
+  std::string name;              ///< file name without folders and endings, or the generator's name
+  std::string cloud;             ///< path of the file, resolved against the scene file; or empty
+  std::string scan;              ///< a scan known by name; who knows where it lies sets `cloud` before load()
+  std::vector<SceneView> views;  ///< of files: merged with the first by their poses, in order
   std::optional<NamedOptions> generate;  ///< the generator with its options
+  std::vector<SceneClean> clean;         ///< steps, in order
   std::optional<io::Unit> unit;          ///< of the file; empty: what the file says, else a guess
   double scale = 1.0;                    ///< multiplies all lengths after the unit
   double post_mm = 0.0;                  ///< of height grids: distance of posts; 0: as the file says
@@ -102,6 +118,8 @@ struct LoadOptions {
   double post_mm = 0.0;          ///< height grids: io::ReadOptions
   double vertical_mm = 0.0;
   cloud::NonFinite non_finite = cloud::NonFinite::kDrop;
+  const Cleaning* cleaning = nullptr;  ///< the steps that [[model.clean]] may name; null: none
+  int threads = 0;                     ///< of cleaning; 0 = all
 };
 
 /// Where a loaded model came from, for reports.
@@ -114,6 +132,8 @@ struct Provenance {
   std::size_t file_points = 0;  ///< before dropping
   std::size_t non_finite = 0;   ///< dropped
   std::vector<std::string> warnings;
+  std::vector<render::PreparePhase> cleaning;  ///< the steps of [[model.clean]], timed
+  std::vector<std::string> cleaned;            ///< what each of them did
 };
 
 struct LoadedScene {

@@ -12,33 +12,11 @@
 namespace palpate::scene {
 namespace {
 
-// A rotation whose length differs from 1 by more than this is a mistake, not rounding: four components
-// written with three digits are within 0.002.
-constexpr double kQuaternionSlack = 0.01;
-
-Status read_pose(const toml::table& table, SceneModel& model, const Place& place) {
-  if (const toml::node* node = table.get("position_mm")) {
-    const auto p = numbers<3>(*node, "position_mm", place);
-    if (!p) return p.error();
-    model.world_from_model.translation_mm = Vec3((*p)[0], (*p)[1], (*p)[2]);
-  }
-  if (const toml::node* node = table.get("rotation")) {
-    const auto q = numbers<4>(*node, "rotation", place);
-    if (!q) return q.error();
-    const Eigen::Quaterniond rotation((*q)[0], (*q)[1], (*q)[2], (*q)[3]);
-    if (std::abs(rotation.norm() - 1.0) > kQuaternionSlack)
-      return place.at(*node, fmt::format("'rotation' has length {:.6g}", rotation.norm()),
-                      "a rotation is a unit quaternion w, x, y, z; [1, 0, 0, 0] is none");
-    // Exactly 1, 0, 0, 0 stays so, for is_identity().
-    model.world_from_model.rotation = rotation.norm() == 1.0 ? rotation : rotation.normalized();
-  }
-  return Done{};
-}
-
 /// The file or the generator of a model, with the generator's own keys.
 Status read_source(const toml::table& table, SceneModel& model, const Place& place) {
-  std::vector<std::string> known = {"cloud",       "scan",     "unit",    "scale",  "post_mm", "vertical_mm",
-                                    "position_mm", "rotation", "surface", "region", "motion"};
+  std::vector<std::string> known = {"cloud",       "scan",        "unit",     "scale",   "post_mm",
+                                    "vertical_mm", "position_mm", "rotation", "surface", "region",
+                                    "motion",      "view",        "clean"};
   const toml::node* cloud_node = table.get("cloud");
   const toml::node* generate_node = table.get("generate");
   const toml::node* scan_node = table.get("scan");
@@ -68,7 +46,7 @@ Status read_source(const toml::table& table, SceneModel& model, const Place& pla
     for (const cloud::Generator& g : cloud::generators()) all += (all.empty() ? "" : ", ") + g.name;
     return place.at(*generate_node, fmt::format("there is no generator '{}'", *name), "choose from " + all);
   }
-  known = {"generate", "scale", "position_mm", "rotation", "surface", "region", "motion"};
+  known = {"generate", "scale", "position_mm", "rotation", "surface", "region", "motion", "clean"};
   for (const OptionSpec& spec : generator->options) known.push_back(spec.key);
   if (const Status keys =
           check_keys(table, known, {}, fmt::format("a [[model]] with generate = \"{}\"", *name), place);
@@ -122,7 +100,9 @@ Result<SceneModel> read_model_table(const toml::table& table, const Place& place
     if (!(*read > 0.0)) return place.at(*node, fmt::format("'{}' must be above 0", key));
     *value = *read;
   }
-  if (const Status pose = read_pose(table, model, place); !pose) return pose.error();
+  if (const Status pose = read_pose(table, model.world_from_model, place); !pose) return pose.error();
+  if (const Status views = read_views(table, model, place); !views) return views.error();
+  if (const Status clean = read_clean(table, model, place); !clean) return clean.error();
   if (const Status surface = read_surface(table, model, place); !surface) return surface.error();
   if (const Status regions = read_regions(table, model, place); !regions) return regions.error();
   if (const Status motion = read_motion(table, model, place); !motion) return motion.error();

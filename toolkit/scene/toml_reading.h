@@ -91,6 +91,13 @@ inline Result<const toml::table*> table_of(const toml::node& node, const std::st
   return table;
 }
 
+/// 'position_mm' and 'rotation' of `table`.
+[[nodiscard]] Status read_pose(const toml::table& table, geometry::RigidTransform& pose, const Place& place);
+
+/// [[model.view]] and [[model.clean]]: where points come from beside the model's own file.
+[[nodiscard]] Status read_views(const toml::table& model_table, SceneModel& model, const Place& place);
+[[nodiscard]] Status read_clean(const toml::table& model_table, SceneModel& model, const Place& place);
+
 /// [model.surface], [[model.region]] and [model.motion].
 [[nodiscard]] Status read_surface(const toml::table& model_table, SceneModel& model, const Place& place);
 [[nodiscard]] Status read_regions(const toml::table& model_table, SceneModel& model, const Place& place);

@@ -40,6 +40,20 @@ bool plane_normal(std::span<const SurfacePoint> points, const neighbourhood::Nei
 
 }  // namespace
 
+std::vector<SurfacePoint> surface_points(const cloud::Cloud& cloud) {
+  std::vector<SurfacePoint> points(cloud.size());
+  for (std::size_t i = 0; i < points.size(); ++i)
+    points[i] = {cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i], kNoNormal};
+  return points;
+}
+
+std::vector<Vec3> normals_of(std::span<const SurfacePoint> points) {
+  std::vector<Vec3> normals(points.size(), Vec3::Zero());
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (points[i].normal != kNoNormal) normals[i] = decode_normal(points[i].normal);
+  return normals;
+}
+
 void fit_planes(std::span<SurfacePoint> points, std::span<const neighbourhood::Neighbours> neighbours,
                 int threads) {
   parallel_chunks(points.size(), kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {

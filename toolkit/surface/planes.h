@@ -5,7 +5,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <vector>
 
+#include "toolkit/cloud/cloud.h"
 #include "toolkit/core/vec.h"
 #include "toolkit/neighbourhood/neighbour_table.h"
 #include "toolkit/surface/normals.h"
@@ -21,6 +23,12 @@ struct SurfacePoint {
     return {static_cast<double>(x_mm), static_cast<double>(y_mm), static_cast<double>(z_mm)};
   }
 };
+
+/// The points of a cloud in its order, relative to its origin, without planes yet.
+[[nodiscard]] std::vector<SurfacePoint> surface_points(const cloud::Cloud& cloud);
+
+/// Unit normals as vectors; zero where a point has none.
+[[nodiscard]] std::vector<Vec3> normals_of(std::span<const SurfacePoint> points);
 
 /// Sets every normal to that of the least-squares plane through the point and its neighbours, its sign
 /// arbitrary. `neighbours` is parallel to `points` and indexes it. Parallel; the same for any number of

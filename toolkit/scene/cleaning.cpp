@@ -1,0 +1,148 @@
+#include "toolkit/scene/cleaning.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cassert>
+#include <numeric>
+
+#include "toolkit/core/clock.h"
+#include "toolkit/metrics/nearest_point.h"
+#include "toolkit/neighbourhood/knn.h"
+#include "toolkit/scene/scene.h"
+
+namespace palpate::scene {
+namespace {
+
+std::string names_of(const std::vector<CleaningStep>& steps) {
+  std::string all;
+  for (const CleaningStep& step : steps) all += (all.empty() ? "" : ", ") + step.name;
+  return all.empty() ? std::string("none in this program") : all;
+}
+
+/// Points without a source of their own take that of the nearest input point.
+void find_sources(const cloud::Cloud& cloud, StepOutput& output) {
+  const std::size_t first = output.from.size() - output.placed_mm.size();
+  if (std::find(output.from.begin() + static_cast<std::ptrdiff_t>(first), output.from.end(), kFromNearest) ==
+      output.from.end())
+    return;
+  const metrics::NearestPoint nearest(cloud);
+  for (std::size_t i = first; i < output.from.size(); ++i)
+    if (output.from[i] == kFromNearest)
+      output.from[i] =
+          static_cast<std::uint32_t>(nearest.find(cloud.origin_mm + output.placed_mm[i - first]));
+}
+
+bool is_in_order(const std::vector<std::uint32_t>& from, std::size_t input) {
+  if (from.size() != input) return false;
+  for (std::size_t i = 0; i < from.size(); ++i)
+    if (from[i] != i) return false;
+  return true;
+}
+
+Result<cloud::Cloud> apply(const cloud::Cloud& input, const StepOutput& output) {
+  std::vector<Vec3> points;
+  points.reserve(output.from.size());
+  const std::size_t first = output.from.size() - output.placed_mm.size();
+  for (std::size_t i = 0; i < output.from.size(); ++i)
+    points.push_back(i < first ? input.point_mm(output.from[i])
+                               : Vec3(input.origin_mm + output.placed_mm[i - first]));
+  Result<cloud::Cloud> made = cloud::build_cloud(points, cloud::NonFinite::kRefuse);
+  if (!made) return made;
+  for (const cloud::Property& property : input.properties) {
+    cloud::Property kept{property.name, {}};
+    kept.values.reserve(output.from.size());
+    for (const std::uint32_t i : output.from) kept.values.push_back(property.values[i]);
+    made->properties.push_back(std::move(kept));
+  }
+  if (is_in_order(output.from, input.size())) made->raster = input.raster;
+  return made;
+}
+
+std::string change(std::string_view step, std::size_t before, const StepOutput& output) {
+  const std::size_t moved = output.placed_mm.size(), after = output.from.size();
+  std::string text = after < before ? fmt::format("{}: {} of {} points removed", step, before - after, before)
+                     : after > before ? fmt::format("{}: {} points added to {}", step, after - before, before)
+                     : moved > 0      ? fmt::format("{}: {} points moved", step, moved)
+                                      : fmt::format("{}: nothing changed in {} points", step, before);
+  if (!output.note.empty()) text += "; " + output.note;
+  return text;
+}
+
+}  // namespace
+
+void Cleaning::add(CleaningStep step) {
+  assert(find(step.name) == nullptr);
+  steps_.push_back(std::move(step));
+}
+
+const CleaningStep* Cleaning::find(std::string_view name) const noexcept {
+  const auto at =
+      std::find_if(steps_.begin(), steps_.end(), [&](const CleaningStep& s) { return s.name == name; });
+  return at == steps_.end() ? nullptr : &*at;
+}
+
+Result<NamedOptions> Cleaning::check(const NamedOptions& step) const {
+  const CleaningStep* const found = find(step.name);
+  if (found == nullptr) {
+    std::vector<std::string> known;
+    for (const CleaningStep& s : steps_) known.push_back(s.name);
+    const std::string near = nearest_name(step.name, known);
+    return Error{fmt::format("there is no cleaning step '{}'", step.name),
+                 near.empty() ? "choose from " + names_of(steps_) : fmt::format("did you mean '{}'?", near),
+                 {},
+                 0};
+  }
+  Result<Options> options = validate(step.options, found->options, step.name);
+  if (!options) return std::move(options).error();
+  return NamedOptions{step.name, *std::move(options)};
+}
+
+Result<std::vector<NamedOptions>> Cleaning::parse(std::string_view text) const {
+  std::vector<NamedOptions> steps;
+  for (std::string& item : split_list(text, '+')) {
+    std::replace(item.begin(), item.end(), '/', ':');
+    const Result<NamedOptions> named = parse_named_options(item);
+    if (!named) return named.error();
+    Result<NamedOptions> step = check(*named);
+    if (!step) return std::move(step).error();
+    steps.push_back(*std::move(step));
+  }
+  if (steps.empty())
+    return Error{"cleaning needs a step", "choose from " + names_of(steps_) + ", joined by +", {}, 0};
+  return steps;
+}
+
+Result<CleanedCloud> Cleaning::run(const cloud::Cloud& cloud, std::span<const NamedOptions> steps,
+                                   int threads, Progress& progress) const {
+  CleanedCloud cleaned{cloud, std::vector<std::uint32_t>(cloud.size()), {}, {}};
+  std::iota(cleaned.from.begin(), cleaned.from.end(), 0u);
+  for (const NamedOptions& step : steps) {
+    const CleaningStep* const found = find(step.name);
+    if (found == nullptr) return check(step).error();
+    const std::string phase = "cleaning: " + step.name;
+    progress.report(phase, -1.0);
+    if (progress.cancelled()) return Error{"stopped while cleaning", {}, {}, 0};
+    const Stopwatch watch;
+    const cloud::Cloud& before = cleaned.cloud;
+    Result<StepOutput> output =
+        found->run({before, step.options, neighbourhood::mean_spacing_mm(before), threads, progress});
+    if (!output) return std::move(output).error();
+    if (output->from.empty())
+      return Error{fmt::format("{} would remove every one of {} points", step.name, before.size()),
+                   "give it wider limits; lengths are in spacings",
+                   {},
+                   0};
+    find_sources(before, *output);
+    Result<cloud::Cloud> after = apply(before, *output);
+    if (!after) return Error{step.name + ": " + after.error().what, after.error().remedy, {}, 0};
+    cleaned.notes.push_back(change(step.name, before.size(), *output));
+    for (std::uint32_t& i : output->from) i = cleaned.from[i];
+    cleaned.from = std::move(output->from);
+    cleaned.cloud = *std::move(after);
+    cleaned.phases.push_back({phase, watch.ms()});
+  }
+  return cleaned;
+}
+
+}  // namespace palpate::scene

@@ -1,0 +1,96 @@
+// The keys of a scene about where points come from and stand: poses, further views, cleaning.
+#include <filesystem>
+
+#include "toolkit/scene/toml_reading.h"
+
+namespace palpate::scene {
+namespace {
+
+// A rotation whose length differs from 1 by more than this is a mistake, not rounding: four components
+// written with three digits are within 0.002.
+constexpr double kQuaternionSlack = 0.01;
+
+/// The tables of a list such as [[model.view]]; none where the key is missing.
+Result<std::vector<const toml::table*>> tables_of(const toml::table& model_table, const std::string& key,
+                                                  const Place& place) {
+  std::vector<const toml::table*> tables;
+  const toml::node* node = model_table.get(key);
+  if (node == nullptr) return tables;
+  const toml::array* list = node->as_array();
+  if (list == nullptr || list->empty() || !list->is_homogeneous(toml::node_type::table))
+    return place.at(*node, fmt::format("'{}' must be a list of tables", key),
+                    fmt::format("write [[model.{}]] with two brackets", key));
+  for (const toml::node& entry : *list) tables.push_back(entry.as_table());
+  return tables;
+}
+
+std::int64_t line_of(const toml::table& table) {
+  return static_cast<std::int64_t>(table.source().begin.line);
+}
+
+}  // namespace
+
+Status read_pose(const toml::table& table, geometry::RigidTransform& pose, const Place& place) {
+  if (const toml::node* node = table.get("position_mm")) {
+    const auto p = numbers<3>(*node, "position_mm", place);
+    if (!p) return p.error();
+    pose.translation_mm = Vec3((*p)[0], (*p)[1], (*p)[2]);
+  }
+  if (const toml::node* node = table.get("rotation")) {
+    const auto q = numbers<4>(*node, "rotation", place);
+    if (!q) return q.error();
+    const Eigen::Quaterniond rotation((*q)[0], (*q)[1], (*q)[2], (*q)[3]);
+    if (std::abs(rotation.norm() - 1.0) > kQuaternionSlack)
+      return place.at(*node, fmt::format("'rotation' has length {:.6g}", rotation.norm()),
+                      "a rotation is a unit quaternion w, x, y, z; [1, 0, 0, 0] is none");
+    // Exactly 1, 0, 0, 0 stays so, for is_identity().
+    pose.rotation = rotation.norm() == 1.0 ? rotation : rotation.normalized();
+  }
+  return Done{};
+}
+
+Status read_views(const toml::table& model_table, SceneModel& model, const Place& place) {
+  const Result<std::vector<const toml::table*>> tables = tables_of(model_table, "view", place);
+  if (!tables) return tables.error();
+  for (const toml::table* table : *tables) {
+    if (const Status keys =
+            check_keys(*table, {"cloud", "position_mm", "rotation"}, {}, "[[model.view]]", place);
+        !keys)
+      return keys.error();
+    const toml::node* file = table->get("cloud");
+    if (file == nullptr)
+      return place.at(*table, "a [[model.view]] needs 'cloud'", "cloud = \"second-view.ply\"");
+    const Result<std::string> name = text(*file, "cloud", place);
+    if (!name) return name.error();
+    SceneView view;
+    view.cloud = (std::filesystem::path(place.file).parent_path() / *name).lexically_normal().string();
+    view.line = line_of(*table);
+    if (const Status pose = read_pose(*table, view.model_from_view, place); !pose) return pose.error();
+    model.views.push_back(std::move(view));
+  }
+  return Done{};
+}
+
+Status read_clean(const toml::table& model_table, SceneModel& model, const Place& place) {
+  const Result<std::vector<const toml::table*>> tables = tables_of(model_table, "clean", place);
+  if (!tables) return tables.error();
+  for (const toml::table* table : *tables) {
+    SceneClean clean;
+    clean.line = line_of(*table);
+    for (const auto& [key, value] : *table) {
+      const std::string name(key.str());
+      const Result<std::string> given = option_text(value, name, place);
+      if (!given) return given.error();
+      if (name == "step")
+        clean.step.name = *given;
+      else
+        clean.step.options.set(name, *given);
+    }
+    if (clean.step.name.empty())
+      return place.at(*table, "a [[model.clean]] needs 'step'", "step = \"outliers\"");
+    model.clean.push_back(std::move(clean));
+  }
+  return Done{};
+}
+
+}  // namespace palpate::scene
