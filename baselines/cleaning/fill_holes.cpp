@@ -26,19 +26,30 @@ using Halfedge = Mesh::Halfedge_index;
 // hole leaves a margin, so that even one of two in a figure of eight is narrower.
 constexpr double kRimShare = 0.5;
 
+// CGAL's factor of refinement. Measured: a hole that was cut out of a grid, 67 points wide, gets 75 with 2.5,
+// 25 with CGAL's own root of two.
+constexpr double kDensity = 2.5;
+
 double width_of(const geometry::Aabb& box) {
   return box.extent_mm().norm();
 }
 
-/// In spacings, oriented, each edge between at most two faces.
-Mesh mesh_of(const geometry::TriangleMesh& triangles, const scene::StepInput& input) {
+/// In spacings, oriented, each edge between at most two faces. Without faces that have an edge longer than
+/// `longest`: the reconstruction has spanned a hole with them.
+Mesh mesh_of(const geometry::TriangleMesh& triangles, double longest, const scene::StepInput& input) {
   std::vector<CgalKernel::Point_3> places;
   for (const Vec3& v : triangles.vertices_mm) {
     const Vec3 p = (v - input.cloud.origin_mm) / input.spacing_mm;
     places.emplace_back(p.x(), p.y(), p.z());
   }
   std::vector<std::vector<std::size_t>> faces;
-  for (const auto& t : triangles.triangles) faces.push_back({t[0], t[1], t[2]});
+  for (const auto& t : triangles.triangles) {
+    bool spans = false;
+    for (std::size_t e = 0; e < t.size(); ++e)
+      spans =
+          spans || CGAL::squared_distance(places[t[e]], places[t[(e + 1) % t.size()]]) > longest * longest;
+    if (!spans) faces.push_back({t[0], t[1], t[2]});
+  }
   pmp::repair_polygon_soup(places, faces);
   pmp::orient_polygon_soup(places, faces);
   Mesh mesh;
@@ -87,7 +98,7 @@ Result<scene::StepOutput> fill_holes(const scene::StepInput& input) {
   request.threads = input.threads;
   const Result<Reconstruction> made = reconstruct(request, input.cloud, input.progress);
   if (!made) return made.error();
-  Mesh mesh = mesh_of(made->mesh, input);
+  Mesh mesh = mesh_of(made->mesh, input.options.number("edge"), input);
   std::size_t wide = 0, filled = 0, refused = 0;
   scene::StepOutput output;
   output.from.resize(input.cloud.size());
@@ -98,7 +109,8 @@ Result<scene::StepOutput> fill_holes(const scene::StepInput& input) {
     input.progress.report("filling holes", static_cast<double>(filled) / static_cast<double>(holes.size()));
     std::vector<Mesh::Face_index> faces;
     std::vector<Mesh::Vertex_index> added;
-    pmp::triangulate_refine_and_fair_hole(mesh, hole, std::back_inserter(faces), std::back_inserter(added));
+    pmp::triangulate_refine_and_fair_hole(mesh, hole, std::back_inserter(faces), std::back_inserter(added),
+                                          CGAL::parameters::density_control_factor(kDensity));
     ++(faces.empty() ? refused : filled);
     for (const Mesh::Vertex_index v : added) {
       output.placed_mm.push_back(place_of(mesh.point(v)) * input.spacing_mm);

@@ -80,7 +80,8 @@ void register_cleaning(scene::Cleaning& cleaning) {
       {"fill-holes",
        "closes holes with points as dense as around them",
        "CGAL: advancing front, hole filling (Liepa 2003), fairing",
-       {number("width", "20", "holes wider than this stay, spacings", 0, 1e6),
+       {number("width", "30", "holes wider than this, across their box, stay; spacings", 0, 1e6),
+        number("edge", "3", "points farther apart than this have a hole between them, spacings", 1, 1e6),
         number("time_limit_s", "120", "the mesh that shows the holes may take so long; 0: no limit", 0, 1e9)},
        guarded("fill-holes", fill_holes)});
 }

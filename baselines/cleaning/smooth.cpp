@@ -1,15 +1,28 @@
 #define CGAL_EIGEN3_ENABLED 1  // its least squares
+#include <CGAL/Eigen_svd.h>
 #include <CGAL/bilateral_smooth_point_set.h>
 #include <CGAL/jet_smooth_point_set.h>
 #include <fmt/format.h>
 
 #include <cmath>
+#include <limits>
 
 #include "baselines/cleaning/steps.h"
 #include "baselines/reconstruct/cgal_points.h"
 
 namespace palpate::baselines {
 namespace {
+
+/// Neighbours in one place give a matrix that is not finite, on which Eigen's solution would read where
+/// nothing is: such a point gets a place that is not finite, and stays.
+struct GuardedSvd : CGAL::Eigen_svd {
+  static FT solve(const Matrix& matrix, Vector& right) {
+    if (matrix.eigen_object().allFinite() && right.eigen_object().allFinite())
+      return CGAL::Eigen_svd::solve(matrix, right);
+    right.eigen_object().setConstant(std::numeric_limits<double>::quiet_NaN());
+    return std::numeric_limits<double>::infinity();
+  }
+};
 
 /// Coefficients of a polynomial of this degree in two variables: a jet needs as many points.
 unsigned coefficients(unsigned degree) {
@@ -19,6 +32,7 @@ unsigned coefficients(unsigned degree) {
 void jets(const scene::StepInput& input, unsigned k, std::vector<CgalPoint>& points) {
   const auto degree = static_cast<unsigned>(input.options.integer("degree"));
   const auto parameters = CGAL::parameters::point_map(CgalPlaceMap())
+                              .svd_traits(GuardedSvd())
                               .degree_fitting(degree)
                               .degree_monge(std::min(degree, 2u))  // what CGAL's frame of curvatures needs
                               .callback(Advance{&input.progress, "smoothing by jets"});
