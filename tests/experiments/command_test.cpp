@@ -18,7 +18,7 @@ const char* const kPath = "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:perio
 class Command : public InFolder {};
 
 TEST_F(Command, HelpOfEveryCommandHasAnExample) {
-  for (const char* name : {"info", "renderers", "replay", "compare", "reproduce", "fetch"}) {
+  for (const char* name : {"info", "renderers", "replay", "compare", "reproduce", "clean", "fetch"}) {
     const ProcessOutcome run = palpate_command({name, "--help"});
     EXPECT_EQ(run.exit_code, 0) << name;
     EXPECT_NE(run.out.find(std::string("palpate ") + name), std::string::npos) << name << "\n" << run.out;
