@@ -80,9 +80,18 @@ template <unsigned kFeatures>
     const Vec3 b = model.points[two.first].at();
     if (slot.shading != Shading::kNone &&
         (!slot.by_spacing || (b - g).squaredNorm() > slot.felt_spacing_sq_mm2)) {
-      contact.pull = shaded_vector(slot.shading, h, g, b, model.points[two.second].at());
-      if (slot.shading == Shading::kFacet && at_crease(contact.pull, slot.contact.outward())) [[unlikely]]
-        contact.pull = pull_at_crease(model, end, two, slot.contact.outward(), h, contact.pull);
+      const Vec3 c = model.points[two.second].at();
+      if (slot.shading == Shading::kFacet) {
+        const FacetPlane plane = facet_plane(g, b, c);
+        if (plane.usable) {
+          const Vec3& n = plane.scaled_normal;
+          contact.pull = (contact.pull.dot(n) / plane.area_sq) * n;
+          if (at_crease(plane, slot.contact.outward()) && beside(plane, b - g, c - g, h - g)) [[unlikely]]
+            contact.pull = pull_at_crease(model, end, slot.contact.outward(), h, contact.pull);
+        }
+      } else {
+        contact.pull = shaded_vector(slot.shading, h, g, b, c);
+      }
     }
   }
   if (varied) {

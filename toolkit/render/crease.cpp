@@ -3,8 +3,6 @@
 #include <array>
 #include <cmath>
 
-#include "toolkit/render/shading.h"
-
 namespace palpate::render {
 namespace {
 
@@ -68,12 +66,6 @@ Fan fan_around(const WalkEnd& end, const Vec3& g, const Vec3& outward) noexcept 
   return fan;
 }
 
-/// The foot of r, relative to a facet's first corner as the other two are, lies on its plane beyond the line
-/// to one of them.
-bool beside(const FacetPlane& plane, const Vec3& b, const Vec3& c, const Vec3& r) noexcept {
-  return plane.scaled_normal.dot(b.cross(r)) < 0.0 || plane.scaled_normal.dot(c.cross(r)) > 0.0;
-}
-
 /// The vector from r to the nearest place on the fan.
 Vec3 pull_to(const Fan& fan, const Vec3& r) noexcept {
   double least = r.squaredNorm();
@@ -104,12 +96,9 @@ Vec3 pull_to(const Fan& fan, const Vec3& r) noexcept {
 
 }  // namespace
 
-Vec3 pull_at_crease(const PointModel& model, const WalkEnd& end, const NearestTwo& two, const Vec3& outward,
-                    const Vec3& h, const Vec3& pull) noexcept {
-  const Vec3 g = model.points[end.place].at(), b = model.points[two.first].at(),
-             c = model.points[two.second].at();
-  const FacetPlane plane = facet_plane(g, b, c);
-  if (!plane.usable || !beside(plane, b - g, c - g, h - g)) return pull;
+Vec3 pull_at_crease(const PointModel& model, const WalkEnd& end, const Vec3& outward, const Vec3& h,
+                    const Vec3& pull) noexcept {
+  const Vec3 g = model.points[end.place].at();
   const Fan fan = fan_around(end, g, outward);
   return fan.closed() ? pull_to(fan, h - g) : pull;
 }

@@ -52,7 +52,8 @@ struct FacetPlane {
   double area_sq = 0.0;               ///< its squared length
   bool usable = false;                ///< false: a sliver
 };
-[[nodiscard]] inline FacetPlane facet_plane(const Vec3& a, const Vec3& b, const Vec3& c) noexcept {
+[[nodiscard, gnu::always_inline]] inline FacetPlane facet_plane(const Vec3& a, const Vec3& b,
+                                                                const Vec3& c) noexcept {
   const Vec3 ab = b - a, ac = c - a;
   FacetPlane plane;
   plane.scaled_normal = ab.cross(ac);
