@@ -53,7 +53,8 @@ void add_run_options(CLI::App& command, RunArguments& run) {
   command.add_option("--out", run.out, "folder for the results; made where it is missing")->required();
   command.add_option(
       "--reference", run.reference,
-      "ground truth: auto, analytic, original-mesh, none, or a mesh file in the model's frame");
+      "ground truth: auto, analytic, original-mesh, none, or a mesh file or scan by name in the "
+      "model's frame");
   command
       .add_option("--paced", run.paced, "also time so many frames at 1 kHz, with the caches warm and evicted")
       ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{10'000'000}));

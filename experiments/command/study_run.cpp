@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "experiments/command/session.h"
+#include "experiments/data/locate.h"
 #include "experiments/data/scene_scans.h"
 #include "experiments/report/tables.h"
 #include "toolkit/plan/plan.h"
@@ -20,7 +21,17 @@ Result<Prepared> check(const RunArguments& arguments, const render::Registry& re
   Prepared prepared;
   const Result<scene::LoadOptions> load = load_options(arguments.load);
   if (!load) return load.error();
-  Result<ReferenceChoice> reference = parse_reference(arguments.reference);
+  std::string truth = arguments.reference;
+  if (const Scan* scan = find_scan(truth)) {
+    const std::optional<std::filesystem::path> file = locate_scan(*scan);
+    if (!file)
+      return Error{fmt::format("the scan '{}' is not here", truth),
+                   fmt::format("`palpate fetch {}` brings it", truth),
+                   {},
+                   0};
+    truth = file->string();
+  }
+  Result<ReferenceChoice> reference = parse_reference(truth);
   if (!reference) return std::move(reference).error();
   Result<scene::SceneFile> scene = open_scene(arguments.scene, progress);
   if (!scene) return std::move(scene).error();
@@ -34,7 +45,7 @@ Result<Prepared> check(const RunArguments& arguments, const render::Registry& re
     prepared.renderers = {*std::move(renderer)};
   }  // else the plan chooses, when the models are known
   prepared.stage = {arguments.scene, *std::move(scene),      *load, arguments.path,
-                    *reference,      arguments.load.threads, 0,     arguments.reference};
+                    *reference,      arguments.load.threads, 0,     truth};
   return prepared;
 }
 

@@ -129,6 +129,8 @@ TEST_F(CleanCommand, AReferenceMustBeAMesh) {
   };
   EXPECT_NE(refused(in("scan.ply")).find("no faces"), std::string::npos);
   EXPECT_NE(refused("analitic").find("choose from auto"), std::string::npos);
+  const Environment nowhere("PALPATE_DATA", in("nowhere").c_str()), cache("XDG_CACHE_HOME", in("no").c_str());
+  EXPECT_NE(refused("stanford-bunny").find("palpate fetch stanford-bunny"), std::string::npos);
   EXPECT_NE(refused(in("missing.ply")).find("missing.ply"), std::string::npos);
 }
 
