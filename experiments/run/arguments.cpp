@@ -104,6 +104,13 @@ Result<std::vector<RendererRequest>> parse_renderers(std::string_view text,
   return requests;
 }
 
+bool is_generated_path(const std::string& argument) {
+  std::error_code code;
+  if (std::filesystem::exists(argument, code)) return false;
+  const Result<NamedOptions> named = parse_named_options(argument);
+  return named && trace::find_path_generator(named->name) != nullptr;
+}
+
 Result<trace::ProbePath> open_path(const std::string& argument, const trace::PathTarget& target) {
   std::error_code code;
   if (std::filesystem::path(argument).extension() == ".csv" || std::filesystem::exists(argument, code)) {

@@ -30,5 +30,7 @@ struct RendererRequest {
 /// A CSV file, a .traj file with its columns ("probe.traj:t=0:x=1:mm_per_unit=1000") or a path generator.
 [[nodiscard]] Result<trace::ProbePath> open_path(const std::string& argument,
                                                  const trace::PathTarget& target);
+/// Whether open_path() would make it: no file of this name, but a generator.
+[[nodiscard]] bool is_generated_path(const std::string& argument);
 
 }  // namespace palpate::experiments

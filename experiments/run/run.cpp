@@ -175,7 +175,7 @@ Result<Run> run_renderer(const Stage& stage, const RendererRequest& request, con
   replay.paced_frames = options.paced_frames;
   replay.paced_evicted_frames =
       (options.paced_frames + kWarmFramesPerEvictedFrame - 1) / kWarmFramesPerEvictedFrame;
-  replay.start_is_free = stage.reference.has_value();
+  replay.start_is_free = stage.starts_free;
   replay.progress = &progress;
   Result<trace::ReplayReport> report = trace::measure(**renderer, stage.path, replay);
   if (!report) {

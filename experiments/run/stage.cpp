@@ -155,6 +155,8 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
   Result<trace::ProbePath> path = open_path(request.path, target);
   if (!path) return std::move(path).error();
   stage.path = *std::move(path);
+  // Generators start in free space: a renderer that feels something there already is wrong, not the path.
+  stage.starts_free = *choice != ReferenceChoice::kNone || is_generated_path(request.path);
   const surface::Surface& surface = model.surface;
   stage.forces_comparable = !surface.friction.any() && surface.deformation == 0.0 && !surface.texture.any() &&
                             !surface.dent.any() && surface.per_point == nullptr;

@@ -38,6 +38,7 @@ struct Stage {
   trace::ProbePath path;
   std::optional<trace::ReferenceTrace> reference;
   std::unique_ptr<metrics::TruthSurface> truth;  ///< null without a reference
+  bool starts_free = false;                      ///< the path: by the truth, or by the generator that made it
   bool forces_comparable = true;                 ///< the reference knows all that the scene asks of a surface
   neighbourhood::Spacing spacing;                ///< of the first model
   std::vector<std::string> notes;                ///< what a reader should know, whole sentences

@@ -281,6 +281,23 @@ TEST_F(Command, ReproduceMeshesTwiceMakesThemOnce) {
   }
 }
 
+TEST_F(Command, ARendererThatFeelsFreeSpaceIsWrongAndNotThePath) {
+  if (all_renderers().find("penalty-grid") == nullptr) GTEST_SKIP() << "built without the rivals";
+  // A scan without faces has no truth; the penalty is felt from the path's start on.
+  ASSERT_EQ(
+      palpate_command({"clean", "sphere:points=2000", "--steps", "thin/cell=0.1", "--out", in("scan.ply")})
+          .exit_code,
+      0);
+  const ProcessOutcome run =
+      palpate_command({"compare", in("scan.ply"), "--renderers", "penalty-grid:threshold=16,cloud", "--path",
+                       "exploration:frames=2000:depth_mm=0.5:seed=1", "--out", in("out")});
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  std::ifstream file(in("out/result.json"));
+  const json result = json::parse(file);
+  EXPECT_EQ(result["renderers"][0]["frame"]["contact_frames"], 2000);
+  EXPECT_LT(result["renderers"][1]["frame"]["contact_frames"], 2000);
+}
+
 TEST_F(Command, FetchListsWithLicenceAndChecksum) {
   const ProcessOutcome run = palpate_command({"fetch", "--json"});
   ASSERT_EQ(run.exit_code, 0);
