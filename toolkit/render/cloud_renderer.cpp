@@ -300,6 +300,8 @@ RendererInfo cloud_info() {
   info.summary = "chapter 3 made right: a contact state with a side, shading by stiffness and spacing";
   info.source = "El-Far, chapter 3; contact side, creases, friction cone, joint contact and bounds are ours";
   info.options = point_model_specs();
+  for (OptionSpec& spec : info.options)
+    if (spec.key == "cell") spec.default_value = "0";
   for (OptionSpec& spec : box_test_specs()) info.options.push_back(std::move(spec));
   info.options.push_back(partition_spec());
   info.options.push_back(shading_spec("force shading; auto: facet where stiffness x local spacing is felt"));

@@ -16,6 +16,12 @@ namespace palpate::render {
 namespace {
 
 constexpr std::size_t kPointsPerChunk = 16384;
+/// Enough for a median that is right to some percent.
+constexpr std::size_t kSampledPoints = 4096;
+/// The thesis's rule of thumb (below figure 36): a cell is five resolutions long.
+constexpr double kCellPerResolution = 5.0;
+/// A box is as long as the cloud's resolution: in smaller cells it would reach beyond the cells around.
+constexpr double kLeastCellPerResolution = 0.5;
 /// A cloud whose points all coincide has no spacing; its boxes get this share of the coordinates' size, or 1
 /// mm at the origin, so that it is still there to be touched.
 constexpr double kPointlessShare = 1e-6;
@@ -61,11 +67,33 @@ double worst_resolution(const cloud::Cloud& cloud, const neighbourhood::Neighbou
   return std::sqrt(*std::max_element(worst.begin(), worst.end()));
 }
 
+/// The median distance to the last neighbour, over points spread evenly through the file.
+double median_local_resolution(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& table) {
+  const std::size_t n = cloud.size(), count = std::min(n, kSampledPoints);
+  std::vector<double> square(count, 0.0);
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::size_t i = k * n / count;
+    for (const std::uint32_t other : table.of[i])
+      square[k] = std::max(square[k], (cloud.local_mm(other) - cloud.local_mm(i)).squaredNorm());
+  }
+  std::nth_element(square.begin(), square.begin() + static_cast<std::ptrdiff_t>(count / 2), square.end());
+  return std::sqrt(square[count / 2]);
+}
+
+/// The thesis sizes cells by the resolution, which is that of the cloud's sparsest place. Where points
+/// are unevenly spaced such cells hold thousands of them, and all are looked at while the HIP is near.
+double cell_edge_mm(const cloud::Cloud& cloud, const PointModelOptions& options,
+                    const neighbourhood::NeighbourTable& table, double resolution_mm) {
+  if (options.cell_per_resolution > 0.0) return options.cell_per_resolution * resolution_mm;
+  return std::clamp(kCellPerResolution * median_local_resolution(cloud, table),
+                    kLeastCellPerResolution * resolution_mm, kCellPerResolution * resolution_mm);
+}
+
 /// Builds the partition asked for.
-void partition_points(const cloud::Cloud& cloud, const PointModelOptions& options, int threads,
-                      PointModel& model) {
+void partition_points(const cloud::Cloud& cloud, const PointModelOptions& options, double cell_mm,
+                      int threads, PointModel& model) {
   partition::PartitionOptions o;
-  o.cell_mm = model.cell_mm = options.cell_per_resolution * model.resolution_mm;
+  o.cell_mm = model.cell_mm = cell_mm;
   switch (options.partition) {
     case PartitionKind::kGrid:
       model.grid = partition::UniformGrid::build(cloud, o, threads);
@@ -157,7 +185,13 @@ std::vector<OptionSpec> point_model_specs() {
        {"global", "per-vertex", "per-vertex-cube"}},
       {"box_mm", kNumber, "0", "edge of the global box in mm; 0: the cloud's resolution", {}, 0.0, 1e12},
       {"resolution_mm", kNumber, "0", "the cloud's resolution in mm; 0: measured", {}, 0.0, 1e12},
-      {"cell", kNumber, "5", "grid cell edge in resolutions", {}, 0.1, 1000.0},
+      {"cell",
+       kNumber,
+       "5",
+       "grid cell edge in resolutions; 0: five times the median local resolution, at least half the cloud's",
+       {},
+       0.0,
+       1000.0},
   };
 }
 
@@ -244,7 +278,8 @@ Result<PointModel> build_point_model(const ModelInput& input, const PointModelOp
   }
 
   phases.begin("partition");
-  partition_points(cloud, options, context.threads, model);
+  partition_points(cloud, options, cell_edge_mm(cloud, options, *table, model.resolution_mm), context.threads,
+                   model);
   phases.end();
 
   phases.begin("store");

@@ -40,9 +40,9 @@ struct PointModelOptions {
   std::string neighbours = "auto";  ///< auto, or one of neighbourhood::builders()
   bool complete_to_eight = true;    ///< of modified kNN
   BoxSize box = BoxSize::kGlobal;
-  double box_mm = 0.0;         ///< edge of the global cube; 0 = the resolution
-  double resolution_mm = 0.0;  ///< 0 = measured
-  double cell_per_resolution = 5.0;
+  double box_mm = 0.0;               ///< edge of the global cube; 0 = the resolution
+  double resolution_mm = 0.0;        ///< 0 = measured
+  double cell_per_resolution = 5.0;  ///< 0 = five times the median local resolution: see point_model_specs()
   PartitionKind partition = PartitionKind::kGrid;
   bool swept_sphere = false;  ///< test boxes with a swept sphere instead of a segment (section 3.1.4)
   double sphere_mm = 0.0;     ///< its radius; 0 = half the edge of the largest box

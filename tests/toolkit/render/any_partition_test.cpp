@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/toolkit/render/scenes.h"
 #include "toolkit/cloud/generate.h"
 #include "toolkit/render/registry.h"
 #include "toolkit/trace/paths.h"
@@ -106,6 +107,37 @@ TEST(SweptSphere, TouchesEarlierInTheLiteralForm) {
   const Ran swept = run(made, "cloud-literal:test=swept-sphere:sphere_mm=0.3");
   EXPECT_GT(swept.counters.sphere_only, 0u);
   EXPECT_GT(swept.contacts, box.contacts);
+}
+
+TEST(Cells, OfUnevenCloudsHoldFewPointsAndChangeNoFrame) {
+  // One sparse place decides the resolution of a whole cloud.
+  Scene scene = generated("sinusoid:points=10000:extent_mm=40:amplitude_mm=2:wavelength_mm=40");
+  const cloud::Cloud& even = *scene.input.models[0].cloud;
+  std::vector<Vec3> points;
+  for (std::size_t i = 0; i < even.size(); ++i) {
+    const Vec3 p = even.point_mm(i);
+    if (p.x() < 14.0 || p.y() < 14.0 || i % 16 == 0) points.push_back(p);
+  }
+  const SceneInput uneven = cloud_of(points);
+  trace::PathTarget target;
+  target.cloud = uneven.models[0].cloud.get();
+  target.box_mm = target.cloud->box_mm();
+  const trace::ProbePath path =
+      trace::make_path(parse_named_options("exploration:frames=20000:seed=2").value(), target).value();
+  std::vector<FrameCounters> counters;
+  std::vector<std::vector<Frame>> frames;
+  for (const char* spec : {"cloud:cell=5", "cloud"}) {
+    const auto renderer = prepared(uneven, spec);
+    renderer->reset(path.hip_mm[0]);
+    std::vector<Frame>& own = frames.emplace_back();
+    for (const Vec3& h : path.hip_mm) own.push_back(renderer->step(h, 1e-3));
+    counters.push_back(renderer->counters());
+  }
+  for (std::size_t i = 0; i < frames[0].size(); ++i)
+    ASSERT_EQ(frames[0][i].force_n, frames[1][i].force_n) << i;
+  EXPECT_EQ(counters[0].bound_hits, 0u);
+  EXPECT_EQ(counters[1].bound_hits, 0u);
+  EXPECT_LT(3 * counters[1].box_tests, counters[0].box_tests);
 }
 
 }  // namespace
