@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "experiments/data/process.h"
+#include "tests/in_folder.h"
 
 namespace palpate::experiments {
 
@@ -41,25 +42,6 @@ inline std::string file_text(const std::filesystem::path& path) {
 inline void write_text(const std::filesystem::path& path, const std::string& text) {
   std::ofstream(path, std::ios::binary) << text;
 }
-
-/// A folder of its own for each test.
-class InFolder : public testing::Test {
- protected:
-  InFolder() {
-    const auto* info = testing::UnitTest::GetInstance()->current_test_info();
-    std::string name =
-        std::string(info->test_suite_name()) + "-" + info->name() + "-" + std::to_string(::getpid());
-    for (char& c : name)
-      if (c == '/') c = '-';
-    folder_ = std::filesystem::path(testing::TempDir()) / name;
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_);
-  }
-  ~InFolder() override { std::filesystem::remove_all(folder_); }
-  [[nodiscard]] std::string in(const std::string& name) const { return (folder_ / name).string(); }
-
-  std::filesystem::path folder_;
-};
 
 #ifdef PALPATE_PROGRAM
 inline ProcessOutcome palpate_command(std::vector<std::string> arguments) {

@@ -3,10 +3,10 @@
 
 #include <gtest/gtest.h>
 
-#include <filesystem>
 #include <fstream>
 #include <numeric>
 
+#include "tests/in_folder.h"
 #include "toolkit/cloud/generate.h"
 #include "toolkit/io/write_mesh.h"
 #include "toolkit/scene/scene.h"
@@ -130,18 +130,12 @@ TEST(Cleaning, StopsWhereTheUserAsksTo) {
   EXPECT_NE(cleaning.run(grid(), *parsed, 1, stopped).error().what.find("stopped"), std::string::npos);
 }
 
-class CleanScene : public testing::Test {
+class CleanScene : public InFolder {
  protected:
-  CleanScene() : folder_(std::filesystem::path(testing::TempDir()) / "palpate-clean-test") {
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_);
-    io::add_standard_readers(readers_);
-  }
-  ~CleanScene() override { std::filesystem::remove_all(folder_); }
-  std::string file(const std::string& name) { return (folder_ / name).string(); }
+  CleanScene() { io::add_standard_readers(readers_); }
   Result<LoadedScene> loaded(const std::string& text, const Cleaning* cleaning) {
-    std::ofstream(file("scene.toml")) << text;
-    const Result<SceneFile> scene = read_scene(file("scene.toml"));
+    std::ofstream(in("scene.toml")) << text;
+    const Result<SceneFile> scene = read_scene(in("scene.toml"));
     if (!scene) return scene.error();
     LoadOptions options;
     options.cleaning = cleaning;
@@ -151,12 +145,11 @@ class CleanScene : public testing::Test {
     const auto got = loaded(text, cleaning);
     return got.ok() ? "" : got.error().message();
   }
-  std::filesystem::path folder_;
   io::Readers readers_;
 };
 
 TEST_F(CleanScene, StepsOfASceneAreTimedAndColumnsFollow) {
-  ASSERT_TRUE(io::write_cloud_ply(file("grid.ply"), grid()).ok());
+  ASSERT_TRUE(io::write_cloud_ply(in("grid.ply"), grid()).ok());
   const Cleaning cleaning = steps();
   const auto got = loaded(
       "[[model]]\ncloud = \"grid.ply\"\n"
@@ -215,7 +208,7 @@ TEST_F(CleanScene, ViewsAreMergedByTheirPoses) {
     cloud::Cloud cloud = *cloud::build_cloud(points, cloud::NonFinite::kRefuse);
     cloud.properties.push_back({"both", std::vector<float>(points.size(), 1.0f)});
     cloud.properties.push_back({column, std::vector<float>(points.size(), 2.0f)});
-    ASSERT_TRUE(io::write_cloud_ply(file(name), cloud).ok());
+    ASSERT_TRUE(io::write_cloud_ply(in(name), cloud).ok());
   };
   save("first.ply", first, "alone");
   save("second.ply", second, "other");
@@ -240,7 +233,7 @@ TEST_F(CleanScene, ViewsAreMergedByTheirPoses) {
 }
 
 TEST_F(CleanScene, ViewsThatCannotBeMergedAreRefused) {
-  ASSERT_TRUE(io::write_cloud_ply(file("grid.ply"), grid()).ok());
+  ASSERT_TRUE(io::write_cloud_ply(in("grid.ply"), grid()).ok());
   const std::string model = "[[model]]\ncloud = \"grid.ply\"\n";
   EXPECT_NE(refusal(model + "  [[model.view]]\n  cloud = \"nowhere.ply\"\n", nullptr).find("nowhere.ply"),
             std::string::npos);
@@ -249,7 +242,7 @@ TEST_F(CleanScene, ViewsThatCannotBeMergedAreRefused) {
   EXPECT_NE(refusal(model + "  [[model.view]]\n  cloud = \"grid.ply\"\n  rotation = [2, 0, 0, 0]\n", nullptr)
                 .find("scene.toml:5"),
             std::string::npos);
-  std::ofstream(file("metres.obj")) << "# unit m\nv 0 0 0\nv 1 0 0\nv 0 1 0\n";
+  std::ofstream(in("metres.obj")) << "# unit m\nv 0 0 0\nv 1 0 0\nv 0 1 0\n";
   const std::string other = refusal(model + "  [[model.view]]\n  cloud = \"metres.obj\"\n", nullptr);
   EXPECT_TRUE(other.empty() || other.find("unit") != std::string::npos) << other;
 }

@@ -6,6 +6,8 @@
 #include <filesystem>
 #include <fstream>
 
+#include "tests/in_folder.h"
+
 namespace palpate::scene {
 namespace {
 
@@ -361,18 +363,12 @@ TEST(NearestName, FindsMisspellingsAndNothingElse) {
   EXPECT_EQ(nearest_name("", {"cloud"}), "");
 }
 
-class SceneOnDisk : public testing::Test {
+class SceneOnDisk : public InFolder {
  protected:
-  SceneOnDisk() : folder_(std::filesystem::path(testing::TempDir()) / "palpate-scene-test") {
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_);
-  }
-  ~SceneOnDisk() override { std::filesystem::remove_all(folder_); }
   std::string write(const std::string& name, const std::string& text) {
-    std::ofstream(folder_ / name) << text;
-    return (folder_ / name).string();
+    std::ofstream(in(name)) << text;
+    return in(name);
   }
-  std::filesystem::path folder_;
 };
 
 TEST_F(SceneOnDisk, LoadsAFileBesideTheSceneInMillimetres) {
