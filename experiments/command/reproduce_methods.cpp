@@ -129,8 +129,12 @@ std::vector<std::string> against_meshes(const metrics::ResultDocument& document)
                     ratio(*cloud->frame->mean_us, *mesh->frame->mean_us),
                     ratio(bytes_per_point(*cloud).value_or(0.0), bytes_per_point(*mesh).value_or(0.0))));
   };
-  line("fastest", fastest);
-  line("most accurate", rightest);
+  if (fastest == rightest) {
+    line("fastest and most accurate", fastest);
+  } else {
+    line("fastest", fastest);
+    line("most accurate", rightest);
+  }
   return lines;
 }
 
