@@ -28,7 +28,8 @@ std::string data_text(const Chart& chart) {
   for (const Series& s : chart.series) {
     text += "# " + s.label + "\n";
     for (std::size_t i = 0; i < s.x.size(); ++i)
-      text += std::isfinite(s.y[i]) ? fmt::format("{:.7g} {:.7g}\n", s.x[i], s.y[i]) : "\n";
+      // No blank lines within a series: two of them begin the next one.
+      text += std::isfinite(s.y[i]) ? fmt::format("{:.7g} {:.7g}\n", s.x[i], s.y[i]) : "NaN NaN\n";
     if (s.x.empty()) text += "NaN NaN\n";
     text += "\n\n";
   }

@@ -2,8 +2,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <limits>
 
 #include "experiments/command/reproduction.h"
+#include "experiments/report/figures.h"
 #include "experiments/report/page.h"
 #include "experiments/tables/manifest.h"
 #include "tests/experiments/program.h"
@@ -132,6 +134,38 @@ TEST(Page, EscapesWhatItIsGiven) {
   EXPECT_NE(html.find("tap &lt;&amp;&gt;"), std::string::npos);
   EXPECT_EQ(html.find("<b>"), std::string::npos);
   EXPECT_NE(html.find("A &lt;title&gt;"), std::string::npos);
+}
+
+class Charts : public InFolder {};
+
+TEST_F(Charts, EverySeriesIsDrawnUnderItsOwnName) {
+  // Longer and longer interruptions, and a series of nothing else.
+  constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
+  Chart chart;
+  chart.name = "gaps";
+  chart.style = Chart::Style::kSteps;
+  chart.log_y = true;
+  chart.series = {
+      {"first", "#0072b2", {0, 1, 2, 3, 4, 5, 6}, {kNothing, 1, kNothing, kNothing, 2, 3, kNothing}},
+      {"nothing", "#d55e00", {0, 1}, {kNothing, kNothing}},
+      {"last", "#009e73", {7, 8}, {4, 5}}};
+  const Result<OutputFolder> folder = OutputFolder::open(in("out"));
+  ASSERT_TRUE(folder.ok());
+  const Figure figure = draw(chart, *folder);
+  const std::string data = file_text(in("out/gaps.dat"));
+  std::vector<std::string> blocks;
+  for (std::size_t at = 0; at < data.size();) {
+    const std::size_t end = std::min(data.find("\n\n\n", at), data.size());
+    blocks.push_back(data.substr(at, end - at));
+    at = end + 3;
+  }
+  ASSERT_EQ(blocks.size(), 3u) << data;
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_TRUE(blocks[i].starts_with("# " + chart.series[i].label)) << blocks[i];
+    EXPECT_EQ(blocks[i].find("\n\n"), std::string::npos) << "a blank line within a series: " << blocks[i];
+  }
+  if (figure.svg.empty()) GTEST_SKIP() << "gnuplot is not here";
+  EXPECT_NE(figure.svg.find(">last<"), std::string::npos);
 }
 
 TEST(Manifests, HoldThePrintedValues) {
