@@ -26,8 +26,8 @@ using Halfedge = Mesh::Halfedge_index;
 // hole leaves a margin, so that even one of two in a figure of eight is narrower.
 constexpr double kRimShare = 0.5;
 
-// CGAL's factor of refinement. Measured: a hole that was cut out of a grid, 67 points wide, gets 75 with 2.5,
-// 25 with CGAL's own root of two.
+// CGAL's factor of refinement. Measured: a hole of some 67 points that was cut out of a grid gets 75
+// with 2.5, 19 with CGAL's own root of two.
 constexpr double kDensity = 2.5;
 
 double width_of(const geometry::Aabb& box) {

@@ -20,23 +20,19 @@ struct CgalPoint {
   friend bool operator==(const CgalPoint& a, const CgalPoint& b) noexcept { return a.index == b.index; }
 };
 
-struct CgalPlaceMap {
+/// One member of a CgalPoint, as CGAL's property maps read and write it.
+template <class Value, Value CgalPoint::*member>
+struct CgalMap {
   using key_type = CgalPoint;
-  using value_type = CgalKernel::Point_3;
-  using reference = const CgalKernel::Point_3&;
+  using value_type = Value;
+  using reference = const Value&;
   using category = boost::lvalue_property_map_tag;
-  friend reference get(CgalPlaceMap, const CgalPoint& p) { return p.place; }
-  friend void put(CgalPlaceMap, CgalPoint& p, const value_type& to) { p.place = to; }
-  const value_type& operator[](const CgalPoint& p) const { return p.place; }
+  friend reference get(CgalMap, const CgalPoint& p) { return p.*member; }
+  friend void put(CgalMap, CgalPoint& p, const Value& to) { p.*member = to; }
+  const Value& operator[](const CgalPoint& p) const { return p.*member; }
 };
-struct CgalNormalMap {
-  using key_type = CgalPoint;
-  using value_type = CgalKernel::Vector_3;
-  using reference = const CgalKernel::Vector_3&;
-  using category = boost::lvalue_property_map_tag;
-  friend reference get(CgalNormalMap, const CgalPoint& p) { return p.normal; }
-  friend void put(CgalNormalMap, CgalPoint& p, const value_type& to) { p.normal = to; }
-};
+using CgalPlaceMap = CgalMap<CgalKernel::Point_3, &CgalPoint::place>;
+using CgalNormalMap = CgalMap<CgalKernel::Vector_3, &CgalPoint::normal>;
 
 /// Relative to the cloud's origin and divided by `unit_mm`, so that CGAL's own tolerances see numbers about
 /// 1; without normals.

@@ -10,6 +10,7 @@
 #include "baselines/reconstruct/make_mesh.h"
 #include "baselines/reconstruct/pole_labels.h"
 #include "baselines/reconstruct/run_limited.h"
+#include "tests/baselines/volume.h"
 #include "toolkit/cloud/generate.h"
 #include "toolkit/core/random.h"
 
@@ -59,13 +60,6 @@ std::vector<std::string> built_methods() {
   for (const Method& method : methods())
     if (method.not_built.empty()) names.push_back(method.name);
   return names;
-}
-
-double volume(const geometry::TriangleMesh& mesh) {
-  double sum = 0.0;
-  for (const auto& t : mesh.triangles)
-    sum += mesh.vertices_mm[t[0]].dot(mesh.vertices_mm[t[1]].cross(mesh.vertices_mm[t[2]])) / 6.0;
-  return sum;
 }
 
 /// Root mean square and largest distance of the triangles' corners and centres from the formula.
@@ -254,7 +248,8 @@ TEST(Reconstruction, ClosesClosedSurfacesOutward) {
         EXPECT_EQ(report.components, 1u) << name;
       }
       // The regular triangulation that the points come with is turned outward.
-      EXPECT_NEAR(volume(made.mesh), volume(*model->original_mesh), 0.02 * volume(*model->original_mesh))
+      EXPECT_NEAR(volume_of(made.mesh), volume_of(*model->original_mesh),
+                  0.02 * volume_of(*model->original_mesh))
           << name;
     }
 }
@@ -307,7 +302,7 @@ TEST(Reconstruction, DoesNotDependOnTheOrderOfPoints) {
   const auto plain = make("alpha-shape", model.cloud), other = make("alpha-shape", shuffled);
   EXPECT_EQ(keys(plain.mesh, same), keys(other.mesh, order));
   const auto crust = make("power-crust", model.cloud), other_crust = make("power-crust", shuffled);
-  EXPECT_NEAR(volume(crust.mesh), volume(other_crust.mesh), 1e-3 * volume(crust.mesh));
+  EXPECT_NEAR(volume_of(crust.mesh), volume_of(other_crust.mesh), 1e-3 * volume_of(crust.mesh));
 }
 
 TEST(Reconstruction, NormalsByPlanesAndByCgalAgreeOnASphere) {
@@ -319,7 +314,7 @@ TEST(Reconstruction, NormalsByPlanesAndByCgalAgreeOnASphere) {
     const Made made = make("poisson", model.cloud, options);
     ASSERT_EQ(made.error, "") << normals;
     EXPECT_TRUE(is_cycle(made.mesh)) << normals;
-    EXPECT_NEAR(volume(made.mesh), volume(*model.original_mesh), 0.02 * volume(*model.original_mesh))
+    EXPECT_NEAR(volume_of(made.mesh), volume_of(*model.original_mesh), 0.02 * volume_of(*model.original_mesh))
         << normals;
   }
 }

@@ -10,6 +10,7 @@
 #include "baselines/proximity/crossings.h"
 #include "baselines/proximity/mesh_gap.h"
 #include "tests/baselines/mesh_probe_stand.h"
+#include "tests/baselines/volume.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::baselines {
@@ -33,13 +34,6 @@ double area_of(const geometry::TriangleMesh& mesh) {
                       .cross(mesh.vertices_mm[t[2]] - mesh.vertices_mm[t[0]])
                       .norm();
   return area;
-}
-
-double volume_of(const geometry::TriangleMesh& mesh) {
-  double volume = 0.0;
-  for (const auto& t : mesh.triangles)
-    volume += mesh.vertices_mm[t[0]].dot(mesh.vertices_mm[t[1]].cross(mesh.vertices_mm[t[2]])) / 6.0;
-  return volume;
 }
 
 TEST(MeshGap, IsBruteForceInDouble) {

@@ -10,24 +10,6 @@ namespace {
 // written with three digits are within 0.002.
 constexpr double kQuaternionSlack = 0.01;
 
-/// The tables of a list such as [[model.view]]; none where the key is missing.
-Result<std::vector<const toml::table*>> tables_of(const toml::table& model_table, const std::string& key,
-                                                  const Place& place) {
-  std::vector<const toml::table*> tables;
-  const toml::node* node = model_table.get(key);
-  if (node == nullptr) return tables;
-  const toml::array* list = node->as_array();
-  if (list == nullptr || list->empty() || !list->is_homogeneous(toml::node_type::table))
-    return place.at(*node, fmt::format("'{}' must be a list of tables", key),
-                    fmt::format("write [[model.{}]] with two brackets", key));
-  for (const toml::node& entry : *list) tables.push_back(entry.as_table());
-  return tables;
-}
-
-std::int64_t line_of(const toml::table& table) {
-  return static_cast<std::int64_t>(table.source().begin.line);
-}
-
 }  // namespace
 
 Status read_pose(const toml::table& table, geometry::RigidTransform& pose, const Place& place) {
@@ -64,7 +46,6 @@ Status read_views(const toml::table& model_table, SceneModel& model, const Place
     if (!name) return name.error();
     SceneView view;
     view.cloud = (std::filesystem::path(place.file).parent_path() / *name).lexically_normal().string();
-    view.line = line_of(*table);
     if (const Status pose = read_pose(*table, view.model_from_view, place); !pose) return pose.error();
     model.views.push_back(std::move(view));
   }
@@ -76,7 +57,7 @@ Status read_clean(const toml::table& model_table, SceneModel& model, const Place
   if (!tables) return tables.error();
   for (const toml::table* table : *tables) {
     SceneClean clean;
-    clean.line = line_of(*table);
+    clean.line = static_cast<std::int64_t>(table->source().begin.line);
     for (const auto& [key, value] : *table) {
       const std::string name(key.str());
       const Result<std::string> given = option_text(value, name, place);

@@ -60,7 +60,6 @@ struct SceneMotion {
 struct SceneView {
   std::string cloud;                         ///< path, resolved against the scene file
   geometry::RigidTransform model_from_view;  ///< in mm after the unit, before the scale
-  std::int64_t line = 0;
 };
 
 /// One [[model.clean]]: a step of cleaning, checked when the scene is loaded.

@@ -290,13 +290,10 @@ Status read_surface(const toml::table& model_table, SceneModel& model, const Pla
 }
 
 Status read_regions(const toml::table& model_table, SceneModel& model, const Place& place) {
-  const toml::node* node = model_table.get("region");
-  if (node == nullptr) return Done{};
-  const toml::array* regions = node->as_array();
-  if (regions == nullptr || regions->empty() || !regions->is_homogeneous(toml::node_type::table))
-    return place.at(*node, "'region' must be a list of tables", "write [[model.region]] with two brackets");
-  for (const toml::node& entry : *regions) {
-    Result<SceneRegion> region = read_region(*entry.as_table(), place);
+  const Result<std::vector<const toml::table*>> tables = tables_of(model_table, "region", place);
+  if (!tables) return tables.error();
+  for (const toml::table* table : *tables) {
+    Result<SceneRegion> region = read_region(*table, place);
     if (!region) return std::move(region).error();
     model.regions.push_back(*std::move(region));
   }

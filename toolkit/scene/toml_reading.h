@@ -91,6 +91,20 @@ inline Result<const toml::table*> table_of(const toml::node& node, const std::st
   return table;
 }
 
+/// The tables of a list such as [[model.view]]; none where the key is missing.
+inline Result<std::vector<const toml::table*>> tables_of(const toml::table& model_table,
+                                                         const std::string& key, const Place& place) {
+  std::vector<const toml::table*> tables;
+  const toml::node* node = model_table.get(key);
+  if (node == nullptr) return tables;
+  const toml::array* list = node->as_array();
+  if (list == nullptr || list->empty() || !list->is_homogeneous(toml::node_type::table))
+    return place.at(*node, fmt::format("'{}' must be a list of tables", key),
+                    fmt::format("write [[model.{}]] with two brackets", key));
+  for (const toml::node& entry : *list) tables.push_back(entry.as_table());
+  return tables;
+}
+
 /// 'position_mm' and 'rotation' of `table`.
 [[nodiscard]] Status read_pose(const toml::table& table, geometry::RigidTransform& pose, const Place& place);
 
