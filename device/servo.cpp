@@ -4,14 +4,18 @@
 
 namespace palpate::device {
 
-Status Servo::start() {
+Status Servo::start(const std::optional<Vec3>& free_mm) {
   if (Status opened = device_.open(); !opened) return opened;
+  last_free_mm_ = free_mm;
+  // A period before the first tick: the bring-up goes on from there.
+  if (free_mm) renderer_.restart(*free_mm, clock_.now_s() - governor_.options().period_s);
   rearm();
   return Done{};
 }
 
 void Servo::rearm() noexcept {
   placed_ = false;
+  bring_up_.abandon();
   governor_.arm(clock_.now_s());
 }
 
@@ -19,6 +23,18 @@ void Servo::stop() noexcept {
   governor_.disarm();
   device_.send(governor_.zero());
   device_.close();
+}
+
+/// The first good position after arming.
+void Servo::place(const Vec3& hip_mm, double t_s) noexcept {
+  placed_ = true;
+  const double before_s = t_s - governor_.options().period_s;
+  if (last_free_mm_) {
+    bring_up_.begin(renderer_, *last_free_mm_, before_s);
+    return;
+  }
+  renderer_.restart(hip_mm, before_s);
+  governor_.arm(clock_.now_s());  // what the restart took is no lateness
 }
 
 Tick Servo::tick() noexcept {
@@ -29,13 +45,16 @@ Tick Servo::tick() noexcept {
   const bool usable = tick.state.status != ReadStatus::kLost && is_finite(tick.state.position_mm);
   if (governor_.armed() && usable) {
     const Vec3 hip_mm = world_from_device_ * tick.state.position_mm;
-    if (!placed_) {
-      renderer_.reset(hip_mm);
-      placed_ = true;
-      last_s_ = tick.t_s - governor_.options().period_s;
+    if (!placed_) place(hip_mm, tick.t_s);
+    if (bring_up_.pending()) {
+      tick.frame = bring_up_.advance(renderer_, hip_mm, tick.t_s);
+    } else {
+      tick.frame = renderer_.step(hip_mm, tick.t_s);
     }
-    tick.frame = renderer_.step(hip_mm, tick.t_s - last_s_);
-    last_s_ = tick.t_s;
+    if (bring_up_.pending())
+      tick.frame.force_n.setZero();  // of a place on the way
+    else if (!tick.frame.contact)
+      last_free_mm_ = hip_mm;
     wanted_n = world_from_device_.inverse().rotate(tick.frame.force_n);
   }
   GovernedForce governed = governor_.govern(tick.t_s, tick.state, wanted_n);

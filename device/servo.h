@@ -3,11 +3,13 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "device/clock.h"
 #include "device/device.h"
 #include "device/force_governor.h"
 #include "toolkit/geometry/rigid_transform.h"
+#include "toolkit/render/bring_up.h"
 #include "toolkit/render/renderer.h"
 
 namespace palpate::device {
@@ -32,10 +34,12 @@ class Servo {
         clock_(clock),
         world_from_device_(world_from_device) {}
 
-  /// Opens the device and arms the governor. The first good position puts the renderer's HIP into free space
-  /// there.
-  [[nodiscard]] Status start();
-  /// After a fault: soft start again, the renderer reset at the next good position.
+  /// Opens the device and arms the governor. The renderer is restarted at the first good position, which is
+  /// taken to be free; that may take O(points), and the soft start begins after it. From `free_mm` (world), a
+  /// place known to be free, it is brought up to that position instead.
+  [[nodiscard]] Status start(const std::optional<Vec3>& free_mm = std::nullopt);
+  /// After a fault: soft start again. The renderer lets go where the HIP was last free and is brought up from
+  /// there to the next good position: dents, and the sides of closed surfaces, stay. O(models).
   void rearm() noexcept;
   /// Sends zero and closes the device.
   void stop() noexcept;
@@ -45,13 +49,16 @@ class Servo {
   Tick tick() noexcept;
 
  private:
+  void place(const Vec3& hip_mm, double t_s) noexcept;
+
   render::HapticRenderer& renderer_;
   ForceGovernor& governor_;
   Device& device_;
   const Clock& clock_;
   geometry::RigidTransform world_from_device_;
   bool placed_ = false;  // the renderer knows where the HIP is
-  double last_s_ = 0.0;
+  render::BringUp bring_up_;
+  std::optional<Vec3> last_free_mm_;  // where the HIP was last known to be free
 };
 
 }  // namespace palpate::device

@@ -24,11 +24,18 @@ auto guarded(std::string name, StepFunction* step) {
   };
 }
 
-OptionSpec number(const char* key, const char* value, const char* help, double low, double high) {
-  return {key, OptionKind::kNumber, value, help, {}, low, high};
+using Conditions = std::vector<OptionCondition>;
+OptionSpec number(const char* key, const char* value, const char* help, double low, double high,
+                  Conditions only_with = {}) {
+  return {key, OptionKind::kNumber, value, help, {}, low, high, std::move(only_with)};
 }
-OptionSpec integer(const char* key, const char* value, const char* help, double low, double high) {
-  return {key, OptionKind::kInteger, value, help, {}, low, high};
+OptionSpec integer(const char* key, const char* value, const char* help, double low, double high,
+                   Conditions only_with = {}) {
+  return {key, OptionKind::kInteger, value, help, {}, low, high, std::move(only_with)};
+}
+/// An option of one of a step's methods.
+Conditions of(const char* method) {
+  return {{"method", {method}}};
 }
 
 }  // namespace
@@ -49,8 +56,9 @@ void register_cleaning(scene::Cleaning& cleaning) {
        {{"method", OptionKind::kChoice, "jet", "fitted polynomials, or edges kept", {"jet", "bilateral"}},
         integer("neighbours", "24", "that are looked at", 6, 1000),
         integer("iterations", "1", "how often", 1, 100),
-        integer("degree", "2", "jet: of the polynomial", 1, 4),
-        number("sharpness_deg", "25", "bilateral: edges sharper than this are kept", 1e-3, 90)},
+        integer("degree", "2", "jet: of the polynomial", 1, 4, of("jet")),
+        number("sharpness_deg", "25", "bilateral: edges sharper than this are kept", 1e-3, 90,
+               of("bilateral"))},
        guarded("smooth", smooth)});
   cleaning.add(
       {"thin",
@@ -61,12 +69,13 @@ void register_cleaning(scene::Cleaning& cleaning) {
          "grid",
          "one point a cell; one a flat cluster; regular, moved points",
          {"grid", "hierarchy", "wlop"}},
-        number("cell", "2", "grid: edge of a cell, spacings", 1e-6, 1e6),
-        integer("cluster", "10", "hierarchy: at most so many points in one", 1, 1e6),
-        number("variation", "0.05", "hierarchy: at most so much of its spread across it", 0, 1.0 / 3.0),
-        number("percent", "25", "wlop: so many points are left", 0.01, 100),
-        number("radius", "4", "wlop: neighbourhood, spacings", 0.1, 1e3),
-        integer("iterations", "35", "wlop: how often", 1, 1000)},
+        number("cell", "2", "grid: edge of a cell, spacings", 1e-6, 1e6, of("grid")),
+        integer("cluster", "10", "hierarchy: at most so many points in one", 1, 1e6, of("hierarchy")),
+        number("variation", "0.05", "hierarchy: at most so much of its spread across it", 0, 1.0 / 3.0,
+               of("hierarchy")),
+        number("percent", "25", "wlop: so many points are left", 0.01, 100, of("wlop")),
+        number("radius", "4", "wlop: neighbourhood, spacings", 0.1, 1e3, of("wlop")),
+        integer("iterations", "35", "wlop: how often", 1, 1000, of("wlop"))},
        guarded("thin", thin)});
   cleaning.add({"upsample",
                 "adds points between the points, edges kept",

@@ -9,10 +9,18 @@
 
 namespace palpate::baselines {
 
+/// An open component of fewer faces is a shard: a scan's smallest parts have thousands.
+inline constexpr std::size_t kFewFaces = 100;
+/// A model of a few plain sheets is none; so many shards are.
+inline constexpr std::size_t kManyShards = 10;
+
 struct MeshReport {
   std::size_t vertices = 0;    ///< welded
   std::size_t faces = 0;       ///< held by OpenMesh
-  std::size_t components = 0;  ///< of faces connected over edges
+  std::size_t components = 0;  ///< of faces connected over edges, however many meet there
+  /// Faces in open components of fewer than kFewFaces, where there are many of these: what a god object falls
+  /// off.
+  std::size_t shattered_faces = 0;
   std::size_t boundary_edges = 0;
   std::size_t boundary_loops = 0;
   std::size_t refused_faces =
@@ -27,5 +35,12 @@ struct MeshReport {
 
 /// The report and the counts of welding as lines for PrepareReport::notes.
 [[nodiscard]] std::vector<std::string> describe(const MeshReport& report, const SurfaceMeshCounts& counts);
+
+/// Why forces on the mesh of a point are not to be trusted, each with its remedy, for
+/// PrepareReport::warnings; nothing where they are. `folded`: facets that cross others of their
+/// component. `repaired`: by
+/// repaired(), which is no remedy then.
+[[nodiscard]] std::vector<std::string> doubts(const MeshReport& report, const SurfaceMeshCounts& counts,
+                                              std::size_t folded, bool repaired);
 
 }  // namespace palpate::baselines

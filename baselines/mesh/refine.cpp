@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "baselines/mesh/half_edges.h"
+#include "baselines/mesh/pieces.h"
 #include "baselines/mesh/surface_mesh.h"
 
 #pragma GCC diagnostic push
@@ -35,34 +36,11 @@ constexpr float kMostSlender = 10.0f;
 
 using Corners = std::array<std::uint32_t, 3>;
 
-/// Side of every facet that its piece calls outer, so that neighbours agree; 0 for the first of each piece.
-std::vector<std::uint8_t> agreeing_sides(const SurfaceMesh& mesh) {
-  constexpr std::uint8_t kUnknown = 2;
-  std::vector<std::uint8_t> side(mesh.facets().size(), kUnknown);
-  std::vector<std::uint32_t> open;
-  for (std::uint32_t start = 0; start < side.size(); ++start) {
-    if (side[start] != kUnknown) continue;
-    side[start] = 0;
-    open.push_back(start);
-    while (!open.empty()) {
-      const std::uint32_t facet = open.back();
-      open.pop_back();
-      for (std::uint32_t e = 0; e < 3; ++e) {
-        const HalfFacet next = mesh.neighbour(half_facet(facet, side[facet]), e);
-        if (next == kNoFacet || side[facet_of(next)] != kUnknown) continue;
-        side[facet_of(next)] = static_cast<std::uint8_t>(side_of(next));
-        open.push_back(facet_of(next));
-      }
-    }
-  }
-  return side;
-}
-
 std::size_t turn_to_agree(const SurfaceMesh& mesh, std::vector<Corners>& facets) {
-  const std::vector<std::uint8_t> side = agreeing_sides(mesh);
+  const Pieces pieces = pieces_of(mesh, ManyMeet::kGoesOn);
   std::size_t turned = 0;
-  for (std::size_t i = 0; i < side.size(); ++i) {
-    if (side[i] == 0) continue;
+  for (std::size_t i = 0; i < facets.size(); ++i) {
+    if (pieces.side(static_cast<std::uint32_t>(i)) == 0) continue;
     std::swap(facets[i][1], facets[i][2]);
     ++turned;
   }

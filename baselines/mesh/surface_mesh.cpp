@@ -109,20 +109,87 @@ Result<SurfaceMesh> SurfaceMesh::build(const geometry::TriangleMesh& mesh, int t
       facet.corner[i] = result.vertices_[v[i]];
       result.box_.add(facet.corner[i]);
     }
-    const double sides =
-        (facet.corner[1] - facet.corner[0]).norm() * (facet.corner[2] - facet.corner[0]).norm();
-    result.counts_.flat_facets += facet.scaled_normal().norm() <= kFlat * sides;
     result.facets_.push_back(facet);
   }
   if (result.facets_.empty())
     return Error{"the mesh has no triangle with three different corners", "use a mesh with faces", {}, 0};
   result.rounding_mm_ = gamma(kOperations) * result.box_.extent_mm().norm();
   static_cast<void>(threads);
-  result.connect();
+  std::vector<bool> two_sided(result.facets_.size(), false);
+  result.connect(two_sided);
+  for (const Facet& facet : result.facets_) {
+    const double sides =
+        (facet.corner[1] - facet.corner[0]).norm() * (facet.corner[2] - facet.corner[0]).norm();
+    result.counts_.flat_facets += facet.scaled_normal().norm() <= kFlat * sides;
+  }
   return result;
 }
 
-void SurfaceMesh::connect() {
+bool SurfaceMesh::drop_repeated(const Starts& begin, const Uses& uses, std::vector<bool>& two_sided) {
+  const auto facet_at = [&](std::size_t i) { return static_cast<std::uint32_t>(uses[i]) / 4; };
+  const auto edge_at = [&](std::size_t i) { return static_cast<std::uint32_t>(uses[i]) % 4; };
+  const auto third = [&](std::size_t i) { return facets_[facet_at(i)].vertex[before(edge_at(i))]; };
+  const auto start = [&](std::size_t i) { return facets_[facet_at(i)].vertex[edge_at(i)]; };
+  std::vector<bool> repeated(facets_.size(), false);
+  std::size_t found = 0;
+  for (std::size_t v = 0; v + 1 < begin.size(); ++v)
+    for (std::size_t i = begin[v]; i < begin[v + 1]; ++i)
+      for (std::size_t j = i + 1; j < begin[v + 1] && (uses[j] >> 32) == (uses[i] >> 32); ++j) {
+        // Uses of an edge are sorted by facet: j is the later one.
+        if (repeated[facet_at(i)] || repeated[facet_at(j)] || third(i) != third(j)) continue;
+        repeated[facet_at(j)] = true;
+        two_sided[facet_at(i)] = two_sided[facet_at(i)] || start(i) != start(j);
+        ++found;
+      }
+  if (found == 0) return false;
+  counts_.repeated_facets += found;
+  drop(repeated, two_sided);
+  return true;
+}
+
+bool SurfaceMesh::drop_fins(const Starts& begin, const Uses& uses, std::vector<bool>& two_sided) {
+  const auto facet_at = [&](std::size_t i) { return static_cast<std::uint32_t>(uses[i]) / 4; };
+  // visit(first, last): the uses of one edge.
+  const auto for_edges = [&](const auto& visit) {
+    for (std::size_t v = 0; v + 1 < begin.size(); ++v)
+      for (std::size_t i = begin[v], end = i; i < begin[v + 1]; i = end) {
+        while (end < begin[v + 1] && (uses[end] >> 32) == (uses[i] >> 32)) ++end;
+        visit(i, end);
+      }
+  };
+  constexpr std::size_t kSurface = 2;  // facets at an edge of one
+  std::vector<bool> free(facets_.size(), false), fin(two_sided);
+  for_edges([&](std::size_t first, std::size_t last) {
+    if (last - first == 1) free[facet_at(first)] = true;
+    if (last - first == kSurface) fin[facet_at(first)] = fin[facet_at(first + 1)] = false;
+  });
+  for (std::size_t i = 0; i < fin.size(); ++i) fin[i] = fin[i] && free[i];
+  for_edges([&](std::size_t first, std::size_t last) {
+    std::size_t others = 0;
+    for (std::size_t i = first; i < last; ++i) others += !fin[facet_at(i)];
+    if (last - first > 1 && others < kSurface)
+      for (std::size_t i = first; i < last; ++i) fin[facet_at(i)] = false;
+  });
+  const auto found = static_cast<std::size_t>(std::count(fin.begin(), fin.end(), true));
+  if (found == 0) return false;
+  counts_.fins += found;
+  drop(fin, two_sided);
+  return true;
+}
+
+void SurfaceMesh::drop(const std::vector<bool>& gone, std::vector<bool>& two_sided) {
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < facets_.size(); ++i) {
+    if (gone[i]) continue;
+    two_sided[kept] = two_sided[i];
+    facets_[kept++] = facets_[i];
+  }
+  facets_.resize(kept);
+  two_sided.resize(kept);
+  counts_.two_sided_facets = static_cast<std::size_t>(std::count(two_sided.begin(), two_sided.end(), true));
+}
+
+void SurfaceMesh::connect(std::vector<bool>& two_sided) {
   const std::size_t n = vertices_.size();
   // Buckets of edges by their lower-numbered vertex, in order of facets; then equal edges are a few
   // neighbours.
@@ -137,13 +204,16 @@ void SurfaceMesh::connect() {
       const std::uint32_t a = facets_[i].vertex[e], b = facets_[i].vertex[after(e)];
       uses[fill[std::min(a, b)]++] = edge_use(std::max(a, b), i, e);
     }
+  for (std::size_t v = 0; v < n; ++v) std::sort(uses.begin() + begin[v], uses.begin() + begin[v + 1]);
+  // Sheets that lie on one another are one: between them there is no room for a god object.
+  if (drop_repeated(begin, uses, two_sided)) return connect(two_sided);
+  if (counts_.two_sided_facets > 0 && drop_fins(begin, uses, two_sided)) return connect(two_sided);
   for (std::size_t v = 0; v < n; ++v) {
     const auto first = uses.begin() + begin[v], last = uses.begin() + begin[v + 1];
-    std::sort(first, last);
     for (auto run = first; run != last;) {
       auto stop = run;
       while (stop != last && (*stop >> 32) == (*run >> 32)) ++stop;
-      connect_edge(std::span<const std::uint64_t>(run, stop));
+      connect_edge(std::span<const std::uint64_t>(run, stop), two_sided);
       run = stop;
     }
   }
@@ -157,11 +227,15 @@ void SurfaceMesh::connect() {
     for (const std::uint32_t v : facets_[i].vertex) star_[fill[v]++] = i;
 }
 
-void SurfaceMesh::connect_edge(std::span<const std::uint64_t> uses) {
+void SurfaceMesh::connect_edge(std::span<const std::uint64_t> uses, const std::vector<bool>& two_sided) {
   const auto facet_at = [&](std::size_t i) { return static_cast<std::uint32_t>(uses[i]) / 4; };
   const auto edge_at = [&](std::size_t i) { return static_cast<std::uint32_t>(uses[i]) % 4; };
+  ++counts_.edges;
   if (uses.size() == 1) {
-    ++counts_.boundary_edges;
+    if (two_sided[facet_at(0)])
+      facets_[facet_at(0)].across[edge_at(0)] = half_facet(facet_at(0), 1);
+    else
+      ++counts_.boundary_edges;
     return;
   }
   if (uses.size() > 2) {
@@ -256,6 +330,16 @@ Vec3 unit_or_zero(const Vec3& v, double noise) noexcept {
 }
 
 }  // namespace
+
+bool SurfaceMesh::goes_round(HalfFacet half, Feature feature) const noexcept {
+  const HalfFacet back = half ^ 1u;
+  if (feature == kInside) return false;
+  if (feature < kCorner) return neighbour(half, static_cast<std::uint32_t>(feature - kEdge)) == back;
+  bool round = false;
+  around_corner(half, static_cast<std::uint32_t>(feature - kCorner),
+                [&](HalfFacet other) { round = round || other == back; });
+  return round;
+}
 
 Vec3 SurfaceMesh::pseudonormal(HalfFacet half, Feature feature, bool* boundary) const noexcept {
   *boundary = false;

@@ -24,7 +24,11 @@ struct SurfaceMeshCounts {
   std::size_t vertices = 0;         ///< after welding
   std::size_t welded_vertices = 0;  ///< given vertices at exactly the place of an earlier one, merged with it
   std::size_t collapsed_facets = 0;  ///< with two corners at one vertex: dropped, their edges close over them
+  std::size_t repeated_facets = 0;   ///< with the corners of an earlier one, whichever way round: dropped
+  std::size_t two_sided_facets = 0;  ///< of these, kept ones of which one that ran the other way was dropped
+  std::size_t fins = 0;              ///< two-sided ones that stick out of a surface with a free edge: dropped
   std::size_t flat_facets = 0;       ///< three vertices without area: kept, they are walked as edges
+  std::size_t edges = 0;
   std::size_t boundary_edges = 0;
   std::size_t radial_edges = 0;   ///< edges of three or more facets
   std::size_t flipped_edges = 0;  ///< between two facets of opposite orientation
@@ -55,7 +59,8 @@ class SurfaceMesh {
   [[nodiscard]] double rounding_mm() const noexcept { return rounding_mm_; }
 
   /// The half-facet that one comes to from `half` over its edge without leaving its side: at an edge of two
-  /// facets the other one, at an edge of several the next one in rotation, kNoFacet at a boundary.
+  /// facets the other one, at an edge of several the next one in rotation, kNoFacet at a boundary; the
+  /// facet's own other side at a free edge of a facet that was given twice, once either way round.
   [[nodiscard]] HalfFacet neighbour(HalfFacet half, std::uint32_t edge) const noexcept {
     const std::uint32_t across = facets_[facet_of(half)].across[edge];
     if (across < kRadialBase) return across ^ side_of(half);
@@ -67,6 +72,9 @@ class SurfaceMesh {
   [[nodiscard]] double longest_edge_sq(std::uint32_t facet) const noexcept;
   /// Of the facet's given side, unit; zero for a facet without area.
   [[nodiscard]] Vec3 normal(HalfFacet half) const noexcept;
+  /// Whether the feature is a free edge, or a corner, around which the god object comes from one side of
+  /// `half`'s facet to the other: in front of such an edge everything is free.
+  [[nodiscard]] bool goes_round(HalfFacet half, Feature feature) const noexcept;
   /// Towards the free side at a feature: the facet's normal, the sum over the two facets of an edge, the
   /// angle-weighted sum over the half-facets around a corner (Baerentzen and Aanaes 2005), unit; zero where
   /// it vanishes. `boundary` says that the feature lies on a boundary, where nothing is behind it.
@@ -109,8 +117,17 @@ class SurfaceMesh {
     return true;
   }
 
-  void connect();
-  void connect_edge(std::span<const std::uint64_t> uses);
+  void connect(std::vector<bool>& two_sided);
+  using Starts = std::vector<std::uint32_t>;
+  using Uses = std::vector<std::uint64_t>;
+  /// Of facets with the same corners the first stays; true where there were others. `uses`: of the edges from
+  /// each vertex, sorted, starting at `begin`.
+  bool drop_repeated(const Starts& begin, const Uses& uses, std::vector<bool>& two_sided);
+  /// What simplification left of a closed surface where it met itself: a facet and its back, with nothing in
+  /// between, at an edge that others close without it. True where there were such.
+  bool drop_fins(const Starts& begin, const Uses& uses, std::vector<bool>& two_sided);
+  void drop(const std::vector<bool>& gone, std::vector<bool>& two_sided);
+  void connect_edge(std::span<const std::uint64_t> uses, const std::vector<bool>& two_sided);
   void connect_radial(std::span<const std::uint64_t> uses);
 
   Vec3 origin_mm_ = Vec3::Zero();

@@ -99,8 +99,8 @@ BallWalk::Hold BallWalk::hold(const Vec3& pull) const noexcept {
   const geometry::NearestAllowed free =
       geometry::nearest_allowed({planes.data(), count}, pull, kSlackShare * pull.norm());
   found.way = free.point;
-  for (std::size_t i = 0; i < count && found.count < 3; ++i)
-    if (free.push[i] > 0.0) found.centre[static_cast<std::size_t>(found.count++)] = centre[i];
+  for (std::size_t k = 0; k < free.active; ++k)
+    if (free.push[k] > 0.0) found.centre[static_cast<std::size_t>(found.count++)] = centre[free.plane[k]];
   if (!free.all_hold) found.way = Vec3::Zero();
   return found;
 }

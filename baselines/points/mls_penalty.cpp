@@ -38,11 +38,11 @@ class MlsPenalty : public RivalModel {
                         const render::PrepareContext& context, render::PrepareReport& report);
   [[nodiscard]] std::string work_bound() const;
 
-  void reset(const Vec3&) noexcept {
+  void let_go(const Vec3&) noexcept {
     side_.release();
     last_ = kNoPlace;
   }
-  [[nodiscard]] render::ModelAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept;
+  [[nodiscard]] RivalAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept;
 
  private:
   struct Fit {
@@ -73,7 +73,14 @@ class MlsPenalty : public RivalModel {
 std::vector<OptionSpec> MlsPenalty::specs() {
   using enum OptionKind;
   return {
-      {"width", kNumber, "1", "of the Gaussian kernel, in mean spacings: larger is smoother", {}, 0.1, 16.0},
+      {"width",
+       kNumber,
+       "1",
+       "of the Gaussian kernel, in mean spacings: larger is smoother",
+       {},
+       0.1,
+       16.0,
+       {{"width_mm", {"0"}}}},
       {"width_mm", kNumber, "0", "the same in mm; 0: by width", {}, 0.0, 1e12},
       {"reach",
        kNumber,
@@ -81,7 +88,8 @@ std::vector<OptionSpec> MlsPenalty::specs() {
        "the surface is looked for so far from the HIP, in mean spacings",
        {},
        0.1,
-       1e6},
+       1e6,
+       {{"reach_mm", {"0"}}}},
       {"reach_mm", kNumber, "0", "the same in mm; 0: by reach", {}, 0.0, 1e12},
       {"iterations", kInteger, "8", "of the projection, at most", {}, 1, 64},
       {"normals",
@@ -205,7 +213,7 @@ MlsPenalty::Fit MlsPenalty::fit(const Vec3& at, const Vec3& like) noexcept {
   return found;
 }
 
-render::ModelAnswer MlsPenalty::update(const Vec3& h, render::FrameCounters& counters) noexcept {
+RivalAnswer MlsPenalty::update(const Vec3& h, render::FrameCounters& counters) noexcept {
   double most = reach_mm_;
   if (last_ != kNoPlace) most = std::min(most, safe_length(points_[last_].at() - h) * (1.0 + gamma(8)));
   const std::uint32_t near = last_ = tree_.nearest(h, most);
@@ -235,7 +243,7 @@ render::ModelAnswer MlsPenalty::update(const Vec3& h, render::FrameCounters& cou
   if (!here.usable) return {};
   const double depth = here.normal.dot(here.mean - h);
   if (!(depth > 0.0)) return {};
-  return {true, false, h + depth * here.normal, surface.stiffness_n_per_mm * depth * here.normal};
+  return {true, false, depth * here.normal, surface.stiffness_n_per_mm * depth * here.normal};
 }
 
 }  // namespace

@@ -33,8 +33,8 @@ class MlsProxy : public RivalModel {
                         const render::PrepareContext& context, render::PrepareReport& report);
   [[nodiscard]] std::string work_bound() const;
 
-  void reset(const Vec3& h) noexcept;
-  [[nodiscard]] render::ModelAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept;
+  void let_go(const Vec3& h) noexcept;
+  [[nodiscard]] RivalAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept;
 
  private:
   /// A place on the surface and the unit normal there.
@@ -63,7 +63,14 @@ std::vector<OptionSpec> MlsProxy::specs() {
        "the implicit function: oriented points by moving least squares, or metaballs",
        {"surfel", "metaball"}},
       {"weight", kChoice, "wyvill", "of a point by its distance", {"wyvill", "wendland"}},
-      {"level", kNumber, "0.5", "of metaballs: the sum of weights on the surface", {}, 1e-3, 1e3},
+      {"level",
+       kNumber,
+       "0.5",
+       "of metaballs: the sum of weights on the surface",
+       {},
+       1e-3,
+       1e3,
+       {{"surface", {"metaball"}}}},
       {"ticks", kInteger, "5", "of the proxy a frame: the source's loop sleeps 200 us", {}, 1, 100},
   };
 }
@@ -99,7 +106,7 @@ std::string MlsProxy::work_bound() const {
       field_.points().points.empty() ? 0 : field_.points().grid.max_points_per_cell());
 }
 
-void MlsProxy::reset(const Vec3& h) noexcept {
+void MlsProxy::let_go(const Vec3& h) noexcept {
   previous_ = h;
   touching_ = false;
   side_.release();
@@ -170,16 +177,15 @@ void MlsProxy::track(const Vec3& h) noexcept {
   proxy_ = {on->at, length > 0.0 ? Vec3(normal / length) : on->normal};
 }
 
-render::ModelAnswer MlsProxy::update(const Vec3& h, render::FrameCounters& counters) noexcept {
+RivalAnswer MlsProxy::update(const Vec3& h, render::FrameCounters& counters) noexcept {
   if (!touching_) look_for_contact(h);
   for (int tick = 0; tick < ticks_ && touching_; ++tick) {
     ++counters.walk_steps;
     track(h);
   }
   previous_ = h;
-  if (touching_) return touch(h, proxy_.at - h);
-  state.release();
-  return {};
+  if (!touching_) return {};
+  return {true, false, proxy_.at - h, Vec3::Zero()};
 }
 
 }  // namespace

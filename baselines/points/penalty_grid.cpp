@@ -26,8 +26,8 @@ class PenaltyGrid : public RivalModel {
                         const render::PrepareContext& context, render::PrepareReport& report);
   [[nodiscard]] std::string work_bound() const;
 
-  void reset(const Vec3&) noexcept { side_.release(); }
-  [[nodiscard]] render::ModelAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept;
+  void let_go(const Vec3&) noexcept { side_.release(); }
+  [[nodiscard]] RivalAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept;
 
  private:
   struct Nearest {
@@ -35,7 +35,7 @@ class PenaltyGrid : public RivalModel {
     double distance_sq = std::numeric_limits<double>::infinity();
   };
   [[nodiscard]] Nearest nearest(const Vec3& h, render::FrameCounters& counters) const noexcept;
-  [[nodiscard]] render::ModelAnswer push(const Vec3& h, const Vec3& away, double by_mm) const noexcept;
+  [[nodiscard]] RivalAnswer push_along(const Vec3& away, double by_mm) const noexcept;
 
   PointGrid points_;
   double threshold_mm_ = 0.0;
@@ -52,9 +52,23 @@ std::vector<OptionSpec> PenaltyGrid::specs() {
        "own",
        "voxels that are searched: the HIP's own, as printed, or with the 26 around it",
        {"own", "27"}},
-      {"voxel", kNumber, "16", "edge of a voxel in mean spacings (not printed)", {}, 0.1, 1000.0},
+      {"voxel",
+       kNumber,
+       "16",
+       "edge of a voxel in mean spacings (not printed)",
+       {},
+       0.1,
+       1000.0,
+       {{"voxel_mm", {"0"}}}},
       {"voxel_mm", kNumber, "0", "the same in mm; 0: by voxel", {}, 0.0, 1e12},
-      {"threshold", kNumber, "8", "distance of contact in mean spacings (not printed)", {}, 0.0, 1000.0},
+      {"threshold",
+       kNumber,
+       "8",
+       "distance of contact in mean spacings (not printed)",
+       {},
+       0.0,
+       1000.0,
+       {{"threshold_mm", {"0"}}}},
       {"threshold_mm", kNumber, "0", "the same in mm; 0: by threshold", {}, 0.0, 1e12},
       {"side",
        kChoice,
@@ -122,11 +136,11 @@ PenaltyGrid::Nearest PenaltyGrid::nearest(const Vec3& h, render::FrameCounters& 
   return best;
 }
 
-render::ModelAnswer PenaltyGrid::push(const Vec3& h, const Vec3& away, double by_mm) const noexcept {
-  return {true, false, h + by_mm * away, surface.stiffness_n_per_mm * by_mm * away};
+RivalAnswer PenaltyGrid::push_along(const Vec3& away, double by_mm) const noexcept {
+  return {true, false, by_mm * away, surface.stiffness_n_per_mm * by_mm * away};
 }
 
-render::ModelAnswer PenaltyGrid::update(const Vec3& h, render::FrameCounters& counters) noexcept {
+RivalAnswer PenaltyGrid::update(const Vec3& h, render::FrameCounters& counters) noexcept {
   const Nearest near = nearest(h, counters);
   if (near.place == kNoPlace) {
     side_.release();
@@ -139,12 +153,12 @@ render::ModelAnswer PenaltyGrid::update(const Vec3& h, render::FrameCounters& co
     const Vec3 out = side_.normal(point.normal);
     const double height = out.dot(away);
     if (out != Vec3::Zero())
-      return height < threshold_mm_ ? push(h, out, threshold_mm_ - height) : render::ModelAnswer{};
+      return height < threshold_mm_ ? push_along(out, threshold_mm_ - height) : RivalAnswer{};
   }
   const double distance = std::sqrt(near.distance_sq);
   // On the point itself no direction is away from it.
   if (!(distance < threshold_mm_) || !(distance > 0.0)) return {};
-  return push(h, away / distance, threshold_mm_ - distance);
+  return push_along(away / distance, threshold_mm_ - distance);
 }
 
 }  // namespace

@@ -45,7 +45,7 @@ Result<OrientedGrid> build_oriented_grid(const render::ModelInput& input, double
   OrientedGrid made;
   made.points.points = std::move(built->points);
   made.points.grid = std::move(built->grid);
-  made.closed = built->closed;
+  made.closed = built->closed_pieces > 0;
   if (keep_neighbours) made.neighbours = std::move(built->neighbours);
   return made;
 }

@@ -6,11 +6,19 @@
 #include <utility>
 #include <vector>
 
+#include "toolkit/render/frame_shell.h"
 #include "toolkit/render/registry.h"
-#include "toolkit/render/summed_models.h"
 #include "toolkit/render/surface_response.h"
 
 namespace palpate::baselines {
+
+/// What a rival answers in a frame, in its local coordinates.
+struct RivalAnswer {
+  bool contact = false;
+  bool bound_hit = false;
+  Vec3 pull = Vec3::Zero();     ///< of rivals with a god object: the way from the HIP to it
+  Vec3 force_n = Vec3::Zero();  ///< of the others
+};
 
 /// What every rival's model has beside its own data. Belongs to one thread.
 struct RivalModel {
@@ -19,11 +27,11 @@ struct RivalModel {
   render::SurfaceState state;  ///< of rivals with a god object
 
   [[nodiscard]] render::ModelPose& pose() noexcept { return place; }
-  /// The answer of a rival whose god object is `pull` away from the HIP: friction and texture as on every
-  /// other renderer.
-  [[nodiscard]] render::ModelAnswer touch(const Vec3& hip, const Vec3& pull) noexcept {
-    const render::SurfaceAnswer answer = render::respond_uniform(state, surface, hip, pull, place.origin_mm);
-    return {true, false, answer.god_object_mm, answer.force_n};
+  [[nodiscard]] const render::ModelPose& pose() const noexcept { return place; }
+  void release() noexcept { state.release(); }
+  /// The answer of a penalty: pushed out by `pull`.
+  [[nodiscard]] RivalAnswer push(const Vec3& pull) const noexcept {
+    return {true, false, pull, surface.stiffness_n_per_mm * pull};
   }
 };
 
@@ -37,10 +45,55 @@ struct RivalText {
 /// Model: derived from RivalModel, with
 ///   static constexpr RivalText kText;
 ///   static constexpr bool kGodObject;  friction and texture need one
+///   static constexpr bool kFollowsPoints;  only where points that move from outside are followed
 ///   static std::vector<OptionSpec> specs();
 ///   static Status prepare(Model&, const ModelInput&, const Options&, const PrepareContext&, PrepareReport&);
 ///   std::string work_bound() const;  of a frame with this model
-///   void reset(const Vec3&) noexcept; ModelAnswer update(const Vec3&, FrameCounters&) noexcept.
+///   void let_go(const Vec3&) noexcept; where a replay needs more, void restart(const Vec3&) noexcept
+///   RivalAnswer update(const Vec3&, FrameCounters&) noexcept.
+/// As a local model of the frame shell: friction and texture as on every other renderer where it has a god
+/// object, which is then held jointly with other models'.
+template <class Model>
+class LocalRival final : public Model {
+ public:
+  struct Memory {};
+  static constexpr bool kSums = !Model::kGodObject;
+
+  void let_go(const Vec3& h) noexcept {
+    Model::let_go(h);
+    Model::release();
+    // A free frame there: where a model judges sides by the place it looks from, it does so now.
+    render::FrameCounters uncounted;
+    (void)Model::update(h, uncounted);
+  }
+  void restart(const Vec3& h) noexcept {
+    if constexpr (requires(Model & model) { model.restart(h); })
+      Model::restart(h);
+    else
+      Model::let_go(h);
+    Model::release();
+  }
+  [[nodiscard]] bool touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/,
+                           render::SurfaceContact& contact, render::FrameStatus& status,
+                           render::FrameCounters& counters) noexcept {
+    const RivalAnswer answer = Model::update(h, counters);
+    if (answer.bound_hit) status = render::FrameStatus::kBoundHit;
+    if (!answer.contact) return false;
+    contact = render::uniform_contact(Model::surface, h, answer.pull);
+    force_n_ = answer.force_n;
+    return true;
+  }
+  [[nodiscard]] render::SurfaceAnswer respond(const render::SurfaceContact& contact) noexcept {
+    if constexpr (kSums)
+      return {force_n_, contact.hip + contact.pull};
+    else
+      return render::respond_as_asked(Model::state, Model::surface, contact, Model::place.origin_mm);
+  }
+
+ private:
+  Vec3 force_n_ = Vec3::Zero();  ///< of the last touch, where there is no god object
+};
+
 template <class Model>
 class RivalRenderer final : public render::HapticRenderer {
  public:
@@ -50,25 +103,24 @@ class RivalRenderer final : public render::HapticRenderer {
                                         const render::PrepareContext& context) override {
     render::PrepareReport report;
     if (scene.models.empty()) return Error{"the scene has no model", "add a [[model]]", {}, 0};
-    models_.clear(scene.force_limit_n);
+    models_.clear();
     for (const render::ModelInput& input : scene.models) {
       if (Status fit = check(input); !fit.ok()) return std::move(fit).error();
-      auto model = std::make_unique<Model>();
+      auto model = std::make_unique<LocalRival<Model>>();
       Result<render::SurfaceField> surface = render::build_uniform_surface_field(input.surface, report);
       if (!surface.ok()) return std::move(surface).error();
       model->surface = std::move(surface).value();
-      if (!Model::kGodObject && model->surface.features != 0)
-        report.notes.push_back("friction and texture: not rendered, a penalty has no god object");
       model->place = render::ModelPose(input, input.cloud->origin_mm);
       if (Status done = Model::prepare(*model, input, options_, context, report); !done.ok())
         return std::move(done).error();
       models_.add(std::move(model));
     }
-    models_.reset(Vec3::Zero());
+    models_.finish(scene.force_limit_n, render::Combine::kJoint, report);
     return report;
   }
-  void reset(const Vec3& hip_mm) noexcept override { models_.reset(hip_mm); }
-  render::Frame step(const Vec3& hip_mm, double dt_s) noexcept override { return models_.step(hip_mm, dt_s); }
+  void restart(const Vec3& hip_mm, double t_s) noexcept override { models_.restart(hip_mm, t_s); }
+  void let_go(const Vec3& hip_mm) noexcept override { models_.let_go(hip_mm); }
+  render::Frame step(const Vec3& hip_mm, double t_s) noexcept override { return models_.step(hip_mm, t_s); }
   render::FrameCounters counters() const noexcept override { return models_.counters(); }
   render::Description describe() const override {
     return {Model::kText.name, Model::kText.summary, Model::kText.source,
@@ -89,15 +141,19 @@ class RivalRenderer final : public render::HapticRenderer {
   }
 
   Options options_;
-  render::SummedModels<Model> models_;
+  render::FrameShell<LocalRival<Model>> models_;
 };
 
 template <class Model>
 [[nodiscard]] render::RendererInfo rival_info() {
+  using render::Feature;
   render::RendererInfo info;
   info.name = Model::kText.name;
   info.summary = Model::kText.summary;
   info.source = Model::kText.source;
+  info.supports = Feature::kSoftness | Feature::kMotion | Feature::kManyModels;
+  if constexpr (requires { Model::kFollowsPoints; }) info.supports |= Feature::kMovedPoints;
+  if (Model::kGodObject) info.supports |= Feature::kFriction | Feature::kTexture | Feature::kJointContact;
   info.options = Model::specs();
   info.make = [](const Options& options) { return std::make_unique<RivalRenderer<Model>>(options); };
   return info;

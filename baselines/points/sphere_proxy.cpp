@@ -26,11 +26,11 @@ class SphereProxy : public RivalModel {
                         const render::PrepareContext& context, render::PrepareReport& report);
   [[nodiscard]] std::string work_bound() const;
 
-  void reset(const Vec3& h) noexcept {
+  void let_go(const Vec3& h) noexcept {
     walk_->reset(h);
     state.release();
   }
-  [[nodiscard]] render::ModelAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept;
+  [[nodiscard]] RivalAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept;
 
  private:
   PointGrid points_;
@@ -48,7 +48,8 @@ std::vector<OptionSpec> SphereProxy::specs() {
        "of the proxy, in mean spacings: larger is smoother, and rounder",
        {},
        0.1,
-       16.0},
+       16.0,
+       {{"radius_mm", {"0"}}}},
       {"radius_mm", kNumber, "0", "the same in mm; 0: by radius", {}, 0.0, 1e12},
       {"offset",
        kChoice,
@@ -89,18 +90,15 @@ std::string SphereProxy::work_bound() const {
       points_.points.empty() ? 0 : points_.grid.max_points_per_cell());
 }
 
-render::ModelAnswer SphereProxy::update(const Vec3& h, render::FrameCounters& counters) noexcept {
+RivalAnswer SphereProxy::update(const Vec3& h, render::FrameCounters& counters) noexcept {
   const std::uint64_t moves = walk_->moves();
   const bool finished = walk_->go(h);
   counters.walk_steps += walk_->moves() - moves;
   Vec3 pull = walk_->proxy() - h;
   const double length = safe_length(pull);
   const double felt = felt_offset_ ? length : length - radius_mm_;
-  render::ModelAnswer answer;
-  if (felt > 0.0 && walk_->carried_by() > 0)
-    answer = touch(h, pull * (felt / length));
-  else
-    state.release();
+  RivalAnswer answer;
+  if (felt > 0.0 && walk_->carried_by() > 0) answer = {true, false, pull * (felt / length), Vec3::Zero()};
   answer.bound_hit = !finished;
   return answer;
 }

@@ -31,13 +31,15 @@ class StreamProxy : public RivalModel {
       "stream-proxy", "a proxy steered by the points within three shells around it, no preparation",
       "Ryden and Chizeck 2013, from public descriptions; flights by segment, tapered weights, offset: ours"};
   static constexpr bool kGodObject = true;
+  static constexpr bool kFollowsPoints = true;
   static std::vector<OptionSpec> specs();
   static Status prepare(StreamProxy& model, const render::ModelInput& input, const Options& options,
                         const render::PrepareContext& context, render::PrepareReport& report);
   [[nodiscard]] std::string work_bound() const;
 
-  void reset(const Vec3& h) noexcept;
-  [[nodiscard]] render::ModelAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept;
+  void restart(const Vec3& h) noexcept;
+  void let_go(const Vec3& h) noexcept;
+  [[nodiscard]] RivalAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept;
 
  private:
   using Grid = partition::DynamicGrid;
@@ -60,7 +62,7 @@ class StreamProxy : public RivalModel {
   Around around_;
   bool touching_ = false;
   // Of clouds that move.
-  std::shared_ptr<render::MoveQueue> moves_;
+  std::shared_ptr<render::MoveReader> moves_;
   std::shared_ptr<const cloud::Cloud> original_;
   std::vector<std::uint32_t> place_of_;
   bool moved_ = false;
@@ -119,7 +121,7 @@ Status StreamProxy::prepare(StreamProxy& model, const render::ModelInput& input,
   model.points_ = build_points_in<Grid>(*input.cloud, grid, context.threads);
   model.near_ = std::make_unique<NearPoints<Grid>>(model.points_, model.r3_, kStepShare * model.r1_);
   if (input.moves != nullptr) {
-    model.moves_ = input.moves;
+    model.moves_ = input.moves->subscribe();
     model.original_ = input.cloud;
     model.place_of_.resize(input.cloud->size());
     const auto order = model.points_.grid.order();
@@ -143,7 +145,7 @@ std::string StreamProxy::work_bound() const {
       kMaxSteps, kMaxNear, kMaxPieces, kPieceCells);
 }
 
-void StreamProxy::reset(const Vec3& h) noexcept {
+void StreamProxy::restart(const Vec3& h) noexcept {
   if (moved_) {
     // O(n): every point back to where it was prepared.
     for (std::uint32_t i = 0; i < place_of_.size(); ++i) {
@@ -157,6 +159,10 @@ void StreamProxy::reset(const Vec3& h) noexcept {
     }
     moved_ = false;
   }
+  let_go(h);
+}
+
+void StreamProxy::let_go(const Vec3& h) noexcept {
   at_ = h;
   near_->forget();
   around_ = {};
@@ -245,16 +251,13 @@ bool StreamProxy::walk(const Vec3& h, render::FrameCounters& counters) noexcept 
   return false;
 }
 
-render::ModelAnswer StreamProxy::update(const Vec3& h, render::FrameCounters& counters) noexcept {
+RivalAnswer StreamProxy::update(const Vec3& h, render::FrameCounters& counters) noexcept {
   take_moves();
   const bool finished = walk(h, counters);
-  render::ModelAnswer answer;
+  RivalAnswer answer;
   Vec3 pull = at_ - h;
   if (touching_ && !felt_offset_) pull -= around_.normal * around_.height;
-  if (touching_ && around_.normal.dot(pull) > 0.0)
-    answer = touch(h, pull);
-  else
-    state.release();
+  if (touching_ && around_.normal.dot(pull) > 0.0) answer = {true, false, pull, Vec3::Zero()};
   answer.bound_hit = !finished;
   return answer;
 }

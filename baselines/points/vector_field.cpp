@@ -30,8 +30,8 @@ class VectorFieldModel : public RivalModel {
                         const render::PrepareContext& context, render::PrepareReport& report);
   [[nodiscard]] std::string work_bound() const { return "one look-up of eight samples"; }
 
-  void reset(const Vec3&) noexcept {}
-  [[nodiscard]] render::ModelAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept;
+  void let_go(const Vec3&) noexcept {}
+  [[nodiscard]] RivalAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept;
 
  private:
   VoxelField field_;
@@ -40,7 +40,7 @@ class VectorFieldModel : public RivalModel {
 std::vector<OptionSpec> VectorFieldModel::specs() {
   using enum OptionKind;
   return {
-      {"voxel", kNumber, "3", "edge of a voxel in mean spacings", {}, 0.1, 1000.0},
+      {"voxel", kNumber, "3", "edge of a voxel in mean spacings", {}, 0.1, 1000.0, {{"voxel_mm", {"0"}}}},
       {"voxel_mm", kNumber, "0", "the same in mm; 0: by voxel", {}, 0.0, 1e12},
       {"depth",
        kNumber,
@@ -132,11 +132,11 @@ Status VectorFieldModel::prepare(VectorFieldModel& model, const render::ModelInp
   return Done{};
 }
 
-render::ModelAnswer VectorFieldModel::update(const Vec3& h, render::FrameCounters& counters) noexcept {
+RivalAnswer VectorFieldModel::update(const Vec3& h, render::FrameCounters& counters) noexcept {
   ++counters.cells_visited;
   const VoxelField::Value value = field_.at(h);
   if (!value.known || !(value.distance < 0.0)) return {};
-  return {true, false, h + value.to_surface, surface.stiffness_n_per_mm * value.to_surface};
+  return push(value.to_surface);
 }
 
 }  // namespace

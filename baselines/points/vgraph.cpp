@@ -53,8 +53,9 @@ class VGraph : public RivalModel {
                         const render::PrepareContext& context, render::PrepareReport& report);
   [[nodiscard]] std::string work_bound() const;
 
-  void reset(const Vec3& h) noexcept;
-  [[nodiscard]] render::ModelAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept;
+  void restart(const Vec3& h) noexcept;
+  void let_go(const Vec3& h) noexcept;
+  [[nodiscard]] RivalAnswer update(const Vec3& h, render::FrameCounters& counters) noexcept;
 
  private:
   bool walk_graph(const Vec3& h, render::FrameCounters& counters) noexcept;
@@ -79,7 +80,8 @@ class VGraph : public RivalModel {
 };
 
 std::vector<OptionSpec> VGraph::specs() {
-  std::vector<OptionSpec> specs = mesh_source_specs();
+  // The narrow phase looks at the triangles of the nearest vertex: it wants the Delaunay kind.
+  std::vector<OptionSpec> specs = mesh_source_specs("advancing-front");
   specs.push_back(
       {"triangles",
        OptionKind::kChoice,
@@ -137,7 +139,7 @@ std::string VGraph::work_bound() const {
       kMaxGraphMoves, kMaxFacetsPerFrame);
 }
 
-void VGraph::reset(const Vec3& h) noexcept {
+void VGraph::restart(const Vec3& h) noexcept {
   // Of the vertex nearest to the HIP: O(n), so that the first frame need not walk across the model.
   double best = HUGE_VAL;
   const auto& vertices = mesh_.vertices();
@@ -147,6 +149,10 @@ void VGraph::reset(const Vec3& h) noexcept {
     best = sq;
     vertex_ = v;
   }
+  let_go(h);
+}
+
+void VGraph::let_go(const Vec3& h) noexcept {
   previous_ = h;
   touching_ = false;
   at_ = {};
@@ -209,8 +215,8 @@ bool VGraph::outside(const Vec3& h) const noexcept {
          (boundary && r.squaredNorm() - height * height > mesh_.longest_edge_sq(facet_of(at_.half)));
 }
 
-render::ModelAnswer VGraph::update(const Vec3& h, render::FrameCounters& counters) noexcept {
-  render::ModelAnswer answer;
+RivalAnswer VGraph::update(const Vec3& h, render::FrameCounters& counters) noexcept {
+  RivalAnswer answer;
   bool finished = walk_graph(h, counters);
   if (!touching_) look_for_entry(h);
   if (touching_) {
@@ -221,10 +227,9 @@ render::ModelAnswer VGraph::update(const Vec3& h, render::FrameCounters& counter
       touching_ = false;
       if (at_.distance_sq > unsure_mm_ * unsure_mm_) previous_ = h;
     } else {
-      answer = touch(h, at_.point - h);
+      answer = {true, false, at_.point - h, Vec3::Zero()};
     }
   }
-  if (!touching_) state.release();
   answer.bound_hit = !finished;
   return answer;
 }

@@ -1,8 +1,12 @@
 #include "baselines/proximity/crossings.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <span>
 #include <utility>
 
+#include "baselines/mesh/pieces.h"
 #include "toolkit/core/parallel.h"
 
 namespace palpate::baselines {
@@ -10,57 +14,180 @@ namespace {
 
 /// Facets a chunk, for parallel work; decides nothing about the result.
 constexpr std::size_t kChunk = 16384;
+/// Facets near one border edge that are looked at; of more some are left out.
+constexpr std::size_t kNearBorder = 1024;
 
 using Pair = std::pair<std::uint32_t, std::uint32_t>;
 
-/// Whether a -> b goes through g, its ends clear of the plane and the point clear of doubt, in double.
-bool pierces(const SurfaceMesh& mesh, const Vec3& a, const Vec3& b, std::uint32_t g) noexcept {
+/// Whether a -> b goes through g or ends on it, in double; not where it lies in g's plane.
+bool meets(const SurfaceMesh& mesh, const Vec3& a, const Vec3& b, std::uint32_t g) noexcept {
   const Vec3 n = mesh.normal(half_facet(g, 0));
   const Facet& facet = mesh.facet(g);
   const double from = n.dot(a - facet.corner[0]), to = n.dot(b - facet.corner[0]);
   const double clear = mesh.rounding_mm();
-  if (!((from > clear && to < -clear) || (from < -clear && to > clear))) return false;
-  const Vec3 at = a + (b - a) * (from / (from - to));
+  const bool starts_on = std::abs(from) <= clear, ends_on = std::abs(to) <= clear;
+  if (starts_on && ends_on) return false;
+  if (!starts_on && !ends_on && (from > 0.0) == (to > 0.0)) return false;
+  const Vec3 at = starts_on ? a : ends_on ? b : Vec3(a + (b - a) * (from / (from - to)));
   return closest_on_facet(facet, at).distance_sq <= clear * clear;
+}
+
+bool has_corner(const Facet& f, std::uint32_t a, std::uint32_t b) noexcept {
+  for (const std::uint32_t v : f.vertex)
+    if (v == a || v == b) return true;
+  return false;
+}
+
+/// The least distance between the segments a + s u and c + t v, s and t from 0 to 1 (Ericson 2005, section
+/// 5.1.9).
+double segments_distance_sq(const Vec3& a, const Vec3& u, const Vec3& c, const Vec3& v) noexcept {
+  const Vec3 r = a - c;
+  const double uu = u.squaredNorm(), vv = v.squaredNorm(), uv = u.dot(v), ur = u.dot(r), vr = v.dot(r);
+  const auto within = [](double x) { return std::clamp(x, 0.0, 1.0); };
+  const double across = uu * vv - uv * uv;
+  double s = across > 0.0 ? within((uv * vr - ur * vv) / across) : 0.0;
+  double t = vv > 0.0 ? (uv * s + vr) / vv : 0.0;
+  if (t != within(t)) {
+    t = within(t);
+    s = uu > 0.0 ? within((uv * t - ur) / uu) : 0.0;
+  }
+  return (r + s * u - t * v).squaredNorm();
+}
+
+/// A border edge of a facet that lies on others, along them or across, without vertices there: float rays may
+/// miss what they only graze, so all that is near is looked at.
+void pairs_along_border(const SurfaceMesh& mesh, const SegmentIndex& index, std::uint32_t facet,
+                        std::uint32_t edge, std::span<NearFacet> near, std::vector<Pair>& pairs) {
+  const Facet& f = mesh.facet(facet);
+  const Vec3& a = f.corner[edge];
+  const Vec3 u = f.corner[after(edge)] - a;
+  const double clear = mesh.rounding_mm();
+  const Vec3 n = mesh.normal(half_facet(facet, 0));
+  const std::size_t found = index.gather(a + 0.5 * u, 0.5 * u.norm() + index.margin_mm(), near);
+  for (std::size_t i = 0; i < std::min(found, near.size()); ++i) {
+    const Facet& g = mesh.facet(near[i].facet);
+    if (near[i].facet == facet || has_corner(g, f.vertex[edge], f.vertex[after(edge)])) continue;
+    bool touches = closest_on_facet(g, a).distance_sq <= clear * clear ||
+                   closest_on_facet(g, a + u).distance_sq <= clear * clear;
+    double aside = 0.0;
+    for (std::uint32_t e = 0; e < 3; ++e) {
+      const Vec3& c = g.corner[e];
+      touches = touches || segments_distance_sq(a, u, c, g.corner[after(e)] - c) <= clear * clear;
+      aside = std::max(aside, std::abs(n.dot(c - a)));
+    }
+    if (!touches || aside <= clear) continue;
+    pairs.emplace_back(facet, near[i].facet);
+    pairs.emplace_back(near[i].facet, facet);
+  }
+}
+
+/// Facets that meet at a vertex and nowhere near it over edges: sheets that go through each other there, or
+/// end on it.
+void pairs_at_vertex(const SurfaceMesh& mesh, std::uint32_t vertex, std::vector<Pair>& pairs) {
+  const auto star = mesh.star(vertex).first(std::min<std::size_t>(mesh.star(vertex).size(), kMaxFan));
+  std::array<std::uint32_t, kMaxFan> fan;  // by the lowest place in the star
+  for (std::uint32_t i = 0; i < star.size(); ++i) fan[i] = i;
+  const auto share_edge = [&](const Facet& f, const Facet& g) {
+    for (const std::uint32_t v : f.vertex)
+      if (v != vertex && has_corner(g, v, v)) return true;
+    return false;
+  };
+  for (std::uint32_t i = 1; i < star.size(); ++i)
+    for (std::uint32_t j = 0; j < i; ++j) {
+      if (fan[i] == fan[j] || !share_edge(mesh.facet(star[i]), mesh.facet(star[j]))) continue;
+      const std::uint32_t from = std::max(fan[i], fan[j]), to = std::min(fan[i], fan[j]);
+      for (std::uint32_t k = 0; k <= i; ++k)
+        if (fan[k] == from) fan[k] = to;
+    }
+  for (std::uint32_t i = 1; i < star.size(); ++i)
+    for (std::uint32_t j = 0; j < i; ++j) {
+      if (fan[i] == fan[j]) continue;
+      pairs.emplace_back(star[i], star[j]);
+      pairs.emplace_back(star[j], star[i]);
+    }
+}
+
+/// What edge `e` of a facet meets.
+void pairs_of_edge(const SurfaceMesh& mesh, const SegmentIndex& index, std::uint32_t facet, std::uint32_t e,
+                   std::vector<std::uint32_t>& met, std::vector<Pair>& pairs) {
+  const Facet& f = mesh.facet(facet);
+  const HalfFacet other = mesh.neighbour(half_facet(facet, 0), e);
+  const auto with = [&](std::uint32_t holder, std::uint32_t g) {
+    pairs.emplace_back(holder, g);
+    pairs.emplace_back(g, holder);
+  };
+  const auto confirm = [&](std::uint32_t g) {
+    if (!meets(mesh, f.corner[e], f.corner[after(e)], g)) return;
+    with(facet, g);
+    if (other != kNoFacet) with(facet_of(other), g);
+  };
+  met.clear();
+  index.all_hits(f.vertex[e], f.vertex[after(e)], met);
+  for (const std::uint32_t g : met) {
+    confirm(g);
+    // On an edge of two facets, float may have found but one of them.
+    for (std::uint32_t side = 0; side < 3; ++side)
+      if (const HalfFacet beside = mesh.neighbour(half_facet(g, 0), side); beside != kNoFacet)
+        if (!has_corner(mesh.facet(facet_of(beside)), f.vertex[e], f.vertex[after(e)]))
+          confirm(facet_of(beside));
+  }
+}
+
+std::vector<Pair> find_all(const SurfaceMesh& mesh, const SegmentIndex& index, int threads) {
+  const std::size_t facets = mesh.facets().size(), vertices = mesh.vertices().size();
+  std::vector<std::vector<Pair>> parts((facets + kChunk - 1) / kChunk);
+  parallel_chunks(facets, kChunk, threads, [&](std::size_t begin, std::size_t end) {
+    std::vector<std::uint32_t> met;
+    std::vector<NearFacet> near(kNearBorder);
+    std::vector<Pair>& mine = parts[begin / kChunk];
+    for (auto facet = static_cast<std::uint32_t>(begin); facet < end; ++facet)
+      for (std::uint32_t e = 0; e < 3; ++e) {
+        // Each edge once, from its lower facet; edges of several facets from each, which sorting removes.
+        const HalfFacet other = mesh.neighbour(half_facet(facet, 0), e);
+        if (other == kNoFacet) pairs_along_border(mesh, index, facet, e, near, mine);
+        if (other != kNoFacet && facet_of(other) < facet &&
+            facet_of(mesh.neighbour(half_facet(facet, 1), e)) < facet)
+          continue;
+        pairs_of_edge(mesh, index, facet, e, met, mine);
+      }
+  });
+  std::vector<std::vector<Pair>> at_vertices((vertices + kChunk - 1) / kChunk);
+  parallel_chunks(vertices, kChunk, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t v = begin; v < end; ++v)
+      pairs_at_vertex(mesh, static_cast<std::uint32_t>(v), at_vertices[begin / kChunk]);
+  });
+  std::vector<Pair> all;
+  for (const auto* list : {&parts, &at_vertices})
+    for (const std::vector<Pair>& part : *list) all.insert(all.end(), part.begin(), part.end());
+  std::sort(all.begin(), all.end());
+  all.erase(std::unique(all.begin(), all.end()), all.end());
+  return all;
+}
+
+bool at_border(const SurfaceMesh& mesh, std::uint32_t facet) noexcept {
+  for (std::uint32_t e = 0; e < 3; ++e)
+    if (mesh.neighbour(half_facet(facet, 0), e) == kNoFacet) return true;
+  return false;
+}
+
+/// A border that ends on its own surface is a seam without common vertices, no fold.
+std::size_t count_folded(const SurfaceMesh& mesh, const std::vector<Pair>& pairs) {
+  if (pairs.empty()) return 0;
+  const std::vector<std::uint32_t> component = components_of(mesh);
+  std::vector<bool> folded(component.size(), false);
+  for (const auto& [a, b] : pairs)
+    if (component[a] == component[b] && !at_border(mesh, a) && !at_border(mesh, b)) folded[a] = true;
+  return static_cast<std::size_t>(std::count(folded.begin(), folded.end(), true));
 }
 
 }  // namespace
 
 Crossings Crossings::find(const SurfaceMesh& mesh, const SegmentIndex& index, int threads) {
   const std::size_t count = mesh.facets().size();
-  std::vector<std::vector<Pair>> found((count + kChunk - 1) / kChunk);
-  parallel_chunks(count, kChunk, threads, [&](std::size_t begin, std::size_t end) {
-    std::vector<std::uint32_t> met;
-    std::vector<Pair>& mine = found[begin / kChunk];
-    for (std::size_t i = begin; i < end; ++i) {
-      const auto facet = static_cast<std::uint32_t>(i);
-      const Facet& f = mesh.facet(facet);
-      for (std::uint32_t e = 0; e < 3; ++e) {
-        // Each edge once, from its lower facet; edges of several facets from each, which sorting removes.
-        const std::uint32_t other = mesh.neighbour(half_facet(facet, 0), e);
-        if (other != kNoFacet && facet_of(other) < facet &&
-            facet_of(mesh.neighbour(half_facet(facet, 1), e)) < facet)
-          continue;
-        met.clear();
-        index.all_hits(f.vertex[e], f.vertex[after(e)], met);
-        for (const std::uint32_t g : met) {
-          if (!pierces(mesh, f.corner[e], f.corner[after(e)], g)) continue;
-          const auto with = [&](std::uint32_t holder) {
-            mine.emplace_back(holder, g);
-            mine.emplace_back(g, holder);
-          };
-          with(facet);
-          if (other != kNoFacet) with(facet_of(other));
-        }
-      }
-    }
-  });
-  std::vector<Pair> pairs;
-  for (const auto& part : found) pairs.insert(pairs.end(), part.begin(), part.end());
-  std::sort(pairs.begin(), pairs.end());
-  pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
+  const std::vector<Pair> pairs = find_all(mesh, index, threads);
   Crossings result;
   if (pairs.empty()) return result;
+  result.folded_ = count_folded(mesh, pairs);
   result.begin_.assign(count + 1, 0);
   for (const Pair& pair : pairs) {
     result.facets_ += result.begin_[pair.first + 1] == 0;

@@ -212,8 +212,11 @@ std::optional<SegmentHit> SegmentIndex::first_hit(const Vec3& a, const Vec3& b,
 
 void SegmentIndex::all_hits(std::uint32_t from_vertex, std::uint32_t to_vertex,
                             std::vector<std::uint32_t>& facets) const {
-  const Vec3f start = state_->mesh->vertices()[from_vertex].cast<float>();
-  const Vec3f end = state_->mesh->vertices()[to_vertex].cast<float>();
+  const Vec3 a = state_->mesh->vertices()[from_vertex], b = state_->mesh->vertices()[to_vertex];
+  const double length = (b - a).norm();
+  if (!(length > 0.0)) return;                           // apart by less than can be squared
+  const Vec3 beyond = (b - a) * (margin_mm() / length);  // what an end lies on is met too
+  const Vec3f start = (a - beyond).cast<float>(), end = (b + beyond).cast<float>();
   RTCRayHit ray = ray_between(start, end - start, 1.0f);
   CollectContext context;
   shim::init(context.context);

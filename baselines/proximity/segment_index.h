@@ -55,8 +55,8 @@ class SegmentIndex {
   /// The first facet met, from either side. Facets that share a vertex with `ignore_around` are passed over.
   [[nodiscard]] std::optional<SegmentHit> first_hit(const Vec3& a, const Vec3& b,
                                                     std::uint32_t ignore_around = kNoFacet) const noexcept;
-  /// Adds every facet that the segment between two vertices meets, but those that have one of the two as a
-  /// corner. May allocate: for preparation.
+  /// Adds every facet that the segment between two vertices meets, or ends within margin_mm() of, but those
+  /// that have one of the two as a corner. May allocate: for preparation.
   void all_hits(std::uint32_t from_vertex, std::uint32_t to_vertex, std::vector<std::uint32_t>& facets) const;
   /// Whether a facet lies within radius of p.
   [[nodiscard]] bool within(const Vec3& p, double radius_mm) const noexcept;

@@ -36,7 +36,7 @@ Triangulation delaunay(const MethodInput& input, render::PreparePhases& phases) 
   std::vector<std::pair<Point, std::uint32_t>> points;
   points.reserve(input.cloud.size());
   for (std::size_t i = 0; i < input.cloud.size(); ++i) {
-    const Vec3 p = input.cloud.local_mm(i) / input.spacing_mm;
+    const Vec3 p = input.cloud.local_mm(i) / input.spacing;
     points.emplace_back(Point(p.x(), p.y(), p.z()), static_cast<std::uint32_t>(i));
   }
   Triangulation triangulation(points.begin(), points.end());

@@ -7,7 +7,7 @@
 namespace palpate::baselines {
 
 Result<geometry::TriangleMesh> ball_pivoting(const MethodInput& input, render::PreparePhases& phases) {
-  const OrientedPoints given = oriented_points(input, input.spacing_mm, phases);
+  const OrientedPoints given = oriented_points(input, input.spacing, phases);
   open3d::geometry::PointCloud points;
   points.points_ = given.place;
   points.normals_ = given.normal;

@@ -14,15 +14,15 @@ void seed_cgal() {
 
 std::vector<Vec3> cgal_normals(const MethodInput& input, bool jets, unsigned k,
                                render::PreparePhases& phases) {
-  phases.begin("normals");
-  std::vector<CgalPoint> points = cgal_points(input.cloud, input.spacing_mm);
+  phases.begin(kNormalsPhase);
+  std::vector<CgalPoint> points = cgal_points(input.cloud, input.spacing);
   const auto parameters = CGAL::parameters::point_map(CgalPlaceMap()).normal_map(CgalNormalMap());
   if (jets)
     CGAL::jet_estimate_normals<CGAL::Sequential_tag>(points, k, parameters);
   else
     CGAL::pca_estimate_normals<CGAL::Sequential_tag>(points, k, parameters);
   phases.end();
-  phases.begin("orientation of normals");
+  phases.begin(kOrientationPhase);
   const auto unoriented = CGAL::mst_orient_normals(points, k, parameters);
   std::vector<Vec3> normals(points.size(), Vec3::Zero());
   for (auto p = points.begin(); p != unoriented; ++p)

@@ -16,7 +16,7 @@ constexpr double kRadians = 3.14159265358979323846 / 180.0;
 }  // namespace
 
 Result<geometry::TriangleMesh> greedy_projection(const MethodInput& input, render::PreparePhases& phases) {
-  const OrientedPoints given = oriented_points(input, input.spacing_mm, phases);
+  const OrientedPoints given = oriented_points(input, input.spacing, phases);
   const pcl::PointCloud<pcl::PointNormal>::Ptr points(new pcl::PointCloud<pcl::PointNormal>);
   points->reserve(given.place.size());
   for (std::size_t i = 0; i < given.place.size(); ++i) {

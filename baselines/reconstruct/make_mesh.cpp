@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <cmath>
 #include <exception>
 #include <new>
 #include <utility>
@@ -52,6 +53,34 @@ bool span_a_plane(const cloud::Cloud& cloud) {
     if ((cloud.local_mm(i) - first).cross(along).norm() > kRelative * length) return true;
   return false;
 }
+
+/// A cloud as the libraries get it: about its own middle, its spacing from 1 to 2. Their absolute tolerances
+/// then see the same numbers however large a model is and wherever it stands. By a power of two, so that
+/// nothing is rounded.
+struct OwnFrame {
+  cloud::Cloud cloud;
+  double spacing = 1.0;
+  int exponent = 0;
+  Vec3 origin_mm = Vec3::Zero();
+
+  explicit OwnFrame(const cloud::Cloud& given) : origin_mm(given.origin_mm) {
+    const double spacing_mm = neighbourhood::mean_spacing_mm(given);
+    exponent = std::ilogb(spacing_mm);
+    spacing = std::ldexp(spacing_mm, -exponent);
+    cloud.raster = given.raster;
+    const auto scaled = [&](const std::vector<float>& from) {
+      std::vector<float> to(from);
+      for (float& x : to) x = std::ldexp(x, -exponent);
+      return to;
+    };
+    cloud.x_mm = scaled(given.x_mm);
+    cloud.y_mm = scaled(given.y_mm);
+    cloud.z_mm = scaled(given.z_mm);
+  }
+  [[nodiscard]] Vec3 to_model(const Vec3& p) const {
+    return origin_mm + p.unaryExpr([&](double x) { return std::ldexp(x, exponent); });
+  }
+};
 
 /// Turns all triangles where they enclose a negative volume about their middle. An open sheet has no outside:
 /// there it decides nothing that matters.
@@ -110,7 +139,11 @@ Result<geometry::TriangleMesh> make_mesh(const Method& method, const cloud::Clou
                  0};
   try {
     seed_cgal();
-    return checked(method, {cloud, options, threads, neighbourhood::mean_spacing_mm(cloud)}, phases);
+    const OwnFrame own(cloud);
+    Result<geometry::TriangleMesh> mesh = checked(method, {own.cloud, options, threads, own.spacing}, phases);
+    if (mesh)
+      for (Vec3& v : mesh->vertices_mm) v = own.to_model(v);
+    return mesh;
   } catch (const std::bad_alloc&) {
     Error error{fmt::format("{}: not enough memory for {} points", method.name, cloud.size()),
                 "use fewer points or allow more memory",

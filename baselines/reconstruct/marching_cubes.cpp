@@ -122,7 +122,7 @@ class Weld {
 Result<geometry::TriangleMesh> marching_cubes(const MethodInput& input, render::PreparePhases& phases) {
   const double cell = input.options.number("cubes_cell");
   const double reach = std::max(1.0, input.options.number("cubes_reach") / cell);
-  const OrientedPoints given = oriented_points(input, cell * input.spacing_mm, phases);
+  const OrientedPoints given = oriented_points(input, cell * input.spacing, phases);
   const pcl::PointCloud<Point>::Ptr points(new pcl::PointCloud<Point>);
   points->reserve(given.place.size());
   Vec3 low = Vec3::Constant(std::numeric_limits<double>::infinity()), high = -low;

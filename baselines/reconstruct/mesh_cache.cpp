@@ -1,18 +1,16 @@
 #include "baselines/reconstruct/mesh_cache.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <cstdlib>
-#include <fstream>
 #include <limits>
 
 #include "toolkit/core/atomic_file.h"
 #include "toolkit/core/cache_folder.h"
 #include "toolkit/core/hash.h"
+#include "toolkit/core/input_file.h"
 
 namespace palpate::baselines {
 namespace {
@@ -28,16 +26,6 @@ std::uint64_t hash_of(std::string_view bytes) {
   Hash64 hash;
   hash.bytes(std::as_bytes(std::span(bytes)));
   return hash.value();
-}
-
-std::string whole_file(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary | std::ios::ate);
-  if (!file) return {};
-  std::string bytes(static_cast<std::size_t>(std::max<std::streamoff>(file.tellg(), 0)), '\0');
-  file.seekg(0);
-  file.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  bytes.resize(static_cast<std::size_t>(std::max<std::streamsize>(file.gcount(), 0)));
-  return bytes;
 }
 
 /// A limit of time as a number that can be compared: none is the highest.
@@ -84,9 +72,9 @@ fs::path MeshCache::file_of(const std::string& key) const {
 std::optional<CachedAnswer> MeshCache::find(const std::string& key, const Limits& limits) const {
   const fs::path path = file_of(key);
   std::error_code code;
-  if (!fs::is_regular_file(path, code)) return std::nullopt;
-  const std::string bytes = whole_file(path);
-  const std::optional<std::string_view> body = checked_body(bytes);
+  const Result<std::string> bytes = read_file(path.string(), kMemoryLimitBytes);
+  if (!bytes) return std::nullopt;
+  const std::optional<std::string_view> body = checked_body(*bytes);
   ByteReader reader(body.value_or(std::string_view()));
   if (reader.text() != key || !reader.good()) {
     fs::remove(path, code);
@@ -129,18 +117,7 @@ Status MeshCache::keep(const std::string& key, const Result<Reconstruction>& ans
   body.value(hash_of(body.bytes()));
   std::error_code code;
   fs::create_directories(folder_, code);
-  // Two writers of one entry must not write into one another's file.
-  static std::atomic<unsigned> serial{0};
-  const fs::path target = file_of(key);
-  const std::string own = fmt::format("{}.{}-{}", target.string(), ::getpid(), serial++);
-  if (Status written = write_file(own, body.bytes()); !written) return written;
-  fs::rename(own, target, code);
-  if (code) {
-    const Error error{"cannot be kept: " + code.message(), "free some space or set XDG_CACHE_HOME",
-                      target.string(), 0};
-    fs::remove(own, code);
-    return error;
-  }
+  if (Status written = write_file(file_of(key).string(), body.bytes()); !written) return written;
   make_room();
   return Done{};
 }

@@ -10,11 +10,12 @@
 
 namespace palpate::baselines {
 
+/// Lengths are in a unit of the cloud's own, not mm: see OwnFrame in make_mesh.cpp.
 struct MethodInput {
-  const cloud::Cloud& cloud;
+  const cloud::Cloud& cloud;  ///< its origin is zero
   const Options& options;
   int threads;
-  double spacing_mm;  ///< root of the occupied area per point, positive
+  double spacing;  ///< root of the occupied area per point, from 1 to 2
 };
 
 using MethodFunction = Result<geometry::TriangleMesh>(const MethodInput& input,

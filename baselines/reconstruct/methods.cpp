@@ -17,6 +17,11 @@ OptionSpec choice(std::string key, std::string value, std::string help, std::vec
   return {std::move(key), OptionKind::kChoice, std::move(value), std::move(help), std::move(choices)};
 }
 
+OptionSpec with(OptionSpec spec, OptionCondition condition) {
+  spec.only_with.push_back(std::move(condition));
+  return spec;
+}
+
 /// Of the methods that need a direction at every point.
 std::vector<OptionSpec> with_normals(std::vector<OptionSpec> own) {
   own.push_back(choice("normals", "planes",
@@ -24,6 +29,7 @@ std::vector<OptionSpec> with_normals(std::vector<OptionSpec> own) {
                        "its own; or CGAL's principal components or jets, turned along a spanning tree",
                        {"planes", "pca", "jet"}));
   own.push_back(integer("normal_neighbours", "18", "neighbours of a point for normals=pca and jet", 4, 200));
+  own.back().only_with = {{"normals", {"pca", "jet"}}};
   return own;
 }
 
@@ -43,13 +49,18 @@ std::vector<Method> make_methods() {
                    "Poisson: solved on an octree (PCL), or on a Delaunay refinement and meshed by another "
                    "(CGAL)",
                    {"octree", "delaunay"}),
-            number("poisson_cell", "1", "Poisson on an octree: largest edge of its finest cells, spacings",
-                   0.1, 1000),
-            number("poisson_angle", "20", "Poisson by Delaunay: smallest angle of a facet, degrees", 1, 30),
-            number("poisson_radius", "3", "Poisson by Delaunay: largest radius of a facet, spacings", 0.1,
-                   1000),
-            number("poisson_distance", "0.2",
-                   "Poisson by Delaunay: distance between facet and surface, spacings", 1e-3, 100),
+            with(number("poisson_cell", "1",
+                        "Poisson on an octree: largest edge of its finest cells, spacings", 0.1, 1000),
+                 {"poisson_on", {"octree"}}),
+            with(number("poisson_angle", "20", "Poisson by Delaunay: smallest angle of a facet, degrees", 1,
+                        30),
+                 {"poisson_on", {"delaunay"}}),
+            with(number("poisson_radius", "3", "Poisson by Delaunay: largest radius of a facet, spacings",
+                        0.1, 1000),
+                 {"poisson_on", {"delaunay"}}),
+            with(number("poisson_distance", "0.2",
+                        "Poisson by Delaunay: distance between facet and surface, spacings", 1e-3, 100),
+                 {"poisson_on", {"delaunay"}}),
             number("poisson_trim", "1.5",
                    "Poisson: facets farther than so many spacings from every point are left out; 0: none", 0,
                    1e6)})});
@@ -58,8 +69,10 @@ std::vector<Method> make_methods() {
        "points smoothed, connected where smooth, the triangles taken back to the points",
        "Digne et al. 2011, CGAL",
        {integer("scale_iterations", "4", "scale space: rounds of smoothing", 0, 100),
-        choice("scale_smoother", "jet", "scale space: how a round smooths", {"jet", "pca"}),
-        integer("scale_neighbours", "12", "scale space: neighbours of a point when smoothing", 6, 200),
+        with(choice("scale_smoother", "jet", "scale space: how a round smooths", {"jet", "pca"}),
+             {"scale_iterations", {"0"}, true}),
+        with(integer("scale_neighbours", "12", "scale space: neighbours of a point when smoothing", 6, 200),
+             {"scale_iterations", {"0"}, true}),
         choice("scale_mesher", "front", "scale space: what connects the smoothed points",
                {"front", "alpha"})}});
   all.push_back(
@@ -71,7 +84,8 @@ std::vector<Method> make_methods() {
   all.push_back({"power-crust",
                  "faces between the inner and outer balls of the medial axis, closed by construction",
                  "Amenta, Choi and Kolluri 2001 (the thesis's [31]), on CGAL's triangulations",
-                 {}});
+                 {},
+                 2});
   all.push_back(
       {"ball-pivoting", "a ball rolled from edge to edge", "Bernardini et al. 1999, Open3D",
        with_normals(
@@ -121,12 +135,17 @@ Result<const Method*> find_method(std::string_view name) {
   return Error{fmt::format("there is no reconstruction '{}'", name), "take one of " + names, {}, 0};
 }
 
-std::vector<OptionSpec> all_method_options() {
+std::vector<OptionSpec> all_method_options(const std::string& method_key) {
   std::vector<OptionSpec> all;
   for (const Method& method : methods())
-    for (const OptionSpec& spec : method.options)
-      if (std::none_of(all.begin(), all.end(), [&](const OptionSpec& s) { return s.key == spec.key; }))
-        all.push_back(spec);
+    for (const OptionSpec& spec : method.options) {
+      auto at = std::find_if(all.begin(), all.end(), [&](const OptionSpec& s) { return s.key == spec.key; });
+      if (at == all.end()) {
+        at = all.insert(all.end(), spec);
+        at->only_with.insert(at->only_with.begin(), {method_key});
+      }
+      at->only_with.front().values.push_back(method.name);
+    }
   return all;
 }
 

@@ -28,8 +28,9 @@ struct Method {
 /// The method of this name; an Error that names all where there is none, or says how to get it where this
 /// build does not have it.
 [[nodiscard]] Result<const Method*> find_method(std::string_view name);
-/// The options of all methods, each key once.
-[[nodiscard]] std::vector<OptionSpec> all_method_options();
+/// The options of all methods, each key once, each only with the methods that have it as the value of the
+/// option `method_key`.
+[[nodiscard]] std::vector<OptionSpec> all_method_options(const std::string& method_key);
 /// Those of `options` that `method` has.
 [[nodiscard]] Options own_options(const Method& method, const Options& options);
 

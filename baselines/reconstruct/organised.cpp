@@ -33,7 +33,7 @@ struct Raster {
 Result<geometry::TriangleMesh> organised(const MethodInput& input, render::PreparePhases& phases) {
   using Mesher = pcl::OrganizedFastMesh<pcl::PointXYZ>;
   phases.begin("organised mesh");
-  const Raster raster(input.cloud, *input.cloud.raster, input.spacing_mm);
+  const Raster raster(input.cloud, *input.cloud.raster, input.spacing);
   Mesher mesher;
   mesher.setInputCloud(raster.points);
   mesher.setTriangulationType(Mesher::TRIANGLE_ADAPTIVE_CUT);

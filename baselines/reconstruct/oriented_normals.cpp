@@ -14,14 +14,14 @@ namespace {
 
 std::vector<Vec3> plane_normals(const MethodInput& input, render::PreparePhases& phases) {
   const cloud::Cloud& cloud = input.cloud;
-  phases.begin("neighbours for normals");
+  phases.begin(kNeighboursPhase);
   const neighbourhood::NeighbourTable neighbours = neighbourhood::exact_knn(cloud, input.threads);
   phases.end();
-  phases.begin("normals");
+  phases.begin(kNormalsPhase);
   std::vector<surface::SurfacePoint> points = surface::surface_points(cloud);
   surface::fit_planes(points, neighbours.of, input.threads);
   phases.end();
-  phases.begin("orientation of normals");
+  phases.begin(kOrientationPhase);
   const surface::OrientReport found = surface::orient_planes(points, neighbours.of, input.threads);
   std::vector<Vec3> normals = surface::normals_of(points);
   phases.end();

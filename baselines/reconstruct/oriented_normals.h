@@ -7,6 +7,14 @@
 
 namespace palpate::baselines {
 
+/// The phases that making normals is timed as.
+inline constexpr const char* kNeighboursPhase = "neighbours for normals";
+inline constexpr const char* kNormalsPhase = "normals";
+inline constexpr const char* kOrientationPhase = "orientation of normals";
+[[nodiscard]] inline bool is_of_normals(const render::PreparePhase& phase) {
+  return phase.name == kNeighboursPhase || phase.name == kNormalsPhase || phase.name == kOrientationPhase;
+}
+
 /// A unit vector for every point, or zero where none could be found. Outward where the points enclose a
 /// volume. Chosen by the options `normals` and `normal_neighbours`; two phases or three.
 [[nodiscard]] std::vector<Vec3> oriented_normals(const MethodInput& input, render::PreparePhases& phases);

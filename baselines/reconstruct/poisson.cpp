@@ -72,7 +72,7 @@ std::vector<bool> near_points(const Mesh& mesh, const std::vector<PointWithNorma
 }  // namespace
 
 Result<geometry::TriangleMesh> poisson(const MethodInput& input, render::PreparePhases& phases) {
-  const OrientedPoints given = oriented_points(input, input.spacing_mm, phases);
+  const OrientedPoints given = oriented_points(input, input.spacing, phases);
   std::vector<PointWithNormal> points;
   points.reserve(given.place.size());
   for (std::size_t i = 0; i < given.place.size(); ++i) {

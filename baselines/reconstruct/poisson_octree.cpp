@@ -35,7 +35,7 @@ int depth_for(const OrientedPoints& given, double cell) {
 }  // namespace
 
 Result<geometry::TriangleMesh> poisson_octree(const MethodInput& input, render::PreparePhases& phases) {
-  const OrientedPoints given = oriented_points(input, input.spacing_mm, phases);
+  const OrientedPoints given = oriented_points(input, input.spacing, phases);
   const Points::Ptr points(new Points);
   points->reserve(given.place.size());
   for (std::size_t i = 0; i < given.place.size(); ++i) {

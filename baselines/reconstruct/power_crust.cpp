@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 
+#include "baselines/reconstruct/join_near.h"
 #include "baselines/reconstruct/method_functions.h"
 #include "baselines/reconstruct/pole_labels.h"
 
@@ -28,6 +29,9 @@ constexpr std::uint32_t kCorner = 0xFFFFFFFEu;  ///< a corner of the box around 
 /// Half the box, in extents of the cloud: far enough for the outer poles to be on the medial axis of the
 /// outside (the paper's "five times larger").
 constexpr double kBox = 2.5;
+/// Corners nearer than this are one, spacings. Where poles nearly coincide, so do the corners of their faces,
+/// but for the rounding of their construction: up to 1e-6 spacings, while true edges begin above 1e-4.
+constexpr double kJoin = 0x1p-16;
 
 using DelaunayStructure = CGAL::Triangulation_data_structure_3<
     CGAL::Triangulation_vertex_base_with_info_3<std::uint32_t, Kernel>,
@@ -53,7 +57,7 @@ Delaunay voronoi(const MethodInput& input) {
   points.reserve(input.cloud.size() + 8);
   Vec3 low = Vec3::Zero(), high = Vec3::Zero();
   for (std::size_t i = 0; i < input.cloud.size(); ++i) {
-    const Vec3 p = input.cloud.local_mm(i) / input.spacing_mm;
+    const Vec3 p = input.cloud.local_mm(i) / input.spacing;
     low = low.cwiseMin(p);
     high = high.cwiseMax(p);
     points.emplace_back(Point(p.x(), p.y(), p.z()), static_cast<std::uint32_t>(i));
@@ -205,7 +209,7 @@ class Faces {
       cell->info() = static_cast<std::uint32_t>(mesh_.vertices_mm.size());
       const auto at = [&](int i) -> const Kernel::Weighted_point_3& { return cell->vertex(i)->point(); };
       const Point p = robust_.construct_weighted_circumcenter_3_object()(at(0), at(1), at(2), at(3));
-      mesh_.vertices_mm.push_back(input_.cloud.origin_mm + Vec3(p.x(), p.y(), p.z()) * input_.spacing_mm);
+      mesh_.vertices_mm.push_back(input_.cloud.origin_mm + Vec3(p.x(), p.y(), p.z()) * input_.spacing);
     }
     return cell->info();
   }
@@ -241,8 +245,13 @@ Result<geometry::TriangleMesh> power_crust(const MethodInput& input, render::Pre
   Faces faces(power, input, mesh);
   faces.collect(inside);
   phases.end();
+  phases.begin("joining corners");
+  const Joined joined = join_near(mesh, kJoin * input.spacing);
+  phases.end();
   phases.note(fmt::format("power crust: {} poles, {} of them inside", poles.centre.size(),
                           std::count(inside.begin(), inside.end(), true)));
+  phases.note(fmt::format("power crust: {} corners joined that rounding held apart, {} triangles gone",
+                          joined.vertices, joined.triangles));
   if (faces.open_faces() > 0)
     phases.note(fmt::format("power crust: {} faces without end left out", faces.open_faces()));
   return mesh;

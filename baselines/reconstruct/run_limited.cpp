@@ -18,6 +18,7 @@
 #include <optional>
 
 #include "baselines/reconstruct/worker_protocol.h"
+#include "toolkit/core/at_stop.h"
 #include "toolkit/core/clock.h"
 
 extern char** environ;
@@ -97,18 +98,29 @@ class Worker {
     posix_spawn_file_actions_adddup2(&actions, its_socket.get(), STDIN_FILENO);
     posix_spawn_file_actions_adddup2(&actions, its_output.get(), STDOUT_FILENO);
     posix_spawn_file_actions_adddup2(&actions, its_output.get(), STDERR_FILENO);
-    const int code = ::posix_spawn(&pid_, program.c_str(), &actions, nullptr, argv.data(), environ);
+    // A group of its own: Ctrl-C on the terminal asks us, and would look like a crash of the worker.
+    posix_spawnattr_t attributes;
+    posix_spawnattr_init(&attributes);
+    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
+    const auto hold = hold_stop();
+    const int code = ::posix_spawn(&pid_, program.c_str(), &actions, &attributes, argv.data(), environ);
+    posix_spawnattr_destroy(&attributes);
     posix_spawn_file_actions_destroy(&actions);
     if (code != 0) {
       pid_ = 0;
       return cannot_start(code);
     }
+    at_stop_ = AtStop([group = -pid_] {
+      ::kill(group, SIGKILL);
+      return std::string();
+    });
     return Done{};
   }
   /// Ends it and returns how it ended.
   int end() noexcept {
     if (pid_ == 0) return status_;
-    ::kill(pid_, SIGKILL);  // to one that has ended by itself this does nothing
+    at_stop_.drop();
+    ::kill(-pid_, SIGKILL);  // to one that has ended by itself this does nothing
     while (::waitpid(pid_, &status_, 0) < 0 && errno == EINTR) {
     }
     pid_ = 0;
@@ -126,6 +138,7 @@ class Worker {
   }
   pid_t pid_ = 0;
   int status_ = 0;
+  AtStop at_stop_;
   Descriptor socket_, output_;
 };
 

@@ -29,7 +29,7 @@ Result<geometry::TriangleMesh> scale_space(const MethodInput& input, render::Pre
   std::vector<Kernel::Point_3> points;
   points.reserve(input.cloud.size());
   for (std::size_t i = 0; i < input.cloud.size(); ++i) {
-    const Vec3 p = input.cloud.local_mm(i) / input.spacing_mm;
+    const Vec3 p = input.cloud.local_mm(i) / input.spacing;
     points.emplace_back(p.x(), p.y(), p.z());
   }
   Reconstruction reconstruction(points.begin(), points.end());

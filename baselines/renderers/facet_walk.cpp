@@ -1,5 +1,6 @@
 #include "baselines/renderers/facet_walk.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -8,12 +9,18 @@ namespace {
 
 /// Multiple of the rounding bound that keeps the god object provably in front of a wall.
 constexpr double kWallRoundings = 16.0;
-/// Walls that one move may meet: two planes beside the facet's own, and each once replaced by its neighbour.
-constexpr int kWallTries = 4;
-/// Two walls whose normals agree to this cosine are one bent wall: the later replaces the earlier (8
-/// degrees).
-constexpr double kSameWallCosine = 0.99;
-/// A triangle cut by two planes has at most five corners.
+/// Walls that hold at once: of a facet's own plane and any others three hold a point; one more for a bent
+/// one.
+constexpr std::size_t kMaxWalls = 4;
+/// Walls that one move may meet: each of those, and each once replaced by its neighbour.
+constexpr int kWallTries = 2 * kMaxWalls;
+/// A place this many wall distances from a corner is at it: the strip along a wall past a vertex is no wider.
+constexpr double kAtCorner = 4.0;
+/// Just off a sheet, in wall distances: above rounding, and nearer than any wall that stands there.
+constexpr double kJustOff = 1.0 / 8.0;
+/// Facets without area that are looked through at once: chains of more are rare, and left to be flown over.
+constexpr std::size_t kMaxFlat = 32;
+/// A triangle cut by four planes has at most seven corners.
 constexpr std::size_t kMaxPolygon = 8;
 /// Tag of a polygon's edge that lies on a wall; 0, 1, 2 are the facet's own edges.
 constexpr std::uint32_t kWallEdge = 3;
@@ -21,6 +28,7 @@ constexpr std::uint32_t kWallEdge = 3;
 struct Wall {
   Vec3 normal;  ///< unit, towards the god object
   double offset;
+  std::uint32_t facet;
 };
 
 struct Polygon {
@@ -47,69 +55,149 @@ Polygon cut(const Polygon& in, const Wall& wall) noexcept {
   return out;
 }
 
-/// The point of a convex plane polygon nearest to p, with the facet's feature it lies on.
-FacetPoint closest_on_polygon(const Polygon& polygon, const Vec3& normal, const Vec3& p) noexcept {
+/// The facet's feature at a place on a polygon's edge of this tag: what lies on beyond it can be walked to.
+Feature feature_at(const Facet& f, std::uint32_t tag, const Vec3& place, double near) noexcept {
+  if (tag == kWallEdge) return kInside;
+  for (const std::uint32_t corner : {tag, after(tag)})
+    if ((place - f.corner[corner]).squaredNorm() <= near * near)
+      return static_cast<Feature>(kCorner + corner);
+  return static_cast<Feature>(kEdge + tag);
+}
+
+/// The point of a convex plane polygon, a part of facet f, nearest to p, with the feature of f it lies on.
+FacetPoint closest_on_polygon(const Facet& f, const Polygon& polygon, const Vec3& normal, const Vec3& p,
+                              double near) noexcept {
   FacetPoint best{Vec3::Zero(), HUGE_VAL, kInside};
   if (polygon.size == 0) return best;
   const Vec3 q = p - normal * normal.dot(p - polygon.corner[0]);
   bool inside = polygon.size > 2;
   for (std::size_t i = 0; i < polygon.size; ++i) {
+    const std::size_t next = (i + 1) % polygon.size;
     const Vec3& a = polygon.corner[i];
-    const Vec3 ab = polygon.corner[(i + 1) % polygon.size] - a;
+    const Vec3 ab = polygon.corner[next] - a;
     if (normal.dot(ab.cross(q - a)) < 0.0) inside = false;
     const double length_sq = ab.squaredNorm();
     const double t = length_sq > 0.0 ? std::fmin(1.0, std::fmax(0.0, ab.dot(p - a) / length_sq)) : 0.0;
     const Vec3 at = a + ab * t;
     const double d = (p - at).squaredNorm();
-    if (d < best.distance_sq)
-      best = {at, d, polygon.edge[i] == kWallEdge ? kInside : static_cast<Feature>(kEdge + polygon.edge[i])};
+    if (!(d < best.distance_sq)) continue;
+    // At a corner of the polygon two edges end: the way may go on over the one that is the facet's own.
+    std::uint32_t tag = polygon.edge[i];
+    if (tag == kWallEdge && t == 0.0) tag = polygon.edge[(i + polygon.size - 1) % polygon.size];
+    if (tag == kWallEdge && t == 1.0) tag = polygon.edge[next];
+    best = {at, d, feature_at(f, tag, at, near)};
   }
   if (inside) return {q, (p - q).squaredNorm(), kInside};
   return best;
 }
 
+/// Whether two walls are one bent away from the god object: the way may go on around the bend, so that only
+/// the later one counts.
+bool bent_away(const SurfaceMesh& mesh, const Wall& a, const Wall& b) noexcept {
+  bool connected = false;
+  for (const std::uint32_t v : mesh.facet(a.facet).vertex)
+    for (const std::uint32_t w : mesh.facet(b.facet).vertex) connected = connected || v == w;
+  if (!connected) return false;
+  const auto behind = [&](const Wall& wall, std::uint32_t other) {
+    for (const Vec3& corner : mesh.facet(other).corner)
+      if (wall.normal.dot(corner) > wall.offset) return false;  // the offset is a wall distance in front
+    return true;
+  };
+  return behind(a, b.facet) && behind(b, a.facet);
+}
+
 /// The nearest point of a facet that crosses others, no further than the walls between it and `from` let one
-/// go.
+/// go; infinitely far where they do not let one there.
 FacetPoint reach_behind_walls(const SurfaceMesh& mesh, const Crossings& crossings, HalfFacet half,
                               const Vec3& from, const Vec3& hip, FacetPoint target) noexcept {
-  const std::uint32_t facet = facet_of(half);
+  const Facet& f = mesh.facet(facet_of(half));
   const double keep = wall_distance_mm(mesh);
-  const Vec3 normal = mesh.normal(half_facet(facet, 0));
-  std::array<Wall, 2> walls;
+  const Vec3 normal = mesh.normal(half_facet(facet_of(half), 0));
+  std::array<Wall, kMaxWalls> walls;
   std::size_t count = 0;
   for (int attempt = 0; attempt < kWallTries; ++attempt) {
     double fraction = 1.0;
-    const std::uint32_t met = first_wall(mesh, crossings, facet, from, target.point, &fraction);
+    const std::uint32_t met = first_wall(mesh, crossings, half, from, target.point, &fraction);
     if (met == kNoFacet) return target;
-    Wall wall{mesh.normal(half_facet(met, 0)), 0.0};
+    Wall wall{mesh.normal(half_facet(met, 0)), 0.0, met};
     const Vec3& on_wall = mesh.facet(met).corner[0];
     if (wall.normal.dot(from - on_wall) < 0.0) wall.normal = -wall.normal;
     wall.offset = wall.normal.dot(on_wall) + keep;
-    std::size_t slot = count < 2 ? count : 1;
+    std::size_t slot = count;
     for (std::size_t i = 0; i < count; ++i)
-      if (walls[i].normal.dot(wall.normal) > kSameWallCosine) slot = i;
+      if (bent_away(mesh, walls[i], wall)) slot = i;
+    if (slot == walls.size()) break;
     walls[slot] = wall;
     if (slot == count) ++count;
     Polygon polygon;
-    for (std::uint32_t i = 0; i < 3; ++i) polygon.add(mesh.facet(facet).corner[i], i);
+    for (std::uint32_t i = 0; i < 3; ++i) polygon.add(f.corner[i], i);
     for (std::size_t i = 0; i < count; ++i) polygon = cut(polygon, walls[i]);
-    target = closest_on_polygon(polygon, normal, hip);
+    target = closest_on_polygon(f, polygon, normal, hip, kAtCorner * keep);
     if (target.distance_sq == HUGE_VAL) break;
   }
-  return {from, (hip - from).squaredNorm(), kInside};
+  return {from, HUGE_VAL, kInside};
+}
+
+/// visit(half-facet) for what lies beyond facets without area around `at`: they are no way in themselves, as
+/// nothing on them is nearer.
+template <class Visit>
+void beyond_flat(const SurfaceMesh& mesh, const SurfacePosition& at, Visit&& visit) noexcept {
+  std::array<HalfFacet, kMaxFlat> flat;
+  std::size_t count = 0;
+  const auto note = [&](HalfFacet half) noexcept {
+    if (count == flat.size() || mesh.normal(half) != Vec3::Zero()) return;
+    if (std::find(flat.begin(), flat.begin() + static_cast<std::ptrdiff_t>(count), half) ==
+        flat.begin() + static_cast<std::ptrdiff_t>(count))
+      flat[count++] = half;
+  };
+  note(at.half);
+  if (at.feature >= kCorner)
+    mesh.around_corner(at.half, static_cast<std::uint32_t>(at.feature - kCorner), note);
+  else
+    for_edges_at(mesh, at, note);
+  for (std::size_t i = 0; i < count; ++i)
+    for (std::uint32_t e = 0; e < 3; ++e) {
+      const HalfFacet over = mesh.neighbour(flat[i], e);
+      if (over == kNoFacet) continue;
+      if (mesh.normal(over) == Vec3::Zero())
+        note(over);
+      else
+        visit(over);
+    }
 }
 
 }  // namespace
+
+Vec3 just_off(const SurfaceMesh& mesh, const SurfacePosition& at) noexcept {
+  const double keep = wall_distance_mm(mesh);
+  Vec3 away = mesh.normal(at.half);
+  const auto beside = [&](HalfFacet other) noexcept { away += mesh.normal(other); };
+  if (at.feature >= kCorner)
+    mesh.around_corner(at.half, static_cast<std::uint32_t>(at.feature - kCorner), beside);
+  else
+    for_edges_at(mesh, at, beside);
+  const double length = away.norm();
+  return length > 0.0 ? Vec3(at.point + away * (kJustOff * keep / length)) : at.point;
+}
 
 double wall_distance_mm(const SurfaceMesh& mesh) noexcept {
   return kWallRoundings * mesh.rounding_mm();
 }
 
-std::uint32_t first_wall(const SurfaceMesh& mesh, const Crossings& crossings, std::uint32_t facet,
+bool in_front(const SurfaceMesh& mesh, std::uint32_t other, HalfFacet half) noexcept {
+  const Vec3 n = mesh.normal(half);
+  const Vec3& on = mesh.facet(facet_of(half)).corner[0];
+  if (n == Vec3::Zero()) return true;
+  for (const Vec3& corner : mesh.facet(other).corner)
+    if (n.dot(corner - on) > wall_distance_mm(mesh)) return true;
+  return false;
+}
+
+std::uint32_t first_wall(const SurfaceMesh& mesh, const Crossings& crossings, HalfFacet half,
                          const Vec3& from, const Vec3& to, double* fraction) noexcept {
   const double keep = wall_distance_mm(mesh);
   std::uint32_t first = kNoFacet;
-  for (const std::uint32_t other : crossings.of(facet)) {
+  for (const std::uint32_t other : crossings.of(facet_of(half))) {
     const Facet& f = mesh.facet(other);
     Vec3 n = mesh.normal(half_facet(other, 0));
     double before = n.dot(from - f.corner[0]), behind = n.dot(to - f.corner[0]);
@@ -122,37 +210,52 @@ std::uint32_t first_wall(const SurfaceMesh& mesh, const Crossings& crossings, st
     const double t = std::fmin(1.0, before / (before - behind));
     if (first != kNoFacet && t >= *fraction) continue;
     const Vec3 at = from + (to - from) * t;
-    if (closest_on_facet(f, at).distance_sq > 4 * keep * keep) continue;
+    if (closest_on_facet(f, at).distance_sq > kAtWall * kAtWall * keep * keep) continue;
+    if (!in_front(mesh, other, half)) continue;
     first = other;
     *fraction = t;
   }
   return first;
 }
 
+FacetPoint before_walls(const SurfaceMesh& mesh, const Crossings* crossings, HalfFacet half, const Vec3& from,
+                        const Vec3& place) noexcept {
+  const FacetPoint free = closest_on_facet(mesh.facet(facet_of(half)), place);
+  if (crossings == nullptr || crossings->of(facet_of(half)).empty()) return free;
+  const FacetPoint held = reach_behind_walls(mesh, *crossings, half, from, place, free);
+  return held.distance_sq < HUGE_VAL ? held : free;
+}
+
 SlideCount slide(const SurfaceMesh& mesh, const Crossings* crossings, const Vec3& hip,
                  SurfacePosition& at) noexcept {
   SlideCount count;
-  const auto reach = [&](HalfFacet half) noexcept {
+  const auto crossed = [&](HalfFacet half) noexcept {
+    return crossings != nullptr && !crossings->of(facet_of(half)).empty();
+  };
+  const auto reach = [&](HalfFacet half, const Vec3& from) noexcept {
     ++count.looked_at;
     const FacetPoint free = closest_on_facet(mesh.facet(facet_of(half)), hip);
-    if (crossings == nullptr || crossings->of(facet_of(half)).empty()) return free;
-    return reach_behind_walls(mesh, *crossings, half, at.point, hip, free);
+    return crossed(half) ? reach_behind_walls(mesh, *crossings, half, from, hip, free) : free;
   };
   const auto take = [&](HalfFacet half, const FacetPoint& p) noexcept {
     at = {half, p.feature, p.point, p.distance_sq};
   };
-  take(at.half, reach(at.half));
+  if (const FacetPoint here = reach(at.half, at.point); here.distance_sq < HUGE_VAL)
+    take(at.half, here);
+  else
+    take(at.half, {at.point, (hip - at.point).squaredNorm(), kInside});
   while (count.looked_at < kMaxFacetsPerFrame) {
     HalfFacet best = kNoFacet;
     FacetPoint target;
     target.distance_sq = at.distance_sq;
-    const auto consider = [&](HalfFacet half) noexcept {
-      const FacetPoint p = reach(half);
+    const auto consider_from = [&](HalfFacet half, const Vec3& from) noexcept {
+      const FacetPoint p = reach(half, from);
       if (p.distance_sq < target.distance_sq) {
         target = p;
         best = half;
       }
     };
+    const auto consider = [&](HalfFacet half) noexcept { consider_from(half, at.point); };
     if (at.feature >= kCorner) {
       mesh.around_corner(at.half, static_cast<std::uint32_t>(at.feature - kCorner), consider);
     } else if (at.feature >= kEdge) {
@@ -160,9 +263,14 @@ SlideCount slide(const SurfaceMesh& mesh, const Crossings* crossings, const Vec3
           over != kNoFacet)
         consider(over);
     }
-    // Walls are found anew from every place: what held back before may not from here.
-    if (best == kNoFacet && crossings != nullptr && !crossings->of(facet_of(at.half)).empty())
+    if (best == kNoFacet && mesh.counts().flat_facets > 0) beyond_flat(mesh, at, consider);
+    if (best == kNoFacet && crossed(at.half)) {
+      // Walls are found anew from every place: what held back before may not from here. And what holds may
+      // lead on along itself.
       consider(at.half);
+      const Vec3 eye = just_off(mesh, at);
+      walls_at(mesh, crossings, at, [&](HalfFacet wall) noexcept { consider_from(wall, eye); });
+    }
     if (best == kNoFacet) return count;
     count.moves += best != at.half;
     take(best, target);

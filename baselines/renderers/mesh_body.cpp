@@ -132,8 +132,8 @@ Result<std::unique_ptr<MeshBody>> prepare_body(const render::ModelInput& input, 
   if (needs.normals) body->vertex_normals = interpolation_normals(body->mesh);
   phases.end();
   phases.begin("check (OpenMesh)");
-  for (std::string& line : describe(report_on(body->mesh), body->mesh.counts()))
-    report.notes.push_back(std::move(line));
+  const MeshReport found = report_on(body->mesh);
+  for (std::string& line : describe(found, body->mesh.counts())) report.notes.push_back(std::move(line));
   phases.end();
   phases.begin("build tree (Embree)");
   auto index = SegmentIndex::build(body->mesh, context.threads);
@@ -148,14 +148,16 @@ Result<std::unique_ptr<MeshBody>> prepare_body(const render::ModelInput& input, 
       report.notes.push_back(
           fmt::format("mesh: {} facets cross others ({} pairs): they constrain the god object",
                       body->crossings.facets(), body->crossings.pairs()));
+    // Of a point: a sphere rides over folds and gaps.
+    for (std::string& line :
+         doubts(found, body->mesh.counts(), body->crossings.folded(), options.flag("repair")))
+      phases.warn(std::move(line));
   }
   body->pose = render::ModelPose(input, body->mesh.origin_mm());
   if (input.surface.per_point != nullptr) phases.begin("surface of the vertices");
   if (Status done = prepare_surface(input, *body, context, report); !done.ok())
     return std::move(done).error();
   if (input.surface.per_point != nullptr) phases.end();
-  if (input.surface.dent.any() || input.moves != nullptr)
-    report.notes.push_back("mesh: its geometry stays; dents and moves of points are left out");
   report.bytes += body->bytes();
   return body;
 }

@@ -31,6 +31,9 @@ render::RendererInfo mesh_godobject_info() {
   info.name = kName;
   info.summary = kSummary;
   info.source = kSource;
+  info.role = render::Role::kRival;
+  info.geometry = render::Geometry::kMesh;
+  info.supports = render::kAllOfRigidSurfaces | render::Feature::kJointContact;
   info.options = mesh_renderer_specs();
   info.make = [](const Options& options) { return make_point_on_mesh(kName, kSummary, kSource, options); };
   return info;

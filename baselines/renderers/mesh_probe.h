@@ -5,6 +5,7 @@
 
 #include "baselines/proximity/segment_index.h"
 #include "baselines/renderers/facet_walk.h"
+#include "baselines/renderers/free_side.h"
 #include "toolkit/render/joint_contact.h"
 
 namespace palpate::baselines {
@@ -14,14 +15,15 @@ inline constexpr int kMaxFlights = 4;
 
 /// Contact with sides. Free, or attached to a half-facet; attached but outside within the float margin counts
 /// as no contact, so that the next segment never starts where float cannot tell the side. Everything relative
-/// to the mesh's origin, mm. A mesh that encloses a volume is touched from one side only, the one where
-/// reset() found the HIP: a HIP that came in by a hole leaves freely, instead of feeling everything inside
-/// out from then on. Allocates nothing. Not thread-safe; the mesh, index and crossings are only read.
+/// to the mesh's origin, mm. A piece that encloses a volume is touched from one side only, the one where
+/// reset() found the HIP (FreeSide): a HIP that came in by a hole leaves freely, instead of feeling
+/// everything inside out from then on. Allocates when built only. Not thread-safe; the mesh, index and
+/// crossings are only read.
 class MeshProbe {
  public:
-  MeshProbe(const SurfaceMesh& mesh, const SegmentIndex& index, const Crossings& crossings) noexcept;
+  MeshProbe(const SurfaceMesh& mesh, const SegmentIndex& index, const Crossings& crossings);
 
-  /// O(facets) where the mesh encloses a volume.
+  /// O(facets) where a piece encloses a volume.
   void reset(const Vec3& hip) noexcept;
   /// Free at `hip`, known to be clear of the mesh and on the side that reset() found. O(1).
   void start_from(const Vec3& hip) noexcept;
@@ -59,8 +61,9 @@ class MeshProbe {
 
  private:
   bool attach(std::uint32_t facet, const Vec3& near, const Vec3& from, const Vec3& to) noexcept;
+  /// Attached at the place of `half` nearest to `near`, on the side of all walls there that `from` is on.
+  void stand_on(HalfFacet half, const Vec3& near, const Vec3& from) noexcept;
   bool attach_near_feature(std::uint32_t facet, const Vec3& near, const Vec3& from) noexcept;
-  [[nodiscard]] bool encloses(const Vec3& p) const noexcept;
   [[nodiscard]] bool outside(const Vec3& hip, Vec3& away) const noexcept;
   enum class Flight { kFree, kStays, kMet };
   Flight fly(const Vec3& hip, const Vec3& away) noexcept;
@@ -69,9 +72,7 @@ class MeshProbe {
   const SurfaceMesh* mesh_;
   const SegmentIndex* index_;
   const Crossings* crossings_;
-  bool one_sided_ = false;
-  std::uint32_t outer_ = 0;  ///< the side of a facet that is outside, where one_sided_
-  std::uint32_t front_ = 0;  ///< the side that is touched
+  FreeSide free_side_;
   bool attached_ = false;
   bool bound_hit_ = false;
   Vec3 anchor_ = Vec3::Zero();  ///< last point known to be clear of the surface, when free

@@ -70,6 +70,9 @@ render::RendererInfo mesh_proxy_info() {
   info.name = kName;
   info.summary = kSummary;
   info.source = kSource;
+  info.role = render::Role::kRival;
+  info.geometry = render::Geometry::kMesh;
+  info.supports = render::kAllOfRigidSurfaces | render::Feature::kJointContact;
   info.options = mesh_renderer_specs();
   info.options.push_back({"radius",
                           OptionKind::kNumber,
@@ -77,7 +80,8 @@ render::RendererInfo mesh_proxy_info() {
                           "of the sphere, in median edges of the finest mesh; 0: a point",
                           {},
                           0.0,
-                          kMostEdges});
+                          kMostEdges,
+                          {{"radius_mm", {"0"}}}});
   info.options.push_back({"radius_mm",
                           OptionKind::kNumber,
                           "0",
@@ -90,7 +94,10 @@ render::RendererInfo mesh_proxy_info() {
                           "skin",
                           "what touches first: skin, force from the surface on; centre, force from a radius "
                           "before it, as printed",
-                          {"skin", "centre"}});
+                          {"skin", "centre"},
+                          0,
+                          0,
+                          {{"radius", {"0"}, true}}});
   info.make = [](const Options& options) -> std::unique_ptr<render::HapticRenderer> {
     if (options.number("radius") == 0.0 && options.number("radius_mm") == 0.0)
       return make_point_on_mesh(kName, kSummary, kSource, options);

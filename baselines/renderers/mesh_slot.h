@@ -1,4 +1,4 @@
-// One model of a mesh renderer, with its probe, and how a contact with it is read.
+// The local model of the mesh renderers: one mesh with its probe, and how a contact with it is read.
 #pragma once
 
 #include <array>
@@ -8,6 +8,7 @@
 
 #include "baselines/renderers/mesh_body.h"
 #include "baselines/renderers/vertex_normals.h"
+#include "toolkit/render/joint_contact.h"
 #include "toolkit/render/surface_response.h"
 
 namespace palpate::baselines {
@@ -19,15 +20,50 @@ struct MeshSlot {
   std::unique_ptr<MeshBody> body;
   Probe probe;
   render::SurfaceState state;
-  bool touched = false;  ///< in this frame, in a scene of several
 
   MeshSlot(std::unique_ptr<MeshBody> held, Probe&& made) : body(std::move(held)), probe(std::move(made)) {}
 
-  void reset(const Vec3& h) noexcept {
+  struct Memory {};
+  [[nodiscard]] render::ModelPose& pose() noexcept { return body->pose; }
+  [[nodiscard]] const render::ModelPose& pose() const noexcept { return body->pose; }
+  [[nodiscard]] geometry::Aabb box_mm() const noexcept {
+    return body->mesh.local_box_mm().grown(probe.reach_mm());
+  }
+  [[nodiscard]] bool touching() const noexcept { return probe.contact(); }
+  [[nodiscard]] bool felt(const Vec3& h) const noexcept { return probe.felt(h); }
+  [[nodiscard]] Vec3 body_mm() const noexcept { return probe.body_mm(); }
+  [[nodiscard]] double skin_mm() const noexcept { return probe.skin_mm(); }
+  void restart(const Vec3& h) noexcept {
     probe.reset(h);
     state.release();
   }
+  /// Clear of the HIP up to h; its side stays.
+  void let_go(const Vec3& h) noexcept {
+    probe.start_from(h);
+    state.release();
+  }
+  void release() noexcept { state.release(); }
+  /// Up to the frictionless contact, the probe pulled to `goal`.
+  [[nodiscard]] bool touch(const Vec3& goal, const Vec3& h, Memory& /*memory*/,
+                           render::SurfaceContact& contact, render::FrameStatus& status,
+                           render::FrameCounters& counters) noexcept {
+    const std::uint64_t moves = probe.moves();
+    const bool held = probe.update(goal);
+    counters.walk_steps += probe.moves() - moves;
+    if (probe.bound_hit()) status = render::FrameStatus::kBoundHit;
+    if (held) contact = contact_at(h);
+    return held;
+  }
+  /// The surface's own part: the same stage that the point renderers use, composed of what it asks for.
+  [[nodiscard]] render::SurfaceAnswer respond(const render::SurfaceContact& contact) noexcept {
+    return render::respond_as_asked(state, body->surface, contact, body->mesh.origin_mm());
+  }
+  void planes_near(const Memory& /*memory*/, const Vec3& at_world, render::JointPlanes& planes,
+                   render::FrameCounters& /*counters*/) noexcept {
+    probe.planes_near(body->pose.to_local(at_world), body->pose, planes);
+  }
 
+ private:
   /// Held: the frictionless contact, with the surface's properties there.
   [[nodiscard]] render::SurfaceContact contact_at(const Vec3& h) noexcept {
     render::SurfaceContact contact;
@@ -45,12 +81,6 @@ struct MeshSlot {
     return contact;
   }
 
-  /// The surface's own part: the same stage that the point renderers use, composed of what it asks for.
-  [[nodiscard]] render::SurfaceAnswer respond(const render::SurfaceContact& contact) noexcept {
-    return render::respond_as_asked(state, body->surface, contact, body->mesh.origin_mm());
-  }
-
- private:
   /// Interpolated over the facets that hold the probe, each by its share.
   void read_properties(render::SurfaceContact& contact) const noexcept {
     probe.places([&](std::uint32_t facet, const Vec3& point, double share) {
@@ -70,15 +100,6 @@ struct MeshSlot {
       }
     });
   }
-};
-
-/// A model in contact, before it is known what the others do.
-template <class Probe>
-struct MeshTouch {
-  MeshSlot<Probe>* slot = nullptr;
-  std::int32_t model = -1;
-  render::SurfaceContact contact;  ///< local
-  [[nodiscard]] const render::ModelPose& pose() const noexcept { return slot->body->pose; }
 };
 
 }  // namespace palpate::baselines

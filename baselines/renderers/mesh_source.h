@@ -12,9 +12,9 @@
 
 namespace palpate::baselines {
 
-/// The options that choose the mesh, the same for every mesh renderer: `mesh`, the limits and the cache of a
-/// reconstruction, and the options of every method.
-[[nodiscard]] std::vector<OptionSpec> mesh_source_specs();
+/// The options that choose the mesh, the same for every mesh renderer: `mesh`, which is `usual` where nothing
+/// is said, the limits and the cache of a reconstruction, and the options of every method.
+[[nodiscard]] std::vector<OptionSpec> mesh_source_specs(const std::string& usual = "auto");
 
 /// The mesh that `options` (complete, of mesh_source_specs() among others) mean for this model, never null or
 /// empty. The steps of making it are phases, with the times of the day it was made where it comes from the

@@ -35,8 +35,9 @@ constexpr double kTravelRounding = 1.0 + 0x1p-40;
 constexpr int kMaxTrialMoves = 32;
 /// Facets deeper than the nearest by less than this share of the radius bound the sphere with it.
 constexpr double kSameDepth = 0x1p-20;
-/// Planes that one model gives: a corner's.
-constexpr std::size_t kMaxPlanesGiven = 3;
+/// Planes that one model gives: as many as may hold the sphere at once.
+constexpr std::size_t kMaxPlanesGiven = kMaxSphereContacts;
+static_assert(kMaxPlanesGiven <= render::kMaxPlanesATouch);
 /// A sphere that begins too near to a facet is smaller than the room by this.
 constexpr double kBeginShare = 1.0 - 0x1p-10;
 /// Smallest sphere in skins; below it there is none.
@@ -190,7 +191,7 @@ Vec3 SphereProbe::way_to(const Vec3& hip, double slack) noexcept {
     planes[i] = {contacts_[i].normal, kKeep * skin_ - contacts_[i].gap};
   const geometry::NearestAllowed found =
       geometry::nearest_allowed(std::span(planes).first(count_), hip - centre_, slack, kFlatContacts);
-  for (std::size_t i = 0; i < count_; ++i) contacts_[i].push = found.push[i];
+  for (std::size_t i = 0; i < count_; ++i) contacts_[i].push = found.push_of(i);
   return found.point;
 }
 

@@ -13,7 +13,7 @@ constexpr double kFallsShort = 0.01;
 constexpr std::size_t kPictureSamples = 700;  // a panel is some 250 wide
 
 std::string cell_text(const BehaviourOutcome& outcome) {
-  if (!outcome.failure.empty()) return "–";
+  if (!outcome.failure.empty()) return kNoNumber;
   return fmt::format("{} of {}", count_text(outcome.wrong), count_text(outcome.of));
 }
 
@@ -91,39 +91,65 @@ std::vector<Headline> headlines_of(const BehaviourMatrix& matrix) {
 
 std::vector<RendererRequest> methods_of(const render::Registry& registry) {
   std::vector<RendererRequest> requests;
-  for (const render::RendererInfo& info : registry.all())
-    if (!info.needs_analytic && info.source != "oracle") requests.push_back({info.name, info.name, {}});
+  for (const render::RendererInfo& info : registry.all()) {
+    if (info.geometry == render::Geometry::kFormula || info.role == render::Role::kOracle) continue;
+    RendererRequest request{info.name, info.name, {}, {}};
+    // Of points alone: what a mesh renderer reconstructs, not the generator's own faces.
+    for (const OptionSpec& spec : info.options)
+      if (spec.key == "mesh") request.options.set("mesh", "advancing-front");
+    requests.push_back(std::move(request));
+  }
   return requests;
 }
 
-BehaviourMatrix run_behaviours(std::vector<Behaviour> behaviours, std::vector<RendererRequest> renderers,
-                               const render::Registry& registry, int threads, Progress& progress) {
+Result<BehaviourMatrix> run_behaviours(std::vector<Behaviour> behaviours,
+                                       std::vector<RendererRequest> renderers,
+                                       const render::Registry& registry, int threads, Progress& progress,
+                                       const KeptRows* kept) {
   BehaviourMatrix matrix{std::move(behaviours), std::move(renderers), {}};
   for (const RendererRequest& request : matrix.renderers) {
-    std::vector<BehaviourOutcome>& row = matrix.outcomes.emplace_back();
-    for (const Behaviour& behaviour : matrix.behaviours) {
+    KeptRows::Row& row = matrix.outcomes.emplace_back();
+    if (kept != nullptr && kept->find(request, row)) continue;
+    for (const Behaviour& behaviour : matrix.behaviours)
       row.push_back(observe(behaviour, request, registry, threads, progress));
-      if (progress.cancelled()) return matrix;
-    }
+    if (kept == nullptr) continue;
+    if (const Status done = kept->keep(request, row); !done) return done.error();
   }
   return matrix;
+}
+
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(BehaviourOutcome, failure, wrong, of, shown)
+
+std::string to_text(const KeptRows::Row& row) {
+  return nlohmann::json(row).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+bool from_text(const std::string& text, KeptRows::Row& row) {
+  try {
+    row = nlohmann::json::parse(text).get<KeptRows::Row>();
+    return true;
+  } catch (const nlohmann::json::exception&) {
+    return false;
+  }
 }
 
 Table matrix_table(const BehaviourMatrix& matrix) {
   Table table;
   table.title = "Behaviour: what goes wrong, counted";
   table.caption =
-      "What each column counts stands with its picture. Marked: more than 1 % of what there is. A dash: the "
-      "renderer does not take the scene.";
+      "What each column counts stands with its picture in the report. A dash: the renderer does not take the "
+      "scene.";
+  table.best_means = "nothing went wrong";
+  table.bad_means = "more than 1 % of what there is";
   table.columns = {"renderer"};
   for (const Behaviour& behaviour : matrix.behaviours)
     table.columns.push_back(fmt::format("{}, of {}", behaviour.title, count_text(whole_of(behaviour))));
   for (std::size_t r = 0; r < matrix.outcomes.size(); ++r) {
     std::vector<Cell> row = {{matrix.renderers[r].label, false, false}};
     for (const BehaviourOutcome& outcome : matrix.outcomes[r])
-      row.push_back({outcome.failure.empty() ? count_text(outcome.wrong) : "–",
+      row.push_back({outcome.failure.empty() ? count_text(outcome.wrong) : kNoNumber,
                      outcome.failure.empty() && outcome.wrong == 0, falls_short(outcome)});
-    row.resize(table.columns.size(), {"–", false, false});
+    row.resize(table.columns.size(), {kNoNumber, false, false});
     table.rows.push_back(std::move(row));
   }
   return table;

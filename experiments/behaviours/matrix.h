@@ -18,11 +18,22 @@ struct BehaviourMatrix {
 /// Every renderer that is one of the methods: all of the registry but the truth and the oracle of tests.
 [[nodiscard]] std::vector<RendererRequest> methods_of(const render::Registry& registry);
 
-/// Runs everything; stops early where `progress` is cancelled, with what there is.
-[[nodiscard]] BehaviourMatrix run_behaviours(std::vector<Behaviour> behaviours,
-                                             std::vector<RendererRequest> renderers,
-                                             const render::Registry& registry, int threads,
-                                             Progress& progress);
+/// Where the rows of a matrix are kept as they are finished, so that a run can go on from an interrupted one.
+struct KeptRows {
+  using Row = std::vector<BehaviourOutcome>;
+  std::function<bool(const RendererRequest&, Row&)> find;
+  std::function<Status(const RendererRequest&, const Row&)> keep;
+};
+
+/// Runs everything that is not found among `kept`. An Error is one of keeping.
+[[nodiscard]] Result<BehaviourMatrix> run_behaviours(std::vector<Behaviour> behaviours,
+                                                     std::vector<RendererRequest> renderers,
+                                                     const render::Registry& registry, int threads,
+                                                     Progress& progress, const KeptRows* kept = nullptr);
+
+/// A row as a text, and back; false where the text is none.
+[[nodiscard]] std::string to_text(const KeptRows::Row& row);
+[[nodiscard]] bool from_text(const std::string& text, KeptRows::Row& row);
 
 /// One row a renderer, one column a behaviour: "wrong of all".
 [[nodiscard]] Table matrix_table(const BehaviourMatrix& matrix);

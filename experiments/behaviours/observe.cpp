@@ -1,6 +1,6 @@
 #include "experiments/behaviours/behaviour.h"
 
-#include <algorithm>
+#include "toolkit/trace/replay.h"
 
 namespace palpate::experiments {
 
@@ -22,18 +22,15 @@ BehaviourOutcome observe(const Behaviour& behaviour, const RendererRequest& requ
     }
     renderers.push_back(*std::move(made));
   }
-  std::vector<render::Frame> frames;
   for (std::size_t k = 0; k < behaviour.strokes.size(); ++k) {
     const Stroke& stroke = behaviour.strokes[k];
-    render::HapticRenderer& renderer = *renderers[stroke.scene];
-    frames.resize(stroke.path.size());
-    renderer.reset(stroke.path.hip_mm.front());
-    for (std::size_t i = 0; i < frames.size(); ++i) {
-      const double dt_s =
-          i > 0 ? stroke.path.t_s[i] - stroke.path.t_s[i - 1]
-                : stroke.path.t_s[std::min<std::size_t>(1, frames.size() - 1)] - stroke.path.t_s[0];
-      frames[i] = renderer.step(stroke.path.hip_mm[i], dt_s);
+    Result<trace::ForceTrace> felt = trace::replay(*renderers[stroke.scene], stroke.path,
+                                                   behaviour.scenes[stroke.scene].input.simulation.get());
+    if (!felt) {
+      outcome.failure = felt.error().what;
+      return outcome;
     }
+    const std::vector<render::Frame>& frames = felt->frames;
     outcome.wrong += behaviour.judge(stroke, frames);
     outcome.of += behaviour.whole(stroke);
     if (k != behaviour.shown) continue;

@@ -34,7 +34,7 @@ void broad_phase_query(benchmark::State& state) {
   for (std::size_t i = 0; i < kProbes; ++i)
     probes.push_back(boxes[random.below(boxes.size())].centre_mm() +
                      60.0 * Vec3(random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)));
-  geometry::Candidates<kMost> found;
+  geometry::FoundBoxes<kMost> found;
   double nodes = 0.0, hits = 0.0;
   std::size_t at = 0;
   for (auto _ : state) {

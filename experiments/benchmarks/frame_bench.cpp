@@ -55,7 +55,7 @@ void run_frames(benchmark::State& state, const char* spec, std::int64_t points, 
     state.SkipWithError("preparation failed");
     return;
   }
-  renderer->reset(path.hip_mm[0]);
+  renderer->restart(path.hip_mm[0], -path.t_s[1]);
   // Contact runs are timed as wholes; free frames between them are stepped untimed.
   std::size_t at = 0;
   std::int64_t contacts = 0;
@@ -65,13 +65,15 @@ void run_frames(benchmark::State& state, const char* spec, std::int64_t points, 
     do {
       if (at == path.size()) {
         at = 0;
-        renderer->reset(path.hip_mm[0]);
+        renderer->restart(path.hip_mm[0], -path.t_s[1]);
       }
-      last = renderer->step(path.hip_mm[at++], 1e-3);
+      last = renderer->step(path.hip_mm[at], path.t_s[at]);
+      ++at;
     } while (!last.contact);
     state.ResumeTiming();
     while (last.contact && at < path.size()) {
-      last = renderer->step(path.hip_mm[at++], 1e-3);
+      last = renderer->step(path.hip_mm[at], path.t_s[at]);
+      ++at;
       ++contacts;
     }
     benchmark::DoNotOptimize(last);

@@ -23,6 +23,7 @@ namespace palpate {
 namespace {
 
 /// Further calls that a stop is given; the open library that this test comes from needed no more.
+constexpr double kStepS = 1e-3;  // the servo's period
 constexpr int kMostCalls = 20'000;
 /// A rest is one when the answer has not changed a bit for so many calls.
 constexpr int kRestCalls = 3;
@@ -125,17 +126,19 @@ Jams jams(const Ground& ground, const Own& own, render::HapticRenderer& renderer
   for (std::size_t i = 0; i < trace.frames.size(); ++i)
     if (trace.frames[i].contact) touched.push_back(i);
   Jams result;
-  renderer.reset(ground.path.hip_mm.front());
+  renderer.restart(ground.path.hip_mm.front(), 0.0);
   std::size_t done = 0;
+  double t_s = 0.0;
+  const auto step = [&](const Vec3& hip) { return renderer.step(hip, t_s += kStepS); };
   for (int stop = 0; stop < stops; ++stop) {
     const std::size_t at =
         touched[touched.size() * static_cast<std::size_t>(stop) / static_cast<std::size_t>(stops)];
     const Vec3& hip = ground.path.hip_mm[at];
     render::Frame frame;
-    for (; done <= at; ++done) frame = renderer.step(ground.path.hip_mm[done], 1e-3);
+    for (; done <= at; ++done) frame = step(ground.path.hip_mm[done]);
     int calls = 0, same = 0;
     for (; calls < kMostCalls && same < kRestCalls; ++calls) {
-      const render::Frame next = renderer.step(hip, 1e-3);
+      const render::Frame next = step(hip);
       same =
           next.god_object_mm == frame.god_object_mm && next.status == render::FrameStatus::kOk ? same + 1 : 0;
       frame = next;

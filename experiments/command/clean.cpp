@@ -7,6 +7,9 @@
 #include "experiments/data/scene_scans.h"
 #include "experiments/report/tables.h"
 #include "experiments/run/cleaning.h"
+#include "experiments/run/output_file.h"
+#include "experiments/run/stage.h"
+#include "toolkit/core/at_stop.h"
 #include "toolkit/io/write_mesh.h"
 
 namespace palpate::experiments {
@@ -15,7 +18,7 @@ namespace {
 int list_steps(bool json) {
   std::vector<CatalogueEntry> entries;
   for (const scene::CleaningStep& step : all_cleaning().all())
-    entries.push_back({step.name, step.summary, step.source, step.options, std::nullopt});
+    entries.push_back({step.name, step.summary, step.source, step.options, {}, {}, {}});
   print_catalogue(entries, json);
   if (!json)
     fmt::print(
@@ -40,7 +43,7 @@ int run_clean(const CleanArguments& arguments, Context& context) {
   if (arguments.model.empty() && arguments.steps.empty() && arguments.out.empty())
     return list_steps(arguments.json);
   if (arguments.model.empty() || arguments.out.empty())
-    return fail({"cleaning needs a model, and --out FILE.ply to write to",
+    return fail({"cleaning needs a model, and --out FILE to write to",
                  "palpate clean scan.ply --steps outliers+smooth --out cleaned.ply",
                  {},
                  0},
@@ -53,7 +56,7 @@ int run_clean(const CleanArguments& arguments, Context& context) {
   }
   const Result<scene::LoadOptions> options = load_options(arguments.load);
   if (!options) return fail(options.error(), kExitBadInput);
-  const Result<scene::SceneFile> file = open_scene(arguments.model, context.progress);
+  const Result<scene::SceneFile> file = open_scene(arguments.model, all_renderers(), context.progress);
   if (!file) return fail(file.error(), kExitBadInput);
   if (file->models.size() != 1)
     return fail({fmt::format("cleaning takes one model, the scene has {}", file->models.size()),
@@ -62,25 +65,27 @@ int run_clean(const CleanArguments& arguments, Context& context) {
   if (steps.empty() && file->models.front().clean.empty())
     return fail({"there is nothing to do", "give --steps, or [[model.clean]] in the scene", {}, 0},
                 kExitBadInput);
+  const Status good = check_output({arguments.out, io::cloud_endings(), arguments.force}, files_read(*file));
+  if (!good) return fail(good.error(), kExitBadInput);
+  AtStop at_stop([&] { return arguments.out + " was not written"; });
   const Result<scene::LoadedScene> loaded = scene::load(*file, all_readers(), *options, context.progress);
   if (!loaded) return fail(loaded.error(), kExitBadInput, &context.progress);
   const cloud::Cloud& before = *loaded->input.models.front().cloud;
   Result<scene::CleanedCloud> cleaned =
       all_cleaning().run(before, steps, arguments.load.threads, context.progress);
-  if (!cleaned)
-    return fail(cleaned.error(), context.progress.cancelled() ? kExitFellShort : kExitBadInput,
-                &context.progress);
+  if (!cleaned) return fail(cleaned.error(), kExitBadInput, &context.progress);
   const scene::Provenance& own = loaded->provenance.front();
   cleaned->phases.insert(cleaned->phases.begin(), own.cleaning.begin(), own.cleaning.end());
   cleaned->notes.insert(cleaned->notes.begin(), own.cleaned.begin(), own.cleaned.end());
-  if (const Status written = io::write_cloud_ply(arguments.out, cleaned->cloud); !written)
+  if (const Status written = io::write_cloud(arguments.out, cleaned->cloud); !written)
     return fail(written.error(), kExitBadInput, &context.progress);
+  at_stop.drop();
   context.progress.clear();
   if (arguments.json) {
     print_json(own.file_points - own.non_finite, cleaned->cloud.size(), cleaned->phases, cleaned->notes);
     return kExitOk;
   }
-  for (const std::string& warning : own.warnings) fmt::print(stderr, "palpate: note: {}\n", warning);
+  for (const std::string& warning : own.warnings) fmt::print(stderr, "palpate: warning: {}\n", warning);
   for (std::size_t i = 0; i < cleaned->phases.size(); ++i)
     fmt::print("{:>10}  {}\n", duration_text(cleaned->phases[i].ms), cleaned->notes[i]);
   fmt::print("{} points written to {}\n", cleaned->cloud.size(), arguments.out);

@@ -8,12 +8,10 @@ namespace palpate::experiments {
 
 int run_compare(const RunArguments& arguments, Context& context) {
   return run_study(
-      arguments, context, [&](const Study& study, const OutputFolder& folder) -> Result<std::string> {
+      StudyKind::kCompare, arguments, context, [&](const OutputFolder& folder) -> Result<std::string> {
         context.progress.report("drawing the report", -1.0);
-        Page page = begin_page("Comparison of haptic renderers", study.document);
-        add_study(page, study, "study", folder);
-        if (const Status written = write_page(page, folder); !written) return written.error();
-        return fmt::format("report: {}\n", std::filesystem::absolute(folder.file("report.html")).string());
+        if (const Status drawn = draw_report(folder); !drawn) return drawn.error();
+        return fmt::format("report: {}\n", std::filesystem::absolute(folder.file(kReportFile)).string());
       });
 }
 

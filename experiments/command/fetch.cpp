@@ -5,28 +5,31 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "experiments/command/commands.h"
-#include "toolkit/scene/scene.h"
+#include "experiments/command/session.h"
+#include "experiments/data/fetch.h"
+#include "experiments/data/scene_scans.h"
+#include "toolkit/core/at_stop.h"
 
 namespace palpate::experiments {
 namespace {
 
 constexpr double kBytesPerMb = 1e6;
 
+nlohmann::ordered_json json_of(const Scan& scan) {
+  nlohmann::ordered_json sources = nlohmann::ordered_json::array();
+  for (const ScanSource& s : scan.sources)
+    sources.push_back({{"address", s.address}, {"member", s.member}, {"file", s.file}, {"sha256", s.sha256}});
+  const auto found = locate_scan(scan);
+  nlohmann::ordered_json entry = {{"name", scan.name},     {"what", scan.what},   {"unit", scan.unit},
+                                  {"points", scan.points}, {"bytes", scan.bytes}, {"licence", scan.licence},
+                                  {"terms", scan.terms},   {"home", scan.home},   {"sources", sources}};
+  entry["found"] = found ? nlohmann::ordered_json(found->string()) : nlohmann::ordered_json(nullptr);
+  return entry;
+}
+
 void print_json() {
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
-  for (const Scan& scan : known_scans()) {
-    nlohmann::ordered_json sources = nlohmann::ordered_json::array();
-    for (const ScanSource& s : scan.sources)
-      sources.push_back(
-          {{"address", s.address}, {"member", s.member}, {"file", s.file}, {"sha256", s.sha256}});
-    const auto found = locate_scan(scan);
-    nlohmann::ordered_json entry = {{"name", scan.name},     {"what", scan.what},   {"unit", scan.unit},
-                                    {"points", scan.points}, {"bytes", scan.bytes}, {"licence", scan.licence},
-                                    {"terms", scan.terms},   {"home", scan.home},   {"sources", sources}};
-    entry["found"] = found ? nlohmann::ordered_json(found->string()) : nlohmann::ordered_json(nullptr);
-    list.push_back(entry);
-  }
+  for (const Scan& scan : known_scans()) list.push_back(json_of(scan));
   fmt::print("{}\n", list.dump(2));
 }
 
@@ -66,43 +69,60 @@ Scan from_address(Scan scan, const std::string& address) {
   return scan;
 }
 
+/// Whether the scan is here or not: the address was asked for.
+Result<BroughtScan> fetch_from(const Scan& scan, const FetchOptions& options, Progress& progress) {
+  Result<std::filesystem::path> got = fetch_scan(scan, options, progress);
+  if (!got) return std::move(got).error();
+  return BroughtScan{*std::move(got), true, {}};
+}
+
 }  // namespace
 
 int run_fetch(const FetchArguments& arguments, Context& context) {
+  const bool of_download = !arguments.source.empty() || arguments.force || arguments.size_limit_gb > 0.0;
+  if (arguments.name.empty() && of_download)
+    return fail({"--source, --force and --size-limit-gb are of a download, and no scan is named",
+                 "palpate fetch NAME; `palpate fetch` lists the names",
+                 {},
+                 0},
+                kExitBadInput);
   if (arguments.name.empty()) {
     arguments.json ? print_json() : print_list();
     return kExitOk;
   }
   const Scan* known = find_scan(arguments.name);
-  if (known == nullptr) {
-    std::vector<std::string> names;
-    for (const Scan& scan : known_scans()) names.push_back(scan.name);
-    const std::string near = scene::nearest_name(arguments.name, names);
-    return fail({fmt::format("no scan is called '{}'", arguments.name),
-                 near.empty() ? "`palpate fetch` lists them" : fmt::format("did you mean '{}'?", near),
-                 {},
-                 0},
-                kExitBadInput);
-  }
-  if (arguments.source.empty()) {
-    if (const auto found = locate_scan(*known)) {
-      fmt::print("{} is here already: {}\n", known->name, found->string());
-      return kExitOk;
-    }
-  }
+  if (known == nullptr) return fail(no_such_scan(arguments.name), kExitBadInput);
   const Scan scan = arguments.source.empty() ? *known : from_address(*known, arguments.source);
-  fmt::print("{}: {}\n{}\n", scan.name, scan.what, scan.terms);
-  std::fflush(stdout);
+  // Where results are printed for a program, what is for a person goes elsewhere.
+  std::FILE* const to_person = arguments.json ? stderr : stdout;
+  if (of_download || !locate_scan(scan))
+    fmt::print(to_person, "{}: {}\n{}\n", scan.name, scan.what, scan.terms);
+  std::fflush(to_person);
+  const io::Readers readers = all_readers();
+  const AtStop at_stop(
+      [] { return std::string("what has come is kept; the same command goes on from there"); });
   FetchOptions options;
   options.cache = cache_folder();
-  const Result<std::filesystem::path> got = fetch_scan(scan, options, context.progress);
+  options.readers = &readers;
+  options.force = arguments.force;
+  if (arguments.size_limit_gb > 0.0)
+    options.download_limit_bytes = static_cast<std::uint64_t>(arguments.size_limit_gb * kBytesPerGb);
+  const Result<BroughtScan> got = arguments.source.empty() ? bring_scan(scan, options, context.progress)
+                                                           : fetch_from(scan, options, context.progress);
   context.progress.clear();
   if (!got) return fail(got.error(), kExitFellShort);
-  if (scan.sources.size() == 1 && scan.sources.front().sha256.empty())
+  if (!got->note.empty()) fmt::print(stderr, "palpate: note: {}\n", got->note);
+  const std::filesystem::path record = checksum_record(got->file);
+  std::error_code code;
+  if (arguments.json)
+    fmt::print("{}\n", json_of(*known).dump(2));
+  else if (!got->fetched)
+    fmt::print("{} is here already: {}\n", scan.name, got->file.string());
+  else if (std::filesystem::exists(record, code))
     fmt::print("stored; no checksum is known, this one was recorded for next time: {}\n  {}\n",
-               checksum_record(*got).string(), got->string());
+               record.string(), got->file.string());
   else
-    fmt::print("stored, checksum right: {}\n", got->string());
+    fmt::print("stored, checksum right: {}\n", got->file.string());
   return kExitOk;
 }
 

@@ -5,6 +5,8 @@
 #include "experiments/command/commands.h"
 #include "experiments/command/session.h"
 #include "experiments/data/scene_scans.h"
+#include "experiments/run/doubts.h"
+#include "toolkit/cloud/height_field_holes.h"
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/neighbourhood/knn.h"
@@ -17,6 +19,7 @@ struct Info {
   const render::ModelInput& model;
   const scene::Provenance& provenance;
   cloud::Statistics statistics;
+  cloud::HeightFieldFacts lattice;
   neighbourhood::Spacing spacing;
   std::string neighbours;  ///< which neighbours the resolution is about
   std::vector<std::string> warnings;
@@ -24,9 +27,10 @@ struct Info {
 
 Info describe(const render::ModelInput& model, const scene::Provenance& provenance, int threads,
               Progress& progress) {
-  Info info{model, provenance, {}, {}, {}, provenance.warnings};
+  Info info{model, provenance, {}, {}, {}, {}, provenance.warnings};
   progress.report("counting", -1.0);
   info.statistics = cloud::describe(*model.cloud);
+  info.lattice = cloud::height_field_facts(*model.cloud);
   progress.report("finding neighbours", -1.0);
   const bool raster = model.cloud->raster.has_value();
   Result<neighbourhood::NeighbourTable> table = raster ? neighbourhood::scanner_path(*model.cloud, threads)
@@ -73,7 +77,9 @@ nlohmann::ordered_json to_json(const Info& info) {
       {"nearest_mm", percentiles(info.spacing.nearest_mm)},
       {"eighth_mm", percentiles(info.spacing.eighth_mm)},
       {"median_index_distance", info.spacing.median_index_distance},
-      {"height_field", s.height_field},
+      {"height_field", info.lattice.is},
+      {"height_field_words", info.lattice.words},
+      {"single_valued", s.single_valued},
       {"triangles", info.model.original_mesh ? info.model.original_mesh->triangles.size() : 0},
       {"formula", info.model.analytic ? nlohmann::ordered_json(info.model.analytic->formula())
                                       : nlohmann::ordered_json(nullptr)},
@@ -86,6 +92,15 @@ nlohmann::ordered_json to_json(const Info& info) {
                                         {"columns_wrap", s.raster->columns_wrap},
                                         {"rows_wrap", s.raster->rows_wrap}}
                : nlohmann::ordered_json(nullptr);
+  const cloud::Holes& holes = info.lattice.holes;
+  j["lattice"] = info.lattice.is ? nlohmann::ordered_json{{"columns", info.lattice.columns},
+                                                          {"rows", info.lattice.rows},
+                                                          {"missing", holes.missing},
+                                                          {"filled", holes.gaps},
+                                                          {"open", holes.voids},
+                                                          {"outside", holes.outside},
+                                                          {"widest_hole", holes.widest}}
+                                 : nlohmann::ordered_json(nullptr);
   // JSON has no infinity: a flat box has no volume to be dense in.
   if (!std::isfinite(s.density_per_mm3)) j["density_per_mm3"] = nullptr;
   return j;
@@ -125,7 +140,7 @@ void print_text(const Info& info) {
   row("extent", fmt::format("{:.4g} x {:.4g} x {:.4g} mm", extent.x(), extent.y(), extent.z()));
   row("resolution",
       fmt::format("{:.4g} mm, largest distance over {}", info.spacing.resolution_mm, info.neighbours));
-  if (s.height_field)
+  if (s.single_valued)
     row("plan resolution",
         fmt::format("{:.4g} mm, the same seen from above", info.spacing.plan_resolution_mm));
   row("density", std::isfinite(s.density_per_mm3)
@@ -136,7 +151,9 @@ void print_text(const Info& info) {
   row("scanner order", order_text(s.raster));
   row("index distance", fmt::format("{:.4g} (median to the nearest point; 1 in a scanner's order)",
                                     info.spacing.median_index_distance));
-  row("height field", s.height_field ? "yes" : "no");
+  row("height field", info.lattice.is   ? "yes, on " + info.lattice.words
+                      : s.single_valued ? info.lattice.words + "; seen from above it does not overlap itself"
+                                        : info.lattice.words);
   row("own mesh", info.model.original_mesh
                       ? fmt::format("{} triangles", info.model.original_mesh->triangles.size())
                       : std::string("none"));
@@ -149,7 +166,7 @@ void print_text(const Info& info) {
 int run_info(const InfoArguments& arguments, Context& context) {
   const Result<scene::LoadOptions> options = load_options(arguments.load);
   if (!options) return fail(options.error(), kExitBadInput);
-  const Result<scene::SceneFile> file = open_scene(arguments.model, context.progress);
+  const Result<scene::SceneFile> file = open_scene(arguments.model, all_renderers(), context.progress);
   if (!file) return fail(file.error(), kExitBadInput);
   const Result<scene::LoadedScene> loaded = scene::load(*file, all_readers(), *options, context.progress);
   if (!loaded) return fail(loaded.error(), kExitBadInput, &context.progress);
@@ -163,6 +180,8 @@ int run_info(const InfoArguments& arguments, Context& context) {
     else
       print_text(info);
   }
+  for (const std::string& doubt : doubts_about_models(*loaded))
+    fmt::print(stderr, "palpate: warning: {}\n", doubt);
   if (arguments.json) fmt::print("{}\n", (list.size() == 1 ? list.front() : list).dump(2));
   return kExitOk;
 }

@@ -7,6 +7,8 @@
 #include "experiments/command/session.h"
 #include "experiments/data/scene_scans.h"
 #include "experiments/run/arguments.h"
+#include "experiments/run/cleaning.h"
+#include "experiments/run/doubts.h"
 
 namespace palpate::experiments {
 namespace {
@@ -39,29 +41,53 @@ nlohmann::ordered_json json(const plan::Plan& plan) {
 int run_plan(const PlanArguments& arguments, Context& context) {
   const Result<scene::LoadOptions> options = load_options(arguments.load);
   if (!options) return fail(options.error(), kExitBadInput);
-  const Result<scene::SceneFile> file = open_scene(arguments.scene, context.progress);
-  if (!file) return fail(file.error(), kExitBadInput);
-  std::optional<NamedOptions> wanted = file->renderer;
   const render::Registry registry = all_renderers();
+  Result<scene::SceneFile> file = open_scene(arguments.scene, registry, context.progress);
+  if (!file) return fail(file.error(), kExitBadInput);
+  const Result<SurfaceReport> surfaces = set_surfaces(arguments.surface, *file);
+  if (!surfaces) return fail(surfaces.error(), kExitBadInput);
+  std::optional<NamedOptions> wanted = file->renderer;
   if (!arguments.renderer.empty()) {
     Result<NamedOptions> named = parse_named_options(arguments.renderer);
     if (!named) return fail(named.error(), kExitBadInput);
     wanted = *std::move(named);
   }
-  // A wrong name or option is found here, as replay would find it.
-  if (wanted)
-    if (const Result<RendererRequest> request = request_of(*wanted, registry); !request)
-      return fail(request.error(), kExitBadInput);
-  const Result<scene::LoadedScene> loaded = scene::load(*file, all_readers(), *options, context.progress);
+  // A wrong name or option is found here, as replay would find it; so is the cleaning that it asks for.
+  std::vector<NamedOptions> clean;
+  if (wanted) {
+    Result<RendererRequest> request = request_of(*wanted, registry);
+    if (!request) return fail(request.error(), kExitBadInput);
+    wanted = NamedOptions{request->name, std::move(request->options)};
+    clean = std::move(request->clean);
+  }
+  Result<scene::LoadedScene> loaded = scene::load(*file, all_readers(), *options, context.progress);
   if (!loaded) return fail(loaded.error(), kExitBadInput, &context.progress);
+  if (const Status felt = check_surfaces(*loaded); !felt)
+    return fail(felt.error(), kExitBadInput, &context.progress);
+  if (!clean.empty()) {
+    Result<CleanedScene> cleaned =
+        clean_scene(loaded->input, clean, arguments.load.threads, context.progress);
+    if (!cleaned) return fail(cleaned.error(), kExitBadInput, &context.progress);
+    loaded->input = std::move(cleaned->input);
+  }
   context.progress.report("measuring the spacing", -1.0);
   const Result<plan::Plan> plan = plan::make_plan(loaded->input, wanted, arguments.load.threads);
   context.progress.clear();
   if (!plan) return fail(plan.error(), kExitBadInput);
-  if (arguments.json)
-    fmt::print("{}\n", json(*plan).dump(2));
-  else
-    fmt::print("{}", plan::text(*plan));
+  std::vector<std::string> warnings = surfaces->warnings;
+  for (const scene::Provenance& p : loaded->provenance)
+    warnings.insert(warnings.end(), p.warnings.begin(), p.warnings.end());
+  for (std::string& doubt : doubts_about_models(*loaded)) warnings.push_back(std::move(doubt));
+  if (arguments.json) {
+    nlohmann::ordered_json document = json(*plan);
+    document["warnings"] = warnings;
+    document["notes"] = surfaces->notes;
+    fmt::print("{}\n", document.dump(2));
+    return kExitOk;
+  }
+  fmt::print("{}", plan::text(*plan));
+  for (const std::string& warning : warnings) fmt::print(stderr, "palpate: warning: {}\n", warning);
+  for (const std::string& note : surfaces->notes) fmt::print(stderr, "palpate: note: {}\n", note);
   return kExitOk;
 }
 

@@ -1,13 +1,12 @@
 #include "experiments/command/progress_bar.h"
 
 #include <fmt/format.h>
-#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <csignal>
 #include <cstdio>
 
+#include "experiments/command/terminal.h"
 #include "toolkit/core/clock.h"
 
 namespace palpate::experiments {
@@ -18,19 +17,6 @@ constexpr std::int64_t kRedrawNs = 100'000'000;    // ten times a second
 constexpr std::int64_t kLogNs = 5'000'000'000;     // a line of a log stands for so long
 constexpr double kBelievableFraction = 0.02;       // before that a time left would only jump about
 constexpr int kBarCells = 24;
-constexpr std::size_t kDefaultColumns = 80;
-
-volatile std::sig_atomic_t stop_asked = 0;
-
-extern "C" void on_stop(int) {
-  stop_asked = 1;
-}
-
-std::size_t columns() {
-  winsize size{};
-  if (::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0) return size.ws_col;
-  return kDefaultColumns;
-}
 
 std::string seconds(double s) {
   constexpr int kMinute = 60;
@@ -41,20 +27,10 @@ std::string seconds(double s) {
 
 }  // namespace
 
-ProgressBar::ProgressBar() : terminal_(::isatty(STDERR_FILENO) == 1) {
-  struct sigaction action {};
-  action.sa_handler = on_stop;
-  action.sa_flags = static_cast<int>(SA_RESETHAND);
-  ::sigaction(SIGINT, &action, nullptr);
-  ::sigaction(SIGTERM, &action, nullptr);
-}
+ProgressBar::ProgressBar() : terminal_(::isatty(STDERR_FILENO) == 1) {}
 
 ProgressBar::~ProgressBar() {
   clear();
-}
-
-bool ProgressBar::cancelled() const {
-  return stop_asked != 0;
 }
 
 void ProgressBar::clear() {
@@ -90,7 +66,7 @@ void ProgressBar::report(std::string_view what, double fraction) {
   } else {
     line += fmt::format("  {}", seconds(elapsed_s));
   }
-  fmt::print(stderr, "\r\033[K{}", line.substr(0, columns() - 1));
+  fmt::print(stderr, "\r\033[K{}", line.substr(0, terminal_columns(STDERR_FILENO) - 1));
   std::fflush(stderr);
   drawn_ = true;
 }

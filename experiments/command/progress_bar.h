@@ -10,13 +10,11 @@ namespace palpate::experiments {
 
 /// Draws on standard error from the second second of a phase on; on anything but a terminal a job of
 /// several steps (set_prefix) prints a line every few seconds, and any other nothing.
-/// Ctrl-C and SIGTERM make cancelled() true; a second one ends the program at once.
 class ProgressBar final : public Progress {
  public:
   ProgressBar();
   ~ProgressBar() override;
   void report(std::string_view what, double fraction) override;
-  [[nodiscard]] bool cancelled() const override;
 
   /// Removes what is drawn, before other text is printed.
   void clear();

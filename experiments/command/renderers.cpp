@@ -10,7 +10,10 @@ int run_renderers(const RenderersArguments& arguments) {
   const render::Registry registry = all_renderers();
   std::vector<CatalogueEntry> entries;
   for (const render::RendererInfo& info : registry.all())
-    entries.push_back({info.name, info.summary, info.source, info.options, info.needs_analytic});
+    entries.push_back({info.name, info.summary, info.source, info.options, std::string(name_of(info.role)),
+                       std::string(name_of(info.geometry)), names_of(info.supports)});
+  if (const Status found = keep_named(entries, arguments.name); !found)
+    return fail(found.error(), kExitBadInput);
   print_catalogue(entries, arguments.json);
   if (!arguments.json)
     fmt::print(

@@ -37,8 +37,9 @@ Result<Row> measure(std::uint64_t points, Reproduction& r, metrics::ResultDocume
   options.threads = r.arguments.threads;
   options.prepare_limit_s = kPrepareLimitS;
   for (const char* name : kRenderers) {
-    const Result<std::vector<RendererRequest>> requests = parse_renderers(name, r.registry);
+    Result<std::vector<RendererRequest>> requests = parse_renderers(name, r.registry);
     if (!requests) return requests.error();
+    limit_reconstruction(requests->front(), r);
     Result<Run> run = run_renderer(*stage, requests->front(), r.registry, options, r.context.progress);
     if (!run) return std::move(run).error();
     run->result.label = fmt::format("{}-{}", run->result.label, row.points);
@@ -62,6 +63,12 @@ std::vector<std::optional<double>> column(const std::vector<Row>& rows, std::siz
 std::optional<double> mean_us(const metrics::RendererResult& r) {
   return r.frame ? r.frame->mean_us : std::nullopt;
 }
+std::optional<double> clocked_us(const metrics::RendererResult& r) {
+  return r.frame ? r.frame->mean_clocked_us : std::nullopt;
+}
+std::optional<double> contact_frames(const metrics::RendererResult& r) {
+  return r.frame ? std::optional<double>(static_cast<double>(r.frame->contact_frames)) : std::nullopt;
+}
 std::optional<double> p999_us(const metrics::RendererResult& r) {
   return r.frame ? r.frame->p999_us : std::nullopt;
 }
@@ -69,24 +76,30 @@ std::optional<double> prepare_s(const metrics::RendererResult& r) {
   return r.prepare ? std::optional<double>(r.prepare->total_ms / kMsPerSecond) : std::nullopt;
 }
 
-Table growth_table(const std::vector<Row>& rows) {
+/// A column a size, a group of rows a renderer.
+Table growth_table(const std::vector<Row>& rows, const metrics::ResultDocument& document) {
   Table table;
   table.title = "Growth with the number of points, one surface and one path";
   table.columns = {"points"};
-  for (const Row& row : rows) table.rows.push_back({{count_text(row.points), false, false}});
+  for (const Row& row : rows) table.columns.push_back(count_text(row.points));
+  const std::string frames = frames_text(document);
   for (std::size_t i = 0; i < std::size(kLabels); ++i) {
-    const std::string label = kLabels[i];
-    for (const auto& [name, value] : {std::pair{label + ": mean frame, µs", &mean_us},
-                                      {label + ": 99.9 %, µs", &p999_us},
-                                      {label + ": preparation, s", &prepare_s}}) {
-      table.columns.push_back(name);
+    table.rows.push_back({{kLabels[i], false, false}});
+    for (const auto& [name, value] :
+         {std::pair{"frames in contact" + (frames.empty() ? "" : ", " + frames), &contact_frames},
+          {"mean frame without the clock, µs", &mean_us},
+          {"mean frame with the clock, µs", &clocked_us},
+          {"99.9 % with the clock, µs", &p999_us},
+          {"preparation, s", &prepare_s}}) {
+      table.rows.push_back({{name, false, false}});
       const std::vector<std::string> texts = aligned_numbers(column(rows, i, value));
       for (std::size_t k = 0; k < rows.size(); ++k) {
         const bool ok = i < rows[k].results.size() && rows[k].results[i].status == metrics::RunStatus::kOk;
-        table.rows[k].push_back({ok ? texts[k] : "did not finish", false, !ok});
+        table.rows.back().push_back({ok ? texts[k] : "did not finish", false, !ok});
       }
     }
   }
+  table.bad_means = "did not run to its end";
   table.caption =
       "The mesh is the regular triangulation that the surface was generated with, so its preparation has no "
       "reconstruction in it.";
@@ -106,8 +119,9 @@ Chart growth_chart(const std::vector<Row>& rows, const char* name, const char* t
   chart.extra =
       "set xtics ('10^4' 1e4, '10^5' 1e5, '10^6' 1e6, '10^7' 1e7)\nset yrange [*:*]\n"
       "set offsets graph 0.03, graph 0.03, graph 0.05, graph 0.05\n";
+  const std::vector<Look> looks = looks_of({std::begin(kLabels), std::end(kLabels)});
   for (std::size_t i = 0; i < std::size(kLabels); ++i) {
-    Series series{kLabels[i], colour_of(kLabels[i], i), {}, {}};
+    Series series{kLabels[i], looks[i].colour, {}, {}, looks[i].dash};
     const std::vector<std::optional<double>> values = column(rows, i, value);
     for (std::size_t k = 0; k < rows.size(); ++k) {
       if (!values[k]) continue;
@@ -154,13 +168,13 @@ void measure_growth(Reproduction& r) {
       break;
     }
     rows.push_back(*std::move(row));
-    if (r.context.progress.cancelled()) break;
   }
   if (const Result<OutputFolder> folder = r.folder.inside("growth"))
     if (const Status written = folder->write("result.json", metrics::to_json(document)); !written)
       r.missing.push_back("growth/result.json: " + written.error().message());
-  Table table = growth_table(rows);
-  Section section{"growth", "Growth with the number of points", {}, {table}, {}, {}};
+  add_known(r.page, known_of("Growth", document));
+  Table table = growth_table(rows, document);
+  Section section{"growth", "Growth with the number of points", {}, {}, {table}, {}, {}};
   if (const Result<OutputFolder> figures = r.folder.inside("figures")) {
     section.figures.push_back(
         draw(growth_chart(rows, "growth", "Mean frame by number of points", "mean frame, µs", &mean_us),

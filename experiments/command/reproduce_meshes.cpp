@@ -3,14 +3,15 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
-#include <numeric>
 
 #include "experiments/command/reproduction.h"
 #ifdef PALPATE_WITH_BASELINES
+#include "baselines/reconstruct/oriented_normals.h"
 #include "baselines/reconstruct/reconstruct.h"
 #include "baselines/reference/mesh_distance.h"
 #endif
-#include "toolkit/core/random.h"
+#include "toolkit/cloud/sample.h"
+#include "toolkit/cloud/statistics.h"
 #include "toolkit/neighbourhood/knn.h"
 
 namespace palpate::experiments {
@@ -34,29 +35,12 @@ Cell plain(std::string text) {
   return {std::move(text), false, false};
 }
 
-/// `count` of the points, at random, in their order.
-cloud::Cloud thinned(const cloud::Cloud& cloud, std::size_t count) {
-  std::vector<std::uint32_t> kept(cloud.size());
-  std::iota(kept.begin(), kept.end(), 0u);
-  Random random(kSeed);
-  for (std::size_t i = 0; i < count; ++i) std::swap(kept[i], kept[i + random.below(kept.size() - i)]);
-  kept.resize(count);
-  std::sort(kept.begin(), kept.end());
-  cloud::Cloud thin;
-  thin.origin_mm = cloud.origin_mm;
-  for (const std::uint32_t i : kept) {
-    thin.x_mm.push_back(cloud.x_mm[i]);
-    thin.y_mm.push_back(cloud.y_mm[i]);
-    thin.z_mm.push_back(cloud.z_mm[i]);
-  }
-  return thin;
-}
-
 /// One method on one model.
 struct Row {
   std::string method, model;
   std::size_t points = 0;
   double spacing_mm = 0.0;
+  double rounding_mm = 0.0;  ///< of a stored point: a mesh through the points is no nearer to them
   std::optional<baselines::Reconstruction> made;
   std::optional<baselines::MeshDistance> distance;
   Error failure;
@@ -64,7 +48,7 @@ struct Row {
   [[nodiscard]] double normals_ms() const {
     double ms = 0.0;
     for (const render::PreparePhase& phase : made->made.phases)
-      if (phase.name.find("normals") != std::string::npos) ms += phase.ms;
+      if (baselines::is_of_normals(phase)) ms += phase.ms;
     return ms;
   }
 };
@@ -76,6 +60,7 @@ Row run(const baselines::Method& method, const ManifestModel& model, const cloud
   row.model = model.name;
   row.points = cloud.size();
   row.spacing_mm = neighbourhood::mean_spacing_mm(cloud);
+  row.rounding_mm = cloud::stored_rounding_mm(cloud);
   baselines::ReconstructRequest request;
   request.method = method.name;
   request.threads = r.arguments.threads;
@@ -101,7 +86,6 @@ std::vector<Row> run_all(const ManifestModel& model, const cloud::Cloud& cloud, 
                          Reproduction& r) {
   std::vector<Row> rows;
   for (const baselines::Method& method : baselines::methods()) {
-    if (r.context.progress.cancelled()) break;
     if (method.raster_only && !cloud.raster) continue;
     if (method.not_built.empty()) {
       rows.push_back(run(method, model, cloud, cache, r));
@@ -111,14 +95,13 @@ std::vector<Row> run_all(const ManifestModel& model, const cloud::Cloud& cloud, 
       rows.back().failure = {"not in this build", method.not_built, {}, 0};
     }
     const Row& row = rows.back();
-    if (!row.made)
-      r.missing.push_back(fmt::format("table 3, {}, {}: {}", model.name, row.method, row.failure.message()));
+    if (!row.made) leave_out(r, fmt::format("table 3, {}, {}", model.name, row.method), row.failure);
   }
   return rows;
 }
 
 std::string spacings(double mm, const Row& row) {
-  return short_number(mm / row.spacing_mm);
+  return short_number(settled(mm, row.rounding_mm) / row.spacing_mm);
 }
 
 Table model_table(const ManifestModel& model, const std::vector<Row>& rows) {
@@ -132,13 +115,13 @@ Table model_table(const ManifestModel& model, const std::vector<Row>& rows) {
     if (!row.made) {
       table.rows.push_back(
           {plain(row.method), {row.failure.gave_up ? "did not finish" : "failed", false, true}});
-      table.rows.back().resize(table.columns.size(), plain("–"));
+      table.rows.back().resize(table.columns.size(), plain(kNoNumber));
       table.notes.push_back(fmt::format("{}: {}.", row.method, row.failure.message()));
       continue;
     }
     const double normals_ms = row.normals_ms();
     table.rows.push_back({plain(row.method), plain(duration_text(row.made->made.total_ms)),
-                          plain(normals_ms > 0.0 ? duration_text(normals_ms) : "–"),
+                          plain(normals_ms > 0.0 ? duration_text(normals_ms) : kNoNumber),
                           plain(count_text(row.made->mesh.triangles.size())),
                           plain(count_text(static_cast<std::uint64_t>(
                               static_cast<double>(row.made->peak_bytes) / kMegabyte)))});
@@ -146,14 +129,17 @@ Table model_table(const ManifestModel& model, const std::vector<Row>& rows) {
     if (const auto& d = row.distance)
       for (const double mm : {d->points_rms_mm, d->points_max_mm, d->mesh_rms_mm, d->mesh_max_mm})
         cells.push_back(plain(spacings(mm, row)));
-    cells.resize(table.columns.size() - 1, plain("–"));
+    cells.resize(table.columns.size() - 1, plain(kNoNumber));
     cells.push_back(plain(row.made->recorded ? row.made->made_on : "now"));
   }
+  table.bad_means = "no mesh came of it: see below";
   table.caption = fmt::format(
       "Distances in spacings ({} mm), from {} points to the mesh and from as many places of the mesh to the "
-      "nearest point; places between points are themselves half a spacing from them. Time: all phases in a "
+      "nearest point; places between points are themselves half a spacing from them. 0: no more than the "
+      "rounding of a stored point. Time: all phases in a "
       "process of its own. Made: a mesh from the cache shows the time of the day it was made.",
-      rows.empty() ? "–" : short_number(rows.front().spacing_mm), count_text(std::min(kSamples, points)));
+      rows.empty() ? kNoNumber : short_number(rows.front().spacing_mm),
+      count_text(std::min(kSamples, points)));
   return table;
 }
 
@@ -179,31 +165,21 @@ Table printed_table(const Manifest& manifest, const std::vector<Row>& rows) {
       else
         cells.push_back({row->failure.gave_up ? "did not finish" : "failed", false, true});
     }
-    cells.resize(table.columns.size(), plain("–"));
+    cells.resize(table.columns.size(), plain(kNoNumber));
   }
+  table.bad_means = "no mesh came of it";
   table.caption = "Thesis: " + manifest.hardware + ". Ours: this machine, normals included.";
   table.notes = manifest.notes;
   return table;
 }
 
-metrics::RendererResult as_result(const Row& row, int threads) {
-  metrics::RendererResult result;
-  result.label = fmt::format("{}-{}", row.model, row.method);
-  result.name = row.method;
-  result.model = metrics::RendererResult::Model{row.points, 0.0};
-  result.threads = threads;
-  if (row.made) {
-    result.prepare = row.made->made;
-    result.threads = row.made->threads;
-  } else {
-    result.status = row.failure.gave_up ? metrics::RunStatus::kDidNotFinish : metrics::RunStatus::kFailed;
-    result.reason = row.failure.message();
-  }
-  return result;
-}
-
-nlohmann::ordered_json to_json(const std::vector<Row>& rows) {
-  nlohmann::ordered_json all = nlohmann::ordered_json::array();
+/// docs/meshes.schema.json describes it.
+nlohmann::ordered_json to_json(const std::vector<Row>& rows, const std::vector<std::string>& warnings,
+                               const metrics::DocumentHead& head) {
+  nlohmann::ordered_json document = {{"schema", "palpate-meshes/1"}};
+  document.update(nlohmann::ordered_json::parse(metrics::head_json(head)));
+  document["warnings"] = warnings;
+  nlohmann::ordered_json& all = document["meshes"] = nlohmann::ordered_json::array();
   for (const Row& row : rows) {
     nlohmann::ordered_json one = {{"model", row.model}, {"method", row.method}, {"points", row.points}};
     if (row.made) {
@@ -229,7 +205,7 @@ nlohmann::ordered_json to_json(const std::vector<Row>& rows) {
     }
     all.push_back(std::move(one));
   }
-  return all;
+  return document;
 }
 
 void add_headlines(const Manifest& manifest, const std::vector<Row>& rows, Reproduction& r) {
@@ -245,12 +221,13 @@ void add_headlines(const Manifest& manifest, const std::vector<Row>& rows, Repro
   if (!found.lines.empty()) r.page.headlines.push_back(std::move(found));
 }
 
-void write_results(const Manifest& manifest, const std::vector<Row>& rows, Reproduction& r) {
-  metrics::ResultDocument document = new_document(r.context.command_line);
-  for (const Row& row : rows) document.renderers.push_back(as_result(row, r.arguments.threads));
+void write_results(const Manifest& manifest, const std::vector<Row>& rows,
+                   const std::vector<std::string>& warnings, Reproduction& r) {
+  add_known(r.page, {fmt::format("Table {}", manifest.table), warnings, {}});
   const Result<OutputFolder> folder = r.folder.inside(fmt::format("table{}", manifest.table));
-  Status written = folder ? folder->write("result.json", metrics::to_json(document)) : Status(folder.error());
-  if (written) written = folder->write("meshes.json", to_json(rows).dump(2) + "\n");
+  const auto text = to_json(rows, warnings, r.page.about)
+                        .dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+  const Status written = folder ? folder->write("meshes.json", text + "\n") : Status(folder.error());
   if (!written) give_up(r, fmt::format("the results of table {}", manifest.table), written.error());
 }
 
@@ -258,32 +235,38 @@ void write_results(const Manifest& manifest, const std::vector<Row>& rows, Repro
 
 void reproduce_meshes(const Manifest& manifest, Reproduction& r) {
   std::optional<baselines::MeshCache> cache = baselines::MeshCache::standard();
+  std::vector<std::string> warnings;
   std::vector<Row> rows;
   std::vector<Table> tables;
   for (const ManifestModel& model : manifest.models) {
     const Result<scene::SceneFile> scene = scene_of(model, r);
-    const Result<scene::LoadedScene> loaded = scene ? scene::load(*scene, r.readers, {}, r.context.progress)
-                                                    : Result<scene::LoadedScene>(scene.error());
+    if (!scene) {
+      leave_out(r, fmt::format("table {}, {}", manifest.table, model.name), scene.error());
+      continue;
+    }
+    const Result<scene::LoadedScene> loaded = scene::load(*scene, r.readers, {}, r.context.progress);
     if (!loaded) {
       give_up(r, fmt::format("table {}, {}", manifest.table, model.name), loaded.error());
       continue;
     }
+    add_warnings(warnings, model.name, *loaded);
     const cloud::Cloud& whole = *loaded->input.models.front().cloud;
     const bool thin = !r.arguments.full && model.points_in_time > 0 && model.points_in_time < whole.size();
     std::vector<Row> some =
-        run_all(model, thin ? thinned(whole, model.points_in_time) : whole, cache ? &*cache : nullptr, r);
+        run_all(model, thin ? cloud::sample_of(whole, model.points_in_time, kSeed) : whole,
+                cache ? &*cache : nullptr, r);
     tables.push_back(model_table(model, some));
     if (thin)
       tables.back().notes.push_back(fmt::format("{} of the {}'s {} points, at random; --full takes all.",
                                                 count_text(model.points_in_time), model.name,
                                                 count_text(whole.size())));
     std::move(some.begin(), some.end(), std::back_inserter(rows));
-    if (r.context.progress.cancelled()) return;
   }
-  write_results(manifest, rows, r);
+  check_done(r, std::any_of(rows.begin(), rows.end(), [](const Row& row) { return row.made.has_value(); }));
+  write_results(manifest, rows, warnings, r);
   tables.insert(tables.begin(), printed_table(manifest, rows));
   add_headlines(manifest, rows, r);
-  Section section{fmt::format("table{}", manifest.table), manifest.title, {}, tables, {}, {}};
+  Section section{fmt::format("table{}", manifest.table), manifest.title, {}, {}, tables, {}, {}};
   if (!manifest.text.empty()) section.paragraphs.push_back(manifest.text);
   r.page.sections.push_back(std::move(section));
   std::move(tables.begin(), tables.end(), std::back_inserter(r.tables));

@@ -14,7 +14,6 @@ using Value = std::optional<double>;
 
 constexpr double kPrepareLimitS = 120.0, kFullPrepareLimitS = 3600.0;
 /// The option of renderers that make a mesh.
-constexpr const char* kMeshLimit = "mesh_time_limit_s";
 /// A published figure is compared with a model of at most this share more or fewer points.
 constexpr double kSameSize = 0.1;
 
@@ -58,97 +57,145 @@ Cell published_cell(const ManifestMethod& method, const R& result) {
     const bool met = result.frame && result.frame->mean_us && *result.frame->mean_us <= p.us;
     return {fmt::format("{} µs: {}", short_number(p.us), met ? "met" : "missed"), false, !met};
   }
-  return plain("–");
+  return plain(kNoNumber);
 }
+
+/// A table with a row for each renderer, made column by column; who did not run has dashes.
+class ByRenderer {
+ public:
+  explicit ByRenderer(const metrics::ResultDocument& document) : document_(document) {
+    table.columns = {"renderer"};
+    for (const R& r : document.renderers) table.rows.push_back({plain(r.label)});
+  }
+  template <class Of>
+  void cells(std::string name, const Of& cell) {
+    table.columns.push_back(std::move(name));
+    for (std::size_t i = 0; i < table.rows.size(); ++i) {
+      const R& r = document_.renderers[i];
+      table.rows[i].push_back(r.status == metrics::RunStatus::kOk ? cell(r, i) : plain(kNoNumber));
+    }
+  }
+  template <class Of>
+  void numbers(std::string name, const Of& value) {
+    std::vector<Value> values;
+    for (const R& r : document_.renderers) values.push_back(value(r));
+    const std::vector<std::string> texts = aligned_numbers(values);
+    cells(std::move(name), [&](const R&, std::size_t i) { return plain(texts[i]); });
+  }
+  void times(std::string name, Value trace::FrameStatistics::*member) {
+    numbers(std::move(name), [member](const R& r) { return r.frame ? (*r.frame).*member : std::nullopt; });
+  }
+  /// Any is too many.
+  template <class Of>
+  void faults(std::string name, const Of& value) {
+    cells(std::move(name), [&](const R& r, std::size_t) {
+      const std::optional<std::uint64_t> n = r.accuracy ? value(*r.accuracy) : std::nullopt;
+      return n ? Cell{count_text(*n), false, *n > 0} : plain(kNoNumber);
+    });
+  }
+
+  Table table;
+
+ private:
+  const metrics::ResultDocument& document_;
+};
 
 Table model_table(const ManifestModel& model, const Manifest& manifest,
                   const metrics::ResultDocument& document) {
-  Table table;
+  using A = metrics::Accuracy;
+  using F = trace::FrameStatistics;
+  using Count = std::optional<std::uint64_t>;
+  ByRenderer by(document);
   const std::uint64_t points = document.renderers.empty() || !document.renderers.front().model
                                    ? 0
                                    : document.renderers.front().model->points;
-  table.title = fmt::format("Table 11 on the {}, {} points", model.name, count_text(points));
-  table.columns = {"renderer",       "preparation",   "bytes a point", "mean frame, µs",
-                   "99.9 % within",  "worst, µs",     "published",     "force error, RMS, %",
-                   "missed, frames", "false, frames", "pop-throughs"};
-  const auto number = [](const Value& v) { return v ? short_number(*v) : std::string("–"); };
-  for (const R& r : document.renderers) {
+  by.table.title =
+      fmt::format("Table {} on the {}, {} points", manifest.table, model.name, count_text(points));
+  by.cells("preparation", [](const R& r, std::size_t) {
+    return plain(r.prepare ? duration_text(r.prepare->total_ms) : kNoNumber);
+  });
+  by.numbers("bytes a point", bytes_per_point);
+  const std::string frames = frames_text(document);
+  by.cells("frames in contact" + (frames.empty() ? "" : ", " + frames), [](const R& r, std::size_t) {
+    return plain(r.frame ? count_text(r.frame->contact_frames) : kNoNumber);
+  });
+  by.times("mean without the clock, µs", &F::mean_us);
+  by.cells("published", [&](const R& r, std::size_t) {
     const auto method = std::find_if(manifest.methods.begin(), manifest.methods.end(),
                                      [&](const ManifestMethod& m) { return label_of(m) == r.label; });
-    std::vector<Cell> row = {plain(r.label)};
-    if (r.status != metrics::RunStatus::kOk) {
-      row.push_back(
-          {r.status == metrics::RunStatus::kFailed ? "does not run: " + r.reason : r.reason, false, true});
-      row.resize(table.columns.size(), plain("–"));
-      table.rows.push_back(std::move(row));
-      continue;
-    }
-    row.push_back(plain(r.prepare ? duration_text(r.prepare->total_ms) : "–"));
-    row.push_back(plain(number(bytes_per_point(r))));
-    row.push_back(plain(number(r.frame ? r.frame->mean_us : Value())));
-    row.push_back(plain(number(r.frame ? r.frame->p999_us : Value())));
-    row.push_back(plain(number(r.frame ? r.frame->max_us : Value())));
-    row.push_back(method == manifest.methods.end() ? plain("–") : published_cell(*method, r));
-    row.push_back(plain(number(r.accuracy ? r.accuracy->force_rms_percent : Value())));
-    const auto count = [&](std::optional<std::uint64_t> n) {
-      return n ? Cell{count_text(*n), false, *n > 0} : plain("–");
-    };
-    using Count = std::optional<std::uint64_t>;
-    row.push_back(count(r.accuracy ? Count(r.accuracy->missed_contact_frames) : Count()));
-    row.push_back(count(r.accuracy ? Count(r.accuracy->false_contact_frames) : Count()));
-    row.push_back(count(r.accuracy ? r.accuracy->pop_throughs : Count()));
-    table.rows.push_back(std::move(row));
+    return method == manifest.methods.end() ? plain(kNoNumber) : published_cell(*method, r);
+  });
+  by.times("mean, µs", &F::mean_clocked_us);
+  by.times("99.9 %, µs", &F::p999_us);
+  by.times("longest, µs", &F::max_us);
+  by.numbers("force error, RMS, %", [](const R& r) { return settled_score(r, &A::force_rms_percent); });
+  by.faults("missed, frames", [](const A& a) { return Count(a.missed_contact_frames); });
+  by.faults("false, frames", [](const A& a) { return Count(a.false_contact_frames); });
+  by.faults("pop-throughs", [](const A& a) { return a.pop_throughs; });
+  for (std::size_t i = 0; i < document.renderers.size(); ++i) {
+    const R& r = document.renderers[i];
+    if (r.status == metrics::RunStatus::kOk) continue;
+    const char* const fell = r.status == metrics::RunStatus::kFailed ? "does not run" : "did not finish";
+    by.table.rows[i][1] = {fell, false, true};
+    by.table.notes.push_back(fmt::format("{} {}: {}", r.label, fell, r.reason));
   }
-  return table;
+  by.table.bad_means = "falls short: slower than published, contact missed, false or lost, or did not run";
+  by.table.caption =
+      "Times are of frames in contact, back to back: without the clock of whole runs of frames, which the "
+      "published times are compared with; the others of single frames, each with the clock's cost in it.";
+  return std::move(by.table);
 }
 
 std::string ratio(double ours, double theirs) {
-  if (!(ours > 0.0) || !(theirs > 0.0)) return "–";
-  return ours <= theirs ? fmt::format("1/{}", short_number(theirs / ours)) : short_number(ours / theirs);
+  constexpr double kMost = 1e6;  // beyond it one of the two is rounding or chance
+  if (!(ours > 0.0) || !(theirs > 0.0)) return kNoNumber;
+  const double times = std::max(ours, theirs) / std::min(ours, theirs);
+  const std::string text = times > kMost ? "more than a million" : short_number(times);
+  return ours <= theirs ? "1/" + text : text;
 }
 
-/// `cloud` against the fastest and the most accurate mesh renderer of the same run.
+/// Each of ours that works on points against the fastest and the most accurate mesh renderer of the same run.
 std::vector<std::string> against_meshes(const metrics::ResultDocument& document) {
-  const R* cloud = nullptr;
+  std::vector<const R*> ours;
   const R *fastest = nullptr, *rightest = nullptr;
   for (const R& r : document.renderers) {
     if (r.status != metrics::RunStatus::kOk || !r.frame || !r.frame->mean_us || !r.prepare) continue;
-    if (r.label == "cloud") cloud = &r;
-    if (!r.label.starts_with("mesh-")) continue;
+    if (r.role == render::Role::kOurs && r.works_on == render::Geometry::kPoints) ours.push_back(&r);
+    if (r.works_on != render::Geometry::kMesh) continue;
     if (fastest == nullptr || *r.frame->mean_us < *fastest->frame->mean_us) fastest = &r;
     if (r.accuracy && r.accuracy->force_rms_percent &&
         (rightest == nullptr || *r.accuracy->force_rms_percent < *rightest->accuracy->force_rms_percent))
       rightest = &r;
   }
   std::vector<std::string> lines;
-  const auto line = [&](const char* what, const R* mesh) {
-    if (cloud == nullptr || mesh == nullptr) return;
+  const auto line = [&](const R& own, const char* what, const R* mesh) {
+    if (mesh == nullptr) return;
     lines.push_back(
-        fmt::format("cloud against the {} mesh renderer, {}: preparation {}, mean frame {}, memory {}.", what,
-                    mesh->label, ratio(cloud->prepare->total_ms, mesh->prepare->total_ms),
-                    ratio(*cloud->frame->mean_us, *mesh->frame->mean_us),
-                    ratio(bytes_per_point(*cloud).value_or(0.0), bytes_per_point(*mesh).value_or(0.0))));
+        fmt::format("{} against the {} mesh renderer, {}: preparation {}, mean frame {}, memory {}.",
+                    own.label, what, mesh->label, ratio(own.prepare->total_ms, mesh->prepare->total_ms),
+                    ratio(*own.frame->mean_us, *mesh->frame->mean_us),
+                    ratio(bytes_per_point(own).value_or(0.0), bytes_per_point(*mesh).value_or(0.0))));
   };
-  if (fastest == rightest) {
-    line("fastest and most accurate", fastest);
-  } else {
-    line("fastest", fastest);
-    line("most accurate", rightest);
+  for (const R* own : ours) {
+    if (fastest == rightest) {
+      line(*own, "fastest and most accurate", fastest);
+    } else {
+      line(*own, "fastest", fastest);
+      line(*own, "most accurate", rightest);
+    }
   }
   return lines;
 }
 
 /// Every method on one model; what does not run says so in its result.
 Result<metrics::ResultDocument> run_methods(const Manifest& manifest, const ManifestModel& model,
-                                            Reproduction& r) {
-  Result<scene::SceneFile> scene = scene_of(model, r);
-  if (!scene) return std::move(scene).error();
+                                            const scene::SceneFile& scene, Reproduction& r) {
   StageRequest request;
-  request.scene_name = model.generate.empty() ? model.scan : scene->path;
-  request.scene = *std::move(scene);
+  request.scene_name = model.generate.empty() ? model.scan : scene.path;
+  request.scene = scene;
   request.path = r.arguments.quick ? manifest.quick_path : model.path.empty() ? manifest.path : model.path;
   request.threads = r.arguments.threads;
-  Study study;
+  StagedStudy study;
   study.document = new_document(r.context.command_line);
   Result<Stage> stage = set_up(request, r.readers, r.context.progress);
   if (!stage) return std::move(stage).error();
@@ -162,14 +209,11 @@ Result<metrics::ResultDocument> run_methods(const Manifest& manifest, const Mani
         parse_renderers(fmt::format("{}:label={}", method.renderer, label_of(method)), r.registry);
     if (!requests) return requests.error();
     RendererRequest wanted = requests->front();
-    const std::vector<OptionSpec>& specs = r.registry.find(wanted.name)->options;
-    if (std::any_of(specs.begin(), specs.end(), [](const OptionSpec& s) { return s.key == kMeshLimit; }))
-      wanted.options.set(kMeshLimit, fmt::format("{}", mesh_limit_s(r)));
+    limit_reconstruction(wanted, r);
     Result<Run> run = run_renderer(study.stage, wanted, r.registry, options, r.context.progress);
     if (!run) return std::move(run).error();
     run->trace = {};  // a result is all that is shown
     study.runs.push_back(*std::move(run));
-    if (r.context.progress.cancelled()) break;
   }
   finish_document(study);
   return std::move(study.document);
@@ -179,7 +223,7 @@ Result<metrics::ResultDocument> run_methods(const Manifest& manifest, const Mani
 
 void reproduce_methods(const Manifest& manifest, Reproduction& r) {
   Section section{
-      fmt::format("table{}", manifest.table), manifest.title, {}, {words_table(manifest)}, {}, {}};
+      fmt::format("table{}", manifest.table), manifest.title, {}, {}, {words_table(manifest)}, {}, {}};
   if (!manifest.text.empty()) section.paragraphs.push_back(manifest.text);
   HeadlineGroup found{manifest.title, {}};
   for (const ManifestMethod& method : manifest.methods)
@@ -191,14 +235,22 @@ void reproduce_methods(const Manifest& manifest, Reproduction& r) {
       continue;
     }
     if (r.arguments.quick && model.quick.empty()) continue;
-    const Result<metrics::ResultDocument> document = run_methods(manifest, model, r);
+    const Result<scene::SceneFile> scene = scene_of(model, r);
+    if (!scene) {
+      leave_out(r, fmt::format("table {}, {}", manifest.table, model.name), scene.error());
+      continue;
+    }
+    const Result<metrics::ResultDocument> document = run_methods(manifest, model, *scene, r);
     if (!document) {
       give_up(r, fmt::format("table {}, {}", manifest.table, model.name), document.error());
       continue;
     }
+    add_known(r.page, known_of(fmt::format("Table {} on the {}", manifest.table, model.name), *document));
     Table table = model_table(model, manifest, *document);
-    table.notes = against_meshes(*document);
-    for (const std::string& line : table.notes) found.lines.push_back({model.name, line});
+    for (const std::string& line : against_meshes(*document)) {
+      table.notes.push_back(line);
+      found.lines.push_back({model.name, line});
+    }
     std::string name = model.name;
     std::erase_if(name, [](char c) { return c == ',' || c == '.'; });
     std::replace(name.begin(), name.end(), ' ', '-');
@@ -207,8 +259,8 @@ void reproduce_methods(const Manifest& manifest, Reproduction& r) {
         give_up(r, "table 11's results", written.error());
     r.tables.push_back(table);
     section.tables.push_back(std::move(table));
-    if (r.context.progress.cancelled()) break;
   }
+  check_done(r, section.tables.size() > 1);  // the first is of words
   if (!found.lines.empty()) r.page.headlines.push_back(std::move(found));
   r.page.sections.push_back(std::move(section));
 }

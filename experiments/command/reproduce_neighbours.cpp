@@ -47,21 +47,12 @@ Timed time_modified(const cloud::Cloud& cloud, int threads, bool complete) {
   return best;
 }
 
-metrics::RendererResult neighbour_result(const std::string& model, const cloud::Cloud& cloud, bool complete,
-                                         int threads, double ms) {
-  metrics::RendererResult result;
-  result.label = fmt::format("{}-{}-{}-threads", model, complete ? "completed" : "as-printed", threads);
-  result.name = "modified-knn";
-  result.options = {{"complete_to_eight", complete ? "true" : "false"}};
-  result.model = metrics::RendererResult::Model{cloud.size(), 0.0};
-  result.threads = threads;
-  render::PrepareReport report;
-  report.total_ms = ms;
-  report.phases = {{"neighbours", ms}};
-  report.bytes = cloud.size() * sizeof(neighbourhood::Neighbours);
-  result.prepare = std::move(report);
-  return result;
-}
+/// The modified kNN on one model.
+struct ModifiedTimes {
+  std::string model;
+  std::size_t points = 0;
+  Timed one, two, printed;  ///< completed to eight on one thread and on two; as printed, on one
+};
 
 std::string agreement_note(const std::string& model, const cloud::Cloud& cloud,
                            const neighbourhood::NeighbourTable& modified) {
@@ -72,10 +63,10 @@ std::string agreement_note(const std::string& model, const cloud::Cloud& cloud,
     return whole == 0 ? 0.0 : kPercent * static_cast<double>(part) / static_cast<double>(whole);
   };
   return fmt::format(
-      "Agreement with the scanner's path on the {}: the same eight neighbours at {:.1f} % of the {} points "
-      "({:.1f} % of the {} interior ones); the thesis claims 100 %.",
-      model, share(a.equal_sets, a.points), count_text(a.points), share(a.interior_equal, a.interior_points),
-      count_text(a.interior_points));
+      "Agreement with the scanner's path on the {}: the same eight neighbours at {} % of the {} points "
+      "({} % of the {} interior ones); the thesis claims 100 %.",
+      model, short_number(share(a.equal_sets, a.points)), count_text(a.points),
+      short_number(share(a.interior_equal, a.interior_points)), count_text(a.interior_points));
 }
 
 /// Columns of the table of builders that are about one model.
@@ -132,7 +123,6 @@ ModelScores scores_of(const ManifestModel& model, const render::ModelInput& inpu
 
 /// One row a builder, the thesis's own times first.
 Table builders_table(const std::vector<ModelScores>& models, const Manifest& manifest) {
-  const auto percent = [](double value) { return fmt::format("{:.{}f}", value, value < 10.0 ? 2 : 1); };
   Table table;
   table.title = "All ways to find neighbours";
   table.columns = {"builder"};
@@ -140,30 +130,31 @@ Table builders_table(const std::vector<ModelScores>& models, const Manifest& man
   for (const ModelScores& m : models) {
     table.columns.insert(table.columns.end(),
                          {m.model + ", 1 thread, ms", "all threads, ms", "true links, %"});
-    printed.push_back(plain(m.printed_min ? fmt::format("{:.2f} min", *m.printed_min) : "–"));
-    printed.insert(printed.end(), 2, plain("–"));
+    printed.push_back(plain(m.printed_min ? fmt::format("{:.2f} min", *m.printed_min) : kNoNumber));
+    printed.insert(printed.end(), 2, plain(kNoNumber));
     table.notes.push_back(fmt::format("True links of the {}: {}.", m.model, m.truth));
   }
   for (const double thickness : manifest.wall_spacings) {
     table.columns.push_back(fmt::format("wall of {:g}", thickness));
-    printed.push_back(plain("–"));
+    printed.push_back(plain(kNoNumber));
   }
   table.rows.push_back(std::move(printed));
   for (std::size_t b = 0; !models.empty() && b < models.front().scores.size(); ++b) {
     std::vector<Cell> row = {plain(models.front().scores[b].builder)};
     for (const ModelScores& m : models) {
       if (b >= m.scores.size() || !m.scores[b].failure.empty()) {
-        row.insert(row.end(), 3, plain("–"));
+        row.insert(row.end(), 3, plain(kNoNumber));
         continue;
       }
       const neighbourhood::BuilderScore& s = m.scores[b];
       row.push_back(plain(whole_ms(s.one_thread_ms)));
-      row.push_back(plain(s.all_threads_ms ? whole_ms(*s.all_threads_ms) : "–"));
-      row.push_back(plain(percent(s.agreement.found_percent())));
+      row.push_back(plain(s.all_threads_ms ? whole_ms(*s.all_threads_ms) : kNoNumber));
+      row.push_back(plain(short_number(s.agreement.found_percent())));
     }
     const neighbourhood::BuilderScore& first = models.front().scores[b];
     for (std::size_t w = 0; w < first.walls.size(); ++w)
-      row.push_back(plain(first.wall_failures[w].empty() ? percent(first.walls[w].wrong_percent()) : "–"));
+      row.push_back(
+          plain(first.wall_failures[w].empty() ? short_number(first.walls[w].wrong_percent()) : kNoNumber));
     table.rows.push_back(std::move(row));
   }
   table.caption =
@@ -176,7 +167,7 @@ Table builders_table(const std::vector<ModelScores>& models, const Manifest& man
   return table;
 }
 
-nlohmann::ordered_json to_json(const std::vector<ModelScores>& models, const Manifest& manifest) {
+nlohmann::ordered_json builders_json(const std::vector<ModelScores>& models, const Manifest& manifest) {
   nlohmann::ordered_json rows = nlohmann::ordered_json::array();
   for (const ModelScores& m : models)
     for (const neighbourhood::BuilderScore& s : m.scores) {
@@ -203,23 +194,31 @@ nlohmann::ordered_json to_json(const std::vector<ModelScores>& models, const Man
   return rows;
 }
 
-/// The table of builders into the section, and its numbers beside the result.
-void add_builders(const std::vector<ModelScores>& models, const Manifest& manifest, Section& section,
-                  Reproduction& r) {
-  if (models.empty()) return;
-  Table table = builders_table(models, manifest);
-  if (const Result<OutputFolder> folder = r.folder.inside(fmt::format("table{}", manifest.table)))
-    if (const Status written = folder->write("builders.json", to_json(models, manifest).dump(2) + "\n");
-        !written)
-      give_up(r, "table 6's builders.json", written.error());
-  section.tables.push_back(table);
-  r.tables.push_back(std::move(table));
+/// docs/neighbours.schema.json describes it.
+void write_results(const std::vector<ModifiedTimes>& modified, const std::vector<ModelScores>& models,
+                   const std::vector<std::string>& warnings, const Manifest& manifest, Reproduction& r) {
+  nlohmann::ordered_json document = {{"schema", "palpate-neighbours/1"}};
+  document.update(nlohmann::ordered_json::parse(metrics::head_json(r.page.about)));
+  document["warnings"] = warnings;
+  nlohmann::ordered_json& rows = document["modified_knn"] = nlohmann::ordered_json::array();
+  for (const ModifiedTimes& m : modified)
+    rows.push_back({{"model", m.model},
+                    {"points", m.points},
+                    {"completed_one_thread_ms", m.one.ms},
+                    {"completed_two_threads_ms", m.two.ms},
+                    {"as_printed_one_thread_ms", m.printed.ms}});
+  document["builders"] = builders_json(models, manifest);
+  const Result<OutputFolder> folder = r.folder.inside(fmt::format("table{}", manifest.table));
+  const std::string text = document.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+  const Status written = folder ? folder->write("neighbours.json", text + "\n") : Status(folder.error());
+  if (!written) give_up(r, fmt::format("the results of table {}", manifest.table), written.error());
 }
 
 }  // namespace
 
 void reproduce_neighbours(const Manifest& manifest, Reproduction& r) {
-  metrics::ResultDocument document = new_document(r.context.command_line);
+  std::vector<std::string> warnings;
+  std::vector<ModifiedTimes> modified;
   Table table;
   table.title = manifest.title;
   table.columns = {"model",        "points",        "thesis, min",
@@ -231,31 +230,31 @@ void reproduce_neighbours(const Manifest& manifest, Reproduction& r) {
     Result<scene::SceneFile> scene = scene_of(model, r);
     const Result<scene::LoadedScene> loaded = scene ? scene::load(*scene, r.readers, {}, r.context.progress)
                                                     : Result<scene::LoadedScene>(scene.error());
-    const std::string printed = model.printed_min ? fmt::format("{:.2f}", *model.printed_min) : "–";
+    const std::string printed = model.printed_min ? fmt::format("{:.2f}", *model.printed_min) : kNoNumber;
     if (!loaded) {
       table.rows.push_back({plain(model.name),
-                            plain("–"),
+                            plain(kNoNumber),
                             plain(printed),
                             {"did not run", false, true},
-                            plain("–"),
-                            plain("–")});
-      give_up(r, fmt::format("table {}, {}", manifest.table, model.name), loaded.error());
+                            plain(kNoNumber),
+                            plain(kNoNumber)});
+      (scene ? give_up : leave_out)(r, fmt::format("table {}, {}", manifest.table, model.name),
+                                    loaded.error());
       continue;
     }
     r.context.progress.report("building neighbours of the " + model.name, -1.0);
+    add_warnings(warnings, model.name, *loaded);
     const render::ModelInput& input = loaded->input.models.front();
     const cloud::Cloud& cloud = *input.cloud;
     // The walls are the same for every model.
     models.push_back(scores_of(
         model, input, models.empty() ? walls_of(manifest, r) : std::vector<neighbourhood::ThinWall>{}, r));
-    const Timed one = time_modified(cloud, 1, true), two = time_modified(cloud, 2, true),
-                literal = time_modified(cloud, 1, false);
-    for (const auto& [complete, threads, ms] :
-         {std::tuple{true, 1, one.ms}, {true, 2, two.ms}, {false, 1, literal.ms}})
-      document.renderers.push_back(neighbour_result(model.name, cloud, complete, threads, ms));
-    table.rows.push_back({plain(model.name), plain(count_text(cloud.size())), plain(printed),
-                          plain(whole_ms(one.ms)), plain(whole_ms(two.ms)), plain(whole_ms(literal.ms))});
-    if (const std::string note = agreement_note(model.name, cloud, two.table); !note.empty())
+    modified.push_back({model.name, cloud.size(), time_modified(cloud, 1, true),
+                        time_modified(cloud, 2, true), time_modified(cloud, 1, false)});
+    const auto& [name, points, one, two, literal] = modified.back();
+    table.rows.push_back({plain(name), plain(count_text(points)), plain(printed), plain(whole_ms(one.ms)),
+                          plain(whole_ms(two.ms)), plain(whole_ms(literal.ms))});
+    if (const std::string note = agreement_note(name, cloud, two.table); !note.empty())
       table.notes.insert(table.notes.begin(), note);
     if (model.printed_min)
       found.lines.push_back(
@@ -264,17 +263,20 @@ void reproduce_neighbours(const Manifest& manifest, Reproduction& r) {
                        duration_text(one.ms), duration_text(two.ms), printed,
                        short_number(*model.printed_min * kMsPerMinute / one.ms))});
   }
+  check_done(r, !models.empty());
   r.page.headlines.push_back(std::move(found));
   table.caption =
       "Thesis: " + manifest.hardware +
       ". Ours: the best of three, completed to eight neighbours; as printed, a point may keep fewer.";
-  if (const Result<OutputFolder> folder = r.folder.inside(fmt::format("table{}", manifest.table)))
-    if (const Status written = folder->write("result.json", metrics::to_json(document)); !written)
-      give_up(r, "table 6's result.json", written.error());
-  Section section{fmt::format("table{}", manifest.table), manifest.title, {}, {table}, {}, {}};
+  add_known(r.page, {fmt::format("Table {}", manifest.table), warnings, {}});
+  write_results(modified, models, warnings, manifest, r);
+  Section section{fmt::format("table{}", manifest.table), manifest.title, {}, {}, {table}, {}, {}};
   if (!manifest.text.empty()) section.paragraphs.push_back(manifest.text);
   r.tables.push_back(std::move(table));
-  add_builders(models, manifest, section, r);
+  if (!models.empty()) {
+    section.tables.push_back(builders_table(models, manifest));
+    r.tables.push_back(section.tables.back());
+  }
   r.page.sections.push_back(std::move(section));
 }
 

@@ -1,6 +1,7 @@
 // The parts of `palpate reproduce`.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <memory>
 
@@ -32,9 +33,22 @@ struct Reproduction {
 
 /// How long one reconstruction may take, s; 0: no limit.
 [[nodiscard]] double mesh_limit_s(const Reproduction& r);
+/// The same for a renderer that reconstructs; any other stays as it is.
+void limit_reconstruction(RendererRequest& request, const Reproduction& r);
+
+/// Does a part of the work, or takes over what an interrupted run has kept of it.
+void do_step(Reproduction& r, const std::string& name, const std::function<void()>& work);
+
+/// What was doubtful in loading a model goes with the results, under the model's name.
+void add_warnings(std::vector<std::string>& warnings, const std::string& model,
+                  const scene::LoadedScene& loaded);
 
 /// Says what is missing. It is a failure only where it was asked for by name.
 void give_up(Reproduction& r, const std::string& what, const Error& error);
+/// Says that one of several models could not be had: no failure of what was done on the others.
+void leave_out(Reproduction& r, const std::string& what, const Error& error);
+/// Unless anything was done of a table that was asked for by name, that is a failure.
+void check_done(Reproduction& r, bool anything);
 
 /// Table 6: the modified kNN as the thesis timed it, and every builder beside it.
 void reproduce_neighbours(const Manifest& manifest, Reproduction& r);

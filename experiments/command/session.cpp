@@ -55,18 +55,33 @@ Result<scene::LoadOptions> load_options(const ModelArguments& arguments) {
   options.vertical_mm = arguments.vertical_mm;
   options.cleaning = &all_cleaning();
   options.threads = arguments.threads;
-  options.non_finite = arguments.non_finite == "refuse" ? cloud::NonFinite::kRefuse : cloud::NonFinite::kDrop;
+  if (!arguments.non_finite.empty())
+    options.non_finite =
+        arguments.non_finite == "refuse" ? cloud::NonFinite::kRefuse : cloud::NonFinite::kDrop;
+  if (arguments.memory_limit_gb > 0.0)
+    options.max_bytes = static_cast<std::uint64_t>(arguments.memory_limit_gb * kBytesPerGb);
   return options;
+}
+
+Status begin_run(const OutputFolder& folder, const std::string& key, Context& context) {
+  const Result<OutputFolder::Begun> begun = folder.begin(key);
+  if (!begun) return begun.error();
+  if (*begun == OutputFolder::Begun::kAnew) return Done{};
+  context.progress.clear();
+  fmt::print(stderr, "palpate: {}: {}\n", folder.path().string(),
+             *begun == OutputFolder::Begun::kGoesOn
+                 ? "going on from an interrupted run"
+                 : "an interrupted run was of something else (scene, path, options or program): begun anew");
+  return Done{};
+}
+
+metrics::DocumentHead new_head(const std::string& command_line) {
+  return {version_text(), kCommit, build_text(), metrics::machine_info(), metrics::utc_now(), command_line};
 }
 
 metrics::ResultDocument new_document(const std::string& command_line) {
   metrics::ResultDocument document;
-  document.version = version_text();
-  document.commit = kCommit;
-  document.build = build_text();
-  document.machine = metrics::machine_info();
-  document.started_utc = metrics::utc_now();
-  document.command = command_line;
+  static_cast<metrics::DocumentHead&>(document) = new_head(command_line);
   return document;
 }
 

@@ -1,19 +1,29 @@
 #include "experiments/command/study_run.h"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
+#include <map>
+
+#include "experiments/command/run_key.h"
 #include "experiments/command/session.h"
+#include "experiments/command/terminal.h"
 #include "experiments/data/locate.h"
 #include "experiments/data/scene_scans.h"
+#include "experiments/report/findings.h"
 #include "experiments/report/tables.h"
-#include "toolkit/plan/plan.h"
+#include "experiments/run/choices.h"
+#include "experiments/run/output_file.h"
+#include "toolkit/core/at_stop.h"
+#include "toolkit/io/write_mesh.h"
 
 namespace palpate::experiments {
 namespace {
 
 struct Prepared {
   StageRequest stage;
-  std::vector<RendererRequest> renderers;
+  std::vector<RendererRequest> renderers;  ///< that were named
+  std::optional<RendererRequest> own;      ///< the scene's
 };
 
 /// Everything that can be wrong with the arguments is found here, before anything is made or loaded.
@@ -33,23 +43,190 @@ Result<Prepared> check(const RunArguments& arguments, const render::Registry& re
   }
   Result<ReferenceChoice> reference = parse_reference(truth);
   if (!reference) return std::move(reference).error();
-  Result<scene::SceneFile> scene = open_scene(arguments.scene, progress);
+  Result<scene::SceneFile> scene = open_scene(arguments.scene, registry, progress);
   if (!scene) return std::move(scene).error();
+  Result<SurfaceReport> surfaces = set_surfaces(arguments.surface, *scene);
+  if (!surfaces) return std::move(surfaces).error();
   if (!arguments.renderers.empty()) {
     Result<std::vector<RendererRequest>> renderers = parse_renderers(arguments.renderers, registry);
     if (!renderers) return std::move(renderers).error();
     prepared.renderers = *std::move(renderers);
   } else if (scene->renderer) {
     Result<RendererRequest> renderer = request_of(*scene->renderer, registry);
-    if (!renderer) return Error(std::move(renderer).error()).in_file(scene->path);
-    prepared.renderers = {*std::move(renderer)};
+    if (!renderer) return std::move(renderer).error();
+    prepared.own = *std::move(renderer);
   }  // else the plan chooses, when the models are known
-  prepared.stage = {arguments.scene, *std::move(scene),      *load, arguments.path,
-                    *reference,      arguments.load.threads, 0,     truth};
+  prepared.stage = {arguments.scene,
+                    *std::move(scene),
+                    *load,
+                    arguments.path,
+                    *reference,
+                    arguments.load.threads,
+                    0,
+                    truth,
+                    arguments.traj_columns,
+                    *std::move(surfaces)};
   return prepared;
 }
 
-int report_failures(const Study& study) {
+/// Everything that the results of every renderer depend on. An argument that is added does not compile here
+/// until it is named.
+std::string key_of(const RunArguments& arguments, const StageRequest& stage) {
+  [[maybe_unused]] const auto& [scene, renderers, path, traj_columns, out, load, surface, reference, paced,
+                                save_mesh, save_edited, force, allow_missing, json] = arguments;
+  const auto& [stiffness, friction, deformation] = surface;
+  [[maybe_unused]] const auto& [unit, scale, post_mm, vertical_mm, non_finite, memory_limit_gb, threads] =
+      load;
+  RunKey key;
+  for (const std::string& text : {scene, path, traj_columns, reference, unit, non_finite, save_mesh,
+                                  save_edited, stiffness, friction, deformation})
+    key.add(text);
+  key.add(scale).add(post_mm).add(vertical_mm).add(paced).add(static_cast<std::uint64_t>(threads));
+  for (const std::string& file : files_read(stage)) key.add_file(file);
+  return key.word();
+}
+
+Status check_outputs(const RunArguments& arguments, const StageRequest& stage) {
+  const std::vector<std::string> read = files_read(stage);
+  if (!arguments.save_mesh.empty())
+    if (Status good = check_output({arguments.save_mesh, {"ply"}, arguments.force}, read); !good) return good;
+  if (!arguments.save_edited.empty())
+    if (Status good = check_output({arguments.save_edited, io::cloud_endings(), arguments.force}, read);
+        !good)
+      return good;
+  if (!arguments.save_mesh.empty() && arguments.save_mesh == arguments.save_edited)
+    return Error{"is to be the mesh and the edited model", "give two names", arguments.save_mesh, 0};
+  return Done{};
+}
+
+bool is_there(const std::string& file) {
+  std::error_code code;
+  return file.empty() || std::filesystem::exists(file, code);
+}
+
+/// The renderers, one after the other. What is finished is kept at once, and result.json says at every moment
+/// what is not.
+class OneByOne {
+ public:
+  OneByOne(StagedStudy& study, const std::vector<RendererRequest>& requests, const render::Registry& registry,
+           const RunOptions& options, const OutputFolder& folder)
+      : study_(study), requests_(requests), registry_(registry), options_(options), folder_(folder) {}
+
+  /// Takes over what an interrupted run has finished.
+  Status begin(const std::string& key, Context& context);
+  /// Runs the others. `status` is that of the command where there is an Error.
+  Status run_the_rest(ProgressBar& progress, int& status);
+  [[nodiscard]] bool saved_mesh() const { return saved_mesh_; }
+
+ private:
+  Status write_result();
+  Status take(const RendererRequest& request, Run run);
+
+  StagedStudy& study_;
+  const std::vector<RendererRequest>& requests_;
+  const render::Registry& registry_;
+  RunOptions options_;
+  const OutputFolder& folder_;
+  std::map<std::string, Run> finished_;  ///< by label
+  bool saved_mesh_ = false;
+};
+
+Status OneByOne::begin(const std::string& key, Context& context) {
+  if (Status begun = begin_run(folder_, key, context); !begun) return begun;
+  std::string taken;
+  for (const RendererRequest& request : requests_) {
+    const auto use = [&](const std::string& text) {
+      Result<Run> run = run_from_text(study_.stage, text, folder_);
+      if (!run || (run->saved_mesh && !is_there(options_.save_mesh)) || !is_there(options_.save_edited))
+        return false;
+      saved_mesh_ = saved_mesh_ || run->saved_mesh;
+      finished_.emplace(request.label, *std::move(run));
+      return true;
+    };
+    if (folder_.take_over(request.label, key_of(request), use))
+      taken += (taken.empty() ? "" : ", ") + request.label;
+  }
+  if (!taken.empty())
+    study_.stage.notes.push_back("Finished by an earlier run, which was interrupted: " + taken + ".");
+  if (Status written = write_stage(study_, folder_); !written) return written;
+  return write_result();
+}
+
+Status OneByOne::run_the_rest(ProgressBar& progress, int& status) {
+  std::size_t step = 0;
+  for (const RendererRequest& request : requests_) {
+    progress.set_prefix(fmt::format("[{}/{}] ", ++step, requests_.size()));
+    if (finished_.contains(request.label)) continue;
+    RunOptions options = options_;
+    if (saved_mesh_) options.save_mesh.clear();  // the first mesh is the one that is kept
+    Result<Run> run = run_renderer(study_.stage, request, registry_, options, progress);
+    if (!run) {
+      status = kExitBadInput;
+      return std::move(run).error();
+    }
+    if (Status taken = take(request, *std::move(run)); !taken) {
+      status = kExitFellShort;
+      return taken;
+    }
+  }
+  for (const RendererRequest& request : requests_)
+    study_.runs.push_back(std::move(finished_.at(request.label)));
+  progress.set_prefix("");
+  status = kExitFellShort;
+  // Only now is it known who felt nothing where others did.
+  finish_document(study_);
+  study_.document.complete = true;
+  return folder_.write(kResultFile, metrics::to_json(study_.document));
+}
+
+Status OneByOne::take(const RendererRequest& request, Run run) {
+  saved_mesh_ = saved_mesh_ || run.saved_mesh;
+  folder_.start_part();
+  if (Status written = write_run(study_.stage, run, requests_.size() == 1, folder_); !written) return written;
+  const auto hold = hold_stop();  // what is kept is what result.json says is finished
+  if (Status kept = folder_.keep(request.label, key_of(request), to_text(run)); !kept) return kept;
+  finished_.emplace(request.label, std::move(run));
+  return write_result();
+}
+
+Status OneByOne::write_result() {
+  finish_document(study_);
+  study_.document.complete = finished_.size() == requests_.size();
+  for (const RendererRequest& request : requests_) {
+    const auto run = finished_.find(request.label);
+    study_.document.renderers.push_back(run != finished_.end()
+                                            ? run->second.result
+                                            : unfinished(study_.stage, request, registry_, options_.threads));
+  }
+  return folder_.write(kResultFile, metrics::to_json(study_.document));
+}
+
+/// The renderers, the path and the folder, where the user has left any of them open.
+void say_what_is_run(const RunArguments& arguments, const std::vector<RendererRequest>& renderers,
+                     const StagedStudy& study, const OutputFolder& folder, ProgressBar& progress) {
+  if (!arguments.renderers.empty() && !arguments.path.empty() && !arguments.out.empty()) return;
+  std::string labels;
+  for (const RendererRequest& request : renderers) labels += (labels.empty() ? "" : ", ") + request.label;
+  progress.clear();
+  fmt::print(stderr, "palpate: running {}\n         along {}\n         into {}\n", labels,
+             study.stage.path.name, folder.path().string());
+}
+
+/// What was left open is chosen now that the models are known.
+void choose_renderers(StudyKind kind, const render::Registry& registry, Prepared& prepared,
+                      StagedStudy& study) {
+  if (!prepared.renderers.empty()) return;
+  if (kind == StudyKind::kReplay && prepared.own) {
+    prepared.renderers = {*prepared.own};
+    return;
+  }
+  Chosen chosen = usual_renderers(study.stage.scene.input, prepared.own, registry);
+  if (kind == StudyKind::kReplay) chosen.renderers.resize(1);
+  prepared.renderers = std::move(chosen.renderers);
+  for (std::string& note : chosen.notes) study.stage.notes.push_back(std::move(note));
+}
+
+int report_failures(const StagedStudy& study) {
   int status = kExitOk;
   for (const Run& run : study.runs) {
     if (run.result.status == metrics::RunStatus::kOk) continue;
@@ -63,53 +240,60 @@ int report_failures(const Study& study) {
 
 }  // namespace
 
-int run_study(const RunArguments& arguments, Context& context, const AfterStudy& after) {
+int run_study(StudyKind kind, const RunArguments& arguments, Context& context, const AfterStudy& after) {
   const render::Registry registry = all_renderers();
   Result<Prepared> prepared = check(arguments, registry, context.progress);
   if (!prepared) return fail(prepared.error(), kExitBadInput);
-  Study study;
+  const Result<OutputFolder> folder = OutputFolder::open(
+      arguments.out.empty() ? usual_folder(kind == StudyKind::kReplay ? "replay" : "compare", arguments.scene)
+                            : arguments.out);
+  if (!folder) return fail(folder.error(), kExitBadInput);
+  Status good = folder->check_not_read(files_read(prepared->stage));
+  if (good) good = check_outputs(arguments, prepared->stage);
+  if (!good) return fail(good.error(), kExitBadInput);
+  StagedStudy study;
   study.document = new_document(context.command_line);
   Result<Stage> stage = set_up(prepared->stage, all_readers(), context.progress);
   if (!stage) return fail(stage.error(), kExitBadInput, &context.progress);
   study.stage = *std::move(stage);
-  if (prepared->renderers.empty()) {
-    const plan::Decision chosen = plan::choose_renderer(study.stage.scene.input);
-    prepared->renderers.push_back({chosen.choice, chosen.choice, {}});
-    study.stage.notes.push_back(fmt::format("Renderer by plan: {} ({}).", chosen.choice, chosen.reason));
-  }
+  choose_renderers(kind, registry, *prepared, study);
+  if (!arguments.allow_missing)
+    for (const RendererRequest& request : prepared->renderers)
+      if (Status able = registry.check_supports(*registry.find(request.name), study.stage.scene.input);
+          !able) {
+        Error error = std::move(able).error();
+        error.remedy += ", or --allow-missing to run it as it is";
+        return fail(error, kExitBadInput, &context.progress);
+      }
   const std::string& path = study.stage.path.name;
-  study.title = fmt::format("{}, along {}", study.stage.scene_name, path.substr(0, path.find(':')));
-  const Result<OutputFolder> folder = OutputFolder::open(arguments.out);
-  if (!folder) return fail(folder.error(), kExitBadInput, &context.progress);
+  study.document.title = fmt::format("{}, along {}", study.stage.scene_name, path.substr(0, path.find(':')));
   RunOptions options;
   options.threads = arguments.load.threads;
   options.paced_frames = arguments.paced;
   options.save_mesh = arguments.save_mesh;
   options.save_edited = arguments.save_edited;
-  bool saved = false;
-  for (const RendererRequest& request : prepared->renderers) {
-    Result<Run> run = run_renderer(study.stage, request, registry, options, context.progress);
-    if (!run) return fail(run.error(), kExitBadInput, &context.progress);
-    if (run->saved_mesh) options.save_mesh.clear();  // the first mesh is the one that is kept
-    saved = saved || run->saved_mesh;
-    study.runs.push_back(*std::move(run));
-    if (context.progress.cancelled()) break;
-  }
-  finish_document(study);
-  if (const Status written = write_study(study, *folder); !written)
-    return fail(written.error(), kExitFellShort, &context.progress);
-  const Result<std::string> more = after(study, *folder);
+  OneByOne run(study, prepared->renderers, registry, options, *folder);
+  say_what_is_run(arguments, prepared->renderers, study, *folder, context.progress);
+  if (const Status begun = run.begin(key_of(arguments, prepared->stage), context); !begun)
+    return fail(begun.error(), kExitFellShort, &context.progress);
+  int status = kExitOk;
+  if (const Status ran = run.run_the_rest(context.progress, status); !ran)
+    return fail(ran.error(), status, &context.progress);
+  const Result<std::string> more = after(*folder);
+  const Status completed = more ? folder->complete() : Status(more.error());
   context.progress.clear();
-  if (!more) return fail(more.error(), kExitFellShort);
+  if (!completed) return fail(completed.error(), kExitFellShort);
   if (arguments.json)
     fmt::print("{}\n", metrics::to_json(study.document));
   else
-    fmt::print("{}\n{}", to_text(comparison_table(study.document)), *more);
-  for (const std::string& note : study.stage.notes) fmt::print(stderr, "palpate: note: {}\n", note);
-  const int status = report_failures(study);
-  if (!arguments.save_mesh.empty() && !saved)
-    return fail({"no mesh was saved: none of the renderers works on a mesh", "run mesh-godobject", {}, 0},
-                kExitFellShort);
+    fmt::print("{}\n", to_text(comparison_table(study.document), terminal_columns(STDOUT_FILENO)));
+  std::fflush(stdout);
+  fmt::print(stderr, "{}", findings_text(study.document));
+  status = report_failures(study);
+  if (!arguments.save_mesh.empty() && !run.saved_mesh())
+    status = fail({"no mesh was saved: none of the renderers works on a mesh", "run mesh-godobject", {}, 0},
+                  kExitFellShort);
+  if (!arguments.json) fmt::print("{}", *more);  // last: where the results are
   return status;
 }
 

@@ -8,11 +8,13 @@
 
 namespace palpate::experiments {
 
-/// Called with the finished study, after its files are written: makes more files, returns what to print.
-using AfterStudy = std::function<Result<std::string>(const Study& study, const OutputFolder& folder)>;
+/// Called when all files of the study are written: makes more files, returns what to print.
+using AfterStudy = std::function<Result<std::string>(const OutputFolder& folder)>;
+
+enum class StudyKind { kReplay, kCompare };
 
 /// Checks every argument before any work, runs the renderers, writes the files, prints a summary. The exit
-/// status.
-int run_study(const RunArguments& arguments, Context& context, const AfterStudy& after);
+/// status. What the arguments leave open is chosen by the model (choices.h), and said before it is run.
+int run_study(StudyKind kind, const RunArguments& arguments, Context& context, const AfterStudy& after);
 
 }  // namespace palpate::experiments

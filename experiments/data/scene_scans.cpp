@@ -2,42 +2,60 @@
 
 #include <fmt/format.h>
 
-#include "experiments/data/fetch.h"
 #include "experiments/data/locate.h"
+#include "experiments/run/arguments.h"
+#include "toolkit/core/words.h"
 
 namespace palpate::experiments {
 namespace {
 
-Result<std::filesystem::path> file_of(const std::string& name, bool fetch, Progress& progress) {
+std::vector<std::string> scan_names() {
+  std::vector<std::string> names;
+  for (const Scan& known : known_scans()) names.push_back(known.name);
+  return names;
+}
+
+scene::SceneFile scene_of_scan(const std::string& name) {
+  scene::SceneFile scene;
+  scene.path = name;
+  scene::SceneModel model;
+  model.name = model.scan = name;
+  scene.models.push_back(std::move(model));
+  return scene;
+}
+
+Result<std::filesystem::path> file_of(const std::string& name, const FetchOptions* fetch, Progress& progress,
+                                      std::vector<std::string>& notes) {
   const Scan* scan = find_scan(name);
-  if (scan == nullptr) {
-    std::vector<std::string> names;
-    for (const Scan& known : known_scans()) names.push_back(known.name);
-    const std::string near = scene::nearest_name(name, names);
-    return Error{fmt::format("no scan is called '{}'", name),
-                 near.empty() ? "`palpate fetch` lists them" : fmt::format("did you mean '{}'?", near),
-                 {},
-                 0};
+  if (scan == nullptr) return no_such_scan(name);
+  if (fetch != nullptr) {
+    Result<BroughtScan> brought = bring_scan(*scan, *fetch, progress);
+    if (!brought) return std::move(brought).error();
+    if (!brought->note.empty()) notes.push_back(brought->note);
+    return brought->file;
   }
   if (std::optional<std::filesystem::path> here = locate_scan(*scan)) return *here;
-  if (!fetch)
-    return Error{fmt::format("the scan '{}' is not here", name),
-                 fmt::format("`palpate fetch {}` brings it", name),
-                 {},
-                 0};
-  FetchOptions options;
-  options.cache = cache_folder();
-  return fetch_scan(*scan, options, progress);
+  return Error{fmt::format("the scan '{}' is not here", name),
+               fmt::format("`palpate fetch {}` brings it", name),
+               {},
+               0};
 }
 
 }  // namespace
 
-Status find_scans(scene::SceneFile& scene, bool fetch, Progress& progress) {
+Error no_such_scan(const std::string& name) {
+  return Error{"no scan is called " + shown(name),
+               did_you_mean(name, scan_names(), "`palpate fetch` lists them"),
+               {},
+               0};
+}
+
+Status find_scans(scene::SceneFile& scene, const FetchOptions* fetch, Progress& progress,
+                  std::vector<std::string>& notes) {
   for (scene::SceneModel& model : scene.models) {
     if (model.scan.empty()) continue;
-    const Result<std::filesystem::path> file = file_of(model.scan, fetch, progress);
-    if (!file)
-      return file.error().file.empty() ? Error(file.error()).in_file(scene.path, model.line) : file.error();
+    const Result<std::filesystem::path> file = file_of(model.scan, fetch, progress, notes);
+    if (!file) return Error(file.error()).in_file(scene.path, model.line);
     model.cloud = file->string();
     if (model.unit) continue;
     const Result<io::Unit> unit = io::parse_unit(find_scan(model.scan)->unit);
@@ -47,10 +65,22 @@ Status find_scans(scene::SceneFile& scene, bool fetch, Progress& progress) {
   return Done{};
 }
 
-Result<scene::SceneFile> open_scene(const std::string& argument, Progress& progress) {
-  Result<scene::SceneFile> scene = scene::open_scene(argument);
-  if (!scene) return scene;
-  if (const Status found = find_scans(*scene, false, progress); !found) return found.error();
+Result<scene::SceneFile> open_scene(const std::string& argument, const render::Registry& registry,
+                                    Progress& progress) {
+  std::error_code code;
+  const bool exists = std::filesystem::exists(argument, code);
+  Result<scene::SceneFile> scene =
+      !exists && find_scan(argument) != nullptr ? scene_of_scan(argument) : scene::open_scene(argument);
+  if (!scene) {
+    Error error = std::move(scene).error();
+    if (!exists) error.remedy = did_you_mean(argument, scan_names(), error.remedy);
+    return error;
+  }
+  if (scene->renderer)
+    if (const Result<RendererRequest> request = request_of(*scene->renderer, registry); !request)
+      return Error(request.error()).in_file(scene->path, scene->renderer_line);
+  std::vector<std::string> notes;
+  if (const Status found = find_scans(*scene, nullptr, progress, notes); !found) return found.error();
   return scene;
 }
 

@@ -2,18 +2,26 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
+#include "experiments/data/fetch.h"
 #include "toolkit/core/progress.h"
 #include "toolkit/core/result.h"
+#include "toolkit/render/registry.h"
 #include "toolkit/scene/scene.h"
 
 namespace palpate::experiments {
 
-/// Sets file and unit of every model that names a scan. With `fetch` a scan that is not here is fetched, else
-/// it is an Error that says how to.
-[[nodiscard]] Status find_scans(scene::SceneFile& scene, bool fetch, Progress& progress);
+[[nodiscard]] Error no_such_scan(const std::string& name);
 
-/// What the commands call SCENE, with its scans found.
-[[nodiscard]] Result<scene::SceneFile> open_scene(const std::string& argument, Progress& progress);
+/// Sets file and unit of every model that names a scan. With `fetch` a scan that is not here, or spoiled, is
+/// fetched; without (null) it is an Error that says how to. What is fetched again is said in `notes`.
+[[nodiscard]] Status find_scans(scene::SceneFile& scene, const FetchOptions* fetch, Progress& progress,
+                                std::vector<std::string>& notes);
+
+/// What the commands call SCENE, with its scans found and its [renderer] checked, whether it will be used or
+/// not. The name of a scan is one too; a file wins over a scan of the same name.
+[[nodiscard]] Result<scene::SceneFile> open_scene(const std::string& argument,
+                                                  const render::Registry& registry, Progress& progress);
 
 }  // namespace palpate::experiments

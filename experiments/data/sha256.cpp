@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <bit>
 #include <cstring>
-#include <fstream>
 #include <vector>
+
+#include "toolkit/core/input_file.h"
 
 namespace palpate::experiments {
 namespace {
@@ -77,17 +78,16 @@ std::string Sha256::finish() noexcept {
 }
 
 Result<std::string> sha256_of_file(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) return Error{"cannot be opened", "check the name and the permissions", path, 0};
+  Result<InputFile> file = InputFile::open(path);
+  if (!file) return std::move(file).error();
   Sha256 hash;
-  std::vector<char> piece(1u << 20);
-  while (file) {
-    file.read(piece.data(), static_cast<std::streamsize>(piece.size()));
-    const auto got = static_cast<std::size_t>(file.gcount());
-    hash.bytes(std::as_bytes(std::span(piece.data(), got)));
+  std::vector<std::byte> piece(1u << 20);
+  while (true) {
+    const Result<std::size_t> got = file->read(piece);
+    if (!got) return got.error();
+    if (*got == 0) return hash.finish();
+    hash.bytes(std::span(piece).first(*got));
   }
-  if (file.bad()) return Error{"cannot be read to its end", "check the disk", path, 0};
-  return hash.finish();
 }
 
 }  // namespace palpate::experiments

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "experiments/report/tables.h"
+#include "toolkit/core/numbers.h"
 
 namespace palpate::experiments {
 namespace {
@@ -15,11 +15,7 @@ constexpr double kNsPerUs = 1e3;
 constexpr std::size_t kTailPoints = 160;  // of a distribution
 constexpr std::size_t kBins = 320;        // along a path: some two pixels each
 constexpr std::size_t kExcerptFrames =
-    1300;                                 // one entry and exit of the weave (900 frames) with what is around
-constexpr std::size_t kMapPoints = 2000;  // of each kind on one map
-constexpr double kMapTics = 6.0;
-constexpr std::size_t kMapPathPoints = 4000;  // a weave keeps its curves
-constexpr double kErrorFloorN = 1e-6;         // below any force a device can show: keeps a logarithm finite
+    1300;  // one entry and exit of the weave (900 frames) with what is around
 
 Chart begin(const std::string& prefix, const std::string& name, std::string title, std::string caption) {
   Chart chart;
@@ -29,10 +25,19 @@ Chart begin(const std::string& prefix, const std::string& name, std::string titl
   return chart;
 }
 
-Series series_of(const Study& study, std::size_t i) {
-  const std::string& label = study.runs[i].result.label;
-  return {label, colour_of(label, i), {}, {}};
+/// An empty line for every renderer.
+std::vector<Series> series_of(const Study& study) {
+  std::vector<std::string> labels;
+  for (const metrics::RendererResult& r : study.document.renderers) labels.push_back(r.label);
+  const std::vector<Look> looks = looks_of(labels);
+  std::vector<Series> all;
+  for (std::size_t i = 0; i < labels.size(); ++i)
+    all.push_back({labels[i], looks[i].colour, {}, {}, looks[i].dash});
+  return all;
 }
+
+/// More lines than this on one plot are a tangle.
+constexpr std::size_t kManyLines = 7;
 
 /// Share of contact frames that take longer than x, both axes logarithmic: the tail is what a hand feels.
 Chart frame_times(const Study& study, const std::string& prefix) {
@@ -41,11 +46,14 @@ Chart frame_times(const Study& study, const std::string& prefix) {
                       "Share of contact frames that took longer than the time on the x axis, back to back, "
                       "the clock's own cost included. "
                       "Further left is faster; a steep fall is steadier.");
+  chart.nothing = "No frame was in contact.";
   chart.x_label = "frame time, µs";
   chart.y_label = "frames that took longer, %";
   chart.log_x = chart.log_y = true;
+  chart.wide = study.runs.size() > kManyLines;
+  std::vector<Series> series = series_of(study);
   for (std::size_t i = 0; i < study.runs.size(); ++i) {
-    Series s = series_of(study, i);
+    Series& s = series[i];
     const trace::ForceTrace& trace = study.runs[i].trace;
     std::vector<std::int64_t> times;
     for (std::size_t k = 0; k < trace.frame_ns.size() && k < trace.frames.size(); ++k)
@@ -74,15 +82,19 @@ Chart preparation(const Study& study, const std::string& prefix) {
   constexpr double kMargin = 0.6;     // rows above the first and below the last bar
   Chart chart = begin(prefix, "preparation", "Preparation",
                       "Everything before the first frame; the phases and the number of threads stand below.");
+  constexpr int kBarHeight = 22, kAxisHeight = 60;
   chart.style = Chart::Style::kBars;
+  chart.wide = study.runs.size() > kManyLines;
+  if (chart.wide) chart.height = kAxisHeight + kBarHeight * static_cast<int>(study.runs.size());
   chart.log_x = true;
   double lowest = 1e300, highest = 0.0;
   std::string tics, labels;
+  std::vector<Series> series = series_of(study);
   for (std::size_t i = 0; i < study.runs.size(); ++i) {
-    Series s = series_of(study, i);
+    Series& s = series[i];
     tics += fmt::format("{}'{}' {}", tics.empty() ? "" : ", ", s.label, -static_cast<double>(i));
-    if (study.runs[i].result.prepare) {
-      const double ms = std::max(study.runs[i].result.prepare->total_ms, kLeastMs);
+    if (study.document.renderers[i].prepare) {
+      const double ms = std::max(study.document.renderers[i].prepare->total_ms, kLeastMs);
       lowest = std::min(lowest, ms);
       highest = std::max(highest, ms);
       s.x.push_back(ms);
@@ -104,27 +116,35 @@ Chart preparation(const Study& study, const std::string& prefix) {
 }
 
 std::size_t first_contact(const Study& study) {
-  for (std::size_t k = 0; k < study.stage.path.size(); ++k) {
-    if (study.stage.reference && study.stage.reference->frames[k].frame.contact) return k;
-    if (study.stage.reference) continue;
-    for (const Run& run : study.runs)
+  for (std::size_t k = 0; k < study.path.size(); ++k) {
+    if (study.reference && study.reference->frames[k].frame.contact) return k;
+    if (study.reference) continue;
+    for (const StudyRun& run : study.runs)
       if (k < run.trace.frames.size() && run.trace.frames[k].contact) return k;
   }
   return 0;
 }
 
+/// Where the truth lacks what the scene asks of a surface, its force is none to compare with.
+bool forces_comparable(const Study& study) {
+  return study.document.scoring && study.document.scoring->forces_comparable;
+}
+
+std::string said_of_truth(const Study& study) {
+  if (!study.reference) return "there is no ground truth here.";
+  return forces_comparable(study)
+             ? "the wide grey line is the ground truth (" + study.reference->name + ")."
+             : "the wide grey line is the surface without friction, deformation and texture: it shows when "
+               "there is contact, and is no truth of the force.";
+}
+
 Chart force_excerpt(const Study& study, const std::string& prefix) {
-  Chart chart =
-      begin(prefix, "force", "Force over time, first touch",
-            study.stage.reference
-                ? "Magnitude of the force around the first entry and exit; the wide grey line is the ground "
-                  "truth (" +
-                      study.stage.reference->name + ")."
-                : "Magnitude of the force around the first entry and exit; there is no ground truth here.");
+  Chart chart = begin(prefix, "force", "Force over time, first touch",
+                      "Magnitude of the force around the first entry and exit; " + said_of_truth(study));
   chart.x_label = "time, s";
   chart.y_label = "force, N";
   chart.wide = true;
-  const std::vector<double>& t = study.stage.path.t_s;
+  const std::vector<double>& t = study.path.t_s;
   constexpr std::size_t kLead = 60;
   const std::size_t contact = first_contact(study);
   const std::size_t begin_at = contact > kLead ? contact - kLead : 0;
@@ -135,18 +155,39 @@ Chart force_excerpt(const Study& study, const std::string& prefix) {
     s.x.push_back(t[k]);
     s.y.push_back(frame.force_n.norm());
   };
-  if (study.stage.reference) {
-    Series truth{"truth", "#c4c4c4", {}, {}};
-    for (std::size_t k = begin_at; k < end_at; ++k) take(truth, k, study.stage.reference->frames[k].frame);
+  if (study.reference) {
+    Series truth{"truth", "#c4c4c4", {}, {}, {}, true};
+    for (std::size_t k = begin_at; k < end_at; ++k) take(truth, k, study.reference->frames[k].frame);
     chart.series.push_back(std::move(truth));
   }
+  if (study.runs.size() > kManyLines && study.reference) {
+    chart.style = Chart::Style::kPanels;
+    chart.caption += " In N, over seconds.";
+  }
+  std::vector<Series> series = series_of(study);
   for (std::size_t i = 0; i < study.runs.size(); ++i) {
-    Series s = series_of(study, i);
+    Series& s = series[i];
     for (std::size_t k = begin_at; k < end_at && k < study.runs[i].trace.frames.size(); ++k)
       take(s, k, study.runs[i].trace.frames[k]);
     chart.series.push_back(std::move(s));
   }
   return chart;
+}
+
+/// A panel for each series instead, with the least of all in each place behind it.
+void in_panels(Chart& chart) {
+  Series least{"least", "#c4c4c4", chart.series.front().x, {}};
+  for (const Series& s : chart.series)
+    if (s.x.size() > least.x.size()) least.x = s.x;
+  for (std::size_t k = 0; k < least.x.size(); ++k) {
+    double y = std::nan("");
+    for (const Series& s : chart.series)
+      if (k < s.y.size()) y = std::fmin(y, s.y[k]);
+    least.y.push_back(y);
+  }
+  chart.series.insert(chart.series.begin(), std::move(least));
+  chart.style = Chart::Style::kPanels;
+  chart.caption += " In N, over seconds; grey: the least error of all.";
 }
 
 Chart error_along(const Study& study, const std::string& prefix) {
@@ -155,116 +196,32 @@ Chart error_along(const Study& study, const std::string& prefix) {
                       "without any error are left out.");
   chart.x_label = "time, s";
   chart.y_label = "force error, N";
+  chart.nothing = "No force is wrong by more than rounding.";
   chart.log_y = true;
   chart.wide = true;
-  if (study.stage.path.size() > 1)
-    chart.extra = fmt::format("set xrange [{:.6g}:{:.6g}]\n", study.stage.path.t_s.front(),
-                              study.stage.path.t_s.back());
+  if (study.path.size() > 1)
+    chart.extra = fmt::format("set xrange [{:.6g}:{:.6g}]\n", study.path.t_s.front(), study.path.t_s.back());
   chart.style = Chart::Style::kSteps;
-  const std::vector<double>& t = study.stage.path.t_s;
+  const std::vector<double>& t = study.path.t_s;
+  std::vector<Series> series = series_of(study);
   for (std::size_t i = 0; i < study.runs.size(); ++i) {
-    Series s = series_of(study, i);
+    Series& s = series[i];
     const std::vector<float>& error = study.runs[i].per_frame.force_error_n;
     const std::size_t piece = std::max<std::size_t>(1, error.size() / kBins);
+    const double rounding = study.document.renderers[i].accuracy
+                                ? study.document.renderers[i].accuracy->rounding_n
+                                : 0.0;  // no error
     for (std::size_t k = 0; k < error.size(); k += piece) {
       const auto last = error.begin() + static_cast<std::ptrdiff_t>(std::min(k + piece, error.size()));
       const double worst =
           static_cast<double>(*std::max_element(error.begin() + static_cast<std::ptrdiff_t>(k), last));
       s.x.push_back(t[k]);
-      s.y.push_back(worst > kErrorFloorN ? worst : std::nan(""));
+      s.y.push_back(worst > rounding ? worst : std::nan(""));
     }
     chart.series.push_back(std::move(s));
   }
+  if (chart.series.size() > kManyLines) in_panels(chart);
   return chart;
-}
-
-/// The flagged stretches of a path as lines of their own, thinned to what a map can show. A stretch of one
-/// frame becomes a dot: `dot_mm` long.
-Series stretches(const char* label, const char* colour, const std::vector<Vec3>& hip,
-                 const std::vector<std::uint8_t>& flags, double dot_mm) {
-  Series s{label, colour, {}, {}};
-  const auto total = static_cast<std::size_t>(
-      std::count_if(flags.begin(), flags.end(), [](std::uint8_t f) { return f != 0; }));
-  const std::size_t every = std::max<std::size_t>(1, total / kMapPoints);
-  const auto put = [&](double x, double y) {
-    s.x.push_back(x);
-    s.y.push_back(y);
-  };
-  const std::size_t n = std::min(flags.size(), hip.size());
-  for (std::size_t k = 0; k < n;) {
-    if (flags[k] == 0) {
-      ++k;
-      continue;
-    }
-    std::size_t end = k;
-    while (end < n && flags[end] != 0) ++end;
-    for (std::size_t j = k; j + 1 < end; j += every) put(hip[j].x(), hip[j].y());
-    put(hip[end - 1].x(), hip[end - 1].y());
-    put(hip[end - 1].x() + dot_mm, hip[end - 1].y());
-    put(hip[end - 1].x(), std::nan(""));
-    k = end;
-  }
-  return s;
-}
-
-bool any(const std::vector<std::uint8_t>& flags) {
-  return std::any_of(flags.begin(), flags.end(), [](std::uint8_t f) { return f != 0; });
-}
-
-/// The path from above, and where the renderers called `who` saw contact wrongly, all in the same way.
-Chart defect_map(const Study& study, const Run& r, const std::string& who, const std::string& prefix) {
-  constexpr double kDotShare = 0.002;  // of the map's width: a pixel
-  Chart chart =
-      begin(prefix, fmt::format("map-{}", r.result.label), "Where contact was wrong: " + who,
-            fmt::format("The path of the HIP seen along z; thick where contact is wrong by more than "
-                        "one local resolution. {} frames missed, {} false.",
-                        count_text(r.result.accuracy ? r.result.accuracy->missed_contact_frames : 0),
-                        count_text(r.result.accuracy ? r.result.accuracy->false_contact_frames : 0)));
-  chart.x_label = "x, mm";
-  chart.y_label = "y, mm";
-  constexpr int kMapHeight = 500;
-  chart.height = kMapHeight;
-  const auto& hip = study.stage.path.hip_mm;
-  Series path{"path", "#aaaaaa", {}, {}};
-  const std::size_t step = std::max<std::size_t>(1, hip.size() / kMapPathPoints);
-  for (std::size_t k = 0; k < hip.size(); k += step) {
-    path.x.push_back(hip[k].x());
-    path.y.push_back(hip[k].y());
-  }
-  const auto [low, high] = std::minmax_element(path.x.begin(), path.x.end());
-  const auto [bottom, top] = std::minmax_element(path.y.begin(), path.y.end());
-  const double extent = path.x.empty() ? 1.0 : std::max(*high - *low, *top - *bottom);
-  chart.series.push_back(std::move(path));
-  chart.series.push_back(
-      stretches("false contact", "#e69f00", hip, r.per_frame.false_contact, kDotShare * extent));
-  chart.series.push_back(
-      stretches("missed contact", "#c00000", hip, r.per_frame.missed_contact, kDotShare * extent));
-  chart.style = Chart::Style::kMap;
-  chart.extra = fmt::format(
-      "set size ratio -1\nset offsets graph 0.04, graph 0.04, graph 0.04, graph 0.04\n"
-      "set xtics {0:.6g}\nset ytics {0:.6g}\n",
-      tic_step(extent, kMapTics));
-  return chart;
-}
-
-/// A map for every different way of being wrong; none for renderers that are right.
-std::vector<Figure> draw_maps(const Study& study, const std::string& prefix, const OutputFolder& folder) {
-  std::vector<std::pair<const Run*, std::string>> maps;
-  for (const Run& run : study.runs) {
-    const metrics::AccuracyFrames& f = run.per_frame;
-    if (!any(f.missed_contact) && !any(f.false_contact)) continue;
-    const auto same = std::find_if(maps.begin(), maps.end(), [&](const auto& map) {
-      return map.first->per_frame.missed_contact == f.missed_contact &&
-             map.first->per_frame.false_contact == f.false_contact;
-    });
-    if (same != maps.end())
-      same->second += ", " + run.result.label;
-    else
-      maps.push_back({&run, run.result.label});
-  }
-  std::vector<Figure> figures;
-  for (const auto& [run, who] : maps) figures.push_back(draw(defect_map(study, *run, who, prefix), folder));
-  return figures;
 }
 
 }  // namespace
@@ -274,9 +231,8 @@ std::vector<Figure> draw_study(const Study& study, const std::string& prefix, co
   figures.push_back(draw(force_excerpt(study, prefix), folder));
   figures.push_back(draw(frame_times(study, prefix), folder));
   figures.push_back(draw(preparation(study, prefix), folder));
-  if (!study.stage.reference) return figures;
-  figures.push_back(draw(error_along(study, prefix), folder));
-  for (Figure& map : draw_maps(study, prefix, folder)) figures.push_back(std::move(map));
+  if (!study.reference) return figures;
+  if (forces_comparable(study)) figures.push_back(draw(error_along(study, prefix), folder));
   return figures;
 }
 

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "experiments/run/output_folder.h"
-#include "experiments/run/run.h"
+#include "experiments/study/output_folder.h"
+#include "experiments/study/study.h"
 
 namespace palpate::experiments {
 
@@ -17,15 +17,23 @@ struct Figure {
   bool wide = false;  ///< takes the whole width
 };
 
-/// The same colour for the same renderer in every figure (Okabe and Ito's palette, told apart by the
-/// colour-blind). The truth is grey and not among them.
-[[nodiscard]] std::string colour_of(const std::string& label, std::size_t index);
+/// How a line is drawn.
+struct Look {
+  std::string colour;
+  std::string dash;  ///< of gnuplot's `dt`; empty: solid
+};
+/// One look for each label, no two alike: colours that the colour-blind tell apart (Okabe and Ito's palette
+/// and a few more), then the same in dashes. The best known renderers have the same colour in every study.
+/// The truth is grey and not among them.
+[[nodiscard]] std::vector<Look> looks_of(const std::vector<std::string>& labels);
 
 /// One line of a chart.
 struct Series {
   std::string label;
   std::string colour;
   std::vector<double> x, y;  ///< a y that is not finite interrupts the line
+  std::string dash{};        ///< as in Look
+  bool is_truth = false;     ///< drawn wide, behind the others
 };
 
 /// What gnuplot is told about a chart.
@@ -37,20 +45,23 @@ struct Chart {
     kLines,
     kSteps,
     kMarkedLines,
-    kBars,    ///< lying: x is the length from `bars_from`, y the row
-    kPanels,  ///< one panel for each series, the first one (the truth) behind it in all
-    kMap      ///< x and y to one scale; the first series a thin line, the others thick
+    kBars,   ///< lying: x is the length from `bars_from`, y the row
+    kPanels  ///< one panel for each series, the first one (the truth) behind it in all
   };
   Style style = Style::kLines;
   double bars_from = 0.0;
   int height = 0;  ///< in the units of the SVG; 0: as usual
   bool wide = false;
-  std::string extra;  ///< gnuplot commands before `plot`
+  std::string extra;                                  ///< gnuplot commands before `plot`
+  std::string nothing = "There is nothing to draw.";  ///< said where no series has a point
   std::vector<Series> series;
 };
 
 /// A step of tics that gives about so many of them over an extent: 1, 2 or 5 times a power of ten.
 [[nodiscard]] double tic_step(double extent, double tics);
+
+/// Whether any series has a point to draw.
+[[nodiscard]] bool has_points(const Chart& chart);
 
 /// Writes data and script into `folder` and runs gnuplot there. Failing leaves Figure::svg empty and says why
 /// in the caption: a report without one picture is better than none.

@@ -4,10 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <limits>
 #include <sstream>
 
 #include "experiments/data/process.h"
 #include "experiments/report/figures.h"
+#include "experiments/report/tables.h"
+#include "toolkit/core/input_file.h"
 
 namespace palpate::experiments {
 namespace {
@@ -36,7 +39,7 @@ std::string data_text(const Chart& chart) {
   return text;
 }
 
-const char* style_name(Chart::Style style, std::size_t index) {
+const char* style_name(Chart::Style style) {
   switch (style) {
     case Chart::Style::kLines:
       return "lines lw 1.4";
@@ -48,17 +51,27 @@ const char* style_name(Chart::Style style, std::size_t index) {
       return "boxxyerror fs solid 0.9 noborder";
     case Chart::Style::kPanels:
       return "lines lw 1.6";
-    case Chart::Style::kMap:
-      return index == 0 ? "lines lw 0.6" : "lines lw 4";
   }
   return "lines";
 }
 
 /// Lines on top of each other are told apart by their dashes, in print as well.
-const char* dashes(const Chart& chart, const Series& series) {
-  const bool drawn = chart.style == Chart::Style::kLines || chart.style == Chart::Style::kMarkedLines;
-  if (!drawn || series.label == "truth") return "";
-  return series.label == "mesh-godobject" ? " dt (8,6)" : "";
+std::string dashes(const Chart& chart, const Series& series) {
+  const bool drawn = chart.style == Chart::Style::kLines || chart.style == Chart::Style::kMarkedLines ||
+                     chart.style == Chart::Style::kSteps;
+  return drawn && !series.dash.empty() ? " dt " + series.dash : "";
+}
+
+/// Rows of the legend above the plot: gnuplot takes their room from the plot.
+int legend_rows(const Chart& chart) {
+  constexpr int kLetter = 8, kSample = 60, kMargins = 90;  // of the font, the line before it, the axes
+  if (chart.style == Chart::Style::kBars || chart.style == Chart::Style::kPanels) return 1;
+  int longest = 0;
+  for (const Series& series : chart.series)
+    longest = std::max(longest, static_cast<int>(text_width(series.label)));
+  const int in_row =
+      std::max(1, ((chart.wide ? kWideWidth : kWidth) - kMargins) / (kLetter * longest + kSample));
+  return (static_cast<int>(chart.series.size()) + in_row - 1) / in_row;
 }
 
 std::string columns_of(const Chart& chart) {
@@ -71,40 +84,91 @@ constexpr std::size_t kPanelColumns = 4;
 constexpr int kPanelHeight = 180;
 constexpr double kSpareRoom = 0.6, kFlatRoom = 0.2, kPanelTics = 4.0;
 
+/// Every series behind the first one that has anything to show.
+std::size_t panels_of(const Chart& chart) {
+  const auto shown = std::count_if(chart.series.begin() + 1, chart.series.end(),
+                                   [](const Series& series) { return !series.x.empty(); });
+  return std::max<std::size_t>(1, static_cast<std::size_t>(shown));
+}
+
+struct Range {
+  double low = 0.0, high = 0.0;
+};
+
+/// The truth and as much again: what leaves that has left it, and runs along the edge.
+Range range_about(const Series& truth) {
+  Range truly;
+  for (const double y : truth.y) {
+    truly.low = std::min(truly.low, y);
+    truly.high = std::max(truly.high, y);
+  }
+  const double room = truly.high > truly.low ? truly.high - truly.low : kFlatRoom;
+  return {truly.low - kSpareRoom * room, truly.high + kSpareRoom * room};
+}
+
+bool leaves(const Chart& chart) {
+  if (chart.style != Chart::Style::kPanels || chart.log_y) return false;
+  const Range range = range_about(chart.series.front());
+  return std::any_of(chart.series.begin(), chart.series.end(), [&](const Series& series) {
+    return std::any_of(series.y.begin(), series.y.end(),
+                       [&](double y) { return y < range.low || y > range.high; });
+  });
+}
+
+/// Points beyond the range come back to its edge.
+std::string column_within(const Range& range) {
+  return fmt::format("($2 > {0:.6g} ? {0:.6g} : $2 < {1:.6g} ? {1:.6g} : $2)", range.high, range.low);
+}
+
+std::string linear_range(const Range& range) {
+  return fmt::format("set yrange [{:.6g}:{:.6g}]\nset ytics {:.6g}\n", range.low, range.high,
+                     tic_step(range.high - range.low, kPanelTics));
+}
+
+/// All that there is, in whole powers of ten.
+std::string logarithmic_range(const Chart& chart) {
+  int low = std::numeric_limits<int>::max(), high = std::numeric_limits<int>::min();
+  for (const Series& series : chart.series)
+    for (const double y : series.y) {
+      if (!std::isfinite(y) || !(y > 0.0)) continue;
+      low = std::min(low, static_cast<int>(std::floor(std::log10(y))));
+      high = std::max(high, static_cast<int>(std::ceil(std::log10(y))));
+    }
+  if (low > high) return "";
+  constexpr int kMostTics = 4;
+  const int step = std::max(1, (high - low + kMostTics - 1) / kMostTics);
+  return fmt::format("set yrange [1e{}:1e{}]\nset ytics 1e{}\nset format y '10^{{%T}}'\nunset mytics\n", low,
+                     std::max(high, low + 1), step);
+}
+
 /// All on the same axes, so that they can be compared; only the outer ones have labels.
 std::string panels_text(const Chart& chart) {
-  const std::size_t panels = chart.series.size() - 1;
-  const std::size_t rows = (panels + kPanelColumns - 1) / kPanelColumns;
-  double low = 0.0, high = 0.0;
-  for (const double y : chart.series.front().y) {
-    low = std::min(low, y);
-    high = std::max(high, y);
-  }
-  // The truth and as much again: what leaves that has left it.
-  const double room = high > low ? high - low : kFlatRoom;
+  const std::size_t rows = (panels_of(chart) + kPanelColumns - 1) / kPanelColumns;
+  const Range range = range_about(chart.series.front());
   const std::vector<double>& x = chart.series.front().x;
   const double tics = x.empty() ? 1.0 : tic_step(x.back() - x.front(), kPanelTics);
   std::string s = fmt::format(
-      "unset key\nset xlabel ''\nset ylabel ''\nset yrange [{:.6g}:{:.6g}]\nset xtics {:.6g}\nset ytics "
-      "{:.6g}\n"
-      "set multiplot layout {},{} margins char 6, char 2, char 2.5, char 2 spacing char 4.5, char 4.5\n",
-      low - kSpareRoom * room, high + kSpareRoom * room, tics,
-      tic_step((1.0 + 2.0 * kSpareRoom) * room, kPanelTics), rows, kPanelColumns);
-  for (std::size_t i = 1; i < chart.series.size(); ++i)
+      "unset key\nset xlabel ''\nset ylabel ''\n{}set xtics {:.6g}\n"
+      "set multiplot layout {},{} margins char 7, char 2, char 2.5, char 2 spacing char 5.5, char 4.5\n",
+      chart.log_y ? logarithmic_range(chart) : linear_range(range), tics, rows, kPanelColumns);
+  for (std::size_t i = 1; i < chart.series.size(); ++i) {
+    if (chart.series[i].x.empty()) continue;
     s += fmt::format(
         "set title {0} noenhanced offset 0,-0.6 font ',13'\n"
-        "plot '{1}.dat' index 0 using 1:2 with lines lw 5 lc rgb '{2}', '{1}.dat' index {3} using 1:2 with "
+        "plot '{1}.dat' index 0 using 1:2 with lines lw 5 lc rgb '{2}', '{1}.dat' index {3} using 1:{6} with "
         "{4} "
         "lc rgb '{5}'\n",
-        quoted(chart.series[i].label), chart.name, chart.series.front().colour, i, style_name(chart.style, i),
-        chart.series[i].colour);
+        quoted(chart.series[i].label), chart.name, chart.series.front().colour, i, style_name(chart.style),
+        chart.series[i].colour, chart.log_y ? "2" : column_within(range));
+  }
   return s + "unset multiplot\n";
 }
 
 int height_of(const Chart& chart) {
-  if (chart.style != Chart::Style::kPanels) return chart.height > 0 ? chart.height : kHeight;
-  const std::size_t panels = std::max<std::size_t>(chart.series.size(), 2) - 1;
-  return kPanelHeight * static_cast<int>((panels + kPanelColumns - 1) / kPanelColumns);
+  constexpr int kLegendRow = 20;
+  if (chart.style != Chart::Style::kPanels)
+    return (chart.height > 0 ? chart.height : kHeight) + (legend_rows(chart) - 1) * kLegendRow;
+  return kPanelHeight * static_cast<int>((panels_of(chart) + kPanelColumns - 1) / kPanelColumns);
 }
 
 std::string script_text(const Chart& chart) {
@@ -126,10 +190,9 @@ std::string script_text(const Chart& chart) {
   for (std::size_t i = 0; i < chart.series.size(); ++i) {
     const Series& series = chart.series[i];
     if (series.x.empty()) continue;
-    const bool truth = series.label == "truth";
     plot += fmt::format("{}'{}.dat' index {} using {} with {}{} lc rgb '{}' title {}",
                         plot.empty() ? "plot " : ", \\\n     ", chart.name, i, columns_of(chart),
-                        truth ? "lines lw 6" : style_name(chart.style, i), dashes(chart, series),
+                        series.is_truth ? "lines lw 6" : style_name(chart.style), dashes(chart, series),
                         series.colour, quoted(series.label));
   }
   return s + plot + "\n";
@@ -157,17 +220,33 @@ std::string for_page(std::string svg, const std::string& name) {
 
 }  // namespace
 
-std::string colour_of(const std::string& label, std::size_t index) {
-  static const std::vector<std::pair<std::string, std::string>> known = {{"cloud", "#0072b2"},
-                                                                         {"cloud-literal", "#d55e00"},
-                                                                         {"mesh-godobject", "#009e73"},
-                                                                         {"brute-force", "#cc79a7"},
-                                                                         {"analytic", "#56b4e9"}};
-  for (const auto& [name, colour] : known)
-    if (name == label) return colour;
-  static const std::vector<std::string> others = {"#cc79a7", "#e69f00", "#56b4e9",
-                                                  "#7f3fbf", "#8c6d31", "#666666"};
-  return others[index % others.size()];
+std::vector<Look> looks_of(const std::vector<std::string>& labels) {
+  static const std::vector<std::pair<std::string, Look>> known = {{"cloud", {"#0072b2", ""}},
+                                                                  {"cloud-literal", {"#d55e00", ""}},
+                                                                  {"mesh-godobject", {"#009e73", "(8,6)"}},
+                                                                  {"brute-force", {"#cc79a7", ""}},
+                                                                  {"analytic", {"#56b4e9", ""}}};
+  static const std::vector<std::string> colours = {"#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00",
+                                                   "#56b4e9", "#7f3fbf", "#8c6d31", "#222222"};
+  static const std::vector<std::string> dashes = {"", "(10,5)", "(3,4)", "(12,4,3,4)"};
+  std::vector<Look> looks(labels.size());
+  std::vector<std::string> taken;  // colours, of solid lines
+  for (std::size_t i = 0; i < labels.size(); ++i)
+    for (const auto& [name, look] : known)
+      if (name == labels[i]) {
+        looks[i] = look;
+        taken.push_back(look.colour);
+      }
+  std::size_t next = 0;
+  for (Look& look : looks) {
+    if (!look.colour.empty()) continue;
+    // The first round leaves out what is taken; the dashed ones are all free.
+    while (next < colours.size() && std::find(taken.begin(), taken.end(), colours[next]) != taken.end())
+      ++next;
+    look = {colours[next % colours.size()], dashes[next / colours.size() % dashes.size()]};
+    ++next;
+  }
+  return looks;
 }
 
 double tic_step(double extent, double tics) {
@@ -177,24 +256,36 @@ double tic_step(double extent, double tics) {
   return raw / power < 2.0 ? 2.0 * power : raw / power < kFive ? kFive * power : kTen * power;
 }
 
+bool has_points(const Chart& chart) {
+  return std::any_of(chart.series.begin(), chart.series.end(), [](const Series& series) {
+    return std::any_of(series.y.begin(), series.y.end(), [](double y) { return std::isfinite(y); });
+  });
+}
+
 Figure draw(const Chart& chart, const OutputFolder& folder) {
   Figure figure{chart.name, chart.title, chart.caption, {}, chart.wide};
+  if (leaves(chart)) figure.caption += " What leaves a panel runs along its edge.";
   const auto give_up = [&](const std::string& why) {
     figure.caption = "This figure could not be drawn: " + why;
     return figure;
   };
+  if (!has_points(chart)) {
+    figure.caption = chart.nothing;
+    return figure;
+  }
   if (const Status s = folder.write(chart.name + ".dat", data_text(chart)); !s)
     return give_up(s.error().message());
   if (const Status s = folder.write(chart.name + ".gp", script_text(chart)); !s)
+    return give_up(s.error().message());
+  if (const Result<std::string> s = folder.claim(chart.name + ".svg"); !s)
     return give_up(s.error().message());
   const Result<ProcessOutcome> run =
       run_process({"gnuplot", chart.name + ".gp"}, kGnuplotLimitS, {}, folder.path().string());
   if (!run) return give_up(run.error().message());
   if (run->exit_code != 0) return give_up(run->err.empty() ? "gnuplot failed" : run->err);
-  std::ifstream file(folder.file(chart.name + ".svg"), std::ios::binary);
-  std::ostringstream svg;
-  svg << file.rdbuf();
-  figure.svg = for_page(svg.str(), chart.name);
+  const Result<std::string> svg = read_file(folder.file(chart.name + ".svg").string(), kMemoryLimitBytes);
+  if (!svg) return give_up(svg.error().message());
+  figure.svg = for_page(*svg, chart.name);
   return figure.svg.empty() ? give_up("gnuplot wrote no picture") : figure;
 }
 

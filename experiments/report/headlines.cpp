@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <functional>
 
 #include "experiments/report/page.h"
@@ -24,24 +25,25 @@ std::string listed(const std::vector<std::string>& items) {
   return joined({items.begin(), items.end() - 1}, ", ") + " and " + items.back();
 }
 
-/// ", 1.9 times as much" where that says something.
-std::string times(double value, double best) {
-  constexpr double kWorthSaying = 1.05;
-  return best > 0.0 && value / best >= kWorthSaying ? fmt::format(" ({} times)", short_number(value / best))
-                                                    : "";
-}
-
-/// "cloud 0.21 µs, mesh-godobject 0.40 µs (1.9 times)", the lowest first.
+/// "cloud 0.21 µs, mesh-godobject 0.40 µs (1.9 times)", the lowest first; of many the first ones and the
+/// last.
 std::string ranked(const metrics::ResultDocument& document, const Value& value, const Show& show) {
+  constexpr std::size_t kMany = 7, kFirst = 5;
   std::vector<const RendererResult*> order;
   for (const RendererResult& r : document.renderers)
-    if (competes(r) && value(r)) order.push_back(&r);
+    if (competes(r) && value(r) && std::isfinite(*value(r))) order.push_back(&r);
   std::stable_sort(order.begin(), order.end(),
                    [&](const RendererResult* a, const RendererResult* b) { return *value(*a) < *value(*b); });
   std::vector<std::string> items;
-  for (const RendererResult* r : order)
-    items.push_back(fmt::format("{} {}{}", r->label, show(*value(*r)),
-                                r == order.front() ? "" : times(*value(*r), *value(*order.front()))));
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const bool last_of_many = order.size() > kMany && i + 1 == order.size();
+    if (order.size() > kMany && i >= kFirst && !last_of_many) continue;
+    const double own = *value(*order[i]), best = *value(*order.front());
+    const std::string times = i == 0 ? "" : ratio_text(own, best);
+    items.push_back(fmt::format("{}{} {}{}",
+                                last_of_many ? fmt::format("{} more up to ", order.size() - kFirst) : "",
+                                order[i]->label, show(own), times.empty() ? "" : " (" + times + ")"));
+  }
   return joined(items, ", ");
 }
 
@@ -52,7 +54,7 @@ std::optional<double> prepare_ms(const RendererResult& r) {
   return r.prepare ? std::optional<double>(r.prepare->total_ms) : std::nullopt;
 }
 std::optional<double> force_rms(const RendererResult& r) {
-  return r.accuracy ? r.accuracy->force_rms_n : std::nullopt;
+  return settled_score(r, &metrics::Accuracy::force_rms_n);
 }
 
 /// What a renderer's contact got wrong, or nothing.
@@ -109,7 +111,9 @@ std::vector<Headline> headlines_of(const metrics::ResultDocument& document) {
     if (!text.empty()) lines.push_back({lead, text});
   };
   add("Contact", contact_verdict(document));
-  add("Force error, RMS", ranked(document, force_rms, [](double n) { return short_number(n) + " N"; }));
+  add("Force error, RMS", ranked(document, force_rms, [](double n) {
+        return n == 0.0 ? std::string("exact") : short_number(n) + " N";
+      }));
   add("Mean frame in contact", ranked(document, mean_us, [](double us) { return short_number(us) + " µs"; }));
   add("Preparation", ranked(document, prepare_ms, duration_text));
   return lines;

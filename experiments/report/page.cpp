@@ -4,6 +4,9 @@
 
 #include <algorithm>
 
+#include "experiments/report/findings.h"
+#include "experiments/report/model_picture.h"
+
 namespace palpate::experiments {
 namespace {
 
@@ -16,7 +19,7 @@ std::string terms(const std::vector<std::pair<std::string, std::string>>& items,
 }
 
 std::string headlines_html(const Page& page) {
-  std::string html = "<div class=\"headline\">\n";
+  std::string html;
   for (const HeadlineGroup& group : page.headlines) {
     if (group.lines.empty()) continue;
     if (!group.title.empty()) html += "<h2>" + html_escaped(group.title) + "</h2>\n";
@@ -24,7 +27,32 @@ std::string headlines_html(const Page& page) {
     for (const Headline& line : group.lines) items.emplace_back(line.lead, line.text);
     html += terms(items, "found");
   }
-  return html + "</div>\n";
+  return html.empty() ? "" : "<div class=\"headline\">\n" + html + "</div>\n";
+}
+
+/// Warnings of all studies first, then their notes.
+std::string known_html(const Page& page) {
+  std::string items;
+  for (const bool warnings : {true, false})
+    for (const Known& known : page.known)
+      for (const std::string& text : warnings ? known.warnings : known.notes)
+        items += fmt::format("<li{}>{}{}{}</li>\n", warnings ? " class=\"warning\"" : "",
+                             warnings ? "<strong>Warning:</strong> " : "",
+                             known.about.empty() ? "" : html_escaped(known.about) + ": ", html_escaped(text));
+  return items.empty() ? ""
+                       : "<div class=\"known\" id=\"known\">\n<h2>What to know</h2>\n<ul>\n" + items +
+                             "</ul>\n</div>\n";
+}
+
+/// One line above everything, that leads to the warnings.
+std::string warned_html(const Page& page) {
+  std::size_t warnings = 0;
+  for (const Known& known : page.known) warnings += known.warnings.size();
+  if (warnings == 0) return {};
+  return fmt::format(
+      "<p class=\"warned\"><strong>{} warning{}:</strong> <a href=\"#known\">read {} before you trust these "
+      "numbers</a></p>\n",
+      warnings, warnings == 1 ? "" : "s", warnings == 1 ? "it" : "them");
 }
 
 std::string facts_html(const std::vector<Fact>& facts) {
@@ -45,9 +73,11 @@ std::string figure_html(const Figure& figure) {
                      html_escaped(figure.caption));
 }
 
-std::string section_html(const Section& section) {
+/// `opened`: what it opens with stands at the top of the page already.
+std::string section_html(const Section& section, bool opened) {
   std::string html =
       fmt::format("<section id=\"{}\">\n<h2>{}</h2>\n", section.id, html_escaped(section.title));
+  if (!opened) html += section.opening;
   for (const std::string& paragraph : section.paragraphs) html += "<p>" + html_escaped(paragraph) + "</p>\n";
   for (const Table& table : section.tables) html += to_html(table);
   if (!section.figures.empty()) {
@@ -59,11 +89,10 @@ std::string section_html(const Section& section) {
 }
 
 std::string about_html(const Page& page) {
-  constexpr double kBytesPerGb = 1e9;
-  const metrics::ResultDocument& a = page.about;
+  const metrics::DocumentHead& a = page.about;
   std::vector<std::pair<std::string, std::string>> items = {
       {"processor", fmt::format("{}, {} in use", a.machine.cpu, a.machine.cores)},
-      {"memory", fmt::format("{:.1f} GB", static_cast<double>(a.machine.memory_bytes) / kBytesPerGb)},
+      {"memory", bytes_text(static_cast<double>(a.machine.memory_bytes))},
       {"system", a.machine.kernel},
       {"program", fmt::format("palpate {}, commit {}", a.version, a.commit)},
       {"build", a.build},
@@ -74,8 +103,10 @@ std::string about_html(const Page& page) {
   html += terms(items, "about") + "<pre>";
   for (const std::string& command : page.commands) html += html_escaped(command) + "\n";
   return html +
-         "</pre>\n<p class=\"caption\">Every number of this page is in result.json, every frame in the trace "
-         "files beside it; the scripts and data of the figures are in the folder figures. Times differ from "
+         "</pre>\n<p class=\"caption\">Every number of this page is in the JSON document beside it, every "
+         "frame "
+         "in the trace files; the scripts and data of the figures are in the folder figures. Times differ "
+         "from "
          "run to run and from machine to machine; traces do not, and their hashes stand with each "
          "renderer.</p>\n</section>\n";
 }
@@ -95,6 +126,7 @@ Fact fact_of(const metrics::RendererResult& r) {
     std::string notes;
     for (const std::string& note : r.prepare->notes) notes += (notes.empty() ? "" : "; ") + note;
     if (!notes.empty()) fact.sentences.push_back(notes);
+    for (const std::string& warning : r.prepare->warnings) fact.sentences.push_back("Warning: " + warning);
   }
   if (!r.trace_hash.empty()) fact.sentences.push_back("trace hash " + r.trace_hash);
   return fact;
@@ -102,18 +134,16 @@ Fact fact_of(const metrics::RendererResult& r) {
 
 std::vector<Fact> facts_of(const Study& study) {
   std::vector<Fact> facts = {{"model", {study.document.scene}}, {"path", {study.document.path}}};
-  if (study.stage.reference)
-    facts.push_back(
-        {"ground truth", {study.stage.reference->name + ": " + study.stage.reference->exactness}});
-  if (!study.stage.notes.empty()) facts.push_back({"notes", study.stage.notes});
+  if (study.reference)
+    facts.push_back({"ground truth", {study.reference->name + ": " + study.reference->exactness}});
   for (const metrics::RendererResult& r : study.document.renderers) facts.push_back(fact_of(r));
   return facts;
 }
 
 /// How much of the path touches, in truth.
 std::string contact_of_path(const Study& study) {
-  if (!study.stage.reference) return {};
-  const auto& frames = study.stage.reference->frames;
+  if (!study.reference) return {};
+  const auto& frames = study.reference->frames;
   const auto touching = static_cast<std::size_t>(
       std::count_if(frames.begin(), frames.end(), [](const auto& f) { return f.frame.contact; }));
   return fmt::format("The path has {} frames: {} of true contact, {} in free space.",
@@ -122,7 +152,7 @@ std::string contact_of_path(const Study& study) {
 
 }  // namespace
 
-Page begin_page(std::string title, const metrics::ResultDocument& about) {
+Page begin_page(std::string title, const metrics::DocumentHead& about) {
   Page page;
   page.title = std::move(title);
   page.about = about;
@@ -130,26 +160,45 @@ Page begin_page(std::string title, const metrics::ResultDocument& about) {
   return page;
 }
 
-void add_study(Page& page, const Study& study, const std::string& id, const OutputFolder& folder) {
+Known known_of(const std::string& about, const metrics::ResultDocument& document) {
+  return {about, warnings_of(document), document.notes};
+}
+
+void add_known(Page& page, Known known) {
+  if (!known.warnings.empty() || !known.notes.empty()) page.known.push_back(std::move(known));
+}
+
+void add_study(Page& page, const Study& study, const std::string& id, const std::string& name,
+               const OutputFolder& folder) {
   Section section;
   section.id = id;
-  section.title = study.title;
-  if (!study.text.empty()) section.paragraphs.push_back(study.text);
+  section.title = study.document.title;
+  if (!study.document.about.empty()) section.paragraphs.push_back(study.document.about);
   if (const std::string path = contact_of_path(study); !path.empty()) section.paragraphs.push_back(path);
   Table table = comparison_table(study.document);
-  table.caption =
-      "Green and bold: the best of the row. Frame times are of contact frames; the mean is without the "
-      "clock's own cost.";
-  if (study.stage.reference)
-    table.notes.insert(table.notes.end(), contact_words().begin(), contact_words().end());
+  if (study.reference) table.notes.insert(table.notes.end(), contact_words().begin(), contact_words().end());
   section.tables.push_back(std::move(table));
-  if (const Result<OutputFolder> figures = folder.inside("figures"))
+  Figure model = model_figure(study, id);
+  if (const Result<OutputFolder> figures = folder.inside("figures")) {
     section.figures = draw_study(study, id, *figures);
-  else
+    if (const Status written = figures->write(model.name + ".svg", model.svg); !written)
+      model.caption += " It could not be written to the folder: " + written.error().message();
+  } else {
     section.paragraphs.push_back("The figures could not be drawn: " + figures.error().message());
+  }
+  section.opening = opening_html(study.document) + figure_html(model);
   section.facts = facts_of(study);
-  page.headlines.push_back({study.title, headlines_of(study.document)});
+  add_known(page, known_of(name, study.document));
+  page.headlines.push_back({study.document.title, headlines_of(study.document)});
   page.sections.push_back(std::move(section));
+}
+
+Status draw_report(const OutputFolder& folder) {
+  const Result<Study> study = read_study(folder.path());
+  if (!study) return study.error();
+  Page page = begin_page("Comparison of haptic renderers", study->document);
+  add_study(page, *study, "study", {}, folder);
+  return write_page(page, folder);
 }
 
 std::string to_html(const Page& page) {
@@ -161,16 +210,18 @@ std::string to_html(const Page& page) {
       html_escaped(page.title), page_style(), html_escaped(page.about.version),
       html_escaped(page.about.commit), html_escaped(page.about.started_utc),
       html_escaped(page.about.machine.cpu));
-  html += headlines_html(page) + "<nav>";
+  const bool one = page.sections.size() == 1;
+  html += warned_html(page) + (one ? page.sections.front().opening : "") + known_html(page) +
+          headlines_html(page) + "<nav>";
   for (const Section& section : page.sections)
     html += fmt::format("<a href=\"#{}\">{}</a>", section.id, html_escaped(section.title));
   html += "<a href=\"#about\">Machine and commands</a></nav>\n";
-  for (const Section& section : page.sections) html += section_html(section);
+  for (const Section& section : page.sections) html += section_html(section, one);
   return html + about_html(page) + "</main>\n</body>\n</html>\n";
 }
 
 Status write_page(const Page& page, const OutputFolder& folder) {
-  return folder.write("report.html", to_html(page));
+  return folder.write(kReportFile, to_html(page));
 }
 
 }  // namespace palpate::experiments

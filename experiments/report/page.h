@@ -17,6 +17,11 @@ struct HeadlineGroup {
   std::string title;
   std::vector<Headline> lines;
 };
+/// What a reader must know first: warnings, and notes of scene and path.
+struct Known {
+  std::string about;  ///< the study; may be empty where there is one only
+  std::vector<std::string> warnings, notes;
+};
 /// Small print about one renderer, or about the whole.
 struct Fact {
   std::string about;
@@ -26,6 +31,7 @@ struct Fact {
 struct Section {
   std::string id;
   std::string title;
+  std::string opening{};                ///< HTML: the first thing in it, or on a page where it is alone
   std::vector<std::string> paragraphs;  ///< plain text
   std::vector<Table> tables;
   std::vector<Figure> figures;
@@ -34,16 +40,31 @@ struct Section {
 
 struct Page {
   std::string title;
-  std::vector<HeadlineGroup> headlines;  ///< what was found, the first thing on the page
+  std::vector<Known> known;              ///< the first thing on the page
+  std::vector<HeadlineGroup> headlines;  ///< what was found
   std::vector<Section> sections;
   std::vector<std::string> commands;  ///< that repeat it
-  metrics::ResultDocument about;      ///< machine, commit, time; its renderers are not read
+  metrics::DocumentHead about;        ///< machine, commit, time
 };
 
-[[nodiscard]] Page begin_page(std::string title, const metrics::ResultDocument& about);
+/// Takes over warnings and notes, where there are any.
+void add_known(Page& page, Known known);
+/// Those of a document. `about`: the study.
+[[nodiscard]] Known known_of(const std::string& about, const metrics::ResultDocument& document);
 
-/// The study's section with its figures (drawn into `folder`/figures) and its headlines.
-void add_study(Page& page, const Study& study, const std::string& id, const OutputFolder& folder);
+[[nodiscard]] Page begin_page(std::string title, const metrics::DocumentHead& about);
+
+/// The study's section with its figures (drawn into `folder`/figures) and its headlines. `name` begins them;
+/// it may be empty.
+void add_study(Page& page, const Study& study, const std::string& id, const std::string& name,
+               const OutputFolder& folder);
+
+/// report.html of one study, drawn from its folder and put into it.
+[[nodiscard]] Status draw_report(const OutputFolder& folder);
+
+/// What a reader asks first of every renderer: right, fast, ready when, how large? A picture and four
+/// numbers.
+[[nodiscard]] std::string opening_html(const metrics::ResultDocument& document);
 
 /// What a study shows: who keeps contact right, who is exact, fast, ready soon. A pure function of the
 /// document.

@@ -15,6 +15,13 @@ p { margin:.5rem 0; max-width:48rem; overflow-wrap:anywhere; }
 .by { max-width:none; color:var(--soft); font-size:.92rem; }
 .headline { background:var(--card); border:1px solid var(--line); border-left:5px solid var(--accent); border-radius:6px; padding:.4rem 1.2rem .9rem; margin:1.2rem 0; }
 .headline h2 { font-size:1.02rem; margin:1rem 0 .25rem; padding:0; border:0; }
+.known { border:1px solid var(--line); border-left:5px solid var(--bad); border-radius:6px; background:var(--card); padding:.4rem 1.2rem .7rem; margin:1.2rem 0; font-size:.95rem; }
+.known h2 { font-size:1.02rem; margin:.5rem 0 .25rem; padding:0; border:0; } .known ul { margin:.2rem 0; padding-left:1.1rem; } .known li { overflow-wrap:anywhere; } .known .warning strong { color:var(--bad); }
+.warned { max-width:none; margin:.5rem 0; padding:.4rem .9rem; border-left:5px solid var(--bad); background:var(--card); } .warned strong { color:var(--bad); } .warned a { color:inherit; }
+.opening { display:grid; grid-template-columns:minmax(0,4fr) minmax(0,6fr); gap:1.2rem; align-items:start; margin:1rem 0 1.4rem; } .opening.alone { grid-template-columns:minmax(0,1fr); }
+.opening .picture { background:var(--card); border:1px solid var(--line); border-radius:6px; padding:.5rem; } .trade { display:block; width:100%; height:auto; font-size:13px; fill:var(--soft); } .trade .grid { stroke:var(--line); } .trade .axis { stroke:var(--soft); } .trade .in { fill:#fff; font-weight:700; font-size:11px; }
+.four { background:var(--card); border:1px solid var(--line); border-radius:6px; border-collapse:separate; border-spacing:0; } .four :is(th,td) { text-align:left; white-space:normal; padding:.3rem .55rem; vertical-align:top; min-width:0; } .four thead th { min-width:0; } .four tbody th { min-width:9rem; font-weight:600; overflow-wrap:anywhere; }
+.four b { font-weight:600; white-space:nowrap; } .four small { display:block; color:var(--soft); font-weight:400; font-size:.78rem; line-height:1.3; } .four td.bad small { color:var(--bad); } .four td:is(.best,.bad) { font-weight:inherit; } .dot { display:inline-block; min-width:1.35rem; height:1.35rem; border-radius:.7rem; color:#fff; font-size:.74rem; font-weight:700; text-align:center; line-height:1.35rem; margin-right:.4rem; print-color-adjust:exact; -webkit-print-color-adjust:exact; }
 nav { font-size:.95rem; } nav a { color:var(--accent); margin-right:1.1rem; display:inline-block; }
 .scroll { overflow-x:auto; margin:1.1rem 0 .3rem; border:1px solid var(--line); border-radius:6px; background:var(--card); }
 table { border-collapse:collapse; width:100%; font-size:.93rem; font-variant-numeric:tabular-nums; }
@@ -23,8 +30,11 @@ th, td { padding:.34rem .8rem; text-align:right; white-space:nowrap; border-top:
 thead th { font-weight:600; border-bottom:2px solid var(--line); white-space:normal; vertical-align:bottom; min-width:5.5rem; }
 th:first-child { text-align:left; font-weight:400; min-width:8rem; white-space:normal; position:sticky; left:0; background:var(--card); }
 tr.group th { font-weight:600; color:var(--soft); padding-top:.9rem; font-size:.85rem; letter-spacing:.02em; }
-td.best { font-weight:700; color:var(--best); } td.bad { font-weight:700; color:var(--bad); }
-.caption, .notes, .facts { color:var(--soft); font-size:.88rem; } .notes { padding-left:1.2rem; max-width:60rem; }
+td.best { font-weight:700; color:var(--best); } td.bad { font-weight:700; color:var(--bad); } td.best, td.bad { position:relative; } .mark { position:absolute; padding-left:.08em; }
+:is(.n10,.n11,.n12,.n13,.n14,.n15,.n16) { font-size:.82rem; } :is(.n10,.n11,.n12,.n13,.n14,.n15,.n16) :is(th,td) { padding:.3rem .5rem .3rem .4rem; min-width:0; }
+.turned th:first-child { white-space:nowrap; } td.words { text-align:left; white-space:normal; } thead th.words { text-align:left; }
+:is(th,td):last-child { padding-right:1rem; } .legend { margin:.2rem 0; } .legend span { margin-right:1.4rem; white-space:nowrap; }
+.caption, .legend, .notes, .facts { color:var(--soft); font-size:.88rem; } .notes { padding-left:1.2rem; max-width:60rem; }
 h3 { font-size:1rem; margin:1.4rem 0 .3rem; }
 .figures { display:grid; grid-template-columns:repeat(2,minmax(0,1fr)); gap:1.1rem; margin:1.2rem 0; }
 figure { margin:0; background:var(--card); border:1px solid var(--line); border-radius:6px; padding:.7rem .8rem; min-width:0; }
@@ -35,12 +45,17 @@ figcaption { color:var(--soft); font-size:.87rem; margin:.45rem .2rem 0; }
 pre { background:var(--card); border:1px solid var(--line); border-radius:6px; padding:.7rem .9rem; overflow-x:auto; font-size:.86rem; white-space:pre-wrap; overflow-wrap:anywhere; }
 dl { display:grid; grid-template-columns:minmax(7.5rem,max-content) 1fr; gap:.2rem 1.2rem; margin:.3rem 0; font-size:.93rem; } dt { color:var(--soft); } dd { margin:0; overflow-wrap:anywhere; max-width:54rem; }
 dl.found { grid-template-columns:11.5rem 1fr; font-size:.97rem; } dl.found dd { max-width:none; } dl.facts { gap:.45rem 1.2rem; font-size:.86rem; } dl.facts dt { color:var(--ink); font-weight:600; }
+@media (max-width:60rem) { .opening { grid-template-columns:minmax(0,1fr); } }
 @media (max-width:46rem) { .figures { grid-template-columns:minmax(0,1fr); } figure.wide .picture svg { min-width:34rem; } th,td { padding:.3rem .55rem; } dl, dl.found, dl.facts { grid-template-columns:minmax(0,1fr); gap:0; } dd { margin-bottom:.5rem; } dl.found dt { font-weight:600; } }
 @media print {
   :root { --ink:#000; --soft:#444; --paper:#fff; --card:#fff; --line:#bbb; --accent:#0072b2; --best:#00694f; --bad:#b3261e; }
   @page { size:A4; margin:14mm; }
   body { font-size:10pt; } main { max-width:none; padding:0; } nav { display:none; }
-  h2 { break-after:avoid; } figure, .headline dl, tr, dd, pre { break-inside:avoid; } h3, dt, caption { break-after:avoid; } .scroll, figure .picture { overflow:visible; } th,td { padding:.16rem .4rem; } thead { display:table-header-group; }
+  table { font-size:8.4pt; } :is(.n8,.n9,.n10) { font-size:7.6pt; } :is(.n11,.n12,.n13) { font-size:6.6pt; } :is(.n14,.n15,.n16) { font-size:5.8pt; }
+  table :is(th,td), :is(.n10,.n11,.n12,.n13,.n14,.n15,.n16) :is(th,td) { padding:.14rem .38rem; min-width:0; } th:first-child { position:static; } :is(th,td):last-child { padding-right:.6rem; } .legend span { white-space:normal; } .scroll { border:0; border-radius:0; margin:.6rem 0 .2rem; }
+  .opening { grid-template-columns:minmax(0,4fr) minmax(0,6fr); gap:.6rem; break-inside:avoid; } .four :is(th,td) { padding:.1rem .3rem; } .four tbody th { min-width:6rem; } .four small { font-size:6.4pt; }
+  .turned { break-inside:avoid; } tbody tr:first-child, tr.group + tr { break-before:avoid; }
+  h2 { break-after:avoid; } figure, .headline dl, tr, dd, pre { break-inside:avoid; } h3, dt, caption { break-after:avoid; } .scroll, figure .picture { overflow:visible; } thead { display:table-header-group; }
 }
 )css";
 }

@@ -9,216 +9,191 @@
 namespace palpate::experiments {
 namespace {
 
-constexpr std::size_t kGroup = 3;
-constexpr double kSecondMs = 1000.0;
-constexpr double kMinuteMs = 60000.0;
-
-/// Display width: UTF-8 continuation bytes take no column.
-std::size_t width(const std::string& text) {
-  return static_cast<std::size_t>(
-      std::count_if(text.begin(), text.end(), [](char c) { return (c & 0xC0) != 0x80; }));
-}
-
-std::string padded(const std::string& text, std::size_t to, bool right) {
-  const std::string blanks(to > width(text) ? to - width(text) : 0, ' ');
-  return right ? blanks + text : text + blanks;
-}
-
-/// Thousands separated before the decimal point.
-std::string grouped(std::string digits) {
-  const std::size_t first = digits.empty() || digits.front() != '-' ? 0 : 1;
-  const std::size_t point = std::min(digits.find('.'), digits.size());
-  for (std::size_t at = point; at > first + kGroup; at -= kGroup) digits.insert(at - kGroup, ",");
-  return digits;
-}
-
 using Result_ = metrics::RendererResult;
-using Get = std::function<std::optional<double>(const Result_&)>;
+using Value = std::optional<double>;
+using Get = std::function<Value(const Result_&)>;
 enum class Better { kLower, kHigher, kNeither };
 
 /// How a row's numbers are written.
 enum class Show { kNumbers, kCounts, kTimes };
 
-/// Which of `values` is the best of a row; nothing where nobody is: no rival, or all equal.
-std::optional<double> best_of(const std::vector<std::optional<double>>& values,
-                              const metrics::ResultDocument& document, Better better) {
-  std::optional<double> best;
-  std::size_t rivals = 0, equal = 0;
+constexpr double kNsPerUs = 1e3, kPercent = 100.0;
+constexpr double kDegPerRad = 57.295779513082320877;  // 180 / pi
+
+/// Which of `values` is the best of a row; nothing where nobody is.
+std::optional<std::size_t> best_of(const std::vector<Value>& values, const metrics::ResultDocument& document,
+                                   Better better) {
+  std::optional<std::size_t> best;
   for (std::size_t i = 0; better != Better::kNeither && i < values.size(); ++i) {
-    const auto& v = values[i];
-    if (!v || !competes(document.renderers[i])) continue;
-    ++rivals;
-    if (best && *v == *best) ++equal;
-    if (best && (better == Better::kLower ? *v >= *best : *v <= *best)) continue;
-    best = v;
-    equal = 1;
+    if (!values[i] || !competes(document.renderers[i])) continue;
+    if (!best || (better == Better::kLower ? *values[i] < *values[*best] : *values[i] > *values[*best]))
+      best = i;
   }
-  return equal < rivals ? best : std::nullopt;
+  return best;
 }
 
-void add_row(Table& table, const metrics::ResultDocument& document, std::string name, const Get& get,
-             Better better, Show show) {
-  std::vector<std::optional<double>> values;
-  for (const Result_& r : document.renderers) values.push_back(get(r));
-  if (std::none_of(values.begin(), values.end(), [](const auto& v) { return v.has_value(); })) return;
-  const std::optional<double> best = best_of(values, document, better);
-  std::vector<std::string> texts;
-  if (show == Show::kTimes) {
-    AlignedTimes times = aligned_times(values);
-    name += ", " + times.unit;
-    texts = std::move(times.texts);
-  } else if (show == Show::kNumbers) {
-    texts = aligned_numbers(values);
-  } else {
-    for (const auto& v : values)
-      texts.push_back(v ? count_text(static_cast<std::uint64_t>(*v)) : std::string("–"));
-  }
-  std::vector<Cell> row = {{std::move(name), false, false}};
-  for (std::size_t i = 0; i < values.size(); ++i)
-    row.push_back({std::move(texts[i]),
-                   best && values[i] && *values[i] == *best && competes(document.renderers[i]), false});
-  table.rows.push_back(std::move(row));
-}
+/// Rows of a name and a value of every renderer.
+class Scores {
+ public:
+  Scores(Table& table, const metrics::ResultDocument& document) : table_(table), document_(document) {}
 
-Get frame(std::optional<double> trace::FrameStatistics::*member) {
+  void heading(std::string text) { table_.rows.push_back({{std::move(text), false, false}}); }
+
+  /// `rounding`: of each renderer's value, what rounding alone makes; empty: none.
+  void add(std::string name, const Get& get, Better better, Show show, const Get& rounding = {}) {
+    std::vector<Value> values;
+    for (const Result_& r : document_.renderers) {
+      Value value = get(r);
+      if (value && !std::isfinite(*value)) value.reset();
+      if (value && rounding) {
+        const double least = rounding(r).value_or(0.0);
+        settled_any_ = settled_any_ || (*value != 0.0 && settled(*value, least) == 0.0);
+        value = settled(*value, least);
+      }
+      values.push_back(value);
+    }
+    if (std::none_of(values.begin(), values.end(), [](const Value& v) { return v.has_value(); })) return;
+    std::vector<std::string> texts;
+    if (show == Show::kTimes) {
+      AlignedTimes times = aligned_times(values);
+      name += ", " + times.unit;
+      texts = std::move(times.texts);
+    } else if (show == Show::kNumbers) {
+      texts = aligned_numbers(values);
+    } else {
+      for (const Value& v : values)
+        texts.push_back(v ? count_text(static_cast<std::uint64_t>(*v)) : kNoNumber);
+    }
+    // What reads the same is as good; where all are, nobody is marked.
+    const std::optional<std::size_t> best = best_of(values, document_, better);
+    const auto is_best = [&](std::size_t i) {
+      return best && values[i] && competes(document_.renderers[i]) && texts[i] == texts[*best];
+    };
+    std::size_t rivals = 0, equal = 0;
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      rivals += values[i] && competes(document_.renderers[i]) ? 1u : 0u;
+      equal += is_best(i) ? 1u : 0u;
+    }
+    std::vector<Cell> row = {{std::move(name), false, false}};
+    for (std::size_t i = 0; i < values.size(); ++i)
+      row.push_back({texts[i], equal < rivals && is_best(i), false});
+    table_.rows.push_back(std::move(row));
+  }
+  void lower(std::string name, const Get& get, const Get& rounding = {}) {
+    add(std::move(name), get, Better::kLower, Show::kNumbers, rounding);
+  }
+  void fewer(std::string name, const Get& get) { add(std::move(name), get, Better::kLower, Show::kCounts); }
+  /// Something was more than 0 and no more than rounding.
+  [[nodiscard]] bool settled_any() const { return settled_any_; }
+
+ private:
+  Table& table_;
+  const metrics::ResultDocument& document_;
+  bool settled_any_ = false;
+};
+
+Get frame(Value trace::FrameStatistics::*member) {
   return [member](const Result_& r) { return r.frame ? (*r.frame).*member : std::nullopt; };
 }
-Get accuracy(std::optional<double> metrics::Accuracy::*member) {
+Get frame_count(std::uint64_t trace::FrameStatistics::*member) {
+  return [member](const Result_& r) -> Value {
+    if (!r.frame) return std::nullopt;
+    return static_cast<double>((*r.frame).*member);
+  };
+}
+Get accuracy(Value metrics::Accuracy::*member) {
   return [member](const Result_& r) { return r.accuracy ? (*r.accuracy).*member : std::nullopt; };
 }
-Get accuracy_count(std::uint64_t metrics::Accuracy::*member) {
-  return [member](const Result_& r) -> std::optional<double> {
-    if (!r.accuracy) return std::nullopt;
-    return static_cast<double>((*r.accuracy).*member);
+template <class Count>  // std::uint64_t, or an optional one
+Get accuracy_count(Count metrics::Accuracy::*member) {
+  return [member](const Result_& r) -> Value {
+    const std::optional<std::uint64_t> n =
+        r.accuracy ? (*r.accuracy).*member : std::optional<std::uint64_t>();
+    return n ? Value(static_cast<double>(*n)) : std::nullopt;
   };
 }
 
-void add_costs(Table& t, const metrics::ResultDocument& d) {
-  t.rows.push_back({{"Preparation", false, false}});
-  add_row(
-      t, d, "preparation",
-      [](const Result_& r) -> std::optional<double> {
-        return r.prepare ? std::optional<double>(r.prepare->total_ms) : std::nullopt;
-      },
-      Better::kLower, Show::kTimes);
-  add_row(
-      t, d, "memory, bytes a point",
-      [](const Result_& r) -> std::optional<double> {
-        if (!r.prepare || !r.model || r.model->points == 0) return std::nullopt;
-        return static_cast<double>(r.prepare->bytes) / static_cast<double>(r.model->points);
-      },
-      Better::kLower, Show::kNumbers);
-  t.rows.push_back({{"Frame in contact, back to back", false, false}});
-  add_row(t, d, "mean, µs", frame(&trace::FrameStatistics::mean_us), Better::kLower, Show::kNumbers);
-  add_row(t, d, "median, µs", frame(&trace::FrameStatistics::p50_us), Better::kLower, Show::kNumbers);
-  add_row(t, d, "99 %, µs", frame(&trace::FrameStatistics::p99_us), Better::kLower, Show::kNumbers);
-  add_row(t, d, "99.9 %, µs", frame(&trace::FrameStatistics::p999_us), Better::kLower, Show::kNumbers);
-  add_row(t, d, "longest, µs", frame(&trace::FrameStatistics::max_us), Better::kLower, Show::kNumbers);
-  add_row(
-      t, d, "missed 1 ms deadlines",
-      [](const Result_& r) -> std::optional<double> {
-        return r.frame ? std::optional<double>(static_cast<double>(r.frame->deadline_misses_1khz))
-                       : std::nullopt;
-      },
-      Better::kLower, Show::kCounts);
-  add_row(
-      t, d, "frames at the work bound",
-      [](const Result_& r) -> std::optional<double> {
-        return r.frame ? std::optional<double>(static_cast<double>(r.frame->bound_hits)) : std::nullopt;
-      },
-      Better::kLower, Show::kCounts);
-  add_row(
-      t, d, "paced at 1 kHz, median, µs",
-      [](const Result_& r) { return r.paced ? r.paced->frame.p50_us : std::nullopt; }, Better::kLower,
-      Show::kNumbers);
-  add_row(
-      t, d, "paced, caches evicted, median, µs",
-      [](const Result_& r) { return r.paced_evicted ? r.paced_evicted->frame.p50_us : std::nullopt; },
-      Better::kLower, Show::kNumbers);
+Value rounding_energy_percent(const Result_& r) {
+  if (!r.energy || !(r.energy->max_stored_mj > 0.0)) return std::nullopt;
+  return kPercent * r.energy->rounding_mj / r.energy->max_stored_mj;
 }
 
-void add_scores(Table& t, const metrics::ResultDocument& d) {
+void add_costs(Scores& t, const metrics::ResultDocument& d) {
+  using F = trace::FrameStatistics;
+  t.heading("Preparation");
+  t.add(
+      "preparation", [](const Result_& r) { return r.prepare ? Value(r.prepare->total_ms) : std::nullopt; },
+      Better::kLower, Show::kTimes);
+  t.lower("memory, bytes a point", [](const Result_& r) -> Value {
+    if (!r.prepare || !r.model || r.model->points == 0) return std::nullopt;
+    return static_cast<double>(r.prepare->bytes) / static_cast<double>(r.model->points);
+  });
+  t.heading("Frames");
+  const std::string all = frames_text(d);
+  t.add("frames in contact" + (all.empty() ? "" : ", " + all), frame_count(&F::contact_frames),
+        Better::kNeither, Show::kCounts);
+  if (all.empty()) t.add("frames in all", frame_count(&F::frames), Better::kNeither, Show::kCounts);
+  t.lower("mean without the clock, µs", frame(&F::mean_us));
+  t.fewer("frames at the work bound", frame_count(&F::bound_hits));
+  t.lower("paced at 1 kHz, median, µs",
+          [](const Result_& r) { return r.paced ? r.paced->frame.p50_us : std::nullopt; });
+  t.lower("paced, caches evicted, median, µs",
+          [](const Result_& r) { return r.paced_evicted ? r.paced_evicted->frame.p50_us : std::nullopt; });
+  t.heading("Frames one by one, the clock in each");
+  t.lower("mean, µs", frame(&F::mean_clocked_us));
+  t.lower("median, µs", frame(&F::p50_us));
+  t.lower("99 %, µs", frame(&F::p99_us));
+  t.lower("99.9 %, µs", frame(&F::p999_us));
+  t.lower("longest, µs", frame(&F::max_us));
+  t.fewer("missed 1 ms deadlines", frame_count(&F::deadline_misses_1khz));
+  t.add(
+      "of it the clock, µs",
+      [](const Result_& r) { return r.frame ? Value(r.frame->clock_overhead_ns / kNsPerUs) : std::nullopt; },
+      Better::kNeither, Show::kNumbers);
+}
+
+void add_scores(Scores& t) {
   using A = metrics::Accuracy;
-  t.rows.push_back({{"Against the ground truth", false, false}});
-  add_row(t, d, "force error, RMS, N", accuracy(&A::force_rms_n), Better::kLower, Show::kNumbers);
-  add_row(t, d, "force error, RMS, %", accuracy(&A::force_rms_percent), Better::kLower, Show::kNumbers);
-  add_row(t, d, "force error, largest, N", accuracy(&A::force_max_n), Better::kLower, Show::kNumbers);
-  add_row(t, d, "frames within 7 % of the force, %", accuracy(&A::within_7_percent), Better::kHigher,
-          Show::kNumbers);
-  add_row(t, d, "force direction, 99 %, degrees", accuracy(&A::direction_p99_deg), Better::kLower,
-          Show::kNumbers);
-  add_row(t, d, "largest excess jump, N", accuracy(&A::excess_jump_max_n), Better::kLower, Show::kNumbers);
-  add_row(t, d, "excess jumps", accuracy_count(&A::excess_jumps), Better::kLower, Show::kCounts);
-  add_row(t, d, "missed contact, frames", accuracy_count(&A::missed_contact_frames), Better::kLower,
-          Show::kCounts);
-  add_row(t, d, "false contact, frames", accuracy_count(&A::false_contact_frames), Better::kLower,
-          Show::kCounts);
-  add_row(t, d, "longest stick, frames", accuracy_count(&A::longest_stick_frames), Better::kLower,
-          Show::kCounts);
-  add_row(
-      t, d, "pop-throughs",
-      [](const Result_& r) -> std::optional<double> {
-        if (!r.accuracy || !r.accuracy->pop_throughs) return std::nullopt;
-        return static_cast<double>(*r.accuracy->pop_throughs);
-      },
-      Better::kLower, Show::kCounts);
-  add_row(t, d, "god object error, RMS, mm", accuracy(&A::god_object_rms_mm), Better::kLower, Show::kNumbers);
-  add_row(t, d, "god object error, largest, mm", accuracy(&A::god_object_max_mm), Better::kLower,
-          Show::kNumbers);
-  add_row(t, d, "onset error, mm", accuracy(&A::onset_error_mm), Better::kLower, Show::kNumbers);
-  add_row(t, d, "release error, mm", accuracy(&A::release_error_mm), Better::kLower, Show::kNumbers);
-  add_row(
-      t, d, "energy generated, %",
-      [](const Result_& r) { return r.energy ? r.energy->generated_percent : std::nullopt; }, Better::kLower,
-      Show::kNumbers);
+  const auto lower = [&](const char* name, Value A::*score) {
+    t.lower(name, accuracy(score), [score](const Result_& r) { return Value(rounding_of(r, score)); });
+  };
+  t.heading("Force against the ground truth");
+  lower("force error, RMS, N", &A::force_rms_n);
+  lower("force error, RMS, %", &A::force_rms_percent);
+  lower("force error, largest, N", &A::force_max_n);
+  t.add("frames within 7 % of the force, %", accuracy(&A::within_7_percent), Better::kHigher, Show::kNumbers);
+  lower("force direction, 99 %, degrees", &A::direction_p99_deg);
+  lower("largest excess jump, N", &A::excess_jump_max_n);
+  t.fewer("excess jumps", accuracy_count(&A::excess_jumps));
+  t.heading("Contact against the ground truth");
+  t.fewer("missed contact, frames", accuracy_count(&A::missed_contact_frames));
+  t.fewer("false contact, frames", accuracy_count(&A::false_contact_frames));
+  t.fewer("longest stick, frames", accuracy_count(&A::longest_stick_frames));
+  t.fewer("pop-throughs", accuracy_count(&A::pop_throughs));
+  lower("onset error, mm", &A::onset_error_mm);
+  lower("release error, mm", &A::release_error_mm);
+  t.heading("God object and energy");
+  lower("god object error, RMS, mm", &A::god_object_rms_mm);
+  lower("god object error, largest, mm", &A::god_object_max_mm);
+  t.lower(
+      "energy generated, %",
+      [](const Result_& r) { return r.energy ? r.energy->generated_percent : std::nullopt; },
+      rounding_energy_percent);
+}
+
+/// "0: no more than rounding, up to 1.5×10⁻⁶ N here".
+std::string zero_note(const metrics::ResultDocument& document) {
+  double n = 0.0, mm = 0.0;
+  for (const Result_& r : document.renderers) {
+    if (!r.accuracy) continue;
+    n = std::max(n, r.accuracy->rounding_n);
+    mm = std::max(mm, r.accuracy->rounding_mm);
+  }
+  return "0 also where it is no more than the rounding of stored points and arithmetic" +
+         (mm > 0.0 ? fmt::format(": {} mm, {} N.", short_number(mm), short_number(n)) : ".");
 }
 
 }  // namespace
-
-std::vector<std::string> aligned_numbers(const std::vector<std::optional<double>>& values) {
-  constexpr int kDigits = 3;      // of the smallest
-  constexpr int kMostDigits = 5;  // of the largest: more would claim what no measurement holds
-  constexpr double kTen = 10.0;
-  double low = 0.0, high = 0.0;
-  for (const auto& v : values) {
-    if (!v || *v == 0.0 || !std::isfinite(*v)) continue;
-    const double a = std::abs(*v);
-    low = low == 0.0 ? a : std::min(low, a);
-    high = std::max(high, a);
-  }
-  int decimals = 0;
-  if (high > 0.0) {
-    const int before_point = std::max(0, static_cast<int>(std::floor(std::log10(high))) + 1);
-    decimals = std::max(0, kDigits - 1 - static_cast<int>(std::floor(std::log10(low))));
-    // A single number, or several small ones, keep their three digits however small they are.
-    const int needed = std::max(0, kDigits - 1 - static_cast<int>(std::floor(std::log10(high))));
-    decimals = std::min(decimals, std::max(kMostDigits - before_point, needed));
-    decimals = std::max(decimals, 0);
-  }
-  const double least = 0.5 * std::pow(kTen, -decimals);
-  std::vector<std::string> texts;
-  for (const auto& v : values) {
-    if (!v || !std::isfinite(*v))
-      texts.emplace_back("–");
-    else if (*v == 0.0)
-      texts.emplace_back("0");
-    else if (std::abs(*v) < least)
-      texts.push_back(fmt::format("{}{:.{}f}", *v < 0.0 ? ">-" : "<", std::pow(kTen, -decimals), decimals));
-    else
-      texts.push_back(grouped(fmt::format("{:.{}f}", *v, decimals)));
-  }
-  return texts;
-}
-
-AlignedTimes aligned_times(const std::vector<std::optional<double>>& ms) {
-  double longest = 0.0;
-  for (const auto& v : ms) longest = std::max(longest, v.value_or(0.0));
-  const bool in_seconds = longest >= kSecondMs;
-  std::vector<std::optional<double>> values = ms;
-  for (auto& v : values)
-    if (v && in_seconds) *v /= kSecondMs;
-  return {in_seconds ? "s" : "ms", aligned_numbers(values)};
-}
 
 const std::vector<std::string>& contact_words() {
   static const std::vector<std::string> words = {
@@ -229,141 +204,138 @@ const std::vector<std::string>& contact_words() {
   return words;
 }
 
-std::string count_text(std::uint64_t value) {
-  return grouped(fmt::format("{}", value));
-}
-
-std::string short_number(double v) {
-  constexpr double kThree = 100.0, kTwo = 10.0, kSmall = 1e-3, kGrouped = 1000.0;
-  const double a = std::abs(v);
-  if (v == 0.0) return "0";
-  if (a >= kGrouped) return (v < 0 ? "-" : "") + count_text(static_cast<std::uint64_t>(std::llround(a)));
-  if (a >= kThree) return fmt::format("{:.0f}", v);
-  if (a >= kTwo) return fmt::format("{:.1f}", v);
-  if (a >= 1.0) return fmt::format("{:.2f}", v);
-  if (a >= kSmall) return fmt::format("{:.{}f}", v, 2 - static_cast<int>(std::floor(std::log10(a))));
-  return fmt::format("{:.1e}", v);
-}
-std::string short_number(const std::optional<double>& value) {
-  return value ? short_number(*value) : "–";
-}
-
-std::string duration_text(double ms) {
-  if (ms >= kMinuteMs) return fmt::format("{} min", short_number(ms / kMinuteMs));
-  return ms >= kSecondMs ? fmt::format("{} s", short_number(ms / kSecondMs))
-                         : fmt::format("{} ms", short_number(ms));
-}
-
-std::string html_escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      case '\'':
-        out += "&#39;";
-        break;
-      default:
-        out += c;
-    }
-  }
-  return out;
-}
-
 bool competes(const metrics::RendererResult& result) {
-  return result.name != "analytic" && result.name != "brute-force";
+  return result.role != render::Role::kReference && result.role != render::Role::kOracle;
 }
 
-std::string to_text(const Table& table) {
-  std::vector<std::size_t> widths;
-  for (const std::string& c : table.columns) widths.push_back(width(c));
-  for (const auto& row : table.rows)
-    for (std::size_t i = 0; row.size() > 1 && i < row.size(); ++i)
-      widths[i] = std::max(widths[i], width(row[i].text) + (row[i].best ? 1 : 0));
-  std::string text = table.title + "\n";
-  const auto line = [&](const std::vector<std::string>& cells) {
-    std::string out = " ";
-    for (std::size_t i = 0; i < cells.size(); ++i) out += " " + padded(cells[i], widths[i], i > 0) + " ";
-    while (!out.empty() && out.back() == ' ') out.pop_back();
-    return out + "\n";
+double rounding_of(const metrics::RendererResult& r, std::optional<double> metrics::Accuracy::*score) {
+  using A = metrics::Accuracy;
+  if (!r.accuracy) return 0.0;
+  const A& a = *r.accuracy;
+  const auto is_one_of = [&](std::initializer_list<Value A::*> scores) {
+    return std::find(scores.begin(), scores.end(), score) != scores.end();
   };
-  text += line(table.columns);
-  for (const auto& row : table.rows) {
-    if (row.size() == 1) {
-      text += row[0].text + "\n";
-      continue;
-    }
-    std::vector<std::string> cells;
-    for (const Cell& cell : row) cells.push_back(cell.text + (cell.best ? "*" : ""));
-    text += line(cells);
-  }
-  for (const std::string& note : table.notes) text += "  " + note + "\n";
-  return text;
+  if (is_one_of({&A::force_rms_n, &A::force_normal_rms_n, &A::force_tangential_rms_n, &A::force_max_n}))
+    return a.rounding_n;
+  // The difference of two forces may be wrong by the rounding of both.
+  if (is_one_of({&A::excess_jump_max_n, &A::path_dependence_n})) return 2.0 * a.rounding_n;
+  // A share of the true force, by the ratio of the two scores.
+  if (score == &A::force_rms_percent)
+    return a.force_rms_n.value_or(0.0) > 0.0
+               ? a.rounding_n * (a.force_rms_percent.value_or(0.0) / *a.force_rms_n)
+               : 0.0;
+  // Directions are compared of forces that are at least the floor.
+  if (is_one_of({&A::direction_mean_deg, &A::direction_p99_deg, &A::direction_max_deg}))
+    return a.floor_n > 0.0 ? kDegPerRad * a.rounding_n / a.floor_n : 0.0;
+  if (is_one_of({&A::god_object_rms_mm, &A::god_object_max_mm, &A::god_object_surface_rms_mm,
+                 &A::god_object_surface_max_mm, &A::onset_error_mm, &A::release_error_mm}))
+    return a.rounding_mm;
+  return 0.0;
 }
 
-std::string to_html(const Table& table) {
-  std::string html = "<div class=\"scroll\"><table>\n";
-  if (!table.title.empty()) html += "<caption>" + html_escaped(table.title) + "</caption>\n";
-  html += "<thead><tr>";
-  for (const std::string& c : table.columns) html += "<th scope=\"col\">" + html_escaped(c) + "</th>";
-  html += "</tr></thead>\n<tbody>\n";
+std::optional<double> settled_score(const metrics::RendererResult& r,
+                                    std::optional<double> metrics::Accuracy::*score) {
+  if (!r.accuracy || !((*r.accuracy).*score)) return std::nullopt;
+  return settled(*((*r.accuracy).*score), rounding_of(r, score));
+}
+
+std::string frames_text(const metrics::ResultDocument& document) {
+  std::optional<std::uint64_t> frames;
+  for (const Result_& r : document.renderers) {
+    if (!r.frame) continue;
+    if (frames && *frames != r.frame->frames) return {};
+    frames = r.frame->frames;
+  }
+  return frames ? "of " + count_text(*frames) : "";
+}
+
+std::vector<Table> turned(const Table& table) {
+  std::vector<Table> groups;
   for (const auto& row : table.rows) {
-    if (row.size() == 1) {
-      html += fmt::format("<tr class=\"group\"><th colspan=\"{}\">{}</th></tr>\n", table.columns.size(),
-                          html_escaped(row[0].text));
-      continue;
+    const bool heading = row.size() == 1;
+    // A lone row before the first heading (the status) goes with what follows.
+    if (heading && groups.size() == 1 && groups[0].title.empty() && groups[0].columns.size() == 2) {
+      groups[0].title = row[0].text;
+    } else if (heading || groups.empty()) {
+      Table& group = groups.emplace_back();
+      group.title = heading ? row[0].text : "";
+      group.columns = {table.columns.empty() || table.columns[0].empty() ? "" : table.columns[0]};
+      for (std::size_t i = 1; i < table.columns.size(); ++i)
+        group.rows.push_back({{table.columns[i], false, false}});
     }
-    html += "<tr>";
-    for (std::size_t i = 0; i < row.size(); ++i)
-      html += i == 0 ? "<th scope=\"row\">" + html_escaped(row[i].text) + "</th>"
-                     : fmt::format("<td{}>{}</td>",
-                                   row[i].best  ? " class=\"best\""
-                                   : row[i].bad ? " class=\"bad\""
-                                                : "",
-                                   html_escaped(row[i].text));
-    html += "</tr>\n";
+    if (heading) continue;
+    groups.back().columns.push_back(row[0].text);
+    for (std::size_t i = 1; i < row.size(); ++i) groups.back().rows[i - 1].push_back(row[i]);
   }
-  html += "</tbody></table></div>\n";
-  if (!table.caption.empty()) html += "<p class=\"caption\">" + html_escaped(table.caption) + "</p>\n";
-  if (!table.notes.empty()) {
-    html += "<ul class=\"notes\">";
-    for (const std::string& note : table.notes) html += "<li>" + html_escaped(note) + "</li>";
-    html += "</ul>\n";
-  }
-  return html;
+  return groups;
+}
+
+Table part_of(const Table& table, std::size_t begin, std::size_t end) {
+  const auto some = [&](const auto& row) {
+    auto part = row;
+    part.erase(part.begin() + static_cast<std::ptrdiff_t>(end), part.end());
+    part.erase(part.begin() + 1, part.begin() + static_cast<std::ptrdiff_t>(begin));
+    return part;
+  };
+  Table part;
+  part.columns = some(table.columns);
+  for (const auto& row : table.rows) part.rows.push_back(row.size() == 1 ? row : some(row));
+  return part;
+}
+
+std::vector<std::string> legend_of(const Table& table, bool is_turned) {
+  bool best = false, bad = false, none = false;
+  for (const auto& row : table.rows)
+    for (std::size_t i = 1; i < row.size(); ++i) {
+      best = best || row[i].best;
+      bad = bad || (row[i].bad && row[i].text != kNoNumber);
+      none = none || row[i].text == kNoNumber;
+    }
+  std::vector<std::string> lines;
+  if (best)
+    lines.push_back("* " + (!table.best_means.empty() ? table.best_means
+                            : is_turned               ? std::string("the best of its column")
+                                                      : std::string("the best of its row")));
+  if (bad) lines.push_back("! " + (table.bad_means.empty() ? "falls short" : table.bad_means));
+  if (none)
+    lines.push_back(std::string(kNoNumber) + " no value: not measured, or nothing to compare it with");
+  return lines;
 }
 
 Table comparison_table(const metrics::ResultDocument& document) {
   Table table;
   table.title = "All scores";
+  table.turns = true;
+  table.bad_means = "did not run to its end";
   table.columns = {""};
+  std::vector<std::string> reasons;
   std::vector<Cell> status = {{"status", false, false}};
+  std::string outside;
   for (const Result_& r : document.renderers) {
     table.columns.push_back(r.label);
+    if (!competes(r)) outside += (outside.empty() ? "" : ", ") + r.label;
     const bool ok = r.status == metrics::RunStatus::kOk;
     status.push_back({ok                                        ? "ok"
                       : r.status == metrics::RunStatus::kFailed ? "failed"
                                                                 : "did not finish",
                       false, !ok});
-    if (!ok) table.notes.push_back(r.label + ": " + r.reason);
+    if (!ok) reasons.push_back(r.label + ": " + r.reason);
   }
-  table.rows.push_back(std::move(status));
-  add_costs(table, document);
-  add_scores(table, document);
+  if (!reasons.empty()) table.rows.push_back(std::move(status));
+  Scores scores(table, document);
+  add_costs(scores, document);
+  add_scores(scores);
   // Headings with nothing below them say nothing.
   for (std::size_t i = table.rows.size(); i-- > 0;)
     if (table.rows[i].size() == 1 && (i + 1 == table.rows.size() || table.rows[i + 1].size() == 1))
       table.rows.erase(table.rows.begin() + static_cast<std::ptrdiff_t>(i));
+  table.caption =
+      "Times are of frames in contact, back to back. The mean without the clock is of whole runs of frames, "
+      "one clock pair around each run; the times one by one have a clock pair in every frame.";
+  table.notes = std::move(reasons);
+  if (!outside.empty())
+    table.notes.push_back("Shown to compare with, and not marked as best: " + outside + ".");
+  if (scores.settled_any()) table.notes.push_back(zero_note(document));
   return table;
 }
 

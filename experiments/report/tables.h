@@ -1,18 +1,20 @@
-// Tables as data: the same one is printed on the terminal and set in the report.
+// Tables as data: the same one is printed on the terminal and set in the report, and says there what its
+// marks mean.
 #pragma once
 
-#include <optional>
+#include <cstddef>
 #include <string>
 #include <vector>
 
+#include "toolkit/core/numbers.h"
 #include "toolkit/metrics/result_json.h"
 
 namespace palpate::experiments {
 
 struct Cell {
   std::string text;
-  bool best = false;  ///< the best of its row or column
-  bool bad = false;   ///< falls short
+  bool best = false;  ///< the best of its row or column: marked *
+  bool bad = false;   ///< falls short: marked !
 };
 
 struct Table {
@@ -21,37 +23,50 @@ struct Table {
   std::vector<std::string> columns;     ///< the first one heads the rows
   std::vector<std::vector<Cell>> rows;  ///< each as long as `columns`; a row of one cell is a heading
   std::vector<std::string> notes;
+  /// The columns are alike (renderers) and may become rows where they do not fit, each group of rows a table.
+  bool turns = false;
+  std::string best_means{};  ///< what * says; empty: the best of its row (of its column in a turned table)
+  std::string bad_means{};   ///< what ! says; empty: falls short
 };
 
-/// Columns aligned; the best of a row marked with *.
-[[nodiscard]] std::string to_text(const Table& table);
+/// Letters and marks of a terminal, the continuation bytes of UTF-8 not counted.
+[[nodiscard]] std::size_t text_width(const std::string& text);
+/// Whether most cells of a column are words: they stand left, numbers right.
+[[nodiscard]] bool holds_words(const Table& table, std::size_t column);
+/// Broken at blanks and after hyphens into lines of at most `columns`; a longer word keeps its line.
+[[nodiscard]] std::vector<std::string> wrapped(const std::string& text, std::size_t columns);
+
+/// A group of rows with the columns as rows; `table.turns` is not looked at.
+[[nodiscard]] std::vector<Table> turned(const Table& table);
+/// The columns from `begin` to `end` behind the first one; legend, caption and notes stay with the whole.
+[[nodiscard]] Table part_of(const Table& table, std::size_t begin, std::size_t end);
+/// What the marks say that stand in the table: *, !, the dash. One line each, in one text.
+[[nodiscard]] std::vector<std::string> legend_of(const Table& table, bool is_turned);
+
+/// Aligned, for a terminal of so many columns: headings and texts are wrapped, a table that may be turned is
+/// turned, and what is still too wide goes on below under its first column. Legend, caption and notes follow.
+[[nodiscard]] std::string to_text(const Table& table, std::size_t columns);
+/// The same for the report: a table that may be turned is turned from some number of columns on.
 [[nodiscard]] std::string to_html(const Table& table);
 
 /// The truth and the oracle of tests are shown beside the renderers but win nothing.
 [[nodiscard]] bool competes(const metrics::RendererResult& result);
 
+/// What rounding alone makes of a score (see metrics::Accuracy::rounding_n), and the score, or 0 where it is
+/// no more than that.
+[[nodiscard]] double rounding_of(const metrics::RendererResult& result,
+                                 std::optional<double> metrics::Accuracy::*score);
+[[nodiscard]] std::optional<double> settled_score(const metrics::RendererResult& result,
+                                                  std::optional<double> metrics::Accuracy::*score);
+
 /// One column per renderer, one row per score.
 [[nodiscard]] Table comparison_table(const metrics::ResultDocument& document);
 
-/// Numbers that stand side by side: all with as many decimals as the smallest needs for three digits, or as
-/// the largest bears; a dash for nothing, "<0.001" for what would read as nothing and is not.
-[[nodiscard]] std::vector<std::string> aligned_numbers(const std::vector<std::optional<double>>& values);
-/// The same for times: "ms" or "s", whichever suits the longest, and the numbers in it.
-struct AlignedTimes {
-  std::string unit;
-  std::vector<std::string> texts;
-};
-[[nodiscard]] AlignedTimes aligned_times(const std::vector<std::optional<double>>& ms);
+/// "of 50,000" where all renderers have run as many frames, else nothing.
+[[nodiscard]] std::string frames_text(const metrics::ResultDocument& document);
 
 /// What missed, false and stuck contact mean, a sentence each.
 [[nodiscard]] const std::vector<std::string>& contact_words();
-
-/// Three significant digits, thousands separated: 0.0374, 2.40, 1,002,001.
-[[nodiscard]] std::string short_number(double value);
-[[nodiscard]] std::string short_number(const std::optional<double>& value);  ///< a dash for nothing
-[[nodiscard]] std::string count_text(std::uint64_t value);
-/// A number with its unit at a readable size: 0.42 ms, 25.1 s.
-[[nodiscard]] std::string duration_text(double ms);
 
 /// & < > " ' replaced.
 [[nodiscard]] std::string html_escaped(const std::string& text);

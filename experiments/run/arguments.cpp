@@ -2,10 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <set>
 
 #include "experiments/run/cleaning.h"
+#include "toolkit/core/words.h"
 #include "toolkit/scene/scene.h"
 #include "toolkit/trace/trace_io.h"
 
@@ -25,16 +27,8 @@ Status check_label(const std::string& label) {
   return Done{};
 }
 
-Result<trace::ProbePath> open_traj(const NamedOptions& named) {
-  const std::vector<OptionSpec> specs = {
-      {"t", OptionKind::kInteger, "0", "column of the time, from 0; -1 for none", {}, -1, 1000},
-      {"x", OptionKind::kInteger, "1", "column of x", {}, 0, 1000},
-      {"y", OptionKind::kInteger, "2", "column of y", {}, 0, 1000},
-      {"z", OptionKind::kInteger, "3", "column of z", {}, 0, 1000},
-      {"mm_per_unit", OptionKind::kNumber, "1", "length of the file's unit, mm", {}, 1e-12, 1e12},
-      {"s_per_unit", OptionKind::kNumber, "1", "length of the file's unit of time, s", {}, 1e-12, 1e12},
-      {"rate_hz", OptionKind::kNumber, "0", "sample rate where there is no column of time", {}, 0, 1e9}};
-  const Result<Options> options = validate(named.options, specs, named.name);
+Result<trace::ProbePath> read_recording(const NamedOptions& named, std::uint64_t max_bytes) {
+  const Result<Options> options = validate(named.options, recording_columns(), named.name);
   if (!options) return options.error();
   trace::TrajColumns columns;
   columns.t = static_cast<int>(options->integer("t"));
@@ -44,14 +38,37 @@ Result<trace::ProbePath> open_traj(const NamedOptions& named) {
   columns.mm_per_unit = options->number("mm_per_unit");
   columns.s_per_unit = options->number("s_per_unit");
   columns.sample_rate_hz = options->number("rate_hz");
-  Result<trace::TrajRecording> recording = trace::read_traj(named.name, columns);
+  Result<trace::TrajRecording> recording = trace::read_traj(named.name, columns, max_bytes);
   if (!recording) return std::move(recording).error();
   return std::move(recording->path);
 }
 
-std::string generator_names() {
-  std::string all;
-  for (const trace::PathGenerator& g : trace::path_generators()) all += (all.empty() ? "" : ", ") + g.name;
+/// `named` with the columns of --traj-columns.
+Status add_columns(const std::string& columns, NamedOptions& named) {
+  if (columns.empty()) return Done{};
+  std::string list = columns;
+  std::replace(list.begin(), list.end(), ',', ':');
+  const Result<NamedOptions> given = parse_named_options("--traj-columns:" + list);
+  if (!given) return given.error();
+  for (const auto& [key, value] : given->options.all()) {
+    if (named.options.has(key))
+      return Error{
+          fmt::format("the column option {} is given twice, with --path and with --traj-columns", key),
+          "keep one",
+          {},
+          0};
+    named.options.set(key, value);
+  }
+  return Done{};
+}
+
+bool ends_in(const std::string& argument, const char* ending) {
+  return std::filesystem::path(argument).extension() == ending;
+}
+
+std::vector<std::string> generator_names() {
+  std::vector<std::string> all;
+  for (const trace::PathGenerator& g : trace::path_generators()) all.push_back(g.name);
   return all;
 }
 
@@ -104,6 +121,13 @@ Result<std::vector<RendererRequest>> parse_renderers(std::string_view text,
   return requests;
 }
 
+std::string file_of_path(const std::string& argument) {
+  std::error_code code;
+  if (std::filesystem::exists(argument, code)) return argument;
+  const Result<NamedOptions> named = parse_named_options(argument);
+  return named && std::filesystem::exists(named->name, code) ? named->name : std::string();
+}
+
 bool is_generated_path(const std::string& argument) {
   std::error_code code;
   if (std::filesystem::exists(argument, code)) return false;
@@ -111,19 +135,59 @@ bool is_generated_path(const std::string& argument) {
   return named && trace::find_path_generator(named->name) != nullptr;
 }
 
-Result<trace::ProbePath> open_path(const std::string& argument, const trace::PathTarget& target) {
+const std::vector<OptionSpec>& recording_columns() {
+  static const std::vector<OptionSpec> specs = {
+      {"t", OptionKind::kInteger, "0", "column of the time, counted from 0; -1: none", {}, -1, 1000},
+      {"x", OptionKind::kInteger, "1", "column of x", {}, 0, 1000},
+      {"y", OptionKind::kInteger, "2", "column of y", {}, 0, 1000},
+      {"z", OptionKind::kInteger, "3", "column of z", {}, 0, 1000},
+      {"mm_per_unit", OptionKind::kNumber, "1", "the file's unit of length, mm", {}, 1e-12, 1e12},
+      {"s_per_unit",
+       OptionKind::kNumber,
+       "1",
+       "the file's unit of time, s",
+       {},
+       1e-12,
+       1e12,
+       {{"t", {"-1"}, true}}},
+      {"rate_hz",
+       OptionKind::kNumber,
+       "0",
+       "samples a second, where there is no column of time",
+       {},
+       0,
+       1e9,
+       {{"t", {"-1"}}}}};
+  return specs;
+}
+
+Result<trace::ProbePath> open_path(const std::string& argument, const std::string& columns,
+                                   const trace::PathTarget& target, std::uint64_t max_bytes) {
   std::error_code code;
-  if (std::filesystem::path(argument).extension() == ".csv" || std::filesystem::exists(argument, code)) {
-    if (std::filesystem::path(argument).extension() == ".traj") return open_traj({argument, {}});
-    return trace::read_path_csv(argument);
-  }
-  Result<NamedOptions> named = parse_named_options(argument);
+  const bool exists = std::filesystem::exists(argument, code);
+  if (exists && columns.empty() && !ends_in(argument, ".traj"))
+    return trace::read_path_csv(argument, max_bytes);
+  Result<NamedOptions> named = exists ? NamedOptions{argument, {}} : parse_named_options(argument);
   if (!named) return std::move(named).error();
-  if (std::filesystem::path(named->name).extension() == ".traj") return open_traj(*named);
-  if (trace::find_path_generator(named->name) == nullptr)
-    return Error{"there is no such file, and no path generator of this name",
-                 "give a .csv or .traj file, or one of " + generator_names(), argument, 0};
-  return trace::make_path(*named, target);
+  const bool generated = !exists && trace::find_path_generator(named->name) != nullptr;
+  if (generated && !columns.empty())
+    return Error{
+        fmt::format("--traj-columns says where the numbers of a recorded file stand; '{}' is generated",
+                    named->name),
+        "leave it out, or give a file to --path",
+        {},
+        0};
+  if (generated) return trace::make_path(*named, target);
+  if (exists || ends_in(named->name, ".traj")) {
+    if (const Status added = add_columns(columns, *named); !added) return added.error();
+    return read_recording(*named, max_bytes);
+  }
+  if (ends_in(argument, ".csv")) return trace::read_path_csv(argument, max_bytes);
+  return Error{"there is no such file, and no path generator of this name",
+               did_you_mean(named->name, generator_names(),
+                            "give a .csv or .traj file, or one of " + joined(generator_names()) +
+                                " (`palpate paths`)"),
+               argument, 0};
 }
 
 }  // namespace palpate::experiments

@@ -1,10 +1,12 @@
 // What the command line calls PATH and RENDERERS, turned into what the toolkit takes.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "toolkit/core/input_file.h"
 #include "toolkit/core/options.h"
 #include "toolkit/core/result.h"
 #include "toolkit/render/registry.h"
@@ -27,9 +29,17 @@ struct RendererRequest {
                                                                    const render::Registry& registry);
 [[nodiscard]] Result<RendererRequest> request_of(NamedOptions named, const render::Registry& registry);
 
-/// A CSV file, a .traj file with its columns ("probe.traj:t=0:x=1:mm_per_unit=1000") or a path generator.
-[[nodiscard]] Result<trace::ProbePath> open_path(const std::string& argument,
-                                                 const trace::PathTarget& target);
+/// The columns of a recording that open_path() takes: which hold time and position, and their units.
+[[nodiscard]] const std::vector<OptionSpec>& recording_columns();
+
+/// A CSV file, a recording with its columns ("probe.traj:t=0:x=1:mm_per_unit=1000") or a path generator.
+/// `columns` ("t=0,x=1,mm_per_unit=1000") says where the numbers of a recorded file stand, whatever its
+/// ending; empty: as the argument says. A recorded one takes at most `max_bytes` of memory.
+[[nodiscard]] Result<trace::ProbePath> open_path(const std::string& argument, const std::string& columns,
+                                                 const trace::PathTarget& target,
+                                                 std::uint64_t max_bytes = kMemoryLimitBytes);
+/// The file that open_path() reads; empty where it makes the path.
+[[nodiscard]] std::string file_of_path(const std::string& argument);
 /// Whether open_path() would make it: no file of this name, but a generator.
 [[nodiscard]] bool is_generated_path(const std::string& argument);
 

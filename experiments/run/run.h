@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "experiments/run/arguments.h"
-#include "experiments/run/output_folder.h"
 #include "experiments/run/stage.h"
+#include "experiments/study/study.h"
 #include "toolkit/metrics/accuracy.h"
 #include "toolkit/metrics/result_json.h"
 
@@ -31,26 +31,35 @@ struct Run {
 };
 
 /// A renderer that fails to prepare or does not finish is no Error: its result says so. Errors are bad input
-/// (a path that starts inside the model) or a mesh file that cannot be written.
+/// (a path whose times do not increase) or a mesh file that cannot be written.
 [[nodiscard]] Result<Run> run_renderer(const Stage& stage, const RendererRequest& request,
                                        const render::Registry& registry, const RunOptions& options,
                                        Progress& progress);
 
-/// A stage with the renderers that were run on it.
-struct Study {
-  std::string name;  ///< short, begins its headlines; may be empty
-  std::string title;
-  std::string text;  ///< what it is about, a sentence or two
+/// A stage with the renderers that were run on it, before it is a study: see write_study().
+struct StagedStudy {
   Stage stage;
   metrics::ResultDocument document;
   std::vector<Run> runs;
 };
 
-/// Fills scene and path of the document and takes over the runs' results.
-void finish_document(Study& study);
+/// What stands in a document for a renderer that has not run to its end yet.
+[[nodiscard]] metrics::RendererResult unfinished(const Stage& stage, const RendererRequest& request,
+                                                 const render::Registry& registry, int threads);
 
-/// trace-LABEL.csv for every run (trace.csv where there is only one), reference.csv, and last of all
-/// result.json.
-[[nodiscard]] Status write_study(const Study& study, const OutputFolder& folder);
+/// A finished run as a text, and from it again; an Error where its trace is another one, or of another stage.
+[[nodiscard]] std::string to_text(const Run& run);
+[[nodiscard]] Result<Run> run_from_text(const Stage& stage, const std::string& text,
+                                        const OutputFolder& folder);
+
+/// Fills scene and path of the document and takes over the runs' results.
+void finish_document(StagedStudy& study);
+
+/// The truth and a sample of every model; says in the document which they are, and what scores need.
+[[nodiscard]] Status write_stage(StagedStudy& study, const OutputFolder& folder);
+/// The run's trace and its scores frame by frame, as far as there are any; says in its result which they are.
+[[nodiscard]] Status write_run(const Stage& stage, Run& run, bool alone, const OutputFolder& folder);
+/// All of it, and last of all result.json.
+[[nodiscard]] Status write_study(StagedStudy& study, const OutputFolder& folder);
 
 }  // namespace palpate::experiments

@@ -5,13 +5,19 @@
 #include <filesystem>
 
 #include "experiments/run/arguments.h"
-#include "experiments/run/mesh_truth.h"
+#include "experiments/run/choices.h"
+#include "experiments/run/doubts.h"
+#include "experiments/run/ground_truth.h"
 #include "toolkit/metrics/reference.h"
 #include "toolkit/neighbourhood/knn.h"
 #include "toolkit/trace/paths.h"
 
 namespace palpate::experiments {
 namespace {
+
+void add(std::vector<std::string>& to, const std::vector<std::string>& sentences) {
+  to.insert(to.end(), sentences.begin(), sentences.end());
+}
 
 /// Which reference `choice` means for this scene, or an Error where it cannot be had.
 Result<ReferenceChoice> resolve(ReferenceChoice choice, const render::SceneInput& scene,
@@ -45,19 +51,25 @@ Result<ReferenceChoice> resolve(ReferenceChoice choice, const render::SceneInput
   return ReferenceChoice::kNone;
 }
 
-/// The mesh that the request names as truth, in mm of the model's frame.
+/// The mesh that the request names as truth, in mm of the model's frame; what is doubtful about it.
 Result<std::shared_ptr<const geometry::TriangleMesh>> read_truth(const StageRequest& request,
                                                                  const scene::LoadedScene& loaded,
                                                                  const io::Readers& readers,
+                                                                 std::vector<std::string>& warnings,
                                                                  Progress& progress) {
   io::ReadOptions read;
   read.unit = loaded.provenance.front().unit;
   read.scale = request.load.scale.value_or(request.scene.models.front().scale);
+  read.max_bytes = request.load.max_bytes;
   Result<io::ReadModel> got = readers.read(request.reference_file, read, progress);
   if (!got) return std::move(got).error();
   if (got->mesh == nullptr || got->mesh->empty())
     return Error{"has no faces, so it cannot be the truth", "give a mesh, or --reference none",
                  request.reference_file, 0};
+  const Result<std::vector<std::string>> doubts =
+      doubts_about_reference(*got->mesh, loaded.input.models.front(), request.reference_file);
+  if (!doubts) return doubts.error();
+  add(warnings, *doubts);
   return std::shared_ptr<const geometry::TriangleMesh>(std::move(got->mesh));
 }
 
@@ -68,17 +80,13 @@ Status add_reference(Stage& stage, const render::ModelInput& model, ReferenceCho
   const double limit = stage.scene.input.force_limit_n;
   progress.report("computing the ground truth", -1.0);
   if (choice == ReferenceChoice::kAnalytic) {
-    if (const Status free =
-            trace::check_path_starts_free(stage.path, *model.analytic, model.world_from_model);
-        !free)
-      return free.error();
     Result<trace::ReferenceTrace> reference =
         metrics::analytic_reference(*model.analytic, stage.path, stiffness, limit, model.world_from_model);
     if (!reference) return std::move(reference).error();
     stage.reference = *std::move(reference);
     stage.truth = std::make_unique<metrics::AnalyticTruth>(*model.analytic, model.world_from_model);
   } else {
-    Result<MeshTruth> mesh = mesh_truth(model, stage.path, limit, progress);
+    Result<GroundTruth> mesh = ground_truth_on_mesh(model, stage.path, limit, progress);
     if (!mesh) return std::move(mesh).error();
     stage.reference = std::move(mesh->reference);
     stage.truth = std::move(mesh->surface);
@@ -111,11 +119,32 @@ Result<ReferenceChoice> parse_reference(const std::string& text) {
   if (text == "original-mesh") return ReferenceChoice::kOriginalMesh;
   if (text == "none") return ReferenceChoice::kNone;
   std::error_code code;
-  if (std::filesystem::is_regular_file(text, code)) return ReferenceChoice::kMeshFile;
+  if (std::filesystem::exists(text, code)) return ReferenceChoice::kMeshFile;
   return Error{fmt::format("there is no reference '{}', nor a file of this name", text),
                "choose from auto, analytic, original-mesh, none, or give a mesh file",
                {},
                0};
+}
+
+std::vector<std::string> files_read(const scene::SceneFile& scene) {
+  std::vector<std::string> files = {scene.path};
+  for (const scene::SceneModel& model : scene.models) {
+    files.insert(files.end(), {model.cloud, model.sources.texture_image,
+                               model.sources.friction_map ? model.sources.friction_map->image : ""});
+    for (const scene::SceneView& view : model.views) files.push_back(view.cloud);
+  }
+  std::erase_if(files, [](const std::string& file) {
+    std::error_code code;
+    return !std::filesystem::exists(file, code);  // a generator, or nothing
+  });
+  return files;
+}
+
+std::vector<std::string> files_read(const StageRequest& request) {
+  std::vector<std::string> files = files_read(request.scene);
+  if (const std::string path = file_of_path(request.path); !path.empty()) files.push_back(path);
+  if (request.reference == ReferenceChoice::kMeshFile) files.push_back(request.reference_file);
+  return files;
 }
 
 Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Progress& progress) {
@@ -125,13 +154,17 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
   if (!loaded) return std::move(loaded).error();
   stage.scene = *std::move(loaded);
   for (const scene::Provenance& p : stage.scene.provenance)
-    for (const std::string& warning : p.warnings) stage.notes.push_back(warning);
+    for (const std::string& warning : p.warnings) stage.warnings.push_back(warning);
+  if (const Status surfaces = check_surfaces(stage.scene); !surfaces) return surfaces.error();
+  add(stage.warnings, request.surfaces.warnings);
+  add(stage.warnings, doubts_about_models(stage.scene));
+  add(stage.notes, request.surfaces.notes);
   const Result<ReferenceChoice> choice = resolve(request.reference, stage.scene.input, stage.notes);
   if (!choice) return choice.error();
   render::ModelInput model = stage.scene.input.models.front();
   if (*choice == ReferenceChoice::kMeshFile) {
     Result<std::shared_ptr<const geometry::TriangleMesh>> truth =
-        read_truth(request, stage.scene, readers, progress);
+        read_truth(request, stage.scene, readers, stage.warnings, progress);
     if (!truth) return std::move(truth).error();
     model.original_mesh = *std::move(truth);
     model.analytic = nullptr;
@@ -152,11 +185,21 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
   target.box_mm = model.cloud->box_mm();
   target.spacing_mm = stage.spacing.nearest_mm.p50;
   target.world_from_model = model.world_from_model;
-  Result<trace::ProbePath> path = open_path(request.path, target);
+  if (request.path.empty())
+    if (const std::string hint = size_hint(target.box_mm); !hint.empty()) stage.notes.push_back(hint);
+  const std::string named = request.path.empty() ? usual_path(target) : request.path;
+  Result<trace::ProbePath> path = open_path(named, request.path_columns, target, request.load.max_bytes);
   if (!path) return std::move(path).error();
   stage.path = *std::move(path);
-  // Generators start in free space: a renderer that feels something there already is wrong, not the path.
-  stage.starts_free = *choice != ReferenceChoice::kNone || is_generated_path(request.path);
+  // Whether the path starts free a formula knows, reference or not, and a mesh that is the reference.
+  bool formulas = true;
+  for (const render::ModelInput& m : stage.scene.input.models) {
+    formulas = formulas && m.analytic != nullptr;
+    if (!m.analytic) continue;
+    if (const Status free = trace::check_path_starts_free(stage.path, *m.analytic, m.world_from_model); !free)
+      return free.error();
+  }
+  stage.starts_free = formulas || *choice != ReferenceChoice::kNone || is_generated_path(named);
   const surface::Surface& surface = model.surface;
   stage.forces_comparable = !surface.friction.any() && surface.deformation == 0.0 && !surface.texture.any() &&
                             !surface.dent.any() && surface.per_point == nullptr;
@@ -168,6 +211,7 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
   if (*choice != ReferenceChoice::kNone)
     if (const Status added = add_reference(stage, model, *choice, nearest, progress); !added)
       return added.error();
+  if (*choice == ReferenceChoice::kMeshFile) add(stage.warnings, doubts_about_alignment(stage));
   cut(stage, request.contact_frames);
   return stage;
 }

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "experiments/run/surface_keys.h"
 #include "toolkit/core/progress.h"
 #include "toolkit/core/result.h"
 #include "toolkit/io/read_model.h"
@@ -25,12 +26,19 @@ struct StageRequest {
   std::string scene_name;  ///< as the user wrote it
   scene::SceneFile scene;
   scene::LoadOptions load;
-  std::string path;  ///< a file or a generator
+  std::string path;  ///< a file or a generator; empty: usual_path()
   ReferenceChoice reference = ReferenceChoice::kAuto;
   int threads = 0;
   std::uint64_t contact_frames = 0;  ///< the path ends after so many frames of true contact; 0 = whole
   std::string reference_file{};      ///< of kMeshFile: in the model's frame, its unit and scale
+  std::string path_columns{};        ///< of a recorded path: open_path()
+  SurfaceReport surfaces{};          ///< what set_surfaces() said of the scene
 };
+
+/// Every file that is read for it: the scene, its models, views and images.
+[[nodiscard]] std::vector<std::string> files_read(const scene::SceneFile& scene);
+/// The same, and the path and the truth.
+[[nodiscard]] std::vector<std::string> files_read(const StageRequest& request);
 
 struct Stage {
   std::string scene_name;
@@ -41,6 +49,7 @@ struct Stage {
   bool starts_free = false;                      ///< the path: by the truth, or by the generator that made it
   bool forces_comparable = true;                 ///< the reference knows all that the scene asks of a surface
   neighbourhood::Spacing spacing;                ///< of the first model
+  std::vector<std::string> warnings;             ///< what makes the results doubtful, whole sentences
   std::vector<std::string> notes;                ///< what a reader should know, whole sentences
 };
 

@@ -54,7 +54,7 @@ TEST_P(Jam, NoStopIsAJam) {
     return Vec3(x, y, test::sinusoid(x, y) - 1.0);
   };
   for (const double dt : {1e-4, 1e-3, 2e-2}) {
-    probe.renderer->reset(hip_at(0) + Vec3(0, 0, 5));
+    probe.renderer->restart(hip_at(0) + Vec3(0, 0, 5));
     probe.glide(hip_at(0) + Vec3(0, 0, 5), hip_at(0), 0.05);
     double t = 0.0;
     for (int stop = 0; stop < 34; ++stop) {

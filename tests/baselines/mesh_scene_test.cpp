@@ -7,7 +7,6 @@
 
 #include "tests/baselines/mesh_probe_stand.h"
 #include "toolkit/core/random.h"
-#include "toolkit/render/on_virtual_clock.h"
 
 namespace palpate::baselines {
 namespace {
@@ -50,7 +49,7 @@ TEST(MeshScene, TwoModelsHoldInTheirEdgeAndThreeInTheirCorner) {
     for (const char* options : {kPoint, kSkin, kCentre}) {
       SCOPED_TRACE(options);
       Probe probe = test::make_scene(room(models), options);
-      probe.renderer->reset(start);
+      probe.renderer->restart(start);
       const render::Frame frame = probe.glide(start, hip, 0.05);
       ASSERT_TRUE(frame.contact);
       Vec3 expected = corner;
@@ -62,6 +61,37 @@ TEST(MeshScene, TwoModelsHoldInTheirEdgeAndThreeInTheirCorner) {
       expect_near(frame.force_n, kStiffness * (expected - hip), 1e-9);
     }
   }
+}
+
+// The same corner at a vertex of each mesh, where six facets meet: twelve planes before the third model is
+// asked.
+TEST(MeshScene, TheThirdModelIsNotForgottenAtVerticesOfTheOthers) {
+  render::SceneInput scene;
+  for (const Vec3& at : {Vec3(0, 0, -10), Vec3(-10, 0, 0), Vec3(0, -10, 0)})
+    scene.models.push_back(box_at({10, 10, 10}, shifted(at)));
+  const Vec3 start{2, 2, 2}, hip{-5, -5, -5};
+  Probe probe = test::make_scene(scene, kPoint);
+  probe.renderer->restart(start);
+  const render::Frame frame = probe.glide(start, hip, 0.05);
+  ASSERT_TRUE(frame.contact);
+  expect_near(frame.god_object_mm, Vec3::Zero(), 1e-9);
+  expect_near(frame.force_n, -kStiffness * hip, 1e-9);
+}
+
+// Eleven blocks, their tops one above the other: the deepest eight answer, and the frame says that some are
+// left out.
+TEST(MeshScene, OfMoreThanEightTouchedTheDeepestAnswer) {
+  render::SceneInput scene;
+  for (int i = 0; i < 11; ++i)
+    scene.models.push_back(box_at({10, 10, 10}, shifted({0.1 * i, 0.3, -10 + 0.05 * i})));
+  const Vec3 start{0.1, 0.3, 4}, hip{0.05, 0.3, -1};
+  Probe probe = test::make_scene(scene, kPoint);
+  probe.renderer->restart(start);
+  const render::Frame frame = probe.glide(start, hip, 0.05);
+  ASSERT_TRUE(frame.contact);
+  expect_near(frame.force_n, Vec3(0, 0, kStiffness * 1.5), 1e-9);
+  EXPECT_EQ(frame.model, 10);
+  EXPECT_EQ(frame.status, render::FrameStatus::kBoundHit);
 }
 
 // Two blocks lean towards each other: the sum of their pushes is too much, jointly they hold the nearest
@@ -78,12 +108,12 @@ TEST(MeshScene, JointContactIsOutsideOfAllAndTheSumIsNot) {
   // Both tops go through the origin; their normals are (-+ sin 0.5, 0, cos 0.5).
   const Vec3 start{0.1, 0.3, 4}, hip{0.05, 0.3, -1};
   Probe joint = test::make_scene(scene, kPoint);
-  joint.renderer->reset(start);
+  joint.renderer->restart(start);
   const render::Frame frame = joint.glide(start, hip, 0.02);
   expect_near(frame.god_object_mm, {0, 0.3, 0}, 1e-9);
   expect_near(frame.force_n, kStiffness * (Vec3(0, 0.3, 0) - hip), 1e-9);
   Probe sum = test::make_scene(scene, "mesh-godobject:mesh=original:combine=sum");
-  sum.renderer->reset(start);
+  sum.renderer->restart(start);
   // Each pushes by its depth along its normal: together 2 cos^2(0.5) = 1.54 times upwards.
   EXPECT_NEAR(sum.glide(start, hip, 0.02).force_n.z(), 2 * kStiffness * std::pow(std::cos(0.5), 2), 1e-6);
 }
@@ -106,13 +136,13 @@ TEST(MeshScene, CurvedModelsMeetInAValley) {
       alone.push_back(test::make_scene(one, options));
     }
     const Vec3 start{0.1, 0.4, 6}, hip{0.2, 0.5, -4.5};
-    probe.renderer->reset(start);
+    probe.renderer->restart(start);
     render::Frame frame = probe.glide(start, hip, 0.02);
     for (int i = 0; i < 5; ++i) frame = probe.to(hip);
     ASSERT_TRUE(frame.contact);
     // Each model alone lets a probe at that place stay there, but for curvature's second order that is left.
     for (Probe& one : alone) {
-      one.renderer->reset(start);
+      one.renderer->restart(start);
       const Vec3 there = one.glide(start, frame.god_object_mm, 0.02).god_object_mm;
       expect_near(there, frame.god_object_mm, 2e-3);
     }
@@ -132,8 +162,8 @@ TEST(MeshScene, FarModelsChangeNothing) {
   }
   for (const char* options : {kPoint, kSkin}) {
     Probe few = test::make_scene(one, options), crowd = test::make_scene(many, options);
-    few.renderer->reset({0, 0, 20});
-    crowd.renderer->reset({0, 0, 20});
+    few.renderer->restart({0, 0, 20});
+    crowd.renderer->restart({0, 0, 20});
     std::size_t touched = 0;
     for (int i = 0; i < 4000; ++i) {
       const double t = i * 1e-3;
@@ -146,7 +176,7 @@ TEST(MeshScene, FarModelsChangeNothing) {
     }
     EXPECT_GT(touched, 500u);
     // And the neighbour is met where the HIP goes there.
-    crowd.renderer->reset({30.1, 0, 20});
+    crowd.renderer->restart({30.1, 0, 20});
     EXPECT_TRUE(crowd.glide({30.1, 0, 20}, {30.1, 0, 5}, 1.0).contact);
   }
 }
@@ -162,10 +192,10 @@ TEST(MeshScene, AModelThatMovesMeetsAHipThatRests) {
     scene.models[0].motion = simulation->add(motion);
     scene.simulation = simulation;
     Probe probe = test::make_scene(scene, options);
-    render::OnVirtualClock clock(std::move(probe.renderer), simulation);
-    clock.reset({0.3, 0.2, 1});
+    probe.renderer->drive(simulation);
+    probe.renderer->restart({0.3, 0.2, 1});
     render::Frame frame;
-    for (int i = 0; i < 400; ++i) frame = clock.step({0.3, 0.2, 1}, test::kDt);
+    for (int i = 0; i < 400; ++i) frame = probe.to({0.3, 0.2, 1});
     // After 0.4 s the top is at -10 + 8 + 5 = 3.
     ASSERT_TRUE(frame.contact);
     expect_near(frame.god_object_mm, {0.3, 0.2, 3.0}, 1e-6);
@@ -189,7 +219,7 @@ render::SceneInput graded_plane(bool friction) {
 TEST(MeshScene, PropertiesAreInterpolatedOverFacets) {
   for (const char* options : {kPoint, kSkin}) {
     Probe probe = test::make_scene(graded_plane(false), options);
-    probe.renderer->reset({-7, 0.3, 1});
+    probe.renderer->restart({-7, 0.3, 1});
     for (double x = -7; x < 7; x += 0.0371) {
       const render::Frame frame = probe.to({x, 0.3, -1});
       ASSERT_TRUE(frame.contact);
@@ -203,7 +233,7 @@ TEST(MeshScene, PropertiesAreInterpolatedOverFacets) {
 TEST(MeshScene, FrictionFollowsItsConeAndItsPlace) {
   for (const char* options : {kPoint, kSkin}) {
     Probe probe = test::make_scene(graded_plane(true), options);
-    probe.renderer->reset({-7, 0.3, 1});
+    probe.renderer->restart({-7, 0.3, 1});
     probe.glide({-7, 0.3, 1}, {-7, 0.3, -1}, 0.05);
     // The coefficient is read at the frictionless contact, so at every place of the slip the ratio is its
     // own.
@@ -222,7 +252,7 @@ TEST(MeshScene, FrictionFollowsItsConeAndItsPlace) {
   const Vec3 n = Vec3(-0.5, 0, 1).normalized();
   for (const char* options : {kPoint, kSkin}) {
     Probe probe = test::make_scene(tilted, options);
-    probe.renderer->reset({0, -5, 3});
+    probe.renderer->restart({0, -5, 3});
     probe.glide({0, -5, 3}, {0.2, -5, -1}, 0.05);
     const render::Frame frame = probe.glide({0.2, -5, -1}, {0.2, 5, -1}, 0.05);
     const double normal = n.dot(frame.force_n);
@@ -234,7 +264,7 @@ TEST(MeshScene, FrictionFollowsItsConeAndItsPlace) {
 TEST(MeshScene, VaryingStiffnessMakesNoEnergy) {
   for (const char* options : {kPoint, kSkin}) {
     Probe probe = test::make_scene(graded_plane(false), options);
-    probe.renderer->reset({5, 0, 1});
+    probe.renderer->restart({5, 0, 1});
     probe.glide({5, 0, 1}, {5, 0, -1}, 0.05);
     double work = 0.0, moved = 0.0;
     constexpr int kSteps = 20'000;
@@ -269,7 +299,7 @@ TEST(MeshScene, NothingPassesThinSlabs) {
           const double side = i % 2 == 0 ? 1.0 : -1.0;
           const Vec3 from{random.uniform(-10, 10), random.uniform(-10, 10), 3 * side};
           const Vec3 to{random.uniform(-10, 10), random.uniform(-10, 10), -2.5 * side};
-          probe.renderer->reset(from);
+          probe.renderer->restart(from);
           probe.glide(from, to, 1e-3 * speed_mm_s);
           render::Frame frame;
           for (int k = 0; k < 20; ++k) frame = probe.to(to);

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "baselines/register.h"
+#include "tests/stepped.h"
 #include "toolkit/cloud/generate.h"
 #include "toolkit/core/random.h"
 
@@ -31,7 +32,7 @@ inline render::ModelInput model_of(cloud::Cloud cloud) {
   return model;
 }
 
-inline std::unique_ptr<render::HapticRenderer> rival(const std::string& options) {
+inline test::Stepped rival(const std::string& options) {
   render::Registry registry;
   baselines::register_baseline_renderers(registry);
   const auto named = parse_named_options(options);
@@ -42,7 +43,7 @@ inline std::unique_ptr<render::HapticRenderer> rival(const std::string& options)
 }
 
 struct Prepared {
-  std::unique_ptr<render::HapticRenderer> renderer;
+  test::Stepped renderer;
   render::PrepareReport report;
   render::Frame to(const Vec3& hip) const { return renderer->step(hip, kDt); }
   /// In straight steps of at most `step_mm`.

@@ -2,6 +2,7 @@
 // degenerate or hostile.
 #include <algorithm>
 #include <limits>
+#include <numbers>
 
 #include "tests/baselines/point_rivals.h"
 
@@ -26,7 +27,7 @@ using Frames = std::vector<render::Frame>;
 Frames run(const render::ModelInput& model, const std::string& options, const std::vector<Vec3>& path,
            int threads = 1) {
   const Prepared rival = prepare(model, options, threads);
-  rival.renderer->reset(path.front());
+  rival.renderer->restart(path.front());
   Frames frames;
   for (const Vec3& hip : path) frames.push_back(rival.to(hip));
   return frames;
@@ -115,7 +116,7 @@ TEST_P(EveryRival, ThreadsDoNotMatterAndResetRepeats) {
   const Frames b = run(model, GetParam(), sample().path, 0);
   const Prepared rival = prepare(model, GetParam());
   for (int round = 0; round < 2; ++round) {
-    rival.renderer->reset(sample().path.front());
+    rival.renderer->restart(sample().path.front());
     for (std::size_t i = 0; i < a.size(); ++i) {
       const render::Frame frame = rival.to(sample().path[i]);
       ASSERT_EQ(frame.force_n, a[i].force_n) << i;
@@ -148,7 +149,7 @@ TEST_P(EveryRival, StrangeCloudsAreFelt) {
     const Prepared rival = prepare(model_of(cloud_of(points)), GetParam());
     Random random(7);
     const Vec3 centre = points[points.size() / 2];
-    rival.renderer->reset(centre + Vec3(0, 0, 5));
+    rival.renderer->restart(centre + Vec3(0, 0, 5));
     for (int i = 0; i < 2000; ++i) {
       const Vec3 hip = centre + 2.0 * Vec3(random.uniform(-1.0, 1.0), random.uniform(-1.0, 1.0),
                                            random.uniform(-1.0, 1.0));
@@ -162,7 +163,7 @@ TEST_P(EveryRival, StrangeCloudsAreFelt) {
 
 TEST_P(EveryRival, StrangeHipsDoNoHarm) {
   const Prepared rival = prepare(model_of(cloud_of(sample().points)), GetParam());
-  rival.renderer->reset(sample().path.front());
+  rival.renderer->restart(sample().path.front());
   const double nan = std::nan(""), infinite = std::numeric_limits<double>::infinity();
   for (const Vec3& bad : {Vec3(nan, 0, 0), Vec3(0, infinite, 0), Vec3(0, 0, -infinite)}) {
     const render::Frame frame = rival.to(bad);
@@ -176,7 +177,7 @@ TEST_P(EveryRival, StrangeHipsDoNoHarm) {
       EXPECT_FALSE(std::isnan(frame.force_n.x())) << far;
     }
   // And afterwards it works as before.
-  rival.renderer->reset(sample().path.front());
+  rival.renderer->restart(sample().path.front());
   std::size_t contacts = 0;
   for (const Vec3& hip : sample().path) contacts += rival.to(hip).contact;
   EXPECT_GT(contacts, sample().path.size() / 10);
@@ -213,7 +214,7 @@ TEST_P(EveryRival, ForceIsLimitedAndModelsAddUp) {
   auto both = test::rival(GetParam());
   ASSERT_TRUE(both->prepare(scene, {}).ok());
   const Frames alone = run(scene.models[0], GetParam(), sample().path);
-  both->reset(sample().path.front());
+  both->restart(sample().path.front());
   for (std::size_t i = 0; i < alone.size(); ++i) {
     const render::Frame frame = both->step(sample().path[i], kDt);
     ASSERT_NEAR((frame.force_n - render::limited(alone[i].force_n, 0.1)).norm(), 0.0, 1e-12);
@@ -227,6 +228,30 @@ INSTANTIATE_TEST_SUITE_P(Points, EveryRival, testing::ValuesIn(kRivals), [](cons
       name.begin(), name.end(), [](char c) { return std::isalnum(static_cast<unsigned char>(c)) == 0; }, '_');
   return name;
 });
+
+// Two planes at 10 degrees to each other: held by both together a god object is pushed hardly more than by
+// one, where the sum would be twice that.
+TEST(EveryRivalWithAGodObject, IsHeldByTwoModelsTogether) {
+  const auto made = cloud::generate(parse_named_options("plane:extent_mm=40:spacing_mm=0.5").value()).value();
+  render::ModelInput flat = model_of(made.cloud);
+  flat.world_from_model.translation_mm = -made.cloud.box_mm().centre_mm();
+  render::ModelInput tilted = flat;
+  const Eigen::AngleAxisd turn(10.0 * std::numbers::pi / 180.0, Vec3::UnitY());
+  tilted.world_from_model.rotation = turn;
+  tilted.world_from_model.translation_mm = -(turn * made.cloud.box_mm().centre_mm());
+  render::SceneInput scene;
+  scene.models = {flat, tilted};
+  for (const char* name : {"sphere-proxy", "stream-proxy", "mls-proxy", "vgraph"}) {
+    SCOPED_TRACE(name);
+    test::Stepped renderer = rival(name);
+    ASSERT_TRUE(renderer->prepare(scene, {1, nullptr}).ok());
+    renderer->restart(Vec3(0.1, 0.1, 2));
+    render::Frame frame;
+    for (int i = 0; i <= 300; ++i) frame = renderer->step(Vec3(0.1, 0.1, 2 - 0.01 * i), kDt);
+    ASSERT_TRUE(frame.contact);
+    EXPECT_NEAR(frame.force_n.norm(), kStiffness * 1.0, 0.1 * kStiffness);
+  }
+}
 
 }  // namespace
 }  // namespace palpate::test

@@ -51,7 +51,7 @@ TEST(VGraph, FlatMeshIsExactFromBothSides) {
        {"vgraph:mesh=original", "vgraph:mesh=original:graph=mesh", "vgraph:mesh=original:triangles=ring"}) {
     const Prepared rival = prepare(model, options);
     for (const double side : {1.0, -1.0}) {
-      rival.renderer->reset({0.3, 0.4, side});
+      rival.renderer->restart({0.3, 0.4, side});
       EXPECT_FALSE(rival.to({0.3, 0.4, 0.1 * side}).contact);
       const render::Frame frame = rival.glide({0.3, 0.4, 0.1 * side}, {2.3, -1.4, -1.0 * side}, 0.05);
       ASSERT_TRUE(frame.contact) << options;
@@ -66,7 +66,7 @@ TEST(VGraph, ConstrainsAsZillesAndSalisburyDo) {
   const Prepared groove =
       prepare(mesh_model(height_mesh(20, 10.0, [](double x, double) { return std::abs(x); })),
               "vgraph:mesh=original");
-  groove.renderer->reset({0.2, 0.1, 3});
+  groove.renderer->restart({0.2, 0.1, 3});
   const render::Frame frame = groove.glide({0.2, 0.1, 3}, {0.1, 2.3, -1}, 0.05);
   ASSERT_TRUE(frame.contact);
   EXPECT_NEAR((frame.god_object_mm - Vec3(0, 2.3, 0)).norm(), 0.0, 1e-9);
@@ -79,9 +79,9 @@ TEST(VGraph, MissesWhatTheNearestVertexDoesNotShare) {
   mesh.vertices_mm = {{-10, -10, 0}, {10, -10, 0}, {0, 15, 0}, {0, 0, -3}, {1, 0, -3}, {0, 1, -3}};
   mesh.triangles = {{0, 1, 2}, {3, 4, 5}};
   const Prepared rival = prepare(mesh_model(mesh), "vgraph:mesh=original");
-  rival.renderer->reset({3, 0, 2});
+  rival.renderer->restart({3, 0, 2});
   EXPECT_FALSE(rival.glide({3, 0, 2}, {3, 0, -1}, 0.05).contact);
-  rival.renderer->reset({-9, -9, 2});
+  rival.renderer->restart({-9, -9, 2});
   EXPECT_TRUE(rival.glide({-9, -9, 2}, {-9, -9, -1}, 0.05).contact);
 }
 
@@ -152,8 +152,7 @@ TEST(VoxelField, IsTrilinearAndExactOnPlanes) {
 
 TEST(VectorField, IsWithinItsInterpolationErrorOnASphere) {
   const auto made =
-      cloud::generate(parse_named_options("sphere:extent_mm=20:points=40000:mesh=false:seed=2").value())
-          .value();
+      cloud::generate(parse_named_options("sphere:extent_mm=20:points=40000:mesh=false").value()).value();
   const Prepared rival = prepare(model_of(made.cloud), "vector-field:voxel_mm=0.4:depth=8");
   Random random(5);
   // Curvature: a nearest plane is off by (spacing / sqrt 2)^2 / 2 R, trilinear sums by voxel^2 / 8 R per

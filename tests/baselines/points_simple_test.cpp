@@ -64,7 +64,7 @@ TEST(PenaltyGrid, PushesThroughWithoutAnInsideTestAndHoldsWithOne) {
   EXPECT_LT(bare.to({0.1, 0.05, -0.3}).force_n.z(), -0.1) << "once under the points it pushes on";
   const Prepared sided = prepare(model, "penalty-grid:neighbours=27:side=outward:threshold=0");
   for (const double side : {1.0, -1.0}) {
-    sided.renderer->reset({0, 0, 20.0 * side});
+    sided.renderer->restart({0, 0, 20.0 * side});
     EXPECT_FALSE(sided.glide({0, 0, 20.0 * side}, {0.1, 0, 0.1 * side}, 0.1).contact);
     const render::Frame frame = sided.glide({0.1, 0, 0.1 * side}, {0.4, 0.3, -1.5 * side}, 0.05);
     EXPECT_NEAR(frame.force_n.z(), kStiffness * 1.5 * side, 1e-4);
@@ -180,7 +180,7 @@ TEST(SphereProxy, PlaneWithinTheDepthOfItsPits) {
     const double pit = radius - std::sqrt(radius * radius - 0.5 * spacing * spacing);
     const double sideways = 1.0 / (std::sqrt(2.0) * ratio);
     for (const double side : {1.0, -1.0}) {
-      rival.renderer->reset({-5, -5, 5.0 * side});
+      rival.renderer->restart({-5, -5, 5.0 * side});
       rival.glide({-5, -5, 5.0 * side}, {-5, -5, -1.0 * side}, 0.05);
       for (int i = 0; i < 200; ++i) {
         const Vec3 hip(-5 + 0.05 * i, -5 + 0.031 * i, -1.0 * side);
@@ -199,7 +199,7 @@ TEST(SphereProxy, ThinSlabsHoldAtAnySpeed) {
   const auto points = height_points(41, 0.25, [](double, double) { return 0.0; });
   const Prepared rival = prepare(model_of(cloud_of(points)), "sphere-proxy:radius=2");
   for (const double step : {0.01, 0.5, 5.0, 50.0}) {
-    rival.renderer->reset({0.1, 0.2, 60});
+    rival.renderer->restart({0.1, 0.2, 60});
     const render::Frame frame = rival.glide({0.1, 0.2, 60}, {0.3, -0.1, -40}, step);
     ASSERT_TRUE(frame.contact) << step;
     EXPECT_NEAR(frame.god_object_mm.z(), 0.0, 0.2) << step;
@@ -211,13 +211,13 @@ TEST(SphereProxy, KeptOffsetIsTheRadiusAndClumpsHoldStill) {
   const render::ModelInput model = model_of(cloud_of({{0, 0, 0}}));
   const Prepared removed = prepare(model, "sphere-proxy:radius_mm=2");
   const Prepared kept = prepare(model, "sphere-proxy:radius_mm=2:offset=kept");
-  for (const Prepared* rival : {&removed, &kept}) rival->renderer->reset({0, 0, 5});
+  for (const Prepared* rival : {&removed, &kept}) rival->renderer->restart({0, 0, 5});
   EXPECT_FALSE(removed.to({0, 0, 1.5}).contact);
   EXPECT_NEAR(kept.to({0, 0, 1.5}).force_n.z(), kStiffness * 0.5, 1e-9);
   // More balls in reach than are kept at hand: the proxy does not move, the frame says so, nothing is lost.
   const Prepared clump =
       prepare(model_of(cloud_of(random_points(20000, 0.5, 3))), "sphere-proxy:radius_mm=2");
-  clump.renderer->reset({0.2, 0.2, 20});
+  clump.renderer->restart({0.2, 0.2, 20});
   const render::Frame frame = clump.glide({0.2, 0.2, 20}, {0.2, 0.2, -1.0}, 0.1);
   EXPECT_EQ(frame.status, render::FrameStatus::kBoundHit);
   EXPECT_GT(clump.renderer->counters().bound_hits, 0u);
@@ -226,11 +226,19 @@ TEST(SphereProxy, KeptOffsetIsTheRadiusAndClumpsHoldStill) {
 TEST(SphereProxy, FrictionIsTheSharedStage) {
   render::ModelInput model = model_of(cloud_of(height_points(101, 0.2, [](double, double) { return 0.0; })));
   model.surface.friction = {0.5, 0.5};
-  const Prepared rival = prepare(model, "sphere-proxy:radius=8");
-  rival.renderer->reset({-5, 0, 2});
-  rival.glide({-5, 0, 2}, {-5, 0, -1}, 0.05);
-  const render::Frame frame = rival.glide({-5, 0, -1}, {5, 0, -1}, 0.05);
-  EXPECT_NEAR(-frame.force_n.x() / frame.force_n.z(), 0.5, 0.1);
+  const Prepared rough = prepare(model, "sphere-proxy:radius=8");
+  model.surface.friction = {};
+  const Prepared slick = prepare(model, "sphere-proxy:radius=8");
+  const auto slid = [](const Prepared& rival) {
+    rival.renderer->restart({-5, 0, 2});
+    rival.glide({-5, 0, 2}, {-5, 0, -1}, 0.05);
+    return rival.glide({-5, 0, -1}, {5, 0, -1}, 0.05).force_n;
+  };
+  // In slip the cone's part is exactly the coefficient times the frictionless force, square to it, backwards.
+  const Vec3 bare = slid(slick), dragged = slid(rough) - bare;
+  EXPECT_NEAR(dragged.norm(), 0.5 * bare.norm(), 1e-9);
+  EXPECT_NEAR(dragged.dot(bare), 0.0, 1e-9);
+  EXPECT_LT(dragged.x(), -0.9 * dragged.norm());
 }
 
 }  // namespace

@@ -18,7 +18,7 @@ double relative_error(const std::string& rival, const std::string& generator, do
   render::ModelInput model = model_of(made.cloud);
   const Prepared probe = prepare(model, rival, 0);
   const auto path = weaving(*made.surface, 4000, depth);
-  probe.renderer->reset(path.front());
+  probe.renderer->restart(path.front());
   double error = 0.0, size = 0.0, lost = 0.0;
   for (std::size_t i = 0; i < path.size(); ++i) {
     const render::Frame frame = probe.to(path[i]);
@@ -40,7 +40,7 @@ TEST_P(Smooth, PlaneIsExact) {
   const Prepared rival = prepare(
       model_of(cloud_of(height_points(101, spacing, [](double, double) { return 0.0; }))), GetParam());
   for (const double side : {1.0, -1.0}) {
-    rival.renderer->reset({-5, -5, 3.0 * side});
+    rival.renderer->restart({-5, -5, 3.0 * side});
     EXPECT_FALSE(rival.glide({-5, -5, 3.0 * side}, {-5, -5, 0.1 * side}, 0.02).contact);
     rival.glide({-5, -5, 0.1 * side}, {-5, -5, -1.0 * side}, 0.02);
     for (int i = 0; i < 200; ++i) {
@@ -68,7 +68,7 @@ TEST_P(Smooth, ErrorFallsWithTheSquareOfTheSpacing) {
 }
 
 TEST_P(Smooth, ClosedSurfacesAreFeltFromOutside) {
-  EXPECT_LT(relative_error(GetParam(), "sphere:extent_mm=20:points=40000:mesh=false:seed=2", 1.0), 0.03);
+  EXPECT_LT(relative_error(GetParam(), "sphere:extent_mm=20:points=40000:mesh=false", 1.0), 0.03);
 }
 
 INSTANTIATE_TEST_SUITE_P(Points, Smooth, testing::ValuesIn(kSmooth), [](const auto& rival) {
@@ -174,7 +174,7 @@ TEST(MlsPenalty, WiderKernelsSmoothNoise) {
   const auto points = height_points(81, 0.25, [&](double, double) { return noise * random.normal(); });
   const auto error_of = [&](const std::string& options) {
     const Prepared rival = prepare(model_of(cloud_of(points)), options);
-    rival.renderer->reset({0, 0, 3});
+    rival.renderer->restart({0, 0, 3});
     EXPECT_FALSE(rival.to({0, 0, 3}).contact);  // the side it comes from
     double sum = 0.0;
     Random place(8);
@@ -196,7 +196,7 @@ TEST(MlsPenalty, PopsThroughThinPlatesAsPenaltiesDo) {
   const Prepared penalty = prepare(model_of(cloud_of(points)), "mls-penalty");
   const Prepared proxy = prepare(model_of(cloud_of(points)), "stream-proxy");
   for (const Prepared* rival : {&penalty, &proxy}) {
-    rival->renderer->reset({0.1, 0, 2});
+    rival->renderer->restart({0.1, 0, 2});
     EXPECT_GT(rival->glide({0.1, 0, 2}, {0.1, 0, 0.2}, 0.02).force_n.z(), 0.1);
   }
   EXPECT_GE(proxy.glide({0.1, 0, 0.2}, {0.1, 0, -0.3}, 0.02).force_n.z(), 0.39);
@@ -208,7 +208,7 @@ TEST(MlsProxy, MetaballsAreASkinFeltFromBothSides) {
   const auto points = height_points(41, 0.25, [](double, double) { return 0.0; });
   const Prepared rival = prepare(model_of(cloud_of(points)), "mls-proxy:surface=metaball");
   for (const double side : {1.0, -1.0}) {
-    rival.renderer->reset({0, 0, 3.0 * side});
+    rival.renderer->restart({0, 0, 3.0 * side});
     const render::Frame frame = rival.glide({0, 0, 3.0 * side}, {0.3, 0.2, -0.4 * side}, 0.02);
     ASSERT_TRUE(frame.contact);
     // Points' radii are 3 spacings, and the level 0.5 lies within them.
@@ -220,9 +220,9 @@ TEST(MlsProxy, MetaballsAreASkinFeltFromBothSides) {
 TEST(MlsProxy, LosesTheSurfaceWhereTheHipOutrunsItsNeighbourhood) {
   const auto points = height_points(41, 0.25, [](double, double) { return 0.0; });
   const Prepared rival = prepare(model_of(cloud_of(points)), "mls-proxy");
-  rival.renderer->reset({0, 0, 5});
+  rival.renderer->restart({0, 0, 5});
   EXPECT_FALSE(rival.glide({0, 0, 5}, {0, 0, -5}, 5.0).contact) << "no frame saw the points: a pop-through";
-  rival.renderer->reset({0, 0, 5});
+  rival.renderer->restart({0, 0, 5});
   EXPECT_TRUE(rival.glide({0, 0, 5}, {0, 0, -5}, 0.1).contact);
 }
 
@@ -234,7 +234,7 @@ TEST(StreamProxy, FollowsPointsThatMoveAndGetsThemBack) {
   const Prepared rival = prepare(model, "stream-proxy");
   const Vec3 hip(0.1, 0.05, -0.5);
   const auto press = [&] {
-    rival.renderer->reset({0.1, 0.05, 3});
+    rival.renderer->restart({0.1, 0.05, 3});
     return rival.glide({0.1, 0.05, 3}, hip, 0.05);
   };
   const render::Frame before = press();
@@ -270,7 +270,7 @@ TEST(StreamProxy, ThinSlabsHoldAtAnySpeed) {
   const auto points = height_points(41, 0.25, [](double, double) { return 0.0; });
   const Prepared rival = prepare(model_of(cloud_of(points)), "stream-proxy");
   for (const double step : {0.01, 0.5, 5.0, 50.0}) {
-    rival.renderer->reset({0.1, 0.2, 60});
+    rival.renderer->restart({0.1, 0.2, 60});
     const render::Frame frame = rival.glide({0.1, 0.2, 60}, {0.3, -0.1, -40}, step);
     ASSERT_TRUE(frame.contact) << step;
     EXPECT_NEAR(frame.god_object_mm.z(), 0.0, 0.05) << step;

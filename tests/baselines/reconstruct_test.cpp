@@ -334,7 +334,7 @@ TEST(Reconstruction, NamesWhatThereIs) {
   ASSERT_FALSE(unknown.ok());
   EXPECT_NE(unknown.error().message().find("power-crust"), std::string::npos);
   std::set<std::string> keys;
-  for (const OptionSpec& spec : all_method_options()) {
+  for (const OptionSpec& spec : all_method_options("mesh")) {
     EXPECT_TRUE(keys.insert(spec.key).second) << spec.key;
     EXPECT_NE(spec.help, "") << spec.key;
   }

@@ -190,7 +190,7 @@ TEST(Refine, IsAnOptionOfMeshRenderers) {
     for (const auto& note : probe.report.notes) notes += note.find("Hausdorff") != std::string::npos;
     EXPECT_EQ(phases, 4u);
     EXPECT_EQ(notes, 1u);
-    probe.renderer->reset({0, 0, 30});
+    probe.renderer->restart({0, 0, 30});
     EXPECT_TRUE(probe.glide({0, 0, 30}, {0, 0, 18}, 0.5).contact);
   }
 }

@@ -25,10 +25,10 @@ int press(const palpate::render::Registry& registry, const char* name,
   if (!prepared) return failed(prepared.error());
 
   const auto middle = scene.models[0].analytic->at(0.5, 0.5);
-  (*renderer)->reset(middle.point_mm + middle.normal);
+  (*renderer)->restart(middle.point_mm + middle.normal, 0.0);
   palpate::render::Frame frame;
   for (int i = 0; i <= 100; ++i)
-    frame = (*renderer)->step(middle.point_mm + (1.0 - 0.02 * i) * middle.normal, 1e-3);
+    frame = (*renderer)->step(middle.point_mm + (1.0 - 0.02 * i) * middle.normal, 1e-3 * (i + 1));
   std::printf("%s, 1 mm deep: contact %d, force %.3f N\n", name, frame.contact ? 1 : 0, frame.force_n.norm());
   // A spring of 0.5 N/mm, pressed by 1 mm: half a newton, outward, up to the spacing of the points.
   return frame.contact && frame.force_n.dot(middle.normal) > 0.25 && frame.force_n.norm() < 1.0 ? 0 : 1;

@@ -21,14 +21,21 @@ class Wall final : public render::HapticRenderer {
   Result<render::PrepareReport> prepare(const render::SceneInput&, const render::PrepareContext&) override {
     return render::PrepareReport{};
   }
-  void reset(const Vec3& hip_mm) noexcept override {
-    ++resets;
-    reset_at_mm = hip_mm;
+  void restart(const Vec3& hip_mm, double t_s) noexcept override {
+    ++restarts;
+    placed_at_mm = hip_mm;
+    last_s = t_s;
   }
-  render::Frame step(const Vec3& hip_mm, double dt_s) noexcept override {
+  void let_go(const Vec3& hip_mm) noexcept override {
+    ++lettings_go;
+    placed_at_mm = hip_mm;
+  }
+  render::Frame step(const Vec3& hip_mm, double t_s) noexcept override {
     ++steps;
     EXPECT_TRUE(is_finite(hip_mm));
-    last_dt_s = dt_s;
+    EXPECT_GT(t_s, last_s) << "time rises";
+    last_s = t_s;
+    last_hip_mm = hip_mm;
     render::Frame frame;
     frame.god_object_mm = hip_mm;
     if (hip_mm.z() < 0.0) {
@@ -42,9 +49,9 @@ class Wall final : public render::HapticRenderer {
   render::FrameCounters counters() const noexcept override { return {}; }
   render::Description describe() const override { return {"wall", "", "", "constant", {}}; }
 
-  int resets = 0, steps = 0, nan_at = -1;
-  double last_dt_s = 0.0;
-  Vec3 reset_at_mm = Vec3::Zero();
+  int restarts = 0, lettings_go = 0, steps = 0, nan_at = -1;
+  double last_s = 0.0;
+  Vec3 placed_at_mm = Vec3::Zero(), last_hip_mm = Vec3::Zero();
 };
 
 // A second of resting 2 mm deep after a second in the air.
@@ -133,9 +140,8 @@ TEST(Servo, TheForceOfTheRendererArrives) {
   Rig rig;
   ASSERT_TRUE(rig.servo.start());
   const std::vector<Tick> ticks = rig.run(2500);
-  EXPECT_EQ(rig.wall.resets, 1);
-  EXPECT_EQ(rig.wall.reset_at_mm, rig.path.hip_mm[0]);
-  EXPECT_NEAR(rig.wall.last_dt_s, kPeriodS, 1e-12);
+  EXPECT_EQ(rig.wall.restarts, 1);
+  EXPECT_EQ(rig.wall.placed_at_mm, rig.path.hip_mm[0]);
   EXPECT_NEAR(ticks.back().sent_n.z(), 1.0, 1e-12);  // 0.5 N/mm x 2 mm, soft start long over
   EXPECT_EQ(rig.device.held_n(), ticks.back().sent_n);
   rig.servo.stop();
@@ -193,7 +199,36 @@ TEST_P(DeviceFaults, ReachZeroWithinTwoFramesOfDetectionAndStay) {
   const std::vector<Tick> again = rig.run(700);
   EXPECT_LT(again[1].sent_n.norm(), 0.01);
   EXPECT_NEAR(again.back().sent_n.z(), 1.0, 1e-12);
-  EXPECT_EQ(rig.wall.resets, 2);
+  EXPECT_EQ(rig.wall.restarts, 1) << "shapes and sides stay";
+  EXPECT_EQ(rig.wall.lettings_go, 1);
+  EXPECT_GE(rig.wall.placed_at_mm.z(), 0.0) << "where it was last free";
+}
+
+TEST(Servo, RearmedInContactItIsBroughtUpInSmallSteps) {
+  Rig rig;
+  ASSERT_TRUE(rig.servo.start());
+  (void)rig.run(2000);  // rests 2 mm deep
+  rig.servo.rearm();
+  const int steps = rig.wall.steps;
+  const Tick first = rig.servo.tick();
+  // From the last free place, 1 um up, to -2 mm in steps of at most 0.5 mm: one tick.
+  EXPECT_EQ(rig.wall.steps - steps, 5);
+  EXPECT_EQ(rig.wall.last_hip_mm, rig.path.hip_mm[2000]);
+  EXPECT_NEAR(first.frame.force_n.z(), 1.0, 1e-12);
+  EXPECT_LT(first.sent_n.norm(), 0.01) << "the soft start begins again";
+}
+
+TEST(Servo, StartedInContactItIsBroughtUpFromAPlaceKnownToBeFree) {
+  Rig rig;
+  rig.path.hip_mm.assign(rig.path.size(), Vec3(0, 0, -2));
+  ASSERT_TRUE(rig.servo.start(Vec3(0, 0, 30)));
+  // 32 mm in steps of 0.5 mm, 16 a tick: four ticks without force, for none of their places is the HIP's.
+  const std::vector<Tick> ticks = rig.run(1000);
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(ticks[static_cast<std::size_t>(i)].frame.force_n, Vec3::Zero()) << i;
+  EXPECT_NEAR(ticks[3].frame.force_n.z(), 1.0, 1e-12);
+  EXPECT_NEAR(ticks.back().sent_n.z(), 1.0, 1e-12);
+  EXPECT_EQ(rig.wall.restarts, 1);
+  EXPECT_EQ(rig.wall.lettings_go, 1);
 }
 
 using Kind = ScriptedFault::Kind;

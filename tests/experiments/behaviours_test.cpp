@@ -31,7 +31,7 @@ BehaviourOutcome outcome(const std::string& id, const std::string& renderer) {
 TEST(Behaviours, TheTruthGetsNothingWrong) {
   const render::Registry registry = all_renderers();
   const BehaviourMatrix matrix =
-      run_behaviours(suite(), {{"analytic", "analytic", {}}}, registry, 1, no_progress());
+      run_behaviours(suite(), {{"analytic", "analytic", {}}}, registry, 1, no_progress()).value();
   ASSERT_EQ(matrix.outcomes.size(), 1u);
   ASSERT_EQ(matrix.outcomes[0].size(), suite().size());
   for (std::size_t b = 0; b < suite().size(); ++b) {

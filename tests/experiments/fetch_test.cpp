@@ -4,8 +4,12 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <atomic>
+#include <functional>
+
 #include "experiments/data/process.h"
 #include "experiments/data/sha256.h"
+#include "tests/experiments/loopback_server.h"
 #include "tests/experiments/program.h"
 
 namespace palpate::experiments {
@@ -57,9 +61,31 @@ TEST(Process, AMissingProgramIsAnError) {
   EXPECT_FALSE(run_process({"no-such-program-here"}, 1.0).ok());
 }
 
+TEST(Process, FilesHaveALimit) {
+  const std::string file = testing::TempDir() + "palpate_limit_" + std::to_string(::getpid());
+  const Result<ProcessOutcome> run =
+      run_process({"dd", "if=/dev/zero", "of=" + file, "bs=1000", "status=none"}, 60.0, {}, {}, 1'000'000);
+  ASSERT_TRUE(run.ok());
+  EXPECT_EQ(run->exit_code, kTooLargeFile) << run->err;
+  EXPECT_EQ(std::filesystem::file_size(file), 1'000'000u);
+  std::filesystem::remove(file);
+}
+
+/// Looks at something whenever it is told of progress.
+class WatchedProgress final : public Progress {
+ public:
+  explicit WatchedProgress(std::function<void()> look) : look_(std::move(look)) {}
+  void report(std::string_view, double) override { look_(); }
+
+ private:
+  std::function<void()> look_;
+};
+
 class Fetch : public InFolder {
  protected:
   Fetch() {
+    io::add_standard_readers(readers_);
+    options_.readers = &readers_;
     options_.cache = folder_ / "cache";
     options_.total_limit_s = 20.0;
     write_text(folder_ / "scan.ply", kContent);
@@ -72,6 +98,16 @@ class Fetch : public InFolder {
     return !std::filesystem::exists(options_.cache / "set" / "scan.ply");
   }
 
+  /// Bytes of everything that waits in the cache to be whole.
+  [[nodiscard]] std::uint64_t partial_bytes() const {
+    std::uint64_t sum = 0;
+    std::error_code code;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(options_.cache / "partial", code))
+      if (entry.is_regular_file(code)) sum += entry.file_size(code);
+    return sum;
+  }
+
+  io::Readers readers_;
   const std::string kContent = std::string(5000, 'p') + "the end";
   FetchOptions options_;
   Scan scan_;
@@ -159,6 +195,230 @@ TEST_F(Fetch, AHangingNpmIsEnded) {
   ASSERT_FALSE(got.ok());
   EXPECT_NE(got.error().message().find("did not finish"), std::string::npos) << got.error().message();
   EXPECT_TRUE(nothing_whole());
+}
+
+// --- Sizes
+
+const char* const kOk = "HTTP/1.1 200 OK\r\nConnection: close\r\n";
+
+TEST_F(Fetch, AnEndlessSourceStopsAtTheLimit) {
+  const Environment no_proxy("no_proxy", "127.0.0.1");
+  const LoopbackServer server([](const std::string& request, const LoopbackServer::Client& client) {
+    client.send(std::string(kOk) + "\r\n");
+    if (request.starts_with("HEAD")) return;
+    while (client.send(std::string(1 << 16, 'x'))) {
+    }
+  });
+  from_file("");
+  scan_.sources[0].address = server.address("scan.ply");
+  options_.download_limit_bytes = 3'000'000;
+  std::uint64_t largest = 0;
+  WatchedProgress watch([&] { largest = std::max(largest, partial_bytes()); });
+  const auto got = fetch_scan(scan_, options_, watch);
+  ASSERT_FALSE(got.ok());
+  EXPECT_NE(got.error().message().find("goes on beyond 3.0 MB"), std::string::npos) << got.error().message();
+  EXPECT_NE(got.error().message().find("--size-limit-gb"), std::string::npos);
+  EXPECT_LE(largest, options_.download_limit_bytes);
+  EXPECT_EQ(partial_bytes(), 0u) << "it would be resumed for ever";
+  EXPECT_TRUE(nothing_whole());
+}
+
+TEST_F(Fetch, WhatIsAnnouncedTooLargeIsRefusedBeforeItComes) {
+  const Environment no_proxy("no_proxy", "127.0.0.1");
+  std::atomic<int> gets{0};
+  const LoopbackServer server([&](const std::string& request, const LoopbackServer::Client& client) {
+    if (!request.starts_with("HEAD")) ++gets;
+    client.send(std::string(kOk) + "Content-Length: 77000000000\r\n\r\n");
+  });
+  from_file("");
+  scan_.sources[0].address = server.address("scan.ply");
+  const auto got = fetch_scan(scan_, options_, no_progress());
+  ASSERT_FALSE(got.ok());
+  EXPECT_NE(got.error().message().find("announces 77000.0 MB"), std::string::npos) << got.error().message();
+  EXPECT_EQ(gets, 0);
+}
+
+TEST_F(Fetch, WhatTheListKnowsBoundsTheDownload) {
+  from_file(sha256_of(kContent));
+  scan_.sources[0].bytes = kContent.size() - 1;
+  const auto other = fetch_scan(scan_, options_, no_progress());
+  ASSERT_FALSE(other.ok());
+  EXPECT_NE(other.error().message().find("announces 5007 bytes, the scan has 5006"), std::string::npos)
+      << other.error().message();
+  scan_.sources[0].bytes = kContent.size();
+  EXPECT_TRUE(fetch_scan(scan_, options_, no_progress()).ok());
+  options_.download_limit_bytes = 1000;
+  const auto limited = fetch_scan(scan_, options_, no_progress());
+  ASSERT_FALSE(limited.ok());
+  EXPECT_NE(limited.error().message().find("more than the 1000 bytes allowed"), std::string::npos)
+      << limited.error().message();
+}
+
+TEST_F(Fetch, ABombInAnArchiveStopsAtTheScansSize) {
+  write_text(folder_ / "bomb.ply", std::string(5'000'000, 'x'));
+  ASSERT_TRUE(run_process({"tar", "-czf", in("a.tar.gz"), "-C", folder_.string(), "bomb.ply"}, 10.0).ok());
+  from_file(sha256_of(kContent));
+  scan_.sources[0] = {ScanSource::Kind::kAddress,
+                      "file://" + in("a.tar.gz"),
+                      "bomb.ply",
+                      "set/scan.ply",
+                      sha256_of(kContent),
+                      100'000};
+  const auto got = fetch_scan(scan_, options_, no_progress());
+  ASSERT_FALSE(got.ok());
+  EXPECT_NE(got.error().message().find("is larger than 100000 bytes"), std::string::npos)
+      << got.error().message();
+  EXPECT_LE(partial_bytes(), 100'000u);
+}
+
+TEST_F(Fetch, ALinkInAnArchiveIsNoScan) {
+  std::filesystem::create_symlink(in("scan.ply"), in("link.ply"));
+  ASSERT_TRUE(run_process({"tar", "-czf", in("a.tar.gz"), "-C", folder_.string(), "link.ply"}, 10.0).ok());
+  from_file(sha256_of(kContent));
+  scan_.sources[0].address = "file://" + in("a.tar.gz");
+  scan_.sources[0].member = "link.ply";
+  const auto got = fetch_scan(scan_, options_, no_progress());
+  ASSERT_FALSE(got.ok());
+  EXPECT_NE(got.error().message().find("no regular file"), std::string::npos) << got.error().message();
+  EXPECT_TRUE(nothing_whole());
+}
+
+TEST_F(Fetch, FreeSpaceIsAskedFirst) {
+  from_file(sha256_of(kContent));
+  options_.free_bytes = [](const std::filesystem::path&) { return std::uint64_t{5000}; };
+  const auto got = fetch_scan(scan_, options_, no_progress());
+  ASSERT_FALSE(got.ok());
+  EXPECT_NE(got.error().message().find("too little space"), std::string::npos) << got.error().message();
+  EXPECT_EQ(partial_bytes(), 0u);
+  EXPECT_GT(free_bytes(folder_), 0u);
+}
+
+// --- Times
+
+TEST_F(Fetch, AServerThatFallsSilentIsLeft) {
+  const Environment no_proxy("no_proxy", "127.0.0.1");
+  options_.stall_limit_s = 1.0;
+  options_.total_limit_s = 3600.0;  // were it this one that ends it, the test would not
+  for (const std::string& begins : {std::string(), std::string(kOk) + "Content-Length: 5007\r\n\r\nppp"}) {
+    const LoopbackServer server([&](const std::string& request, const LoopbackServer::Client& client) {
+      const bool head = request.starts_with("HEAD") && !begins.empty();
+      client.send(head ? begins.substr(0, begins.size() - 3) : begins);
+      if (!head) client.wait();
+    });
+    from_file(sha256_of(kContent));
+    scan_.sources[0].address = server.address("scan.ply");
+    const auto got = fetch_scan(scan_, options_, no_progress());
+    ASSERT_FALSE(got.ok());
+    EXPECT_TRUE(nothing_whole());
+  }
+}
+
+TEST_F(Fetch, ASpecialFileIsNoSource) {
+  ASSERT_EQ(::mkfifo(in("pipe.ply").c_str(), 0600), 0);  // nobody writes: reading it would wait for ever
+  std::filesystem::create_symlink("/dev/zero", in("zero.ply"));
+  for (const char* name : {"pipe.ply", "zero.ply"}) {
+    from_file("");
+    scan_.sources[0].address = "file://" + in(name);
+    const auto got = fetch_scan(scan_, options_, no_progress());
+    ASSERT_FALSE(got.ok());
+    EXPECT_NE(got.error().message().find("not a regular file"), std::string::npos) << got.error().message();
+  }
+  // As curl does, a %20 in a file: address is a blank.
+  std::filesystem::create_directories(folder_ / "a b");
+  std::filesystem::copy_file(in("scan.ply"), in("a b/scan.ply"));
+  from_file(sha256_of(kContent));
+  scan_.sources[0].address = "file://" + folder_.string() + "/a%20b/scan.ply";
+  const auto got = fetch_scan(scan_, options_, no_progress());
+  EXPECT_TRUE(got.ok()) << got.error().message();
+}
+
+// --- Content
+
+const char* const kPly =
+    "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n"
+    "end_header\n0 0 0\n1 1 1\n";
+
+TEST_F(Fetch, WithoutAChecksumTheContentMustBeTheScan) {
+  from_file("");
+  scan_.points = 2;
+  write_text(folder_ / "scan.ply", "<html>please log in</html>");
+  const auto page = fetch_scan(scan_, options_, no_progress());
+  ASSERT_FALSE(page.ok());
+  EXPECT_NE(page.error().message().find("what came is not the scan"), std::string::npos)
+      << page.error().message();
+  EXPECT_TRUE(nothing_whole());
+  EXPECT_EQ(partial_bytes(), 0u);
+  EXPECT_FALSE(std::filesystem::exists(checksum_record(options_.cache / "set" / "scan.ply")));
+
+  write_text(folder_ / "scan.ply", kPly);
+  scan_.points = 3;
+  const auto other = fetch_scan(scan_, options_, no_progress());
+  ASSERT_FALSE(other.ok());
+  EXPECT_NE(other.error().message().find("has 2 points, the scan has 3"), std::string::npos)
+      << other.error().message();
+  scan_.points = 2;
+  const auto got = fetch_scan(scan_, options_, no_progress());
+  ASSERT_TRUE(got.ok()) << got.error().message();
+  EXPECT_EQ(file_text(*got), kPly);
+  EXPECT_EQ(file_text(checksum_record(*got)), sha256_of(kPly) + "\n");
+}
+
+TEST_F(Fetch, WhatDiffersFromTheRecordIsKeptOnlyByForce) {
+  from_file("");
+  write_text(folder_ / "scan.ply", kPly);
+  const auto first = fetch_scan(scan_, options_, no_progress());
+  ASSERT_TRUE(first.ok()) << first.error().message();
+  const std::string changed = std::string(kPly).replace(std::string(kPly).rfind('1'), 1, "2");
+  write_text(folder_ / "scan.ply", changed);
+  const auto refused = fetch_scan(scan_, options_, no_progress());
+  ASSERT_FALSE(refused.ok());
+  EXPECT_NE(refused.error().message().find("--force"), std::string::npos) << refused.error().message();
+  EXPECT_EQ(file_text(*first), kPly) << "the old one stays";
+  options_.force = true;
+  ASSERT_TRUE(fetch_scan(scan_, options_, no_progress()).ok());
+  EXPECT_EQ(file_text(*first), changed);
+  EXPECT_EQ(file_text(checksum_record(*first)), sha256_of(changed) + "\n");
+}
+
+TEST_F(Fetch, ASpoiledFileInTheCacheIsFetchedAgain) {
+  const Environment cache("XDG_CACHE_HOME", in("xdg").c_str());
+  const Environment data("PALPATE_DATA", nullptr);
+  options_.cache = folder_ / "xdg" / "palpate";
+  from_file(sha256_of(kContent));
+  const auto first = bring_scan(scan_, options_, no_progress());
+  ASSERT_TRUE(first.ok()) << first.error().message();
+  EXPECT_TRUE(first->fetched);
+  const auto here = bring_scan(scan_, options_, no_progress());
+  ASSERT_TRUE(here.ok());
+  EXPECT_FALSE(here->fetched);
+  EXPECT_EQ(here->note, "");
+  write_text(first->file, kContent.substr(0, 100));
+  EXPECT_FALSE(check_stored(scan_, first->file));
+  const auto again = bring_scan(scan_, options_, no_progress());
+  ASSERT_TRUE(again.ok()) << again.error().message();
+  EXPECT_TRUE(again->fetched);
+  EXPECT_NE(again->note.find("checksum is wrong"), std::string::npos) << again->note;
+  EXPECT_NE(again->note.find("fetched again"), std::string::npos) << again->note;
+  EXPECT_EQ(file_text(first->file), kContent);
+  options_.force = true;
+  EXPECT_TRUE(bring_scan(scan_, options_, no_progress())->fetched);
+}
+
+TEST_F(Fetch, AFileThatIsNotTheCachesIsLeftAlone) {
+  const Environment cache("XDG_CACHE_HOME", in("xdg").c_str());
+  const Environment data("PALPATE_DATA", in("data").c_str());
+  options_.cache = folder_ / "xdg" / "palpate";
+  from_file(sha256_of(kContent));
+  std::filesystem::create_directories(folder_ / "data" / "set");
+  write_text(folder_ / "data" / "set" / "scan.ply", "mine");
+  const auto wrong = bring_scan(scan_, options_, no_progress());
+  ASSERT_FALSE(wrong.ok());
+  EXPECT_NE(wrong.error().message().find("$PALPATE_DATA comes before"), std::string::npos)
+      << wrong.error().message();
+  write_text(folder_ / "data" / "set" / "scan.ply", kContent);
+  EXPECT_FALSE(bring_scan(scan_, options_, no_progress())->fetched);
+  options_.force = true;
+  EXPECT_FALSE(bring_scan(scan_, options_, no_progress()).ok()) << "--force would be in vain";
 }
 
 TEST_F(Fetch, PalpateDataComesBeforeTheCache) {

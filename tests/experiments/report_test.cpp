@@ -1,11 +1,15 @@
 // Tables, headlines and the page are pure functions of results.
 #include <gtest/gtest.h>
+#include <zlib.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "experiments/command/reproduction.h"
 #include "experiments/report/figures.h"
+#include "experiments/report/findings.h"
+#include "experiments/report/model_picture.h"
 #include "experiments/report/page.h"
 #include "experiments/tables/manifest.h"
 #include "tests/experiments/program.h"
@@ -24,7 +28,7 @@ metrics::RendererResult result(const std::string& label, double mean_us, double 
   r.frame = trace::FrameStatistics{};
   r.frame->frames = 100;
   r.frame->contact_frames = 70;
-  r.frame->mean_us = mean_us;
+  r.frame->mean_us = r.frame->mean_clocked_us = mean_us;
   r.frame->min_us = mean_us / 2;
   r.frame->max_us = mean_us * 3;
   r.accuracy = metrics::Accuracy{};
@@ -40,23 +44,6 @@ metrics::ResultDocument document() {
   d.path = "tap <&>";
   d.renderers = {result("cloud", 0.2, 100.0, 0), result("cloud-literal", 1.5, 120.0, 1234)};
   return d;
-}
-
-TEST(Numbers, AreShortAndReadable) {
-  EXPECT_EQ(count_text(0), "0");
-  EXPECT_EQ(count_text(999), "999");
-  EXPECT_EQ(count_text(1002001), "1,002,001");
-  EXPECT_EQ(short_number(0.0), "0");
-  EXPECT_EQ(short_number(37.4), "37.4");
-  EXPECT_EQ(short_number(267.4), "267");
-  EXPECT_EQ(short_number(0.0374), "0.0374");
-  EXPECT_EQ(short_number(2.4), "2.40");
-  EXPECT_EQ(short_number(12345.6), "12,346");
-  EXPECT_EQ(short_number(-5.0), "-5.00");
-  EXPECT_EQ(short_number(std::nullopt), "–");
-  EXPECT_EQ(duration_text(0.5), "0.500 ms");
-  EXPECT_EQ(duration_text(2500.0), "2.50 s");
-  EXPECT_EQ(duration_text(90000.0), "1.50 min");
 }
 
 TEST(ComparisonTable, MarksTheBestOfARow) {
@@ -83,28 +70,13 @@ TEST(ComparisonTable, ARunThatDidNotFinishSaysSo) {
   d.renderers[1].reason = "preparation stopped after 3 s";
   d.renderers[1].frame.reset();
   d.renderers[1].accuracy.reset();
-  const std::string text = to_text(comparison_table(d));
+  const std::string text = to_text(comparison_table(d), 100);
   EXPECT_NE(text.find("did not finish"), std::string::npos);
   EXPECT_NE(text.find("preparation stopped after 3 s"), std::string::npos);
   bool said = false;
   for (const Headline& line : headlines_of(d))
     said = said || line.text.find("did not finish") != std::string::npos;
   EXPECT_TRUE(said);
-}
-
-TEST(AlignedNumbers, ShareTheirDecimals) {
-  using Texts = std::vector<std::string>;
-  EXPECT_EQ(aligned_numbers({0.0794, 0.00173, 0.00157}), (Texts{"0.07940", "0.00173", "0.00157"}));
-  EXPECT_EQ(aligned_numbers({23.9, 0.06, 0.0, std::nullopt}), (Texts{"23.900", "0.060", "0", "–"}));
-  EXPECT_EQ(aligned_numbers({12556.4, 72.9}), (Texts{"12,556", "73"}));
-  EXPECT_EQ(aligned_numbers({4.84, 6.1e-6}), (Texts{"4.8400", "<0.0001"}));
-  EXPECT_EQ(aligned_numbers({1234567.0}), (Texts{"1,234,567"}));
-  EXPECT_EQ(aligned_numbers({}), Texts{});
-  EXPECT_EQ(aligned_numbers({-5.0, 0.25}), (Texts{"-5.000", "0.250"}));
-  const AlignedTimes times = aligned_times({149.4, 43100.0});
-  EXPECT_EQ(times.unit, "s");
-  EXPECT_EQ(times.texts, (Texts{"0.149", "43.100"}));
-  EXPECT_EQ(aligned_times({149.4, 456.0}).unit, "ms");
 }
 
 TEST(Headlines, SayWhoKeepsContactAndRankTheOthers) {
@@ -128,12 +100,190 @@ TEST(Headlines, SayTheSameFaultOnce) {
 TEST(Page, EscapesWhatItIsGiven) {
   Page page = begin_page("A <title>", document());
   page.headlines = {{"<b>", {{"<script>", "<script>alert(1)</script>"}}}};
-  page.sections.push_back({"s", "Section", {document().path}, {comparison_table(document())}, {}, {}});
+  page.sections.push_back({"s", "Section", {}, {document().path}, {comparison_table(document())}, {}, {}});
   const std::string html = to_html(page);
   EXPECT_EQ(html.find("<script"), std::string::npos);
   EXPECT_NE(html.find("tap &lt;&amp;&gt;"), std::string::npos);
   EXPECT_EQ(html.find("<b>"), std::string::npos);
   EXPECT_NE(html.find("A &lt;title&gt;"), std::string::npos);
+}
+
+TEST(Warnings, StandFirstOnTerminalAndPage) {
+  metrics::ResultDocument d = document();
+  d.warnings = {"The path never touches <the> model."};
+  d.notes = {"There is no ground truth."};
+  d.renderers[0].prepare->warnings = d.renderers[1].prepare->warnings = {"The mesh is in 900 pieces."};
+  const std::string text = findings_text(d);
+  EXPECT_EQ(text,
+            "palpate: warning: The path never touches <the> model.\n"
+            "palpate: warning: cloud, cloud-literal: The mesh is in 900 pieces.\n"
+            "palpate: note: There is no ground truth.\n");
+  Page page = begin_page("title", d);
+  add_known(page, known_of("Table 7", d));
+  page.headlines.push_back({"Heading of the findings", headlines_of(d)});
+  const std::string html = to_html(page);
+  const std::size_t path = html.find("Table 7: The path never touches &lt;the&gt; model.");
+  const std::size_t mesh = html.find("Table 7: cloud, cloud-literal: The mesh is in 900 pieces.");
+  const std::size_t note = html.find("Table 7: There is no ground truth.");
+  ASSERT_NE(note, std::string::npos) << html;
+  EXPECT_LT(path, mesh);
+  EXPECT_LT(mesh, note) << "warnings first";
+  EXPECT_LT(note, html.find("Heading of the findings")) << "before what was found";
+  // The first line counts them.
+  const std::size_t counted = html.find("2 warnings:");
+  ASSERT_NE(counted, std::string::npos) << html;
+  EXPECT_LT(counted, path);
+  EXPECT_EQ(to_html(begin_page("title", d)).find("class=\"warned\""), std::string::npos) << "none, no line";
+}
+
+TEST(Opening, AnswersFourQuestionsBeforeAnyProse) {
+  metrics::ResultDocument d = document();
+  for (metrics::RendererResult& r : d.renderers) r.accuracy->force_rms_percent = 2.5;
+  d.renderers[0].role = render::Role::kOurs;
+  d.renderers[1].role = render::Role::kLiteral;
+  d.renderers[1].missing = {"dents"};
+  d.warnings = {"doubtful"};
+  Study study;
+  study.document = d;
+  Page page = begin_page("title", d);
+  Section section;
+  section.opening = opening_html(d);
+  page.sections.push_back(section);
+  add_known(page, known_of("", d));
+  page.headlines.push_back({"Heading of the findings", headlines_of(d)});
+  const std::string html = to_html(page);
+  const std::size_t picture = html.find("<svg class=\"trade\""), table = html.find("<table class=\"four\">");
+  ASSERT_NE(picture, std::string::npos);
+  EXPECT_LT(picture, table);
+  EXPECT_LT(table, html.find("<div class=\"known\""));
+  EXPECT_LT(table, html.find("Heading of the findings"));
+  EXPECT_EQ(html.find("class=\"four\"", table + 20), std::string::npos) << "once on the page";
+  for (const char* said : {"Right?", "Fast?", "Ready when?", "How large?", "2.50 % off", "contact right",
+                           "contact wrong in 1,234 frames", "0.200 µs", "100 ms", "48.0 kB",
+                           "48.0 bytes a point", ">ours<", "as printed; without dents"})
+    EXPECT_NE(html.find(said), std::string::npos) << said << "\n" << section.opening;
+}
+
+TEST(Opening, SaysWhatThereIsWhereForcesOrTruthAreMissing) {
+  metrics::ResultDocument d = document();
+  for (metrics::RendererResult& r : d.renderers) r.accuracy->force_rms_n.reset();
+  std::string html = opening_html(d);
+  EXPECT_NE(html.find("frames of wrong contact"), std::string::npos) << html;
+  EXPECT_NE(html.find("forces are not compared"), std::string::npos) << html;
+  for (metrics::RendererResult& r : d.renderers) r.accuracy.reset();
+  html = opening_html(d);
+  EXPECT_NE(html.find("preparation, ms"), std::string::npos) << html;
+  EXPECT_NE(html.find("no ground truth"), std::string::npos) << html;
+  d.renderers[1].status = metrics::RunStatus::kFailed;
+  d.renderers[1].reason = "no <mesh>";
+  d.renderers[1].frame.reset();
+  html = opening_html(d);
+  EXPECT_NE(html.find("no &lt;mesh&gt;"), std::string::npos) << html;
+  for (metrics::RendererResult& r : d.renderers) r.frame.reset();
+  EXPECT_EQ(opening_html(d).find("<svg"), std::string::npos) << "nothing to draw";
+  EXPECT_EQ(opening_html({}), "");
+}
+
+TEST(Roles, DecideWhoCompetesAndNotNames) {
+  metrics::ResultDocument d = document();
+  d.renderers[0].label = "mine";
+  d.renderers[0].role = render::Role::kReference;
+  d.renderers[1].name = "analytic";
+  EXPECT_FALSE(competes(d.renderers[0]));
+  EXPECT_TRUE(competes(d.renderers[1]));
+  const Table table = comparison_table(d);
+  EXPECT_TRUE(std::any_of(table.notes.begin(), table.notes.end(), [](const std::string& note) {
+    return note == "Shown to compare with, and not marked as best: mine.";
+  }));
+}
+
+/// A square of points with a path over it that one renderer gets wrong.
+Study small_study() {
+  Study study;
+  study.document = document();
+  study.document.models = {{"square", "square", "0123456789abcdef", 900, "model-1.csv"}};
+  std::vector<Vec3> points;
+  for (int i = 0; i < 30; ++i)
+    for (int k = 0; k < 30; ++k) points.emplace_back(i, k, 0.1 * i);
+  study.models = {{"square", *cloud::build_cloud(points, cloud::NonFinite::kRefuse)}};
+  for (int i = 0; i < 100; ++i) {
+    study.path.t_s.push_back(0.001 * i);
+    study.path.hip_mm.emplace_back(0.3 * i, 15.0, 0.0);
+  }
+  for (std::size_t r = 0; r < 2; ++r) {
+    metrics::AccuracyFrames frames;
+    frames.force_error_n.assign(100, r == 0 ? 0.0f : 10.0f);
+    frames.missed_contact.assign(100, 0);
+    frames.false_contact.assign(100, r == 0 ? 0 : 1);
+    study.runs.push_back({{}, frames});
+  }
+  return study;
+}
+
+TEST(ModelFigure, ShowsTheModelThePathAndWhatIsWrong) {
+  Study study = small_study();
+  const Figure figure = model_figure(study, "s");
+  EXPECT_NE(figure.svg.find("href=\"data:image/png;base64,iVBOR"), std::string::npos);
+  EXPECT_LT(figure.svg.size(), 200'000u);
+  EXPECT_EQ(model_figure(study, "s").svg, figure.svg) << "drawn twice, the same picture";
+  const std::size_t right = figure.svg.find(">cloud<"), wrong = figure.svg.find(">cloud-literal<");
+  ASSERT_LT(right, wrong);
+  const auto drawn = [](const std::string& panel, const char* colour) {
+    return panel.find(std::string("stroke=\"") + colour) != std::string::npos;
+  };
+  EXPECT_FALSE(drawn(figure.svg.substr(right, wrong - right), "#8b1a1a")) << "an error where there is none";
+  EXPECT_TRUE(drawn(figure.svg.substr(wrong), "#8b1a1a"));
+  EXPECT_TRUE(drawn(figure.svg.substr(wrong), "#7b2cbf")) << "false contact";
+  // Without a truth one panel, and no legend of errors.
+  for (StudyRun& run : study.runs) run.per_frame = {};
+  const Figure alone = model_figure(study, "s");
+  EXPECT_EQ(alone.svg.find("false contact"), std::string::npos);
+  EXPECT_NE(alone.caption.find("no ground truth"), std::string::npos);
+  study.models.clear();
+  EXPECT_TRUE(model_figure(study, "s").svg.empty());
+}
+
+TEST(ModelView, ShowsAllOfABoxAndWhatIsNearInFront) {
+  for (const double size : {1e-3, 1.0, 1e6}) {
+    geometry::Aabb box;
+    box.add(Vec3(size, size, size));
+    box.add(Vec3(3 * size, 2 * size, 1.5 * size));
+    const ModelView view(box, 300, 200);
+    for (const double x : {1.0, 3.0})
+      for (const double y : {1.0, 2.0})
+        for (const double z : {1.0, 1.5}) {
+          const ModelView::Seen seen = view.seen(size * Vec3(x, y, z));
+          EXPECT_TRUE(seen.x > 0 && seen.x < 300 && seen.y > 0 && seen.y < 200) << seen.x << " " << seen.y;
+        }
+    EXPECT_GT(view.seen(size * Vec3(2, 2, 2)).near_mm, view.seen(size * Vec3(2, 2, 1)).near_mm);
+    EXPECT_LT(view.seen(size * Vec3(2, 2, 2)).y, view.seen(size * Vec3(2, 2, 1)).y) << "up is up";
+  }
+  geometry::Aabb point;
+  point.add(Vec3(5, 5, 5));
+  EXPECT_EQ(ModelView(point, 300, 200).seen({5, 5, 5}).x, 150.0);
+}
+
+TEST(Png, HoldsThePixels) {
+  GreyImage image{3, 2, {0, 255, 7, 7, 7, 130}};
+  const std::string png = png_of(image);
+  ASSERT_TRUE(png.starts_with("\x89PNG\r\n\x1a\n")) << png.size();
+  const std::size_t data = png.find("IDAT");
+  ASSERT_NE(data, std::string::npos);
+  std::vector<unsigned char> rows(64);
+  uLongf size = rows.size();
+  ASSERT_EQ(::uncompress(rows.data(), &size, reinterpret_cast<const Bytef*>(png.data() + data + 4),
+                         static_cast<uLong>(png.size() - data - 4)),
+            Z_OK);
+  // Each row: the filter Sub, then differences.
+  EXPECT_EQ((std::vector<unsigned char>(rows.begin(), rows.begin() + static_cast<std::ptrdiff_t>(size))),
+            (std::vector<unsigned char>{1, 0, 255, 8, 1, 7, 0, 123}));
+  EXPECT_EQ(png_of({}), "");
+}
+
+TEST(Base64, IsThatOfTheStandard) {
+  for (const auto& [plain, coded] :
+       {std::pair{"", ""}, {"f", "Zg=="}, {"fo", "Zm8="}, {"foo", "Zm9v"}, {"foobar", "Zm9vYmFy"}})
+    EXPECT_EQ(base64(plain), coded);
 }
 
 class Charts : public InFolder {};
@@ -150,7 +300,7 @@ TEST_F(Charts, EverySeriesIsDrawnUnderItsOwnName) {
       {"nothing", "#d55e00", {0, 1}, {kNothing, kNothing}},
       {"last", "#009e73", {7, 8}, {4, 5}}};
   const Result<OutputFolder> folder = OutputFolder::open(in("out"));
-  ASSERT_TRUE(folder.ok());
+  ASSERT_TRUE(folder.ok() && folder->begin("a").ok());
   const Figure figure = draw(chart, *folder);
   const std::string data = file_text(in("out/gaps.dat"));
   std::vector<std::string> blocks;
@@ -166,6 +316,64 @@ TEST_F(Charts, EverySeriesIsDrawnUnderItsOwnName) {
   }
   if (figure.svg.empty()) GTEST_SKIP() << "gnuplot is not here";
   EXPECT_NE(figure.svg.find(">last<"), std::string::npos);
+}
+
+TEST_F(Charts, WithoutAPointSaySo) {
+  Chart chart;
+  chart.name = "empty";
+  chart.log_y = true;
+  chart.nothing = "No force is wrong.";
+  chart.series = {{"exact", "#0072b2", {0, 1}, {std::nan(""), std::nan("")}}, {"failed", "#d55e00", {}, {}}};
+  const Result<OutputFolder> folder = OutputFolder::open(in("out"));
+  ASSERT_TRUE(folder.ok());
+  const Figure figure = draw(chart, *folder);
+  EXPECT_EQ(figure.caption, "No force is wrong.") << "not gnuplot's words for it";
+  EXPECT_TRUE(figure.svg.empty());
+}
+
+TEST_F(Charts, PanelsLeaveOutWhoDidNotRun) {
+  Chart chart;
+  chart.name = "panels";
+  chart.style = Chart::Style::kPanels;
+  chart.log_y = true;
+  chart.series = {{"least", "#c4c4c4", {0, 1, 2}, {1e-3, 2e-3, 1e-4}}};
+  for (int i = 0; i < 9; ++i)
+    chart.series.push_back({"renderer-" + std::to_string(i), "#0072b2", {0, 1, 2}, {0.1, 0.2, 0.3}});
+  chart.series[4] = {"failed", "#d55e00", {}, {}};
+  const Result<OutputFolder> folder = OutputFolder::open(in("out"));
+  ASSERT_TRUE(folder.ok());
+  const Figure figure = draw(chart, *folder);
+  if (figure.svg.empty()) GTEST_SKIP() << "gnuplot is not here: " << figure.caption;
+  EXPECT_NE(figure.svg.find(">renderer-8<"), std::string::npos);
+  EXPECT_EQ(figure.svg.find(">failed<"), std::string::npos);
+}
+
+TEST_F(Charts, WhatLeavesAPanelRunsAlongItsEdge) {
+  Chart chart;
+  chart.name = "edges";
+  chart.caption = "Force.";
+  chart.style = Chart::Style::kPanels;
+  chart.series = {{"truth", "#c4c4c4", {0, 1, 2}, {0, 1, 0}}, {"mild", "#0072b2", {0, 1, 2}, {0, 1.1, 0}}};
+  const Result<OutputFolder> folder = OutputFolder::open(in("out"));
+  ASSERT_TRUE(folder.ok());
+  if (draw(chart, *folder).svg.empty()) GTEST_SKIP() << "gnuplot is not here";
+  EXPECT_EQ(draw(chart, *folder).caption, "Force.");
+  chart.series.push_back({"wild", "#d55e00", {0, 1, 2}, {50, 60, 70}});
+  EXPECT_EQ(draw(chart, *folder).caption, "Force. What leaves a panel runs along its edge.");
+}
+
+TEST(Looks, NoTwoRenderersLookAlike) {
+  std::vector<std::string> labels = {"mesh-godobject", "analytic", "cloud"};
+  for (int i = 0; i < 25; ++i) labels.push_back("renderer-" + std::to_string(i));
+  const std::vector<Look> looks = looks_of(labels);
+  ASSERT_EQ(looks.size(), labels.size());
+  for (std::size_t i = 0; i < looks.size(); ++i)
+    for (std::size_t k = 0; k < i; ++k)
+      EXPECT_FALSE(looks[i].colour == looks[k].colour && looks[i].dash == looks[k].dash)
+          << labels[i] << " and " << labels[k];
+  // The best known have the same colour in every study.
+  EXPECT_EQ(looks[2].colour, looks_of({"mls-proxy", "cloud"})[1].colour);
+  EXPECT_EQ(looks_of({"cloud"})[0].dash, "");
 }
 
 TEST(Manifests, HoldThePrintedValues) {
@@ -234,22 +442,11 @@ TEST(Manifests, HoldThePrintedValues) {
 TEST(FramesTable, StandsBesideTheThesis) {
   const auto manifests = manifests_for("7");
   ASSERT_TRUE(manifests.ok());
-  const std::string text = to_text(frames_table(manifests->front(), document()));
+  const std::string text = to_text(frames_table(manifests->front(), document()), 100);
   EXPECT_NE(text.find("54,717"), std::string::npos);
   EXPECT_NE(text.find("37.4"), std::string::npos);
   EXPECT_NE(text.find("1,234"), std::string::npos) << text;
   EXPECT_NE(text.find("Not in the thesis"), std::string::npos) << text;
-}
-
-class Folder : public InFolder {};
-
-TEST_F(Folder, IsMadeMarkedAndKeptFromStrangers) {
-  const auto made = OutputFolder::open(in("a/b"));
-  ASSERT_TRUE(made.ok()) << made.error().message();
-  ASSERT_TRUE(made->write("result.json", "{}").ok());
-  ASSERT_TRUE(OutputFolder::open(in("a/b")).ok());
-  EXPECT_FALSE(std::filesystem::exists(in("a/b/result.json"))) << "old results must not look like new ones";
-  EXPECT_FALSE(OutputFolder::open(in("a")).ok()) << "a folder with somebody's files";
 }
 
 }  // namespace

@@ -11,12 +11,12 @@
 #include "tests/house/all_renderers.h"
 #include "tests/house/allocation_count.h"
 #include "tests/house/example_renderer.h"
+#include "tests/stepped.h"
 #include "toolkit/cloud/generate.h"
 #include "toolkit/control/controlled_renderer.h"
 #include "toolkit/core/handover.h"
 #include "toolkit/core/options.h"
 #include "toolkit/geometry/broad_phase.h"
-#include "toolkit/render/on_virtual_clock.h"
 
 namespace palpate::house {
 namespace {
@@ -99,13 +99,14 @@ Stand sinusoid_stand() {
 }
 
 /// Blocks that the frames of the path asked for; also that the path was felt and, but for the ball, left.
-std::uint64_t blocks_of_frames(render::HapticRenderer& renderer, const Stand& stand, bool leaves) {
-  const auto prepared = renderer.prepare(stand.scene, {});
+std::uint64_t blocks_of_frames(test::Stepped renderer, const Stand& stand, bool leaves) {
+  const auto prepared = renderer->prepare(stand.scene, {});
   EXPECT_TRUE(prepared.ok()) << prepared.error().message();
   std::size_t in_contact = 0;
-  renderer.reset(stand.path.front());
+  renderer->restart(stand.path.front());
   const AllocationCount count;
-  for (const Vec3& hip_mm : stand.path) in_contact += renderer.step(hip_mm, 1e-3).contact;
+  for (const Vec3& hip_mm : stand.path) in_contact += renderer->step(hip_mm, 1e-3).contact;
+  renderer->let_go(stand.path.front());
   const std::uint64_t blocks = count.count();
   EXPECT_GT(in_contact, kFrames / 10) << "the path must be felt";
   EXPECT_TRUE(!leaves || in_contact < kFrames) << "and left";
@@ -119,7 +120,7 @@ TEST(Frames, NoRendererAllocates) {
     SCOPED_TRACE(info.name);
     auto renderer = stand.registry.make(info.name, {});
     ASSERT_TRUE(renderer.ok()) << renderer.error().message();
-    EXPECT_EQ(blocks_of_frames(**renderer, stand, info.name != "ball"), 0u);
+    EXPECT_EQ(blocks_of_frames(*std::move(renderer), stand, info.name != "ball"), 0u);
   }
 }
 
@@ -152,8 +153,9 @@ TEST(Frames, NoSurfaceAllocates) {
     SCOPED_TRACE(name);
     const NamedOptions named = parse_named_options(name).value();
     if (stand.registry.find(named.name) == nullptr) continue;  // built without the baselines
-    render::OnVirtualClock renderer(stand.registry.make(named.name, named.options).value(), simulation);
-    EXPECT_EQ(blocks_of_frames(renderer, stand, false), 0u);
+    test::Stepped renderer(stand.registry.make(named.name, named.options).value());
+    renderer->drive(simulation);
+    EXPECT_EQ(blocks_of_frames(std::move(renderer), stand, false), 0u);
   }
 }
 
@@ -163,8 +165,8 @@ TEST(Frames, NoControlAllocates) {
   options.coupling = control::Coupling{0.5, 1e-4};
   options.filter = {100.0, 500.0, control::FilterForm::kLiteral};
   options.passivity = control::PassivityOptions{};
-  const auto renderer = control::wrap(stand.registry.make("cloud", {}).value(), options);
-  EXPECT_EQ(blocks_of_frames(*renderer, stand, true), 0u);
+  EXPECT_EQ(blocks_of_frames(control::wrap(stand.registry.make("cloud", {}).value(), options), stand, true),
+            0u);
 }
 
 TEST(Frames, NoBroadPhaseAllocates) {
@@ -172,7 +174,7 @@ TEST(Frames, NoBroadPhaseAllocates) {
   for (std::size_t i = 0; i < boxes.size(); ++i)
     boxes[i].add(Vec3(static_cast<double>(i % 7), static_cast<double>(i % 11), static_cast<double>(i % 13)));
   geometry::BroadPhase phase(boxes);
-  Handover<geometry::Candidates<16>> found;
+  Handover<geometry::FoundBoxes<16>> found;
   const AllocationCount count;
   for (std::size_t i = 0; i < kFrames / 100; ++i) {
     for (std::size_t b = 0; b < boxes.size(); ++b) {

@@ -37,10 +37,13 @@ class BallRenderer final : public render::HapticRenderer {
     return report;
   }
 
-  void reset(const Vec3& /*hip_mm*/) noexcept override { counters_ = {}; }
+  void restart(const Vec3& /*hip_mm*/, double /*t_s*/) noexcept override { counters_ = {}; }
+
+  // A ball keeps nothing of what it touches.
+  void let_go(const Vec3& /*hip_mm*/) noexcept override {}
 
   // No allocation, no lock, no log, no exception; work bounded by the number of models.
-  [[nodiscard]] Frame step(const Vec3& hip_mm, double /*dt_s*/) noexcept override {
+  [[nodiscard]] Frame step(const Vec3& hip_mm, double /*t_s*/) noexcept override {
     ++counters_.frames;
     Frame frame;
     frame.god_object_mm = hip_mm;
@@ -93,6 +96,8 @@ void register_ball(render::Registry& registry) {
   info.name = "ball";
   info.summary = "a ball around the points, felt as a spring";
   info.source = "docs/add-a-renderer.md";
+  info.role = render::Role::kOracle;
+  info.supports = render::Feature::kManyModels;
   info.options = {{"size",
                    OptionKind::kNumber,
                    "1",

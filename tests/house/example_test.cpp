@@ -1,5 +1,6 @@
 // The renderer of docs/add-a-renderer.md works, and the page prints it as it is.
 #include "tests/house/example_renderer.h"
+#include "tests/stepped.h"
 
 #include <gtest/gtest.h>
 
@@ -20,7 +21,7 @@ std::shared_ptr<const cloud::Cloud> corners_of_a_cube() {
   return std::make_shared<const cloud::Cloud>(std::move(built).value());
 }
 
-std::unique_ptr<render::HapticRenderer> ball(double size, const Vec3& at_mm) {
+test::Stepped ball(double size, const Vec3& at_mm) {
   render::Registry registry;
   register_ball(registry);
   Options options;
@@ -34,13 +35,13 @@ std::unique_ptr<render::HapticRenderer> ball(double size, const Vec3& at_mm) {
   scene.models[0].surface.stiffness_n_per_mm = 0.5;
   scene.models[0].world_from_model.translation_mm = at_mm;
   EXPECT_TRUE((*made)->prepare(scene, {}).ok());
-  return std::move(made).value();
+  return test::Stepped(std::move(made).value());
 }
 
 TEST(ExampleRenderer, PushesOutOfTheBall) {
   const Vec3 at_mm(100.0, 0.0, 0.0);
   auto renderer = ball(1.0, at_mm);  // radius 10
-  renderer->reset(at_mm + Vec3(0.0, 0.0, 20.0));
+  renderer->restart(at_mm + Vec3(0.0, 0.0, 20.0));
 
   const render::Frame free = renderer->step(at_mm + Vec3(0.0, 0.0, 10.5), 1e-3);
   EXPECT_FALSE(free.contact);

@@ -76,6 +76,14 @@ std::string broken_link(const std::string& file, const std::string& target,
   return {};
 }
 
+bool opens_a_file(const std::string& line) {
+  static const std::regex kOpens(R"((std::i?fstream\b|\bfopen\(|::open\(.*O_RDONLY))");
+  const std::string code = line.substr(0, line.find("//"));
+  // "wb" writes.
+  return std::regex_search(code, kOpens) && code.find("\"/proc/") == std::string::npos &&
+         code.find("\"wb\"") == std::string::npos;
+}
+
 bool names_a_machine(const std::string& line) {
   // Written in pieces, so that this file does not name what it forbids.
   static const std::string kFolders =

@@ -26,6 +26,10 @@ inline constexpr std::size_t kHeadLines = 10;  ///< where the reason may stand: 
                                       const std::function<bool(const std::string& path)>& exists,
                                       const std::function<std::string(const std::string& path)>& read);
 
+/// True where a line of code opens a file to read it other than by toolkit/core/input_file.h, which alone
+/// refuses pipes and devices. The system's own files are no input.
+[[nodiscard]] bool opens_a_file(const std::string& line);
+
 /// True where a line names a path of one machine or the host of a package registry.
 [[nodiscard]] bool names_a_machine(const std::string& line);
 

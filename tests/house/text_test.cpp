@@ -91,5 +91,29 @@ TEST(MachinePaths, AreFound) {
   EXPECT_FALSE(names_a_machine("/usr/local/share/palpate"));
 }
 
+TEST(Files, AreOpenedInOneWay) {
+  const auto ours = [](const std::string& file) {
+    return is_source(file) && !file.starts_with("tests/") && file != "toolkit/core/input_file.cpp";
+  };
+  EXPECT_EQ(findings_over(ours,
+                          [](const std::string& file, const auto& lines) {
+                            std::string bad;
+                            for (std::size_t i = 0; i < lines.size(); ++i)
+                              if (opens_a_file(lines[i])) bad += file + ":" + std::to_string(i + 1) + "\n";
+                            return bad;
+                          }),
+            "");
+}
+
+TEST(Files, OtherWaysAreFound) {
+  EXPECT_TRUE(opens_a_file("  std::ifstream file(path, std::ios::binary);"));
+  EXPECT_TRUE(opens_a_file("  std::fstream file(path);"));
+  EXPECT_TRUE(opens_a_file("  std::FILE* file = std::fopen(path.c_str(), \"rb\");"));
+  EXPECT_TRUE(opens_a_file("  const int fd = ::open(path.c_str(), O_RDONLY);"));
+  EXPECT_FALSE(opens_a_file("  std::FILE* file = std::fopen(path.c_str(), \"wb\");"));
+  EXPECT_FALSE(opens_a_file("  std::ifstream file(\"/proc/cpuinfo\");"));
+  EXPECT_FALSE(opens_a_file("  // not by std::ifstream"));
+}
+
 }  // namespace
 }  // namespace palpate::house

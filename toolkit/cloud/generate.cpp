@@ -228,8 +228,11 @@ void fill(const Samples& samples, const geometry::Aabb& box, bool with_mesh, Gen
   if (with_mesh) model.original_mesh->triangles = samples.triangles();
 }
 
+/// What the seed is of, beside the jitter: without more it does nothing on points that stay where they are.
+enum class Seeds { kJitterAlone, kShapeToo };
+
 std::vector<OptionSpec> with_common(std::string extent, std::string extent_help, std::string points,
-                                    std::vector<OptionSpec> own) {
+                                    std::vector<OptionSpec> own, Seeds seeds = Seeds::kJitterAlone) {
   std::vector<OptionSpec> specs = {
       {"points",
        OptionKind::kInteger,
@@ -260,9 +263,17 @@ std::vector<OptionSpec> with_common(std::string extent, std::string extent_help,
        {},
        0,
        0.9},
-      {"seed", OptionKind::kInteger, "1", "of the jitter, and of the relief", {}, 0, 1e18},
+      {"seed",
+       OptionKind::kInteger,
+       "1",
+       "of the jitter, and of the shape of relief and pebble",
+       {},
+       0,
+       1e18},
       {"scale", OptionKind::kNumber, "1", "multiplies every length", {}, 1e-150, 1e150},
       {"mesh", OptionKind::kFlag, "true", "also make the regular triangulation", {}, 0, 0}};
+  for (OptionSpec& spec : specs)
+    if (spec.key == "seed" && seeds == Seeds::kJitterAlone) spec.only_with = {{"jitter"}};
   specs.insert(specs.end(), own.begin(), own.end());
   return specs;
 }
@@ -290,7 +301,8 @@ std::vector<Generator> make_generators() {
                    {order,
                     {"aspect", OptionKind::kNumber, "1", "side along y in sides along x", {}, 1e-3, 1e3},
                     {"finest_mm", OptionKind::kNumber, "1", "shortest wave, mm", {}, 1e-300, 1e150},
-                    {"slope", OptionKind::kNumber, "0.3", "root mean square of the slope", {}, 1e-6, 1}})},
+                    {"slope", OptionKind::kNumber, "0.3", "root mean square of the slope", {}, 1e-6, 1}},
+                   Seeds::kShapeToo)},
       {"wedge", "two planes that meet along the y axis; scanner order",
        with_common("100", side, fields,
                    {order,
@@ -307,7 +319,8 @@ std::vector<Generator> make_generators() {
        with_common(
            "50", "mean diameter, mm", "100000",
            {{"finest", OptionKind::kNumber, "0.1", "shortest wave over the mean radius", {}, 1e-3, 1},
-            {"slope", OptionKind::kNumber, "0.2", "about the root mean square of the slope", {}, 1e-6, 1}})},
+            {"slope", OptionKind::kNumber, "0.2", "about the root mean square of the slope", {}, 1e-6, 1}},
+           Seeds::kShapeToo)},
       {"torus", "around the z axis; ring by ring",
        with_common("100", "outer diameter, mm", "100000",
                    {{"order",
@@ -424,6 +437,12 @@ Result<GeneratedModel> generate(const NamedOptions& spec) {
   if (by_spacing && spec.options.has("points"))
     return Error{fmt::format("{}: points and spacing_mm both given", spec.name), "keep one of them", {}, 0};
   const Common common = read_common(options, by_spacing);
+  if (spec.options.has("mesh") && common.mesh && common.jitter >= kMeshJitter)
+    return Error{fmt::format("{}: no mesh can be made with jitter={}, whose triangles could turn over",
+                             spec.name, common.jitter),
+                 fmt::format("leave out mesh, or take a jitter below {}", kMeshJitter),
+                 {},
+                 0};
 
   if (by_spacing && common.extent_mm / common.spacing_mm > std::sqrt(kMostPoints))
     return Error{fmt::format("{}: a spacing of {} mm over {} mm makes too many points", spec.name,

@@ -3,7 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <limits>
+#include <numeric>
+
+#include "toolkit/cloud/height_field_holes.h"
 
 namespace palpate::cloud {
 namespace {
@@ -19,26 +24,49 @@ struct Axis {
 };
 
 Error no_lattice(std::string why) {
-  return Error{
-      "the cloud is no height field on a regular grid: " + std::move(why), "use the renderer cloud", {}, 0};
+  return Error{"no height field on a regular grid: " + std::move(why), "use the renderer cloud", {}, 0};
+}
+
+/// Finite numbers in ascending order, digit by digit: three passes, where comparing takes twenty.
+std::vector<float> sorted(const std::vector<float>& values) {
+  constexpr std::uint32_t kSign = 0x80000000u;
+  constexpr unsigned kDigitBits = 11, kBits = 32;
+  constexpr std::size_t kDigits = std::size_t{1} << kDigitBits;
+  std::vector<std::uint32_t> keys(values.size()), moved(values.size());
+  // The bits of positive numbers are in their order, those of negative ones in the reverse.
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const auto bits = std::bit_cast<std::uint32_t>(values[i]);
+    keys[i] = (bits & kSign) != 0 ? ~bits : bits | kSign;
+  }
+  for (unsigned shift = 0; shift < kBits; shift += kDigitBits) {
+    std::array<std::size_t, kDigits + 1> first{};
+    const auto digit = [&](std::uint32_t key) { return (key >> shift) & (kDigits - 1); };
+    for (const std::uint32_t key : keys) ++first[digit(key) + 1];
+    std::partial_sum(first.begin(), first.end(), first.begin());
+    for (const std::uint32_t key : keys) moved[first[digit(key)]++] = key;
+    std::swap(keys, moved);
+  }
+  std::vector<float> ascending(values.size());
+  for (std::size_t i = 0; i < keys.size(); ++i)
+    ascending[i] = std::bit_cast<float>((keys[i] & kSign) != 0 ? keys[i] & ~kSign : ~keys[i]);
+  return ascending;
 }
 
 /// The lattice along one axis by the smallest distance of two columns. Fewer than two columns: count is 0 or
 /// 1.
 Axis find_axis(const std::vector<float>& values, double same_mm) {
-  std::vector<float> sorted = values;
-  std::sort(sorted.begin(), sorted.end());
-  double column = static_cast<double>(sorted.front());
+  const std::vector<float> ascending = sorted(values);
+  double column = static_cast<double>(ascending.front());
   double least = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 1; i < sorted.size(); ++i) {
-    const double gap = static_cast<double>(sorted[i]) - static_cast<double>(sorted[i - 1]);
+  for (std::size_t i = 1; i < ascending.size(); ++i) {
+    const double gap = static_cast<double>(ascending[i]) - static_cast<double>(ascending[i - 1]);
     if (!(gap > same_mm)) continue;
-    least = std::min(least, static_cast<double>(sorted[i]) - column);
-    column = static_cast<double>(sorted[i]);
+    least = std::min(least, static_cast<double>(ascending[i]) - column);
+    column = static_cast<double>(ascending[i]);
   }
   Axis axis;
-  axis.low = static_cast<double>(sorted.front());
-  const double extent = static_cast<double>(sorted.back()) - axis.low;
+  axis.low = static_cast<double>(ascending.front());
+  const double extent = static_cast<double>(ascending.back()) - axis.low;
   if (!(extent > 0.0) || !(least <= extent)) return axis;
   const double cells = std::round(extent / least);
   if (!(cells < static_cast<double>(std::numeric_limits<std::int32_t>::max()))) return axis;
@@ -144,6 +172,11 @@ Result<HeightField> height_field_of(const Cloud& cloud, std::vector<std::uint32_
     if (point_of_post != nullptr) (*point_of_post)[row * x.count + column] = static_cast<std::uint32_t>(i);
   }
   finish(field);
+  if (const double thin = thin_share(field); thin > kMostThin)
+    return no_lattice(fmt::format(
+        "its {} points are strewn over a lattice of {} x {} posts: in {:.3g} % of the area fewer than one "
+        "post in {} has one",
+        cloud.size(), x.count, y.count, 100.0 * thin, kMostPostsPerPoint));
   return field;
 }
 

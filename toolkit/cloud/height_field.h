@@ -53,7 +53,8 @@ inline constexpr std::uint32_t kNoPoint = 0xFFFFFFFFu;
 /// A point may stand this share of a step off its post: single precision and files with few digits pass,
 /// scattered points do not. On a slope of 1 it is an error of the height of as much.
 inline constexpr double kLatticeShare = 1.0 / 64.0;
-/// A lattice that is emptier than this is no height field but points that happen to stand in rows.
+/// A lattice that is emptier than this, as a whole or in parts (thin_share), is no height field but points
+/// that happen to stand in rows.
 inline constexpr std::size_t kMostPostsPerPoint = 16;
 
 /// Fills tops, lowest, highest and holes from the heights. O(posts).

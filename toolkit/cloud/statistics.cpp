@@ -6,12 +6,14 @@
 #include <limits>
 #include <numeric>
 
+#include "toolkit/core/tolerances.h"
+
 namespace palpate::cloud {
 namespace {
 
-// "At most 1 %" in is_height_field(): a few outliers do not decide.
+// "At most 1 %" in is_single_valued(): a few outliers do not decide.
 constexpr double kToleratedShare = 0.01;
-// The cell of is_height_field() in mean plan spacings: twice gives four points a cell on average.
+// The cell of is_single_valued() in mean plan spacings: twice gives four points a cell on average.
 constexpr double kCellPerSpacing = 2.0;
 // The largest gap between heights in one cell, in cell sides: a slope of four, 76 degrees.
 constexpr double kGapPerCell = 4.0;
@@ -127,7 +129,7 @@ std::size_t first_run(const std::vector<float>& x) {
   return run;
 }
 
-bool height_field(const Cloud& cloud, const std::vector<std::uint32_t>& order, const geometry::Aabb& box) {
+bool single_valued(const Cloud& cloud, const std::vector<std::uint32_t>& order, const geometry::Aabb& box) {
   const Vec3 extent = box.extent_mm();
   if (cloud.empty() || !(extent.x() > 0.0) || !(extent.y() > 0.0)) return false;
   const auto tolerated = static_cast<std::size_t>(kToleratedShare * static_cast<double>(cloud.size()));
@@ -174,8 +176,8 @@ std::optional<ScanRaster> find_raster(const Cloud& cloud) {
   return std::nullopt;
 }
 
-bool is_height_field(const Cloud& cloud) {
-  return height_field(cloud, sorted_indices(cloud), cloud.box_mm());
+bool is_single_valued(const Cloud& cloud) {
+  return single_valued(cloud, sorted_indices(cloud), cloud.box_mm());
 }
 
 Statistics describe(const Cloud& cloud) {
@@ -189,8 +191,12 @@ Statistics describe(const Cloud& cloud) {
   const std::vector<std::uint32_t> order = sorted_indices(cloud);
   found.duplicates = duplicates_of(cloud, order);
   found.raster = cloud.raster ? cloud.raster : find_raster(cloud);
-  found.height_field = height_field(cloud, order, found.box_mm);
+  found.single_valued = single_valued(cloud, order, found.box_mm);
   return found;
+}
+
+double stored_rounding_mm(const Cloud& cloud) {
+  return cloud.size() == 0 ? 0.0 : kUnitRoundoffFloat * 0.5 * cloud.box_mm().extent_mm().norm();
 }
 
 Cloud flattened(const Cloud& cloud) {

@@ -17,7 +17,7 @@ struct Statistics {
   std::size_t duplicates = 0;
   /// The raster that the order of points shows, see find_raster().
   std::optional<ScanRaster> raster;
-  bool height_field = false;  ///< see is_height_field()
+  bool single_valued = false;  ///< see is_single_valued()
 };
 
 /// O(n log n).
@@ -32,11 +32,15 @@ struct Statistics {
 /// along no axis and is not recognised. O(n).
 [[nodiscard]] std::optional<ScanRaster> find_raster(const Cloud& cloud);
 
-/// Whether z is a function of (x, y). Two conditions, each may fail for at most 1 % of the points:
-/// no two points share x and y and differ in z; and in plan-view cells of twice the mean plan spacing (the
-/// root of the box's plan area over the number of points) consecutive heights are at most four cell sides
-/// apart. Clouds whose box is flat in x or y are none. O(n log n).
-[[nodiscard]] bool is_height_field(const Cloud& cloud);
+/// Whether z is a function of (x, y), on a lattice (cloud/height_field.h) or not. Two conditions, each may
+/// fail for at most 1 % of the points: no two points share x and y and differ in z; and in plan-view cells of
+/// twice the mean plan spacing (the root of the box's plan area over the number of points) consecutive
+/// heights are at most four cell sides apart. Clouds whose box is flat in x or y are none. O(n log n).
+[[nodiscard]] bool is_single_valued(const Cloud& cloud);
+
+/// How far a stored point may be from the one it was given as: each coordinate is rounded to half a unit in
+/// the last place of the half extent.
+[[nodiscard]] double stored_rounding_mm(const Cloud& cloud);
 
 /// The cloud seen from above: the same points with z = 0.
 [[nodiscard]] Cloud flattened(const Cloud& cloud);

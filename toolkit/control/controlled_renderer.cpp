@@ -48,15 +48,20 @@ class ControlledRenderer final : public render::HapticRenderer {
     return report;
   }
 
-  void reset(const Vec3& hip_mm) noexcept override {
-    inner_->reset(hip_mm);
-    coupling_.reset();
-    filter_.reset();
-    passivity_.reset();
+  void restart(const Vec3& hip_mm, double t_s) noexcept override {
+    inner_->restart(hip_mm, t_s);
+    time_.restart(t_s);
+    forget();
+  }
+  void let_go(const Vec3& hip_mm) noexcept override {
+    inner_->let_go(hip_mm);
+    time_.let_go();
+    forget();
   }
 
-  [[nodiscard]] Frame step(const Vec3& hip_mm, double dt_s) noexcept override {
-    Frame frame = inner_->step(hip_mm, dt_s);
+  [[nodiscard]] Frame step(const Vec3& hip_mm, double t_s) noexcept override {
+    const double dt_s = time_.advance(t_s);
+    Frame frame = inner_->step(hip_mm, t_s);
     if (frame.status == render::FrameStatus::kNonFinite) return frame;
     if constexpr (kCouple)
       frame.force_n = coupling_.couple(hip_mm, frame.god_object_mm, frame.force_n, frame.contact, dt_s);
@@ -78,7 +83,15 @@ class ControlledRenderer final : public render::HapticRenderer {
   }
 
  private:
+  /// What the stages know of earlier frames.
+  void forget() noexcept {
+    coupling_.reset();
+    filter_.reset();
+    passivity_.reset();
+  }
+
   std::unique_ptr<render::HapticRenderer> inner_;
+  render::FrameTime time_;
   ControlOptions options_;
   double force_limit_n_ = 0.0;
   VirtualCoupling coupling_;

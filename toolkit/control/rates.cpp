@@ -61,12 +61,4 @@ Status add_four_rates(RateScheduler& scheduler, const FourRates& rates, FourTask
   return Done{};
 }
 
-double needed_reach_mm(const FourRates& rates, double hip_mm_s, double model_mm_s) noexcept {
-  const double broad_s = 1.0 / static_cast<double>(rates.broad_phase_hz);
-  const double frame_s = 1.0 / static_cast<double>(rates.narrow_phase_hz);
-  const double pose_s = 1.0 / static_cast<double>(rates.simulation_hz);
-  const double old_s = 2.0 * (broad_s + frame_s);
-  return hip_mm_s * old_s + model_mm_s * (old_s + pose_s);
-}
-
 }  // namespace palpate::control

@@ -71,10 +71,4 @@ struct FourTasks {
 /// Adds the four.
 [[nodiscard]] Status add_four_rates(RateScheduler& scheduler, const FourRates& rates, FourTasks tasks);
 
-/// How far around the HIP the broad phase must look so that nothing can be touched that it did not hand over:
-/// its answer may take one of its periods to come and is in use for another, the HIP it asked about was a
-/// frame old, the frame looks back to the one before, and the poses are up to one period of the simulation
-/// old. Speeds in mm/s, of the hand and of the fastest model.
-[[nodiscard]] double needed_reach_mm(const FourRates& rates, double hip_mm_s, double model_mm_s) noexcept;
-
 }  // namespace palpate::control

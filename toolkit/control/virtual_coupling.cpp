@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <utility>
 
 namespace palpate::control {
 
@@ -30,19 +31,22 @@ Vec3 VirtualCoupling::couple(const Vec3& hip_mm, const Vec3& god_object_mm, cons
                              bool contact, double dt_s) noexcept {
   const Vec3 stretch_mm = god_object_mm - hip_mm;
   if (!contact || !is_finite(stretch_mm) || !is_finite(renderer_force_n)) {
-    last_stretch_mm_.setZero();
+    last_length_mm_ = 0.0;
     return Vec3::Zero();
   }
-  const Vec3 before_mm = last_stretch_mm_;
-  last_stretch_mm_ = stretch_mm;
-  const double coupled_n = coupling_.stiffness_n_per_mm * safe_length(stretch_mm);
+  const double length_mm = safe_length(stretch_mm);
+  const double longer_mm = length_mm - std::exchange(last_length_mm_, length_mm);
+  const double coupled_n = coupling_.stiffness_n_per_mm * length_mm;
   const double model_n = safe_length(renderer_force_n);
+  // At depth 0, or where the model answers nothing, there is no direction that a force could have.
+  if (!(coupled_n > 0.0) || !(model_n > 0.0)) return Vec3::Zero();
   // Written so that neither a rigid model nor a resting one divides by nothing.
-  Vec3 force_n = coupled_n > 0.0 ? Vec3(renderer_force_n / (1.0 + model_n / coupled_n)) : Vec3::Zero();
-  if (coupling_.damping_n_s_per_mm > 0.0 && dt_s > 0.0)
-    force_n += coupling_.damping_n_s_per_mm / dt_s * (stretch_mm - before_mm);
-  const double along = force_n.dot(stretch_mm);
-  if (along < 0.0) force_n -= along / stretch_mm.squaredNorm() * stretch_mm;
+  Vec3 force_n = renderer_force_n / (1.0 + model_n / coupled_n);
+  if (coupling_.damping_n_s_per_mm > 0.0 && dt_s > 0.0) {
+    const double spring_n = safe_length(force_n);
+    const double damped_n = spring_n + coupling_.damping_n_s_per_mm / dt_s * longer_mm;
+    force_n *= damped_n > 0.0 && spring_n > 0.0 ? damped_n / spring_n : 0.0;
+  }
   return is_finite(force_n) ? force_n : Vec3::Zero();
 }
 

@@ -27,19 +27,21 @@ struct CouplingStability {
 [[nodiscard]] CouplingStability coupling_stability(const Coupling& coupling, double device_damping_n_s_per_mm,
                                                    double period_s) noexcept;
 
-/// F = k_c in series with the model's spring, plus b_c d/dt (g - h).
+/// A spring k_c and a damper b_c side by side, in series with the model's spring: F = f + b_c d|g - h|/dt,
+/// along the renderer's force.
 ///
 /// h is the device, g the god object that the renderer found for it, F_r the force it answered. The stretched
 /// length is |g - h|, so the model's own stiffness there is |F_r| / |g - h|, and two springs in a row carry
-/// F_r k_c |g - h| / (k_c |g - h| + |F_r|): a rigid model is felt with k_c, a soft one stays soft, none is
-/// stiffer than k_c, and the direction (shading, friction) is the renderer's. The damper never pulls the
-/// device to the surface: the part of the sum against g - h is left out, which takes only from what the
-/// damper gives.
+/// f = |F_r| k_c |g - h| / (k_c |g - h| + |F_r|): a rigid model is felt with k_c, a soft one stays soft, none
+/// is stiffer than k_c. The damper is that of a strut: it resists that the strut gets longer or shorter.
+/// Along anything but the renderer's force it has no part, since only the renderer knows where its surface is
+/// (with friction g - h is not its normal, at depth 0 there is no g - h): so spring and damper together push
+/// as the renderer does, or not at all, and never pull the device to the surface.
 class VirtualCoupling {
  public:
   explicit VirtualCoupling(const Coupling& coupling = {}) noexcept : coupling_(coupling) {}
 
-  void reset() noexcept { last_stretch_mm_.setZero(); }
+  void reset() noexcept { last_length_mm_ = 0.0; }
   /// The force on the device. `contact` false gives exactly zero. Bounded work, no allocation; never NaN
   /// where the arguments are finite, zero where they are not.
   [[nodiscard]] Vec3 couple(const Vec3& hip_mm, const Vec3& god_object_mm, const Vec3& renderer_force_n,
@@ -48,7 +50,7 @@ class VirtualCoupling {
 
  private:
   Coupling coupling_;
-  Vec3 last_stretch_mm_ = Vec3::Zero();
+  double last_length_mm_ = 0.0;  ///< of the last frame in contact; 0 where it was free
 };
 
 }  // namespace palpate::control

@@ -6,6 +6,8 @@
 #include <cerrno>
 #include <cstring>
 
+#include "toolkit/core/locked_file.h"
+
 namespace palpate {
 namespace {
 
@@ -25,9 +27,20 @@ Error cannot(const std::string& path, const char* doing) {
 }  // namespace
 
 Result<AtomicFile> AtomicFile::create(std::string path) {
-  std::FILE* file = std::fopen(part_of(path).c_str(), "wb");
+  const auto hold = hold_stop();
+  Result<LockedFile> locked = LockedFile::open(part_of(path));
+  if (!locked) return Error{"cannot create the file: " + locked.error().what, locked.error().remedy, path, 0};
+  if (!locked->held())
+    return Error{"another program is writing this file", "wait for it to end, or give another name", path, 0};
+  // What a writer that was killed has left goes.
+  std::FILE* file = ::ftruncate(locked->fd(), 0) == 0 ? ::fdopen(locked->fd(), "wb") : nullptr;
   if (file == nullptr) return cannot(path, "create");
-  return AtomicFile(std::move(path), file);
+  (void)locked->release();  // the stream closes it
+  AtStop at_stop([part = part_of(path)] {
+    std::remove(part.c_str());
+    return std::string();
+  });
+  return AtomicFile(std::move(path), file, std::move(at_stop));
 }
 
 AtomicFile& AtomicFile::operator=(AtomicFile&& other) noexcept {
@@ -35,6 +48,7 @@ AtomicFile& AtomicFile::operator=(AtomicFile&& other) noexcept {
     discard();
     path_ = std::move(other.path_);
     file_ = std::move(other.file_);
+    at_stop_ = std::move(other.at_stop_);
     error_ = std::move(other.error_);
   }
   return *this;
@@ -46,9 +60,10 @@ AtomicFile::~AtomicFile() {
 
 void AtomicFile::discard() noexcept {
   if (!file_) return;
-  file_.reset();
-  // The path cannot be too long for a copy here: create() made the same one.
+  // The path cannot be too long for a copy here: create() made the same one. Removed before it is unlocked.
   std::remove(part_of(path_).c_str());
+  file_.reset();
+  at_stop_.drop();
 }
 
 Error AtomicFile::fail(const char* doing) {
@@ -75,6 +90,7 @@ Status AtomicFile::commit() {
   // like cannot be synchronised (EINVAL), which is no failure.
   if (fsync(fileno(file_.get())) != 0 && errno != EINVAL && errno != EROFS) return fail("write");
   if (std::rename(part_of(path_).c_str(), path_.c_str()) != 0) return fail("rename");
+  at_stop_.drop();
   if (std::fclose(file_.release()) != 0) {
     error_ = cannot(path_, "close");
     return error_;

@@ -8,13 +8,14 @@
 #include <string>
 #include <string_view>
 
+#include "toolkit/core/at_stop.h"
 #include "toolkit/core/result.h"
 
 namespace palpate {
 
-/// Writes to PATH.part; commit() makes it PATH (replacing what was there), destruction without commit()
-/// removes it. After an Error nothing more is written and commit() fails with that same Error. Movable, not
-/// thread-safe. One writer per path at a time.
+/// Writes to PATH.part; commit() makes it PATH (replacing what was there), destruction without commit() and a
+/// stop of the program remove it. After an Error nothing more is written and commit() fails with that same
+/// Error. Movable, not thread-safe. One writer per path at a time: a second one, of any process, is refused.
 class AtomicFile {
  public:
   /// The folder must exist.
@@ -33,12 +34,14 @@ class AtomicFile {
   struct Close {
     void operator()(std::FILE* file) const noexcept { std::fclose(file); }
   };
-  AtomicFile(std::string path, std::FILE* file) : path_(std::move(path)), file_(file) {}
+  AtomicFile(std::string path, std::FILE* file, AtStop at_stop)
+      : path_(std::move(path)), file_(file), at_stop_(std::move(at_stop)) {}
   void discard() noexcept;
   Error fail(const char* doing);
 
   std::string path_;
   std::unique_ptr<std::FILE, Close> file_;  ///< null once committed, discarded or moved from
+  AtStop at_stop_;
   Error error_{};
 };
 

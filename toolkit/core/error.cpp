@@ -15,7 +15,9 @@ std::string Error::message() const {
 }
 
 Error Error::in_file(std::string path, std::int64_t at_line) && {
-  if (file.empty()) file = std::move(path);
+  // A line belongs to its file: an error about another file keeps that one, without a line.
+  if (!file.empty() && file != path) return std::move(*this);
+  file = std::move(path);
   if (line == 0) line = at_line;
   return std::move(*this);
 }

@@ -6,64 +6,161 @@
 #include <charconv>
 #include <cmath>
 
+#include "toolkit/core/option_text.h"
+#include "toolkit/core/words.h"
+
 namespace palpate {
 namespace {
 
-std::string joined(const std::vector<std::string>& items) {
-  std::string text;
-  for (const std::string& item : items) text += (text.empty() ? "" : ", ") + item;
-  return text;
-}
+constexpr double kNoBound = 1e300;  // what NumberRange and OptionSpec hold where they have none
 
 Status check(const OptionSpec& spec, const std::string& value, std::string_view owner) {
-  const auto bad = [&](std::string_view wanted) {
-    return Error{fmt::format("{}: option {}={} is not {}", owner, spec.key, value, wanted), spec.help, {}, 0};
+  const auto bad = [&](std::string_view why) {
+    return Error{fmt::format("{}: option {}: {}", owner, spec.key, why), spec.help, {}, 0};
   };
   switch (spec.kind) {
     case OptionKind::kText:
-      return Done{};
+      break;
     case OptionKind::kFlag:
-      if (value == "true" || value == "false") return Done{};
-      return bad("true or false");
+      if (value != "true" && value != "false") return bad(shown(value) + " is not true or false");
+      break;
     case OptionKind::kChoice:
-      if (std::find(spec.choices.begin(), spec.choices.end(), value) != spec.choices.end()) return Done{};
-      return bad("one of " + joined(spec.choices));
+      if (std::find(spec.choices.begin(), spec.choices.end(), value) == spec.choices.end())
+        return bad(fmt::format("{} is not one of {}", shown(value), joined(spec.choices)));
+      break;
     case OptionKind::kNumber:
-    case OptionKind::kInteger: {
-      double x = 0;
-      if (spec.kind == OptionKind::kNumber) {
-        const Result<double> parsed = parse_number(value);
-        if (!parsed || !std::isfinite(*parsed)) return bad("a number");
-        x = *parsed;
-      } else {
-        const Result<long long> parsed = parse_integer(value);
-        if (!parsed) return bad("a whole number");
-        x = static_cast<double>(*parsed);
-      }
-      if (x < spec.low || x > spec.high) return bad(fmt::format("between {} and {}", spec.low, spec.high));
-      return Done{};
-    }
+      if (const Result<double> x = read_number(value, {spec.low, spec.high}); !x) return bad(x.error().what);
+      break;
+    case OptionKind::kInteger:
+      if (const Result<long long> x = read_integer(value, {spec.low, spec.high}); !x)
+        return bad(x.error().what);
+      break;
   }
   return Done{};
 }
 
+/// Two values of one option: numbers may be written in many ways.
+bool same(OptionKind kind, const std::string& a, const std::string& b) {
+  if (kind != OptionKind::kNumber && kind != OptionKind::kInteger) return a == b;
+  const Result<double> x = parse_number(a), y = parse_number(b);
+  return x && y && *x == *y;
+}
+
+const OptionSpec* find(std::span<const OptionSpec> specs, std::string_view key) {
+  const auto at = std::find_if(specs.begin(), specs.end(), [&](const OptionSpec& s) { return s.key == key; });
+  return at == specs.end() ? nullptr : &*at;
+}
+
+bool holds(const OptionCondition& condition, const OptionSpec& of, const std::string& value) {
+  if (condition.values.empty()) return !same(of.kind, value, of.default_value);
+  const bool among = std::any_of(condition.values.begin(), condition.values.end(),
+                                 [&](const std::string& v) { return same(of.kind, v, value); });
+  return among != condition.except;
+}
+
+std::string way_out(const OptionCondition& condition) {
+  return fmt::format("leave it out, or {} {}", condition.values.empty() ? "set" : "take", text_of(condition));
+}
+
+/// The first of the option's conditions that does not hold among `complete`, or null.
+const OptionCondition* unmet(const OptionSpec& spec, const Options& complete,
+                             std::span<const OptionSpec> specs) {
+  for (const OptionCondition& condition : spec.only_with) {
+    const OptionSpec* other = find(specs, condition.key);
+    assert(other != nullptr);
+    if (!holds(condition, *other, complete.text(condition.key))) return &condition;
+  }
+  return nullptr;
+}
+
+/// What is given and would do nothing beside the other options. The default says no more than what holds
+/// anyway.
+Status check_acts(const OptionSpec& spec, const Options& complete, std::span<const OptionSpec> specs,
+                  std::string_view owner) {
+  const std::string& value = complete.text(spec.key);
+  if (same(spec.kind, value, spec.default_value)) return Done{};
+  const OptionCondition* condition = unmet(spec, complete, specs);
+  if (condition == nullptr) return Done{};
+  return Error{fmt::format("{}: option {}={} does nothing with {}={}", owner, spec.key, value, condition->key,
+                           complete.text(condition->key)),
+               way_out(*condition),
+               {},
+               0};
+}
+
+std::string_view without_plus(std::string_view text) {
+  return text.size() > 1 && text[0] == '+' && text[1] != '-' ? text.substr(1) : text;
+}
+
 }  // namespace
 
+std::string text_of(const OptionCondition& condition) {
+  if (condition.values.empty()) return condition.key;
+  std::string all;
+  for (const std::string& v : condition.values)
+    all += (all.empty() ? "" : " or ") + (condition.except ? v : condition.key + "=" + v);
+  return condition.except ? fmt::format("{} other than {}", condition.key, all) : all;
+}
+
+std::string text_of(const NumberRange& range) {
+  const bool low = range.low > -kNoBound, high = range.high < kNoBound;
+  const std::string_view least = range.above_low ? "above" : high ? "from" : "at least";
+  if (low && high)
+    return fmt::format("{} {} {} {}", least, range.low, range.above_low ? "and up to" : "to", range.high);
+  if (low) return fmt::format("{} {}", least, range.low);
+  return high ? fmt::format("at most {}", range.high) : std::string();
+}
+
+Result<double> read_number(std::string_view text, const NumberRange& range) {
+  const auto bad = [&](const std::string& what) {
+    const std::string where = text_of(range);
+    return Error{fmt::format("{} is not {}", shown(text), what),
+                 where.empty() ? std::string("give a number") : "give a number " + where,
+                 {},
+                 0};
+  };
+  const std::string_view digits = without_plus(text);
+  double value = 0;
+  const auto [end, code] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+  if (code == std::errc::invalid_argument || end != digits.data() + digits.size()) return bad("a number");
+  if (code != std::errc{} || !std::isfinite(value)) return bad("a finite number");
+  const bool inside = (range.above_low ? value > range.low : value >= range.low) && value <= range.high;
+  if (!inside) return bad("a number " + text_of(range));
+  return value;
+}
+
+Result<long long> read_integer(std::string_view text, const NumberRange& range) {
+  const std::string where = text_of(range);
+  const auto bad = [&](const std::string& what) {
+    return Error{fmt::format("{} is not {}", shown(text), what), "give a whole number " + where, {}, 0};
+  };
+  const std::string_view digits = without_plus(text);
+  long long value = 0;
+  const auto [end, code] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+  if (code == std::errc::invalid_argument || end != digits.data() + digits.size())
+    return bad("a whole number");
+  // What does not fit is beyond every bound.
+  const auto x = static_cast<double>(value);
+  if (code != std::errc{} || x < range.low || x > range.high || (range.above_low && x == range.low))
+    return bad(where.empty() ? std::string("a number that fits") : "a whole number " + where);
+  return value;
+}
+
 Result<double> parse_number(std::string_view text) {
-  if (!text.empty() && text.front() == '+') text.remove_prefix(1);
+  text = without_plus(text);
   double value = 0;
   const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (code != std::errc{} || end != text.data() + text.size())
-    return Error{fmt::format("'{}' is not a number", text), {}, {}, 0};
+    return Error{shown(text) + " is not a number", {}, {}, 0};
   return value;
 }
 
 Result<long long> parse_integer(std::string_view text) {
-  if (!text.empty() && text.front() == '+') text.remove_prefix(1);
+  text = without_plus(text);
   long long value = 0;
   const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (code != std::errc{} || end != text.data() + text.size())
-    return Error{fmt::format("'{}' is not a whole number", text), {}, {}, 0};
+    return Error{shown(text) + " is not a whole number", {}, {}, 0};
   return value;
 }
 
@@ -96,15 +193,15 @@ std::vector<std::string> split_list(std::string_view text, char separator) {
 Result<NamedOptions> parse_named_options(std::string_view text) {
   const std::vector<std::string> parts = split_list(text, ':');
   if (parts.front().empty())
-    return Error{fmt::format("'{}' has no name before its options", text), "write name:key=value", {}, 0};
+    return Error{shown(text) + " has no name before its options", "write name:key=value", {}, 0};
   NamedOptions named{parts.front(), {}};
   for (std::size_t i = 1; i < parts.size(); ++i) {
     const std::size_t equals = parts[i].find('=');
     std::string key = parts[i].substr(0, equals);
     if (key.empty())
-      return Error{fmt::format("'{}' has an option without a name", text), "write name:key=value", {}, 0};
+      return Error{shown(text) + " has an option without a name", "write name:key=value", {}, 0};
     if (named.options.has(key))
-      return Error{fmt::format("'{}' sets option {} twice", text, key), "keep one", {}, 0};
+      return Error{fmt::format("{} sets option {} twice", shown(text), shown(key)), "keep one", {}, 0};
     named.options.set(std::move(key), equals == std::string::npos ? "true" : parts[i].substr(equals + 1));
   }
   return named;
@@ -114,20 +211,30 @@ Result<Options> validate(const Options& given, std::span<const OptionSpec> specs
   Options complete;
   for (const OptionSpec& spec : specs) complete.set(spec.key, spec.default_value);
   for (const auto& [key, value] : given.all()) {
-    const auto spec = std::find_if(specs.begin(), specs.end(),
-                                   [&name = key](const OptionSpec& s) { return s.key == name; });
-    if (spec == specs.end()) {
+    const OptionSpec* spec = find(specs, key);
+    if (spec == nullptr) {
       std::vector<std::string> known;
       for (const OptionSpec& s : specs) known.push_back(s.key);
-      return Error{fmt::format("{} has no option '{}'", owner, key),
-                   known.empty() ? "it takes none" : "it has " + joined(known),
+      return Error{fmt::format("{} has no option {}", owner, shown(key)),
+                   known.empty() ? "it takes none" : did_you_mean(key, known, "it has " + joined(known)),
                    {},
                    0};
     }
     if (const Status status = check(*spec, value, owner); !status) return status.error();
     complete.set(key, value);
   }
+  for (const auto& [key, value] : given.all())
+    if (const Status acts = check_acts(*find(specs, key), complete, specs, owner); !acts) return acts.error();
   return complete;
+}
+
+bool option_acts(std::string_view key, const Options& given, std::span<const OptionSpec> specs) {
+  const OptionSpec* spec = find(specs, key);
+  if (spec == nullptr) return false;
+  Options complete;
+  for (const OptionSpec& s : specs) complete.set(s.key, s.default_value);
+  for (const auto& [name, value] : given.all()) complete.set(name, value);
+  return unmet(*spec, complete, specs) == nullptr;
 }
 
 }  // namespace palpate

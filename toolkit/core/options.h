@@ -15,6 +15,26 @@ namespace palpate {
 
 enum class OptionKind { kText, kNumber, kInteger, kFlag, kChoice };
 
+/// Where a number may lie. Ends of 1e300 and beyond are no bounds.
+struct NumberRange {
+  double low = -1e300, high = 1e300;
+  bool above_low = false;  ///< `low` itself lies outside
+};
+/// "above 0", "at least 2", "from 0 to 4096"; empty where there is no bound.
+[[nodiscard]] std::string text_of(const NumberRange& range);
+
+/// The one way in which a number is read that a person gave: the whole text, finite, in range. The Error says
+/// what of this it is not, with the text in short.
+[[nodiscard]] Result<double> read_number(std::string_view text, const NumberRange& range);
+[[nodiscard]] Result<long long> read_integer(std::string_view text, const NumberRange& range);
+
+/// Another option of the same owner, and the values of it with which an option acts.
+struct OptionCondition {
+  std::string key;
+  std::vector<std::string> values{};  ///< empty: any but its default
+  bool except = false;                ///< any but these
+};
+
 /// One option that something understands.
 struct OptionSpec {
   std::string key;
@@ -24,6 +44,9 @@ struct OptionSpec {
   std::vector<std::string> choices{};  ///< for kChoice
   double low = -1e300;                 ///< for kNumber and kInteger, inclusive
   double high = 1e300;
+  /// Where the option acts: all of these hold. Given where it does not, with a value that is not its default,
+  /// it is refused.
+  std::vector<OptionCondition> only_with{};
 };
 
 class Options {
@@ -51,12 +74,16 @@ struct NamedOptions {
 /// Splits "a,b:x=1,c" at commas.
 [[nodiscard]] std::vector<std::string> split_list(std::string_view text, char separator = ',');
 
-/// `given` completed by the defaults of `specs`. Unknown keys, wrong kinds and values out of range are errors
-/// that name what would be understood. `owner` is the name used in messages.
+/// `given` completed by the defaults of `specs`. Unknown keys, wrong kinds, values out of range and options
+/// that would do nothing beside the others are errors that name what would be understood. `owner` is the name
+/// used in messages.
 [[nodiscard]] Result<Options> validate(const Options& given, std::span<const OptionSpec> specs,
                                        std::string_view owner);
 
-/// Whole-string conversions; nothing, blanks or trailing text is an error.
+/// Whether option `key` is one of `specs` and does something beside those given and the defaults.
+[[nodiscard]] bool option_acts(std::string_view key, const Options& given, std::span<const OptionSpec> specs);
+
+/// Whole-string conversions; nothing, blanks or trailing text is an error. "nan" and "inf" are numbers here.
 [[nodiscard]] Result<double> parse_number(std::string_view text);
 [[nodiscard]] Result<long long> parse_integer(std::string_view text);
 

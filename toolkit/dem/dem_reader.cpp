@@ -330,6 +330,12 @@ Result<io::DecodedFile> read_dem(const io::ReaderInput& input, std::string_view 
   input.progress.report("reading", 0.0);
   Result<std::vector<std::byte>> bytes = io::read_all(input.bytes, input.options.max_bytes);
   if (!bytes) return bytes.error();
+  if (extension == "asc" || extension == "dem") {  // the formats that are text
+    const Result<std::size_t> mark =
+        byte_order_mark({reinterpret_cast<const char*>(bytes->data()), bytes->size()});
+    if (!mark) return mark.error();
+    bytes->erase(bytes->begin(), bytes->begin() + static_cast<std::ptrdiff_t>(*mark));
+  }
   if (extension == "asc" && !is_esri_ascii(*bytes)) {
     io::MemorySource source(*bytes);
     return io::read_xyz({source, input.name, input.options, input.progress});

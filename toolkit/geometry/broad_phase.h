@@ -28,7 +28,7 @@ struct BoxQuery {
 /// The answer of a slow phase, to be copied or handed over (core/handover.h): the nearest boxes, at most
 /// `Most` of them.
 template <std::size_t Most>
-struct Candidates {
+struct FoundBoxes {
   std::array<BoxHit, Most> hit{};
   BoxQuery query;
   [[nodiscard]] std::span<const BoxHit> hits() const noexcept { return {hit.data(), query.hits}; }
@@ -56,7 +56,7 @@ class BroadPhase {
   BoxQuery query(const Aabb& region, std::span<BoxHit> list) const noexcept;
   /// Every box within `reach_mm` of the point along each axis.
   template <std::size_t Most>
-  void query(const Vec3& centre_mm, double reach_mm, Candidates<Most>& out) const noexcept {
+  void query(const Vec3& centre_mm, double reach_mm, FoundBoxes<Most>& out) const noexcept {
     out.query = query(Aabb{centre_mm, centre_mm}.grown(reach_mm), out.hit);
   }
 

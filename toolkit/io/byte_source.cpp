@@ -1,46 +1,31 @@
 #include "toolkit/io/byte_source.h"
 
-#include <fmt/format.h>
-#include <sys/stat.h>
-
 #include <algorithm>
 #include <array>
-#include <cerrno>
-#include <cstdio>
 #include <cstring>
 
 namespace palpate::io {
 namespace {
 
-struct Close {
-  void operator()(std::FILE* file) const noexcept { std::fclose(file); }
-};
-
 class FileSource final : public ByteSource {
  public:
-  FileSource(std::string path, std::FILE* file, std::optional<std::uint64_t> size)
-      : path_(std::move(path)), file_(file), size_(size) {}
+  explicit FileSource(InputFile file) : file_(std::move(file)) {}
 
   Result<std::size_t> read(std::span<std::byte> out) override {
-    const std::size_t got = std::fread(out.data(), 1, out.size(), file_.get());
-    if (got < out.size() && std::ferror(file_.get()) != 0)
-      return Error{fmt::format("cannot read the file: {}", std::strerror(errno)),
-                   "check the disk and the path", path_, 0};
-    at_ += got;
+    const Result<std::size_t> got = file_.read(out);
+    if (got) at_ += *got;
     return got;
   }
   std::optional<std::uint64_t> remaining() const override {
-    if (!size_) return std::nullopt;
-    return *size_ > at_ ? *size_ - at_ : 0;
+    return file_.size() > at_ ? file_.size() - at_ : 0;
   }
   double fraction() const override {
-    return size_ && *size_ > 0 ? std::min(1.0, static_cast<double>(at_) / static_cast<double>(*size_)) : 0.0;
+    const auto size = static_cast<double>(file_.size());
+    return size > 0.0 ? std::min(1.0, static_cast<double>(at_) / size) : 0.0;
   }
 
  private:
-  std::string path_;
-  std::unique_ptr<std::FILE, Close> file_;
-  std::optional<std::uint64_t> size_;
+  InputFile file_;
   std::uint64_t at_ = 0;
 };
 
@@ -89,20 +74,9 @@ double MemorySource::fraction() const {
 }
 
 Result<std::unique_ptr<ByteSource>> open_file(const std::string& path) {
-  struct stat status {};
-  if (::stat(path.c_str(), &status) != 0) {
-    if (errno == ENOENT || errno == ENOTDIR) return Error{"no such file", "check the path", path, 0};
-    return Error{fmt::format("cannot open the file: {}", std::strerror(errno)),
-                 "check the path and its permissions", path, 0};
-  }
-  if (S_ISDIR(status.st_mode)) return Error{"this is a folder, not a file", "name a file inside it", path, 0};
-  std::FILE* file = std::fopen(path.c_str(), "rb");
-  if (file == nullptr)
-    return Error{fmt::format("cannot open the file: {}", std::strerror(errno)),
-                 "check the path and its permissions", path, 0};
-  std::optional<std::uint64_t> size;
-  if (S_ISREG(status.st_mode)) size = static_cast<std::uint64_t>(status.st_size);
-  return std::unique_ptr<ByteSource>(std::make_unique<FileSource>(path, file, size));
+  Result<InputFile> file = InputFile::open(path);
+  if (!file) return std::move(file).error();
+  return std::unique_ptr<ByteSource>(std::make_unique<FileSource>(*std::move(file)));
 }
 
 Compression detect_compression(std::span<const std::byte> first) noexcept {
@@ -133,34 +107,36 @@ Result<std::unique_ptr<ByteSource>> open_maybe_compressed(std::unique_ptr<ByteSo
 }
 
 Result<std::vector<std::byte>> read_all(ByteSource& source, std::uint64_t max_bytes) {
-  constexpr std::size_t kFirstChunk = std::size_t{1} << 16;
-  std::vector<std::byte> data;
-  std::size_t have = 0;
-  if (const std::optional<std::uint64_t> left = source.remaining(); left && *left <= max_bytes)
-    data.resize(static_cast<std::size_t>(*left));
-  while (true) {
-    if (have == data.size()) {
-      // Doubling keeps what is reserved in proportion to what arrived.
-      std::byte probe{};
-      const Result<std::size_t> more = source.read(std::span(&probe, 1));
-      if (!more) return more.error();
-      if (*more == 0) break;
-      if (have >= max_bytes)
-        return Error{fmt::format("the file holds more than the {} bytes allowed", max_bytes),
-                     "raise the memory bound if the file is meant to be this large",
-                     {},
-                     0};
-      const std::uint64_t wanted = std::max<std::uint64_t>(kFirstChunk, 2 * static_cast<std::uint64_t>(have));
-      data.resize(static_cast<std::size_t>(std::min(wanted, max_bytes)));
-      data[have++] = probe;
-      continue;
+  // Pieces, so that nothing that has arrived is ever copied beside itself but for one of them.
+  constexpr std::size_t kFirstPiece = std::size_t{1} << 16, kLargestPiece = std::size_t{1} << 26;
+  const Error too_large = over_memory_limit("the file", max_bytes);
+  const std::optional<std::uint64_t> left = source.remaining();
+  if (left && *left > max_bytes) return too_large;
+  std::vector<std::vector<std::byte>> pieces;
+  std::uint64_t have = 0;
+  // The whole in one piece where its size is known, and one byte to see that it ends there.
+  for (std::size_t size = left ? static_cast<std::size_t>(*left) + 1 : kFirstPiece;;
+       size = std::min(2 * size, kLargestPiece)) {
+    std::vector<std::byte>& piece = pieces.emplace_back(size);
+    std::size_t filled = 0;
+    while (filled < size) {
+      const Result<std::size_t> got = source.read(std::span(piece).subspan(filled));
+      if (!got) return got.error();
+      if (*got == 0) break;
+      filled += *got;
     }
-    const Result<std::size_t> got = source.read(std::span(data).subspan(have));
-    if (!got) return got.error();
-    if (*got == 0) break;
-    have += *got;
+    have += filled;
+    if (have > max_bytes) return too_large;
+    piece.resize(filled);
+    if (filled < size) break;
   }
-  data.resize(have);
+  if (pieces.size() == 1) return std::move(pieces.front());
+  std::vector<std::byte> data;
+  data.reserve(static_cast<std::size_t>(have));
+  for (std::vector<std::byte>& piece : pieces) {
+    data.insert(data.end(), piece.begin(), piece.end());
+    piece = {};
+  }
   return data;
 }
 

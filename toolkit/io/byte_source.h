@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "toolkit/core/input_file.h"
 #include "toolkit/core/result.h"
 
 namespace palpate::io {
@@ -39,8 +40,7 @@ class MemorySource final : public ByteSource {
   std::size_t at_ = 0;
 };
 
-/// A file. Missing, unreadable, a directory: each an Error of its own. Pipes and devices are read without a
-/// known size.
+/// A regular file, as InputFile opens it.
 [[nodiscard]] Result<std::unique_ptr<ByteSource>> open_file(const std::string& path);
 
 /// How a file is compressed, by its first bytes.
@@ -49,7 +49,7 @@ enum class Compression { kNone, kGzip, kXz };
 
 /// What a decompressor may do before it calls its input hostile.
 struct DecompressionLimits {
-  std::uint64_t max_bytes = std::uint64_t{1} << 32;  ///< decoded bytes
+  std::uint64_t max_bytes = kMemoryLimitBytes;  ///< decoded bytes
   /// Decoded over compressed size, tested once the decoded size is past `ratio_from_bytes`. Scans compress 2
   /// to 30 times, a synthetic regular grid as text some 100 times.
   std::uint64_t max_ratio = 500;
@@ -67,7 +67,8 @@ struct DecompressionLimits {
                                                                         DecompressionLimits limits,
                                                                         Compression* kind = nullptr);
 
-/// Everything that is left, at most `max_bytes` (more is an Error). Memory grows with what really arrives.
+/// Everything that is left, at most `max_bytes`: more is an Error, before anything is read where the source
+/// knows its size. Memory grows with what really arrives, and is at most that and one piece of 64 MiB.
 [[nodiscard]] Result<std::vector<std::byte>> read_all(ByteSource& source, std::uint64_t max_bytes);
 
 }  // namespace palpate::io

@@ -35,11 +35,7 @@ class Decompressor : public ByteSource {
     Result<std::size_t> got = decode(out);
     if (!got) return got;
     total_out_ += *got;
-    if (total_out_ > limits_.max_bytes)
-      return Error{fmt::format("the file unpacks to more than the {} bytes allowed", limits_.max_bytes),
-                   "raise the memory bound if the file is meant to be this large",
-                   {},
-                   0};
+    if (total_out_ > limits_.max_bytes) return over_memory_limit("the unpacked file", limits_.max_bytes);
     if (total_out_ > limits_.ratio_from_bytes && total_out_ / limits_.max_ratio > total_in_)
       return Error{
           fmt::format("the file unpacks to more than {} times its size, as no scan does", limits_.max_ratio),

@@ -12,21 +12,10 @@ std::size_t DecodedFile::bytes() const noexcept {
   return total;
 }
 
-namespace {
-
-Error too_large(std::string_view what, std::uint64_t max_bytes) {
-  return Error{fmt::format("{} would take more than the {} bytes of memory allowed", what, max_bytes),
-               "raise the memory bound if the file is meant to be this large, else check its header",
-               {},
-               0};
-}
-
-}  // namespace
-
 Status check_memory(std::uint64_t count, std::uint64_t bytes_each, std::string_view what,
                     const ReadOptions& options) {
   if (count > kMaxPoints || (bytes_each > 0 && count > options.max_bytes / bytes_each))
-    return too_large(fmt::format("the promised {} {}", count, what), options.max_bytes);
+    return over_memory_limit(fmt::format("the promised {} {}", count, what), options.max_bytes);
   return Done{};
 }
 
@@ -47,7 +36,7 @@ bool Watch::check() {
     return false;
   }
   if (decoded_.bytes() > input_.options.max_bytes) {
-    error_ = too_large("the file's content", input_.options.max_bytes);
+    error_ = over_memory_limit("the file's content", input_.options.max_bytes);
     return false;
   }
   return true;
@@ -89,7 +78,7 @@ void FaceBuilder::end() {
 }
 
 Error FaceBuilder::too_many() const {
-  return too_large("the file's faces", max_bytes_);
+  return over_memory_limit("the file's faces", max_bytes_);
 }
 
 }  // namespace palpate::io

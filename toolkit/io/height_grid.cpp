@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
-
 #include "toolkit/io/decoding.h"
 
 namespace palpate::io {
@@ -20,14 +18,12 @@ Status check_grid(const HeightGrid& grid, const ReadOptions& options) {
                  "cut out a part of it",
                  {},
                  0};
-  for (const double mm : {options.post_mm, options.vertical_mm})
-    if (!(mm >= 0.0) || !std::isfinite(mm))
-      return Error{fmt::format("{} mm is no distance", mm), "give a positive number of mm", {}, 0};
   return check_memory(grid.columns * grid.rows, sizeof(Vec3), "posts", options);
 }
 
 void add_row(const HeightGrid& grid, std::uint64_t row, std::span<const double> heights,
              const ReadOptions& options, DecodedFile& decoded) {
+  decoded.height_grid = true;
   // Everything is multiplied by the unit's mm later on.
   const double per_mm = 1.0 / mm_per(options.unit.value_or(grid.unit));
   const double step_x = options.post_mm > 0.0 ? options.post_mm * per_mm : grid.step_x;

@@ -16,8 +16,8 @@ struct HeightGrid {
   Unit unit = Unit::kMillimetre;      ///< of the file, before the options
 };
 
-/// An Error unless the grid has 2 x 2 posts or more, its indices fit into 32 bits, its points into
-/// options.max_bytes, and the options for grids make sense.
+/// An Error unless the grid has 2 x 2 posts or more, its indices fit into 32 bits and its points into
+/// options.max_bytes.
 [[nodiscard]] Status check_grid(const HeightGrid& grid, const ReadOptions& options);
 
 /// Adds a row's posts as points: the post (column, row) at (column * step, row * step, height). What is not

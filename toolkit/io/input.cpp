@@ -62,8 +62,17 @@ bool Input::next_line(std::string_view& line) {
     begin_ += length + (found != nullptr ? 1 : 0);
     if (length > 0 && from[length - 1] == '\r') --length;
     line = std::string_view(from, length);
-    return true;
+    return line_ > 1 || without_mark(line);
   }
+}
+
+bool Input::without_mark(std::string_view& first_line) {
+  const Result<std::size_t> mark = byte_order_mark(first_line);
+  if (mark)
+    first_line.remove_prefix(*mark);
+  else
+    error_ = mark.error();
+  return mark.ok();
 }
 
 const std::byte* Input::take(std::size_t n) {

@@ -20,8 +20,9 @@ class Input {
  public:
   explicit Input(ByteSource& source);
 
-  /// The next line without its end (\n or \r\n; the last one may lack it). False at the end of the data, and
-  /// after an error (see error()). The view lives until the next call of any member.
+  /// The next line without its end (\n or \r\n; the last one may lack it), the first without a byte order
+  /// mark. False at the end of the data, and after an error (see error()). The view lives until the next call
+  /// of any member.
   [[nodiscard]] bool next_line(std::string_view& line);
   /// The next n bytes, n <= kMaxLineBytes, or null where the data ends before or an error stands.
   [[nodiscard]] const std::byte* take(std::size_t n);
@@ -37,6 +38,7 @@ class Input {
 
  private:
   bool refill();
+  bool without_mark(std::string_view& first_line);
 
   ByteSource& source_;
   std::vector<char> buffer_;

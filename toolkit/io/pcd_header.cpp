@@ -262,7 +262,9 @@ std::string canonical_header(const PcdHeader& header) {
 
 Result<PcdHeader> check_pcd(std::span<const std::byte> file, const ReadOptions& options) {
   const std::string_view text(reinterpret_cast<const char*>(file.data()), file.size());
-  Lines lines{text};
+  const Result<std::size_t> mark = byte_order_mark(text);
+  if (!mark) return mark.error();
+  Lines lines{text, *mark};
   Raw raw;
   std::string_view line;
   while (!raw.data) {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <new>
 #include <stdexcept>
+#include <tuple>
 
 #include "toolkit/core/hash.h"
 #include "toolkit/io/decoding.h"
@@ -155,12 +156,6 @@ std::uint64_t hash_points(const std::vector<Vec3>& points) {
   return hash.value();
 }
 
-std::string joined(const std::vector<std::string>& items) {
-  std::string text;
-  for (const std::string& item : items) text += (text.empty() ? "" : ", ") + item;
-  return text;
-}
-
 struct UnitRow {
   Unit unit;
   double mm;
@@ -210,10 +205,40 @@ Result<Unit> parse_unit(std::string_view text) {
   return Error{fmt::format("{} is not a unit", quoted(text)), "give m, cm, mm, um or in", {}, 0};
 }
 
-Result<ReadModel> finish_model(DecodedFile&& decoded, const ReadOptions& options, const std::string& name) {
+Status check(const ReadOptions& options) {
   if (!(options.scale > 0.0) || !std::isfinite(options.scale))
-    return Error{fmt::format("the scale {} is not a positive number", options.scale), "give a scale above 0",
-                 name, 0};
+    return Error{
+        fmt::format("the scale {} is not a positive number", options.scale), "give a scale above 0", {}, 0};
+  for (const double mm : {options.post_mm, options.vertical_mm})
+    if (!(mm >= 0.0) || !std::isfinite(mm))
+      return Error{fmt::format("{} mm is no distance of posts and no height", mm),
+                   "give a positive number of mm",
+                   {},
+                   0};
+  return Done{};
+}
+
+namespace {
+
+/// What is asked of height grids does nothing for another file.
+Status check_grid_options(const DecodedFile& decoded, const ReadOptions& options) {
+  if (decoded.height_grid) return Done{};
+  for (const auto& [mm, name, option] : {std::tuple(options.post_mm, "post_mm", "--post-mm"),
+                                         std::tuple(options.vertical_mm, "vertical_mm", "--vertical-mm")})
+    if (mm > 0.0)
+      return Error{
+          fmt::format("'{}' is of grids of heights, and this file is none ({})", name, decoded.format),
+          fmt::format("leave out {} (on the command line {})", name, option),
+          {},
+          0};
+  return Done{};
+}
+
+}  // namespace
+
+Result<ReadModel> finish_model(DecodedFile&& decoded, const ReadOptions& options, const std::string& name) {
+  if (const Status fits = check_grid_options(decoded, options); !fits)
+    return Error(fits.error()).in_file(name);
   ReadModel model;
   model.file_points = decoded.points.size();
   if (model.file_points == 0)
@@ -302,6 +327,7 @@ Result<ReadModel> Readers::read(std::unique_ptr<ByteSource> source, const std::s
     return Error{extension.empty() ? std::string("the file's name has no ending that tells its format")
                                    : fmt::format("unknown file type {}", quoted("." + extension)),
                  fmt::format("understood are {}, each also with .gz or .xz", joined(extensions())), name, 0};
+  if (const Status right = check(options); !right) return Error(right.error()).in_file(name);
   if (source->remaining() == std::uint64_t{0}) return Error{"the file is empty", "check the file", name, 0};
   try {
     DecompressionLimits limits;

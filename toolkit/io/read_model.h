@@ -26,9 +26,6 @@ enum class Unit { kMetre, kCentimetre, kMillimetre, kMicrometre, kInch };
 /// The short names above and the long ones ("metre", "millimeter", "inch", ..), whatever the case.
 [[nodiscard]] Result<Unit> parse_unit(std::string_view text);
 
-/// Memory that reading one file may take unless told otherwise: some 100 million points without faces.
-inline constexpr std::uint64_t kDefaultMaxBytes = std::uint64_t{1} << 32;
-
 struct ReadOptions {
   /// Overrides what the file says; empty: the file's own statement, else a guess with a warning.
   std::optional<Unit> unit;
@@ -37,15 +34,18 @@ struct ReadOptions {
   cloud::NonFinite non_finite = cloud::NonFinite::kDrop;
   /// Multiplies the coordinates after the unit; finite and above 0.
   double scale = 1.0;
-  /// Grids of heights only: the distance of posts in mm, instead of the file's; 0: the file's. Before
-  /// `scale`.
+  /// Grids of heights only, an Error for any other file: the distance of posts in mm, instead of the file's;
+  /// 0: the file's. Before `scale`.
   double post_mm = 0.0;
   /// Grids of heights only: mm of height that the number 1 stands for, instead of the unit; 0: the unit.
   /// Before `scale`. Both finite, not negative.
   double vertical_mm = 0.0;
   /// Bound on the memory of what is decoded, and on the bytes that a compressed file may unpack to.
-  std::uint64_t max_bytes = kDefaultMaxBytes;
+  std::uint64_t max_bytes = kMemoryLimitBytes;
 };
+
+/// The first number of `options` that is none, or out of its range, or nothing.
+[[nodiscard]] Status check(const ReadOptions& options);
 
 /// What a file held, in mm.
 struct ReadModel {
@@ -76,6 +76,7 @@ struct DecodedFile {
   std::vector<bool> continues_face;  ///< as long as `triangles`: same polygon as the one before
   std::size_t dropped_faces = 0;     ///< faces already given up while reading
   std::optional<cloud::ScanRaster> raster;
+  bool height_grid = false;               ///< made by add_row(), which alone knows posts and heights
   std::optional<Unit> unit;               ///< where the file itself says it
   std::optional<Unit> conventional_unit;  ///< where the format has a convention: a better guess
   std::vector<std::string> warnings;

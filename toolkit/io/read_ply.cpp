@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <bit>
 #include <cstring>
 #include <limits>
@@ -10,6 +11,9 @@
 
 namespace palpate::io {
 namespace {
+
+constexpr std::string_view kFaces = "face";
+constexpr std::string_view kStrips = "tristrips";
 
 template <class U>
 U load(const std::byte* at, bool swap) noexcept {
@@ -100,9 +104,21 @@ class Row {
   }
   // False where an ASCII line holds more than its row.
   bool finish() {
-    if (!ascii_ || trimmed(rest_).empty()) return true;
+    if (!longer()) return true;
     bad_ = "the line has more values than the header names";
     return false;
+  }
+  // The same where nothing is lost by it: counted, for warn().
+  void pass_over_rest() {
+    if (longer() && longer_rows_++ == 0) first_longer_ = in_.line_number();
+  }
+  void warn(const PlyElement& element, DecodedFile& decoded) {
+    if (longer_rows_ == 0) return;
+    decoded.warnings.push_back(
+        fmt::format("{} rows of element {} hold more values than the header names (the first is line {}); "
+                    "what they hold beyond was passed over.",
+                    longer_rows_, quoted(element.name), first_longer_));
+    longer_rows_ = 0;
   }
   const std::byte* block(std::size_t bytes) { return in_.take(bytes); }
   [[nodiscard]] bool ascii() const noexcept { return ascii_; }
@@ -120,12 +136,16 @@ class Row {
   }
 
  private:
+  [[nodiscard]] bool longer() const noexcept { return ascii_ && !trimmed(rest_).empty(); }
+
   Input& in_;
   bool ascii_;
   bool swap_;
   std::string_view line_;
   std::string_view rest_;
   std::string bad_;
+  std::uint64_t longer_rows_ = 0;
+  std::int64_t first_longer_ = 0;
 };
 
 bool skip_list(Row& row, const PlyProperty& property, std::uint64_t count) {
@@ -222,13 +242,68 @@ bool is_corner_list(const PlyProperty& property) {
   return property.is_list && (property.name == "vertex_indices" || property.name == "vertex_index");
 }
 
-Status read_faces(const ReaderInput& input, Input& in, const PlyElement& element, std::uint64_t vertices,
-                  Row& row, DecodedFile& decoded) {
+Status skip_element(const ReaderInput& input, Input& in, const PlyElement& element, Row& row,
+                    DecodedFile& decoded) {
   Watch watch(input, in, decoded);
-  FaceBuilder faces(decoded, vertices, input.options);
-  decoded.triangles.reserve(
-      std::min(reservation(element.count, element.min_row_bytes(row.ascii()), in.remaining()),
-               static_cast<std::size_t>(input.options.max_bytes / sizeof(decoded.triangles[0]))));
+  if (element.properties.empty()) return Done{};  // such rows have no bytes, however many are promised
+  for (std::uint64_t i = 0; i < element.count; ++i) {
+    if (!row.start()) return row.error(element, i);
+    for (const PlyProperty& property : element.properties) {
+      if (!skip_property(row, property)) return row.error(element, i);
+    }
+    row.pass_over_rest();
+    if (!watch.row()) return watch.error();
+  }
+  row.warn(element, decoded);
+  return Done{};
+}
+
+// Takes the triangles of strips out of a list of corners: each corner closes one with the two before it,
+// every second one turned, so that all face the same way; -1 ends a strip. A corner that stands twice in a
+// triangle is how writers join two strips: no face.
+class StripBuilder {
+ public:
+  explicit StripBuilder(FaceBuilder& faces) noexcept : faces_(faces) {}
+  void begin() noexcept { length_ = 0; }
+  [[nodiscard]] bool corner(double value) {
+    constexpr double kEndOfStrip = -1.0;
+    if (value == kEndOfStrip) {
+      begin();
+      return true;
+    }
+    const std::int64_t now = to_index(value);
+    const bool turned = length_ % 2 != 0;
+    if (++length_ > 2 && now != last_ && now != before_ && last_ != before_) {
+      faces_.begin();
+      if (!faces_.corner(turned ? last_ : before_) || !faces_.corner(turned ? before_ : last_) ||
+          !faces_.corner(now))
+        return false;
+      faces_.end();
+    }
+    before_ = last_;
+    last_ = now;
+    return true;
+  }
+  void end() const noexcept {}
+
+ private:
+  FaceBuilder& faces_;
+  std::int64_t before_ = 0, last_ = 0;
+  std::uint64_t length_ = 0;
+};
+
+// A polygon is its list.
+struct PolygonBuilder {
+  FaceBuilder& faces;
+  void begin() noexcept { faces.begin(); }
+  [[nodiscard]] bool corner(double value) { return faces.corner(to_index(value)); }
+  void end() { faces.end(); }
+};
+
+// Hands the corner lists of an element to `builder`.
+template <class Builder>
+Status read_corners(Row& row, const PlyElement& element, const FaceBuilder& faces, Watch& watch,
+                    Builder builder) {
   for (std::uint64_t i = 0; i < element.count; ++i) {
     if (!row.start()) return row.error(element, i);
     for (const PlyProperty& property : element.properties) {
@@ -238,33 +313,41 @@ Status read_faces(const ReaderInput& input, Input& in, const PlyElement& element
       }
       std::uint64_t count = 0;
       if (!row.count(property.count_type, count)) return row.error(element, i);
-      faces.begin();
+      builder.begin();
       for (std::uint64_t c = 0; c < count; ++c) {
         double index = 0.0;
         if (!row.value(property.type, index)) return row.error(element, i);
-        if (!faces.corner(to_index(index))) return faces.too_many();
+        if (!builder.corner(index)) return faces.too_many();
+        if (!watch.row()) return watch.error();  // one list may be all the file's strips
       }
-      faces.end();
+      builder.end();
     }
-    if (!row.finish()) return row.error(element, i);
+    row.pass_over_rest();
     if (!watch.row()) return watch.error();
   }
   return Done{};
 }
 
-Status skip_element(const ReaderInput& input, Input& in, const PlyElement& element, Row& row,
-                    const DecodedFile& decoded) {
-  Watch watch(input, in, decoded);
-  if (element.properties.empty()) return Done{};  // such rows have no bytes, however many are promised
-  for (std::uint64_t i = 0; i < element.count; ++i) {
-    if (!row.start()) return row.error(element, i);
-    for (const PlyProperty& property : element.properties) {
-      if (!skip_property(row, property)) return row.error(element, i);
-    }
-    if (!row.finish()) return row.error(element, i);
-    if (!watch.row()) return watch.error();
+Status read_faces(const ReaderInput& input, Input& in, const PlyElement& element, std::uint64_t vertices,
+                  Row& row, DecodedFile& decoded) {
+  if (std::none_of(element.properties.begin(), element.properties.end(), is_corner_list)) {
+    decoded.warnings.push_back(fmt::format(
+        "The element {} has no list vertex_indices: no faces are read from it.", quoted(element.name)));
+    return skip_element(input, in, element, row, decoded);
   }
-  return Done{};
+  Watch watch(input, in, decoded);
+  FaceBuilder faces(decoded, vertices, input.options);
+  Status read = Done{};
+  if (element.name == kStrips) {
+    read = read_corners(row, element, faces, watch, StripBuilder(faces));
+  } else {
+    decoded.triangles.reserve(
+        std::min(reservation(element.count, element.min_row_bytes(row.ascii()), in.remaining()),
+                 static_cast<std::size_t>(input.options.max_bytes / sizeof(decoded.triangles[0]))));
+    read = read_corners(row, element, faces, watch, PolygonBuilder{faces});
+  }
+  row.warn(element, decoded);
+  return read;
 }
 
 // A Cyberware file whose grid has no holes lists its points row by row.
@@ -302,10 +385,8 @@ Result<DecodedFile> read_ply(const ReaderInput& input) {
   bool has_grid = false;
   for (const PlyElement& element : header->elements) {
     if (element.name == "vertex") vertex = &element;
-    if (element.name == "vertex" || element.name == "face") ++wanted;
+    if (element.name == "vertex" || element.name == kFaces || element.name == kStrips) ++wanted;
     has_grid = has_grid || element.name == "range_grid";
-    if (element.name == "tristrips")
-      decoded.warnings.push_back("The file's triangle strips (element 'tristrips') are not read.");
   }
   if (vertex == nullptr)
     return Error{"the PLY file has no element 'vertex'", "check that it holds points", {}, in.line_number()};
@@ -317,7 +398,7 @@ Result<DecodedFile> read_ply(const ReaderInput& input) {
     if (element.name == "vertex") {
       read = read_vertices(input, in, element, row, decoded);
       --wanted;
-    } else if (element.name == "face") {
+    } else if (element.name == kFaces || element.name == kStrips) {
       read = read_faces(input, in, element, vertex->count, row, decoded);
       --wanted;
     } else {

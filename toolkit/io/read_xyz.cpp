@@ -62,9 +62,7 @@ bool is_comment(std::string_view row) {
 
 // The next row that is neither empty nor a comment.
 bool next_row(Input& in, std::string_view& row) {
-  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
   while (in.next_line(row)) {
-    if (in.line_number() == 1 && row.starts_with(kByteOrderMark)) row.remove_prefix(kByteOrderMark.size());
     row = trimmed(row);
     if (!row.empty() && !is_comment(row)) return true;
   }

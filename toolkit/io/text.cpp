@@ -68,13 +68,6 @@ std::optional<std::int64_t> parse_whole(std::string_view token) noexcept {
   return value;
 }
 
-std::string quoted(std::string_view token) {
-  constexpr std::size_t kShown = 40;  // enough to find it in an editor
-  std::string text = "'";
-  for (const char c : token.substr(0, kShown)) text += c >= ' ' && c < 0x7F ? c : '?';
-  return text + (token.size() > kShown ? "..'" : "'");
-}
-
 float to_float(double value) noexcept {
   constexpr double kMost = static_cast<double>(std::numeric_limits<float>::max());
   if (value > kMost) return std::numeric_limits<float>::infinity();

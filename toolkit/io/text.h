@@ -6,6 +6,8 @@
 #include <string>
 #include <string_view>
 
+#include "toolkit/core/words.h"
+
 namespace palpate::io {
 
 [[nodiscard]] inline bool is_blank(char c) noexcept {
@@ -32,8 +34,10 @@ namespace palpate::io {
 /// The whole token as a whole number.
 [[nodiscard]] std::optional<std::int64_t> parse_whole(std::string_view token) noexcept;
 
-/// A token for a message: in quotes, shortened, without control characters.
-[[nodiscard]] std::string quoted(std::string_view token);
+/// shown(), under the name that readers know it by.
+[[nodiscard]] inline std::string quoted(std::string_view token) {
+  return shown(token);
+}
 
 /// Rounds to float; beyond float's range it is infinite.
 [[nodiscard]] float to_float(double value) noexcept;

@@ -2,12 +2,19 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <bit>
 #include <cstring>
+#include <filesystem>
+#include <iterator>
 #include <limits>
+#include <span>
+#include <string_view>
 #include <vector>
 
+#include "toolkit/core/input_file.h"
 #include "toolkit/io/atomic_file.h"
+#include "toolkit/io/text.h"
 
 namespace palpate::io {
 namespace {
@@ -43,15 +50,16 @@ class RowWriter {
   std::vector<std::byte> buffer_;
 };
 
+constexpr std::string_view kMark = "written by palpate";
 constexpr std::string_view kStart =
     "ply\nformat binary_little_endian 1.0\ncomment written by palpate\ncomment unit mm\n";
 constexpr std::string_view kPosition = "property double x\nproperty double y\nproperty double z\n";
 
-// PLY separates words by blanks, so a name must be one word.
+// PLY and text separate words by blanks or commas, so a name must be one word.
 std::string one_word(const std::string& name) {
   std::string word = name.empty() ? std::string("unnamed") : name;
   for (char& c : word) {
-    if (c <= ' ' || c == 0x7F) c = '_';
+    if (c <= ' ' || c == 0x7F || c == ',' || c == ';' || c == '"') c = '_';
   }
   return word;
 }
@@ -104,6 +112,53 @@ Status write_cloud_ply(const std::string& path, const cloud::Cloud& cloud) {
   }
   if (status = rows.flush(); !status) return status;
   return file->commit();
+}
+
+Status write_cloud_text(const std::string& path, const cloud::Cloud& cloud, char separator) {
+  Result<AtomicFile> file = AtomicFile::create(path);
+  if (!file) return std::move(file).error();
+  constexpr std::size_t kBlock = std::size_t{1} << 16;
+  fmt::memory_buffer text;
+  const auto out = std::back_inserter(text);
+  fmt::format_to(out, "# {}\nx_mm{}y_mm{}z_mm", kMark, separator, separator);
+  for (const cloud::Property& property : cloud.properties)
+    fmt::format_to(out, "{}{}", separator, one_word(property.name));
+  text.push_back('\n');
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    const Vec3 p = cloud.point_mm(i);
+    fmt::format_to(out, "{}{}{}{}{}", p.x(), separator, p.y(), separator, p.z());
+    for (const cloud::Property& property : cloud.properties)
+      fmt::format_to(out, "{}{}", separator, property.values[i]);
+    text.push_back('\n');
+    if (text.size() < kBlock && i + 1 < cloud.size()) continue;
+    if (Status written = file->write(std::string_view(text.data(), text.size())); !written) return written;
+    text.clear();
+  }
+  return file->commit();
+}
+
+const std::vector<std::string>& cloud_endings() {
+  static const std::vector<std::string> endings = {"ply", "xyz", "txt", "asc", "csv"};
+  return endings;
+}
+
+Status write_cloud(const std::string& path, const cloud::Cloud& cloud) {
+  const std::string ending = lower_case(std::filesystem::path(path).extension().string());
+  if (ending == ".ply") return write_cloud_ply(path, cloud);
+  const auto& known = cloud_endings();
+  if (ending.empty() || std::find(known.begin(), known.end(), ending.substr(1)) == known.end())
+    return Error{fmt::format("no cloud can be written as '{}'", ending),
+                 "choose from .ply, .xyz, .txt, .asc, .csv", path, 0};
+  return write_cloud_text(path, cloud, ending == ".csv" ? ',' : ' ');
+}
+
+bool is_written_by_palpate(const std::string& path) {
+  constexpr std::size_t kFirstLines = 128;  // the mark stands within the first 60 letters
+  Result<InputFile> file = InputFile::open(path);
+  if (!file) return false;
+  std::string start(kFirstLines, '\0');
+  const Result<std::size_t> got = file->read(std::as_writable_bytes(std::span(start)));
+  return got && std::string_view(start).substr(0, *got).find(kMark) != std::string_view::npos;
 }
 
 }  // namespace palpate::io

@@ -8,6 +8,7 @@
 #include "toolkit/control/passivity.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/metrics/pop_through.h"
+#include "toolkit/metrics/reference.h"
 #include "toolkit/trace/replay.h"
 
 namespace palpate::metrics {
@@ -59,6 +60,13 @@ double angle_deg(const Vec3& a, const Vec3& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b)) * kDegPerRad;
 }
 
+/// How far apart two right answers may be: by what the points were stored with, and by the arithmetic.
+double rounding_mm(const Input& in) {
+  double size_mm = 0.0;
+  for (const Vec3& hip : in.path.hip_mm) size_mm = std::max(size_mm, hip.cwiseAbs().maxCoeff());
+  return in.options.stored_rounding_mm + kStillPerSize * size_mm;
+}
+
 void score_forces(const Input& in, Accuracy& a) {
   Spread error, normal, tangential, wanted;
   std::uint64_t within_jnd = 0, within_deadband = 0;
@@ -105,7 +113,7 @@ void score_direction(const Input& in, Accuracy& a) {
 
 void score_jumps(const Input& in, Accuracy& a, AccuracyFrames* out) {
   double largest = 0.0, travel_mm = 0.0;
-  std::uint64_t steps = 0;
+  std::uint64_t steps = 0, jumps = 0;
   for (std::size_t i = 1; i < in.frames.size(); ++i) {
     if (!in.in_c(i) && !in.in_c(i - 1)) continue;
     const double step_mm = in.travel_mm(i);
@@ -115,12 +123,13 @@ void score_jumps(const Input& in, Accuracy& a, AccuracyFrames* out) {
     ++steps;
     travel_mm += step_mm;
     largest = std::max(largest, excess);
-    a.excess_jumps += excess > a.floor_n ? 1u : 0u;
+    jumps += excess > a.floor_n ? 1u : 0u;
     if (out != nullptr) out->excess_jump_n[i] = static_cast<float>(std::max(0.0, excess));
   }
+  a.excess_jumps = jumps;
   if (steps == 0) return;
   a.excess_jump_max_n = largest;
-  if (travel_mm > 0.0) a.excess_jumps_per_m = static_cast<double>(a.excess_jumps) * kMmPerM / travel_mm;
+  if (travel_mm > 0.0) a.excess_jumps_per_m = static_cast<double>(jumps) * kMmPerM / travel_mm;
 }
 
 void score_contact(const Input& in, Accuracy& a, AccuracyFrames* out) {
@@ -140,11 +149,11 @@ void score_contact(const Input& in, Accuracy& a, AccuracyFrames* out) {
   }
 }
 
-void score_god_object(const Input& in, const TruthSurface* truth, Accuracy& a, AccuracyFrames* out) {
+void score_god_object(const Input& in, const SurfaceAnswers* answers, Accuracy& a, AccuracyFrames* out) {
   Spread distance, off_surface;
   for (std::size_t i = 0; i < in.frames.size(); ++i) {
     if (!in.frames[i].contact) continue;
-    if (truth != nullptr) off_surface.add(truth->signed_distance_mm(in.frames[i].god_object_mm));
+    if (answers != nullptr) off_surface.add(answers->god_object_distance_mm[i]);
     if (!in.truth[i].frame.contact) continue;
     const double error = (in.frames[i].god_object_mm - in.truth[i].frame.god_object_mm).norm();
     distance.add(error);
@@ -238,25 +247,63 @@ trace::ForceTrace as_trace(const trace::ReferenceTrace& reference) {
   return trace;
 }
 
-Result<Accuracy> score(const trace::ProbePath& path, const trace::ForceTrace& trace,
-                       const trace::ReferenceTrace& reference, const TruthSurface* truth,
-                       const AccuracyOptions& options, AccuracyFrames* per_frame) {
-  if (Status s = check_lengths(path, trace.frames.size(), "the trace"); !s) return std::move(s).error();
-  if (Status s = check_lengths(path, reference.frames.size(), "the reference"); !s)
-    return std::move(s).error();
-  if (Status s = check_finite(path, trace.frames, "the trace"); !s) return std::move(s).error();
-  if (Status s = check_finite(path, as_trace(reference).frames, "the reference"); !s)
-    return std::move(s).error();
+namespace {
+
+/// Lengths that agree, and numbers that are finite throughout.
+Status check_all(const trace::ProbePath& path, const trace::ForceTrace& trace,
+                 const trace::ReferenceTrace& reference) {
+  if (Status s = check_lengths(path, trace.frames.size(), "the trace"); !s) return s;
+  if (Status s = check_lengths(path, reference.frames.size(), "the reference"); !s) return s;
+  if (Status s = check_finite(path, trace.frames, "the trace"); !s) return s;
+  if (Status s = check_finite(path, as_trace(reference).frames, "the reference"); !s) return s;
   for (const trace::TruthFrame& frame : reference.frames) {
     if (is_finite(frame.normal) && std::isfinite(frame.signed_distance_mm) &&
         std::isfinite(frame.local_resolution_mm))
       continue;
     return Error{"the reference has a normal, distance or resolution that is not finite", "", path.name, 0};
   }
+  return Done{};
+}
+
+bool has_resolution(const trace::ReferenceTrace& reference) {
+  return std::any_of(reference.frames.begin(), reference.frames.end(),
+                     [](const auto& f) { return f.local_resolution_mm > 0.0; });
+}
+
+}  // namespace
+
+SurfaceAnswers ask_surface(const trace::ProbePath& path, const trace::ForceTrace& trace,
+                           const trace::ReferenceTrace& reference, const TruthSurface& truth) {
+  SurfaceAnswers answers;
+  answers.god_object_distance_mm.reserve(trace.frames.size());
+  for (const render::Frame& frame : trace.frames)
+    answers.god_object_distance_mm.push_back(frame.contact ? truth.signed_distance_mm(frame.god_object_mm)
+                                                           : 0.0);
+  if (has_resolution(reference)) answers.pop_throughs = find_pop_throughs(path, trace, reference, truth);
+  return answers;
+}
+
+Result<Accuracy> score(const trace::ProbePath& path, const trace::ForceTrace& trace,
+                       const trace::ReferenceTrace& reference, const TruthSurface* truth,
+                       const AccuracyOptions& options, AccuracyFrames* per_frame) {
+  if (Status s = check_all(path, trace, reference); !s) return std::move(s).error();
+  std::optional<SurfaceAnswers> answers;
+  if (truth != nullptr) answers = ask_surface(path, trace, reference, *truth);
+  return score_again(path, trace, reference, answers, options, per_frame);
+}
+
+Result<Accuracy> score_again(const trace::ProbePath& path, const trace::ForceTrace& trace,
+                             const trace::ReferenceTrace& reference,
+                             const std::optional<SurfaceAnswers>& answers, const AccuracyOptions& options,
+                             AccuracyFrames* per_frame) {
+  if (Status s = check_all(path, trace, reference); !s) return std::move(s).error();
   const std::size_t n = path.size();
+  if (answers && (answers->god_object_distance_mm.size() != n ||
+                  (!answers->pop_throughs.empty() && answers->pop_throughs.size() != n)))
+    return Error{"the answers of the true surface are not of this trace", "", path.name, 0};
   if (per_frame != nullptr) {
-    *per_frame = {std::vector<float>(n), std::vector<float>(n), std::vector<float>(n),
-                  std::vector<std::uint8_t>(n), std::vector<std::uint8_t>(n)};
+    *per_frame = {std::vector<float>(n),        std::vector<float>(n),        std::vector<float>(n),
+                  std::vector<std::uint8_t>(n), std::vector<std::uint8_t>(n), answers};
     for (std::size_t i = 0; i < n; ++i) {
       per_frame->force_error_n[i] =
           static_cast<float>((trace.frames[i].force_n - reference.frames[i].frame.force_n).norm());
@@ -267,23 +314,38 @@ Result<Accuracy> score(const trace::ProbePath& path, const trace::ForceTrace& tr
   a.reference = reference.name;
   a.exactness = reference.exactness;
   a.floor_n = options.floor_n();
+  a.rounding_mm = rounding_mm(in);
+  a.rounding_n = options.stiffness_n_per_mm * a.rounding_mm;
   a.frames = n;
   score_forces(in, a);
   score_direction(in, a);
   score_jumps(in, a, per_frame);
   score_contact(in, a, per_frame);
-  score_god_object(in, truth, a, per_frame);
+  score_god_object(in, answers ? &*answers : nullptr, a, per_frame);
   score_onset_and_release(in, a);
   score_path_dependence(in, a);
-  const bool has_resolution = std::any_of(reference.frames.begin(), reference.frames.end(),
-                                          [](const auto& f) { return f.local_resolution_mm > 0.0; });
-  if (truth != nullptr && has_resolution) {
-    a.pop_throughs = count_pop_throughs(path, trace, reference, *truth);
+  if (answers && !answers->pop_throughs.empty()) {
+    a.pop_throughs = 0;
+    for (const std::uint8_t events : answers->pop_throughs) *a.pop_throughs += events;
     const auto true_contact = static_cast<double>(std::count_if(
         reference.frames.begin(), reference.frames.end(), [](const auto& f) { return f.frame.contact; }));
     if (*a.pop_throughs == 0 && true_contact > 0) a.pop_through_rate_upper_95 = kRuleOfThree / true_contact;
   }
   return a;
+}
+
+void keep_contact_scores(Accuracy& a, AccuracyFrames& per_frame) {
+  for (std::optional<double>* score :
+       {&a.force_rms_n, &a.force_rms_percent, &a.force_normal_rms_n, &a.force_tangential_rms_n,
+        &a.force_max_n, &a.within_7_percent, &a.within_10_percent, &a.direction_mean_deg,
+        &a.direction_p99_deg, &a.direction_max_deg, &a.excess_jump_max_n, &a.excess_jumps_per_m,
+        &a.god_object_rms_mm, &a.god_object_max_mm, &a.god_object_surface_rms_mm,
+        &a.god_object_surface_max_mm, &a.path_dependence_n})
+    score->reset();
+  a.excess_jumps.reset();
+  for (std::vector<float>* frames :
+       {&per_frame.force_error_n, &per_frame.excess_jump_n, &per_frame.god_object_error_mm})
+    frames->clear();
 }
 
 Result<Energy> observe_energy(const trace::ProbePath& path, const trace::ForceTrace& trace,
@@ -295,13 +357,28 @@ Result<Energy> observe_energy(const trace::ProbePath& path, const trace::ForceTr
     return Error{"the stiffness is not positive", "", path.name, 0};
   Energy e;
   control::PassivityObserver observer(control::EnergyRule::kTrapezoid);
+  const double stiffest = *std::max_element(stiffness_n_per_mm.begin(), stiffness_n_per_mm.end());
+  double work_mj = 0.0, reach_mj = 0.0, sway_mm2 = 0.0;  // what the rounding of E is a share of
   for (std::size_t i = 0; i < path.size(); ++i) {
     const render::Frame& frame = trace.frames[i];
     const auto model = static_cast<std::size_t>(std::max(frame.model, 0));
     const double k = stiffness_n_per_mm[model < stiffness_n_per_mm.size() ? model : 0];
     e.max_stored_mj = std::max(e.max_stored_mj, frame.force_n.squaredNorm() / (2.0 * k));
     observer.observe(path.hip_mm[i], frame.force_n);
+    if (i == 0) continue;
+    const Vec3& before_n = trace.frames[i - 1].force_n;
+    if (!felt(frame.force_n) && !felt(before_n)) continue;
+    const double step_mm = (path.hip_mm[i] - path.hip_mm[i - 1]).norm(), size_mm = path.hip_mm[i].norm();
+    const double force_n = std::max(frame.force_n.norm(), before_n.norm());
+    work_mj += force_n * step_mm;
+    reach_mj += force_n * size_mm;
+    sway_mm2 += size_mm * step_mm;
   }
+  // The sum of the products (Higham 2002, section 4.2), the differences of positions, and the forces.
+  constexpr int kProduct = 5, kMostTerms = 1 << 30;
+  const int terms = static_cast<int>(std::min<std::size_t>(path.size(), kMostTerms)) + kProduct;
+  e.rounding_mj =
+      gamma(terms) * work_mj + 2.0 * kUnitRoundoff * reach_mj + stiffest * kStillPerSize * sway_mm2;
   e.generated_mj = std::max(0.0, -observer.least_mj());  // never -0
   e.final_mj = observer.energy_mj();
   if (e.max_stored_mj > 0.0) e.generated_percent = kToPercent * e.generated_mj / e.max_stored_mj;

@@ -25,6 +25,8 @@ inline constexpr double kForceDeadband = 0.10;
 struct AccuracyOptions {
   double stiffness_n_per_mm = 0.5;
   double device_resolution_mm = kOmniResolutionMm;
+  /// What the renderers' input lost before they saw it: the rounding of a stored point, as a distance.
+  double stored_rounding_mm = 0.0;
   [[nodiscard]] double floor_n() const noexcept { return stiffness_n_per_mm * device_resolution_mm; }
 };
 
@@ -34,6 +36,9 @@ struct Accuracy {
   std::string reference;  ///< name of the reference
   std::string exactness;  ///< how exact that is
   double floor_n = 0.0;
+  /// Rounding of points and arithmetic along this path, as a distance and as the force of the spring over it.
+  /// An error that is no larger is none: who has it answers exactly.
+  double rounding_n = 0.0, rounding_mm = 0.0;
   std::uint64_t frames = 0;
   std::uint64_t contact_frames = 0;  ///< |C|
 
@@ -51,8 +56,8 @@ struct Accuracy {
   /// Largest |F_r(n) - F_r(n-1)| - |F_g(n) - F_g(n-1)| over steps that touch C, without true edges: steps on
   /// which F_g itself jumps by more than stiffness x HIP travel + floor. Never below 0.
   std::optional<double> excess_jump_max_n;
-  std::uint64_t excess_jumps = 0;            ///< steps of these above the floor
-  std::optional<double> excess_jumps_per_m;  ///< per metre of HIP travel over these steps
+  std::optional<std::uint64_t> excess_jumps;  ///< steps of these above the floor
+  std::optional<double> excess_jumps_per_m;   ///< per metre of HIP travel over these steps
 
   std::uint64_t missed_contact_frames = 0;  ///< F_r = 0 and d < -(local resolution)
   std::uint64_t false_contact_frames = 0;   ///< F_r != 0 and d > local resolution
@@ -82,13 +87,25 @@ struct Accuracy {
   std::optional<double> path_dependence_n;
 };
 
-/// Per frame, for plots; each as long as the path.
+/// What the true surface answers about the rendered god objects: all that scores need of the surface beyond
+/// the reference trace. Kept with the per-frame scores, it lets a trace be scored again where the surface is
+/// no longer at hand.
+struct SurfaceAnswers {
+  std::vector<double> god_object_distance_mm;  ///< signed; 0 in frames without rendered contact
+  std::vector<std::uint8_t> pop_throughs;      ///< events at this frame; empty without local resolutions
+};
+/// Lengths must agree. At most 66 distance queries a frame.
+[[nodiscard]] SurfaceAnswers ask_surface(const trace::ProbePath& path, const trace::ForceTrace& trace,
+                                         const trace::ReferenceTrace& reference, const TruthSurface& truth);
+
+/// Per frame, for plots and for scoring again; each as long as the path, or empty where it does not apply.
 struct AccuracyFrames {
   std::vector<float> force_error_n;        ///< |F_r - F_g|
   std::vector<float> excess_jump_n;        ///< as above, 0 at true edges and at the first frame
   std::vector<float> god_object_error_mm;  ///< |g - g*| in contact in both, else 0
   std::vector<std::uint8_t> missed_contact;
   std::vector<std::uint8_t> false_contact;
+  std::optional<SurfaceAnswers> surface;
 };
 
 /// All scores. Lengths that differ, no samples, or numbers that are not finite are an Error: a score is never
@@ -96,6 +113,17 @@ struct AccuracyFrames {
 [[nodiscard]] Result<Accuracy> score(const trace::ProbePath& path, const trace::ForceTrace& trace,
                                      const trace::ReferenceTrace& reference, const TruthSurface* truth,
                                      const AccuracyOptions& options, AccuracyFrames* per_frame = nullptr);
+
+/// The same from recorded answers of the surface, where there are any: the same scores, to the last bit.
+[[nodiscard]] Result<Accuracy> score_again(const trace::ProbePath& path, const trace::ForceTrace& trace,
+                                           const trace::ReferenceTrace& reference,
+                                           const std::optional<SurfaceAnswers>& answers,
+                                           const AccuracyOptions& options,
+                                           AccuracyFrames* per_frame = nullptr);
+
+/// The truth is of a rigid surface without friction or texture: where a scene has more, only whether and when
+/// there is contact can be compared. Takes away every other score, of the whole and of the frames.
+void keep_contact_scores(Accuracy& accuracy, AccuracyFrames& per_frame);
 
 /// The passivity observer (Hannaford and Ryu 2002; control/passivity.h) over a replay: E(n) = -sum of (F(n-1)
 /// + F(n))/2 . (h(n) - h(n-1)), the energy put into the virtual model so far, exact for a linear spring
@@ -106,6 +134,7 @@ struct Energy {
   double generated_mj = 0.0;                ///< max(0, -min E)
   double max_stored_mj = 0.0;  ///< max of |F|^2 / (2 k), which is k d^2 / 2 of the renderer's own depth
   double final_mj = 0.0;       ///< E at the end of the path
+  double rounding_mj = 0.0;    ///< bound on the rounding of E itself: less has not been generated
 };
 /// Needs no truth; lengths that differ are an Error. Apply it to the reference's frames to see what sampling
 /// alone does. One stiffness for each model of the scene, as felt (a deformation or a coupling lowers it); a

@@ -31,9 +31,10 @@ bool leads_through_matter(const Vec3& from_mm, const Vec3& to_mm, double resolut
 
 }  // namespace
 
-std::uint64_t count_pop_throughs(const trace::ProbePath& path, const trace::ForceTrace& trace,
-                                 const trace::ReferenceTrace& reference, const TruthSurface& truth) {
-  std::uint64_t events = 0;
+std::vector<std::uint8_t> find_pop_throughs(const trace::ProbePath& path, const trace::ForceTrace& trace,
+                                            const trace::ReferenceTrace& reference,
+                                            const TruthSurface& truth) {
+  std::vector<std::uint8_t> events(trace.frames.size());
   bool was_inside = false, away_counted = false;
   double away_travel_mm = -1.0;  // HIP travel since g faces away; negative while it does not
   for (std::size_t i = 0; i < trace.frames.size(); ++i) {
@@ -47,7 +48,7 @@ std::uint64_t count_pop_throughs(const trace::ProbePath& path, const trace::Forc
         leads_through_matter(trace.frames[i - 1].god_object_mm, frame.god_object_mm, resolution_mm, truth);
     const bool away = frame.contact && wanted.frame.contact && !inside &&
                       truth.closest(frame.god_object_mm).normal.dot(wanted.normal) < 0.0;
-    if ((inside && !was_inside) || through) ++events;
+    if ((inside && !was_inside) || through) ++events[i];
     if (!away) {
       away_travel_mm = -1.0;
       away_counted = false;
@@ -57,7 +58,7 @@ std::uint64_t count_pop_throughs(const trace::ProbePath& path, const trace::Forc
       if (through || was_inside) away_counted = true;  // the same event, seen already
       if (!away_counted && away_travel_mm > resolution_mm) {
         away_counted = true;
-        ++events;
+        ++events[i];
       }
     }
     was_inside = inside;

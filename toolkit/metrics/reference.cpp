@@ -16,9 +16,6 @@ using geometry::SurfacePoint;
 
 constexpr std::int64_t kFirstSampleLine = 2;  // line 1 of a path file is its header
 constexpr int kMaxTracks = 16;                // repeats of one search; each starts where the last ended
-// The tracker's own stopping error is some tens of roundings of the coordinates; below this share of them it
-// stands still.
-constexpr double kStillPerSize = 256.0 * kUnitRoundoff;
 
 // The state of the constrained god object, model frame.
 class Tracker {

@@ -4,12 +4,17 @@
 
 #include "toolkit/cloud/cloud.h"
 #include "toolkit/core/result.h"
+#include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/analytic_surface.h"
 #include "toolkit/geometry/rigid_transform.h"
 #include "toolkit/neighbourhood/neighbour_table.h"
 #include "toolkit/trace/trace.h"
 
 namespace palpate::metrics {
+
+/// The tracker's own stopping error is some tens of roundings of the coordinates; below this share of them it
+/// stands still, and nobody's god object is known better.
+inline constexpr double kStillPerSize = 256.0 * kUnitRoundoff;
 
 struct ReferenceOptions {
   int sub_steps = 8;  ///< the HIP's way of one frame is walked in so many pieces

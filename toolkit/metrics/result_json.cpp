@@ -36,6 +36,10 @@ struct Writer {
   void operator()(const char* key, std::uint64_t value) const { to[key] = value; }
   void operator()(const char* key, int value) const { to[key] = value; }
   void operator()(const char* key, const std::string& value) const { to[key] = value; }
+  template <class T>
+  void later(const char* key, const T& value) const {
+    (*this)(key, value);
+  }
 };
 
 // Text that is never empty in a document: empty means null.
@@ -55,6 +59,8 @@ constexpr auto kStatistics = [](auto&& v, auto& s) { visit_statistics(v, s); };
 constexpr auto kPaced = [](auto&& v, auto& s) { visit_paced(v, s); };
 constexpr auto kAccuracy = [](auto&& v, auto& s) { visit_accuracy(v, s); };
 constexpr auto kEnergy = [](auto&& v, auto& s) { visit_energy(v, s); };
+constexpr auto kTruth = [](auto&& v, auto& s) { visit_truth(v, s); };
+constexpr auto kScoring = [](auto&& v, auto& s) { visit_scoring(v, s); };
 constexpr auto kMachine = [](auto&& v, auto& s) { visit_machine(v, s); };
 
 Json prepare_of(const RendererResult& r) {
@@ -70,6 +76,7 @@ Json prepare_of(const RendererResult& r) {
   Writer{prepare}("total_ms", r.prepare->total_ms);
   prepare["phases"] = std::move(phases);
   prepare["notes"] = r.prepare->notes;
+  prepare["warnings"] = r.prepare->warnings;
   return prepare;
 }
 
@@ -89,6 +96,9 @@ Json renderer_of(const RendererResult& r) {
   j["name"] = r.name;
   j["options"] = Json::object();
   for (const auto& [key, value] : r.options) j["options"][key] = value;
+  j["role"] = render::name_of(r.role);
+  j["works_on"] = render::name_of(r.works_on);
+  j["missing"] = r.missing;
   j["status"] = kStatusNames[static_cast<std::size_t>(r.status)];
   j["reason"] = text_or_null(r.reason);
   j["model"] = nullptr;
@@ -111,7 +121,23 @@ Json renderer_of(const RendererResult& r) {
   j["accuracy"] = object_or_null(r.accuracy, kAccuracy);
   j["energy"] = object_or_null(r.energy, kEnergy);
   j["trace_hash"] = text_or_null(r.trace_hash);
+  j["files"] = {{"trace", text_or_null(r.trace_file)}, {"scores", text_or_null(r.scores_file)}};
   return j;
+}
+
+/// What makes of a document a study.
+void write_study(const ResultDocument& document, Json& j) {
+  j["models"] = Json::array();
+  for (const StudyModel& model : document.models) {
+    Json& one = j["models"].emplace_back(Json::object());
+    visit_model(Writer{one}, model);
+    one["sample"] = text_or_null(model.sample);
+  }
+  j["truth"] = object_or_null(document.truth, kTruth);
+  j["scoring"] = object_or_null(document.scoring, kScoring);
+  if (!document.scoring) return;
+  j["scoring"]["felt_stiffness_n_per_mm"] = document.scoring->felt_stiffness_n_per_mm;
+  j["scoring"]["forces_comparable"] = document.scoring->forces_comparable;
 }
 
 // ---- reading
@@ -167,6 +193,21 @@ struct Reader {
     if (!found->is_string()) return fail(key, "is not a text");
     value = found->get<std::string>();
   }
+  // A key that earlier documents do not have.
+  template <class T>
+  void later(const char* key, T& value) const {
+    if (from.contains(key)) (*this)(key, value);
+  }
+  // The same for a list of texts.
+  void sentences(const char* key, std::vector<std::string>& list) const {
+    const auto found = from.find(key);
+    if (found == from.end()) return;
+    if (!found->is_array()) return fail(key, "is not a list");
+    for (const Json& one : *found) {
+      if (!one.is_string()) return fail(key, "holds something that is not a text");
+      list.push_back(one.get<std::string>());
+    }
+  }
   // The object under `key`, or nothing where it is null.
   [[nodiscard]] const Json* object(const char* key) const {
     const Json* found = find(key);
@@ -201,16 +242,83 @@ void read_prepare(const Reader& in, RendererResult& r) {
       one("ms", r.prepare->phases.back().ms);
     }
   }
-  const auto notes = prepare->find("notes");
-  if (notes != prepare->end() && notes->is_array()) {
-    for (const Json& note : *notes) {
-      if (note.is_string()) r.prepare->notes.push_back(note.get<std::string>());
-    }
-  }
+  inside.sentences("notes", r.prepare->notes);
+  inside.sentences("warnings", r.prepare->warnings);
   const Json* memory = in.object("memory");
   std::uint64_t bytes = 0;
   if (memory != nullptr) in.inside(*memory, "memory")("bytes", bytes);
   r.prepare->bytes = bytes;
+}
+
+constexpr std::array kRoles = {render::Role::kOurs, render::Role::kLiteral, render::Role::kRival,
+                               render::Role::kReference, render::Role::kOracle};
+constexpr std::array kGeometries = {render::Geometry::kPoints, render::Geometry::kMesh,
+                                    render::Geometry::kHeights, render::Geometry::kFormula};
+
+/// The one of this name, or nothing.
+template <class Enum, std::size_t n>
+std::optional<Enum> named(const std::array<Enum, n>& all, std::string_view name) {
+  for (const Enum one : all)
+    if (render::name_of(one) == name) return one;
+  return std::nullopt;
+}
+
+/// Keys that earlier documents do not have.
+void read_capabilities(const Reader& in, RendererResult& r) {
+  std::string role, works_on;
+  in.later("role", role);
+  in.later("works_on", works_on);
+  in.sentences("missing", r.missing);
+  if (const std::optional<render::Role> known = named(kRoles, role))
+    r.role = *known;
+  else if (!role.empty())
+    in.fail("role", "is none of ours, literal, rival, reference, oracle");
+  if (const std::optional<render::Geometry> known = named(kGeometries, works_on))
+    r.works_on = *known;
+  else if (!works_on.empty())
+    in.fail("works_on", "is none of points, mesh, heights, formula");
+}
+
+void read_files(const Reader& in, RendererResult& r) {
+  if (!in.from.contains("files")) return;
+  const Json* files = in.object("files");
+  if (files == nullptr) return;
+  const Reader inside = in.inside(*files, "files");
+  inside("trace", r.trace_file);
+  inside("scores", r.scores_file);
+}
+
+void read_scoring(const Reader& in, ScoreBasis& s) {
+  visit_scoring(in, s);
+  const Json* felt = in.find("felt_stiffness_n_per_mm");
+  if (felt != nullptr && !felt->is_array()) return in.fail("felt_stiffness_n_per_mm", "is not a list");
+  for (std::size_t i = 0; felt != nullptr && i < felt->size(); ++i) {
+    if (!(*felt)[i].is_number())
+      return in.fail("felt_stiffness_n_per_mm", "holds something that is no number");
+    s.felt_stiffness_n_per_mm.push_back((*felt)[i].get<double>());
+  }
+  const Json* comparable = in.find("forces_comparable");
+  if (comparable != nullptr && !comparable->is_boolean())
+    return in.fail("forces_comparable", "is neither true nor false");
+  if (comparable != nullptr) s.forces_comparable = comparable->get<bool>();
+}
+
+/// What makes of a document a study; earlier ones have none of it.
+void read_study(const Reader& in, ResultDocument& document) {
+  if (in.from.contains("truth")) in.part("truth", document.truth, kTruth);
+  if (in.from.contains("scoring"))
+    in.part("scoring", document.scoring,
+            [](const Reader& inside, ScoreBasis& s) { read_scoring(inside, s); });
+  const auto models = in.from.find("models");
+  if (models == in.from.end()) return;
+  if (!models->is_array()) return in.fail("models", "is not a list");
+  for (const Json& model : *models) {
+    if (!model.is_object()) return in.fail("models", "holds something that is not an object");
+    const Reader inside = in.inside(model, "models[]");
+    StudyModel& one = document.models.emplace_back();
+    visit_model(inside, one);
+    inside("sample", one.sample);
+  }
 }
 
 void read_renderer(const Reader& in, RendererResult& r) {
@@ -219,6 +327,8 @@ void read_renderer(const Reader& in, RendererResult& r) {
   in("reason", r.reason);
   in("threads", r.threads);
   in("trace_hash", r.trace_hash);
+  read_capabilities(in, r);
+  read_files(in, r);
   std::string status;
   in("status", status);
   std::size_t known = 0;
@@ -257,19 +367,40 @@ void RendererResult::take(const trace::ReplayReport& report) {
   trace_hash = report.trace_hash;
 }
 
+namespace {
+
+void write_head(const DocumentHead& head, Json& j) {
+  const Writer top{j};
+  top("version", head.version);
+  top("commit", head.commit);
+  top("build", head.build);
+  j["machine"] = Json::object();
+  kMachine(Writer{j["machine"]}, head.machine);
+  top("started_utc", head.started_utc);
+  top("command", head.command);
+}
+
+}  // namespace
+
+std::string head_json(const DocumentHead& head) {
+  Json j = Json::object();
+  write_head(head, j);
+  return j.dump(kIndent, ' ', false, Json::error_handler_t::replace);
+}
+
 std::string to_json(const ResultDocument& document) {
   Json j = Json::object();
   const Writer top{j};
   top("schema", document.schema);
-  top("version", document.version);
-  top("commit", document.commit);
-  top("build", document.build);
-  j["machine"] = Json::object();
-  kMachine(Writer{j["machine"]}, document.machine);
+  write_head(document, j);
+  j["title"] = text_or_null(document.title);
+  j["about"] = text_or_null(document.about);
   top("scene", document.scene);
   top("path", document.path);
-  top("started_utc", document.started_utc);
-  top("command", document.command);
+  write_study(document, j);
+  j["warnings"] = document.warnings;
+  j["notes"] = document.notes;
+  j["complete"] = document.complete;
   j["trace_hash_name"] = "fnv1a64";
   j["renderers"] = Json::array();
   for (const RendererResult& r : document.renderers) j["renderers"].push_back(renderer_of(r));
@@ -297,7 +428,16 @@ Result<ResultDocument> parse_result(std::string_view json, std::string_view sour
   top("scene", document.scene);
   top("path", document.path);
   top("started_utc", document.started_utc);
-  if (j.contains("command")) top("command", document.command);
+  top.later("command", document.command);
+  top.later("title", document.title);
+  top.later("about", document.about);
+  read_study(top, document);
+  top.sentences("warnings", document.warnings);
+  top.sentences("notes", document.notes);
+  // Documents of earlier programs have none: they were written when all was done.
+  if (j.contains("complete") && !j["complete"].is_boolean())
+    top.fail("complete", "is neither true nor false");
+  if (wrong.empty()) document.complete = j.value("complete", true);
   const Json* renderers = top.find("renderers");
   if (renderers != nullptr && !renderers->is_array()) top.fail("renderers", "is not a list");
   for (std::size_t i = 0; wrong.empty() && renderers != nullptr && i < renderers->size(); ++i) {

@@ -12,6 +12,7 @@
 #include "toolkit/core/result.h"
 #include "toolkit/metrics/accuracy.h"
 #include "toolkit/metrics/machine_info.h"
+#include "toolkit/render/capabilities.h"
 #include "toolkit/render/renderer.h"
 #include "toolkit/trace/replay.h"
 
@@ -28,11 +29,50 @@ struct ResultModel {
   double resolution_mm = 0.0;
 };
 
+/// Who made a document, where and when: the head of every document.
+struct DocumentHead {
+  std::string version;  ///< of Palpate
+  std::string commit;
+  std::string build;  ///< build type and compiler, in words
+  MachineInfo machine;
+  std::string started_utc;  ///< ISO 8601, "2026-01-31T12:00:00Z"
+  std::string command;      ///< the command line that repeats it; may be empty
+};
+/// The head as a JSON object, to be the beginning of another document.
+[[nodiscard]] std::string head_json(const DocumentHead& head);
+
+/// A model of the scene.
+struct StudyModel {
+  std::string name;    ///< file or generator, as in the scene
+  std::string source;  ///< the file, or the generator with every option
+  std::string hash;    ///< of its coordinates in mm: trace_hash_name, sixteen hexadecimal digits
+  std::uint64_t points = 0;
+  std::string sample;  ///< a file of the study with some of its points, for pictures; may be empty
+};
+
+/// The truth along the path.
+struct StudyTruth {
+  std::string name, exactness;  ///< as in trace::ReferenceTrace
+  std::string file;             ///< of the study
+};
+
+/// What scores need beside traces and truth.
+struct ScoreBasis {
+  double stiffness_n_per_mm = 0.0;
+  double device_resolution_mm = 0.0;
+  double stored_rounding_mm = 0.0;
+  std::vector<double> felt_stiffness_n_per_mm;  ///< by model, for energy
+  bool forces_comparable = true;                ///< false: the truth lacks what the scene asks of a surface
+};
+
 /// One entry of `renderers`. What was not run or has no reference is nothing here and null in the document.
 struct RendererResult {
   std::string label;
   std::string name;
   std::vector<std::pair<std::string, std::string>> options;  ///< as resolved, values as text
+  render::Role role = render::Role::kRival;
+  render::Geometry works_on = render::Geometry::kPoints;
+  std::vector<std::string> missing;  ///< what the scene asks for and it leaves out
   RunStatus status = RunStatus::kOk;
   std::string reason;  ///< why it did not finish or failed
   using Model = ResultModel;
@@ -46,22 +86,25 @@ struct RendererResult {
   std::optional<trace::PacedStatistics> paced_evicted;  ///< frame_paced.evicted
   std::optional<Accuracy> accuracy;
   std::optional<Energy> energy;
-  std::string trace_hash;  ///< trace::trace_hash(); empty = null
+  std::string trace_hash;               ///< trace::trace_hash(); empty = null
+  std::string trace_file, scores_file;  ///< of the study; empty = null
 
   /// Takes over what a replay measured.
   void take(const trace::ReplayReport& report);
 };
 
-struct ResultDocument {
+struct ResultDocument : DocumentHead {
   std::string schema = kResultSchema;
-  std::string version;  ///< of Palpate
-  std::string commit;
-  std::string build;  ///< build type and compiler, in words
-  MachineInfo machine;
-  std::string scene;        ///< the scene file, or the model as given
-  std::string path;         ///< the path's name
-  std::string started_utc;  ///< ISO 8601, "2026-01-31T12:00:00Z"
-  std::string command;      ///< the command line that repeats it; may be empty
+  std::string title;                    ///< of the study, for a person; may be empty
+  std::string about;                    ///< what it is about, a sentence or two; may be empty
+  std::string scene;                    ///< the scene file, or the model as given
+  std::string path;                     ///< the path's name
+  std::vector<StudyModel> models{};     ///< of the scene
+  std::optional<StudyTruth> truth{};    ///< nothing: there is none
+  std::optional<ScoreBasis> scoring{};  ///< nothing: what is measured here is no study
+  std::vector<std::string> warnings{};  ///< of scene and path, for all renderers: what makes results doubtful
+  std::vector<std::string> notes{};     ///< of scene and path: what a reader should know
+  bool complete = true;                 ///< false: the run goes on, or was interrupted
   std::vector<RendererResult> renderers;
 };
 

@@ -1,5 +1,6 @@
 // The keys of a result document, once for writing and reading: each visit() names every field of a struct in
-// the order of the document. A visitor has `void operator()(const char* key, Field& field)`.
+// the order of the document. A visitor has `void operator()(const char* key, Field& field)` and, for keys
+// that earlier documents of the same schema do not have, later() of the same form.
 #pragma once
 
 #include "toolkit/metrics/result_json.h"
@@ -13,6 +14,7 @@ void visit_statistics(V&& v, S& s) {
   v("timed_frames", s.timed_frames);
   v("min_us", s.min_us);
   v("mean_us", s.mean_us);
+  v.later("mean_clocked_us", s.mean_clocked_us);
   v("p50_us", s.p50_us);
   v("p99_us", s.p99_us);
   v("p999_us", s.p999_us);
@@ -36,6 +38,8 @@ void visit_accuracy(V&& v, S& s) {
   v("reference", s.reference);
   v("exactness", s.exactness);
   v("floor_n", s.floor_n);
+  v.later("rounding_n", s.rounding_n);
+  v.later("rounding_mm", s.rounding_mm);
   v("frames", s.frames);
   v("contact_frames", s.contact_frames);
   v("force_rms_n", s.force_rms_n);
@@ -73,6 +77,31 @@ void visit_energy(V&& v, S& s) {
   v("generated_mj", s.generated_mj);
   v("max_stored_mj", s.max_stored_mj);
   v("final_mj", s.final_mj);
+  v.later("rounding_mj", s.rounding_mj);
+}
+
+/// And `sample`, which may be null.
+template <class V, class S>
+void visit_model(V&& v, S& s) {
+  v("name", s.name);
+  v("source", s.source);
+  v("hash", s.hash);
+  v("points", s.points);
+}
+
+template <class V, class S>
+void visit_truth(V&& v, S& s) {
+  v("name", s.name);
+  v("exactness", s.exactness);
+  v("file", s.file);
+}
+
+/// And the two keys that are no single number.
+template <class V, class S>
+void visit_scoring(V&& v, S& s) {
+  v("stiffness_n_per_mm", s.stiffness_n_per_mm);
+  v("device_resolution_mm", s.device_resolution_mm);
+  v("stored_rounding_mm", s.stored_rounding_mm);
 }
 
 template <class V, class S>

@@ -161,9 +161,13 @@ Builder modified() {
             o.growth_limit = options.number("growth_limit");
             ModifiedKnnReport r;
             Built built{modified_knn(cloud, o, threads, &r), {}};
-            if (r.fewer_than_eight > 0)
+            if (r.fewer_than_eight > 0) {
+              std::size_t none = 0;
+              for (std::size_t i = 0; i < built.table.size(); ++i) none += built.table.count(i) == 0;
               built.notes.push_back(
-                  fmt::format("{} points have fewer than eight neighbours", r.fewer_than_eight));
+                  fmt::format("{} points have fewer than eight neighbours, {} none{}", r.fewer_than_eight,
+                              none, o.complete_to_eight ? "" : "; complete=true gives them eight"));
+            }
             return built;
           }};
 }

@@ -1,6 +1,6 @@
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <vector>
 
 #include "toolkit/neighbourhood/knn.h"
 #include "toolkit/neighbourhood/knn_engine.h"
@@ -8,9 +8,9 @@
 namespace palpate::neighbourhood {
 namespace {
 
-/// Sizes a cube may take, from the growth limit down; 2^-64 of the limit divides anything a float can hold
-/// apart.
-constexpr std::size_t kMaxSizes = 192;
+/// Cubes go from the growth limit down to 2^-96 of it, which divides anything that floats around a spacing
+/// hold apart.
+constexpr double kLeastShare = 0x1.0p-96;
 /// A block is the cube and the layer of its like around it: three edges wide, 1.5 from its middle.
 constexpr double kBlockHalfPerEdge = 1.5;
 /// "at most nine (eight neighbours plus the point of interest)".
@@ -18,7 +18,7 @@ constexpr std::size_t kAtMost = kNeighbours + 1;
 
 /// The half widths of the blocks tried, largest first.
 struct Sizes {
-  std::array<double, kMaxSizes> half_mm{};
+  std::vector<double> half_mm;
   std::size_t count = 0;
 };
 
@@ -27,8 +27,9 @@ Sizes sizes_of(const ModifiedKnnOptions& options, double spacing_mm) {
   const double start = kBlockHalfPerEdge * options.start_size * spacing_mm;
   double largest = start;
   while (largest / options.refinement <= start * options.growth_limit) largest /= options.refinement;
-  for (double half = largest; sizes.count < kMaxSizes && half > 0.0; half *= options.refinement)
-    sizes.half_mm[sizes.count++] = half;
+  for (double half = largest; half > kLeastShare * largest; half *= options.refinement)
+    sizes.half_mm.push_back(half);
+  sizes.count = sizes.half_mm.size();
   return sizes;
 }
 

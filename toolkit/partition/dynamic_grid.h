@@ -37,10 +37,10 @@ class DynamicGrid {
     return change_cell(place, from, to);
   }
 
-  /// Takes in a point that the cloud did not have. `place` is beyond the cloud's and below its size plus
-  /// PartitionOptions::spare_places, and not taken in already. kMoved or kFull.
-  [[nodiscard]] MoveStatus add(std::uint32_t place, const Vec3f& at_mm) noexcept;
-  /// Takes out a point that was added, from where it is.
+  template <class At>
+  [[nodiscard]] MoveStatus add(std::uint32_t place, const Vec3f& at_mm, const At& /*at*/) noexcept {
+    return add(place, at_mm);
+  }
   void remove(std::uint32_t place, const Vec3f& at_mm) noexcept;
 
   /// The cells of the box that all points have ever been in.
@@ -63,6 +63,7 @@ class DynamicGrid {
     LeafState leaf;  ///< listed == 0: a free slot
   };
 
+  [[nodiscard]] MoveStatus add(std::uint32_t place, const Vec3f& at_mm) noexcept;
   [[nodiscard]] MoveStatus change_cell(std::uint32_t place, const Cell& from, const Cell& to) noexcept;
   [[nodiscard]] bool has_room(const Cell& cell) const noexcept;
   void leave_cell(std::uint32_t place, const Cell& cell) noexcept;

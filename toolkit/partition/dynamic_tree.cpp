@@ -13,7 +13,7 @@ DynamicTree<kAxes> DynamicTree<kAxes>::build(const cloud::Cloud& cloud, const Pa
   tree.last_level_ = kMortonBits - std::clamp(options.max_depth, 0, kMortonBits);
   tree.frame_ = built.frame();
   tree.order_.assign(built.order().begin(), built.order().end());
-  tree.moved_ = MovedPlaces(cloud.size());
+  tree.moved_ = MovedPlaces(cloud.size() + options.spare_places);
 
   const std::size_t nodes = built.nodes().size();
   const std::size_t blocks =

@@ -41,18 +41,26 @@ class DynamicTree {
   template <class At>
   [[nodiscard]] MoveStatus move(std::uint32_t place, const Vec3f& to_mm, const At& at) noexcept {
     const Vec3 from = widened(at(place)), to = widened(to_mm);
-    if (!is_near(to)) return MoveStatus::kFull;
-    while (!frame_.holds<kAxes>(to))
-      if (!grow_root(to)) return MoveStatus::kFull;
+    if (!reach(to)) return MoveStatus::kFull;
     const LeafAt source = leaf_at<kAxes>(nodes_, frame_, from);
     if (same_box(from, to, source.level)) return MoveStatus::kStays;
     moved_.leave(states_[source.node], place);
     join_around(source.node);
-    const LeafAt target = leaf_at<kAxes>(nodes_, frame_, to);
-    moved_.enter(states_[target.node], home(target.node), place);
-    if (may_divide(target))
-      divide(target, [&](std::uint32_t other) { return other == place ? to : widened(at(other)); });
+    enter_leaf(place, to, at);
     return MoveStatus::kMoved;
+  }
+  template <class At>
+  [[nodiscard]] MoveStatus add(std::uint32_t place, const Vec3f& at_mm, const At& at) noexcept {
+    const Vec3 to = widened(at_mm);
+    if (place >= moved_.places() || !reach(to)) return MoveStatus::kFull;
+    moved_.add(place);
+    enter_leaf(place, to, at);
+    return MoveStatus::kMoved;
+  }
+  void remove(std::uint32_t place, const Vec3f& at_mm) noexcept {
+    const std::uint32_t leaf = leaf_at<kAxes>(nodes_, frame_, widened(at_mm)).node;
+    moved_.leave(states_[leaf], place);
+    join_around(leaf);
   }
 
   [[nodiscard]] const LargeVector<TreeNode>& nodes() const noexcept { return nodes_; }
@@ -95,6 +103,21 @@ class DynamicTree {
     return parents_[(spare_node - first_spare_) / kChildren];
   }
 
+  /// Makes the root hold a point; false where it cannot.
+  bool reach(const Vec3& to_mm) noexcept {
+    if (!is_near(to_mm)) return false;
+    while (!frame_.holds<kAxes>(to_mm))
+      if (!grow_root(to_mm)) return false;
+    return true;
+  }
+  /// Of a place that is in no leaf; the root holds `to_mm`.
+  template <class At>
+  void enter_leaf(std::uint32_t place, const Vec3& to_mm, const At& at) noexcept {
+    const LeafAt target = leaf_at<kAxes>(nodes_, frame_, to_mm);
+    moved_.enter(states_[target.node], home(target.node), place);
+    if (may_divide(target))
+      divide(target, [&](std::uint32_t other) { return other == place ? to_mm : widened(at(other)); });
+  }
   /// Takes a block of empty leaves from the pool; there must be one.
   std::uint32_t take_block(std::uint32_t parent) noexcept;
   void give_block(std::uint32_t block) noexcept;

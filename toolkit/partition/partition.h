@@ -30,7 +30,7 @@ struct PartitionOptions {
   int max_depth = kMortonBits;                ///< of a tree, 0 .. kMortonBits; 0 is the root alone
   /// Of partitions that follow moving points: spare cells or nodes, as a share of those built.
   double spare = 0.25;
-  /// Of a moving grid: places beyond the cloud's that may be added later.
+  /// Of partitions that follow moving points: places beyond the cloud's that may be added later.
   std::size_t spare_places = 0;
 };
 
@@ -97,10 +97,16 @@ struct AnyPositions {
 /// finite is refused as too far away. Places keep their numbers; a place far from its leaf's others is
 /// visited as a range of its own, so every place still comes at most once. move allocates nothing and its
 /// work is bounded by the depth and the points of a leaf, not by the cloud. Not to be read while it moves.
+/// p.add(place, where, at) takes in a point that the cloud did not have, its place beyond the cloud's, below
+/// its size plus PartitionOptions::spare_places and not taken in already: kMoved or kFull. p.remove(place,
+/// where) takes out one that was added.
 template <class P>
 concept DynamicPartition = Partition<P> && requires(P& p, const Vec3f& to_mm, detail::AnyPositions at) {
   { p.move(0u, to_mm, at) }
   noexcept->std::same_as<MoveStatus>;
+  { p.add(0u, to_mm, at) }
+  noexcept->std::same_as<MoveStatus>;
+  p.remove(0u, to_mm);
   { p.spare_left() } -> std::same_as<std::size_t>;
 };
 

@@ -5,7 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "toolkit/cloud/height_field.h"
+#include "toolkit/cloud/height_field_holes.h"
+#include "toolkit/core/numbers.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/neighbourhood/knn.h"
 #include "toolkit/neighbourhood/spacing.h"
@@ -33,6 +34,21 @@ constexpr double kGridBytesPerPoint = 16.0 * 4.0 / 25.0;
 
 bool is_flat_choice(const NamedOptions& renderer) {
   return renderer.name.starts_with("heightfield");
+}
+
+/// As printed, and where it is asked for, nothing is filled.
+bool fills_gaps(const NamedOptions& renderer) {
+  return renderer.name == "heightfield" &&
+         (!renderer.options.has("holes") || renderer.options.text("holes") == "fill");
+}
+
+Decision holes_decision(const cloud::HeightFieldFacts& facts, const NamedOptions& renderer) {
+  const std::size_t open = facts.holes.missing - (fills_gaps(renderer) ? facts.holes.gaps : 0);
+  return {"holes",
+          facts.holes.missing == 0 ? "none"
+          : open == 0              ? "filled"
+                                   : fmt::format("open, {} posts", open),
+          "it is " + facts.words, renderer.options.has("holes")};
 }
 
 Decision neighbours_decision(const cloud::Cloud& cloud, const NamedOptions& renderer) {
@@ -110,14 +126,20 @@ Result<ModelPlan> plan_model(const render::ModelInput& model, const NamedOptions
   ModelPlan plan;
   plan.name = model.name;
   plan.points = cloud.size();
+  const bool flat = is_flat_choice(renderer);
+  if (flat) {
+    const cloud::HeightFieldFacts facts = cloud::height_field_facts(cloud, fills_gaps(renderer));
+    if (!facts.is) return Error{facts.words, "use the renderer cloud", {}, 0};
+    plan.bytes = sizeof(float) * facts.posts();
+    plan.decisions.push_back(holes_decision(facts, renderer));
+  }
   const neighbourhood::NeighbourTable nearest = neighbourhood::exact_knn(cloud, threads);
   const neighbourhood::Spacing spacing = neighbourhood::describe_spacing(cloud, nearest);
   plan.spacing_mm = spacing.resolution_mm;
-  const bool flat = is_flat_choice(renderer);
-  plan.bytes = flat ? sizeof(float) * plan.points
-                    : static_cast<std::uint64_t>((sizeof(render::StoredPoint) +
-                                                  sizeof(neighbourhood::Neighbours) + kGridBytesPerPoint) *
-                                                 static_cast<double>(plan.points));
+  if (!flat)
+    plan.bytes = static_cast<std::uint64_t>(
+        (sizeof(render::StoredPoint) + sizeof(neighbourhood::Neighbours) + kGridBytesPerPoint) *
+        static_cast<double>(plan.points));
   plan.decisions.push_back(neighbours_decision(cloud, renderer));
   if (!flat)
     plan.decisions.push_back(
@@ -173,13 +195,14 @@ Decision choose_renderer(const render::SceneInput& scene) {
   if (scene.models.size() != 1) return {"renderer", "cloud", "several models"};
   const render::ModelInput& model = scene.models.front();
   if (model.surface.dent.any() || model.moves != nullptr) return {"renderer", "cloud", "its points give way"};
-  const Result<cloud::HeightField> field = cloud::height_field_of(*model.cloud);
-  if (!field) return {"renderer", "cloud", "it is no height field on a regular grid: " + field.error().what};
-  return {
-      "renderer", "heightfield",
-      fmt::format("the points stand on a plan lattice of {} x {}, one height each: nearer and faster answers "
-                  "from a twelfth of the memory",
-                  field->columns, field->rows)};
+  const cloud::HeightFieldFacts facts = cloud::height_field_facts(*model.cloud);
+  if (!facts.is) return {"renderer", "cloud", facts.words};
+  return {"renderer", "heightfield",
+          fmt::format(
+              "the points are a height field on {}; its answers are nearer and faster than those of "
+              "cloud, from {:.3g} bytes a point",
+              facts.words,
+              static_cast<double>(sizeof(float) * facts.posts()) / static_cast<double>(model.cloud->size()))};
 }
 
 Result<Plan> make_plan(const render::SceneInput& scene, const std::optional<NamedOptions>& wanted,
@@ -216,14 +239,13 @@ std::string text(const Plan& plan) {
   };
   lines(plan.decisions, "");
   for (const ModelPlan& model : plan.models) {
-    out += fmt::format("\n{}: {} points, spacing up to {:.4g} mm, {:.3g} MB\n", model.name, model.points,
-                       model.spacing_mm, static_cast<double>(model.bytes) * 1e-6);
+    out += fmt::format("\n{}: {} points, spacing up to {} mm, {}\n", model.name, count_text(model.points),
+                       short_number(model.spacing_mm), bytes_text(static_cast<double>(model.bytes)));
     lines(model.decisions, "  ");
   }
-  out += fmt::format(
-      "\nexpected: {:.3g} MB beside the points, {:.3g} ms of preparation, {:.2g} us a frame in contact "
-      "({})\n",
-      static_cast<double>(plan.bytes) * 1e-6, plan.prepare_ms, plan.frame_us, kPlanHardware);
+  out += fmt::format("\nexpected: {} beside the points, {} of preparation, {} µs a frame in contact ({})\n",
+                     bytes_text(static_cast<double>(plan.bytes)), duration_text(plan.prepare_ms),
+                     short_number(plan.frame_us), kPlanHardware);
   return out;
 }
 

@@ -36,111 +36,116 @@ Result<PrepareReport> AnalyticRenderer::prepare(const SceneInput& scene, const P
                    "use 'analytic' with generated models only",
                    {},
                    0};
-    Model model;
-    model.surface = input.analytic;
-    model.pose = ModelPose(input, Vec3::Zero());
-    model.stiffness_n_per_mm = input.surface.stiffness_n_per_mm;
-    model.sub_step_mm = kSubStepPerBox * input.analytic->box_mm().extent_mm().norm();
+    models_.add(std::make_unique<Model>(input, kSubStepPerBox * input.analytic->box_mm().extent_mm().norm()));
     report.notes.push_back(fmt::format("{}: {}", input.name, input.analytic->formula()));
-    models_.push_back(std::move(model));
   }
-  force_limit_n_ = scene.force_limit_n;
-  started_ = false;
-  counters_ = {};
-  report.bytes = models_.size() * sizeof(Model);
+  models_.finish(scene.force_limit_n, Combine::kJoint, report);
+  report.bytes += models_.size() * sizeof(Model);
   report.total_ms = watch.ms();
   report.phases.push_back({"set up", report.total_ms});
   return report;
 }
 
-void AnalyticRenderer::reset(const Vec3& hip_mm) noexcept {
-  counters_ = {};
-  now_s_ = 0.0;
+void AnalyticRenderer::restart(const Vec3& hip_mm, double t_s) noexcept {
   normal_ = Vec3::UnitZ();
-  started_ = is_finite(hip_mm);
-  for (Model& model : models_) {
-    model.touching = false;
-    model.pose.take(now_s_);
-    if (started_) model.reached_mm = model.pose.to_local(hip_mm);
-  }
+  models_.restart(hip_mm, t_s);
 }
 
-bool AnalyticRenderer::stay_in_contact(Model& model, const Vec3& hip_mm, FrameCounters& counters) noexcept {
-  const Vec3 start = model.reached_mm;
-  const Vec3 motion = hip_mm - start;
-  const double wanted = std::ceil(motion.norm() / model.sub_step_mm);
+void AnalyticRenderer::let_go(const Vec3& hip_mm) noexcept {
+  normal_ = Vec3::UnitZ();
+  models_.let_go(hip_mm);
+}
+
+Frame AnalyticRenderer::step(const Vec3& hip_mm, double t_s) noexcept {
+  const Frame frame = models_.step(hip_mm, t_s);
+  normal_ = Vec3::UnitZ();
+  if (frame.contact) {
+    const Model& model = models_[static_cast<std::size_t>(frame.model)];
+    normal_ = model.pose().direction_to_world(model.god_object().normal);
+  }
+  return frame;
+}
+
+AnalyticRenderer::Model::Model(const ModelInput& input, double sub_step_mm)
+    : surface_(input.analytic),
+      pose_(input, Vec3::Zero()),
+      stiffness_n_per_mm_(input.surface.stiffness_n_per_mm),
+      sub_step_mm_(sub_step_mm) {}
+
+void AnalyticRenderer::Model::let_go(const Vec3& h) noexcept {
+  touching_ = false;
+  started_ = is_finite(h);
+  if (started_) reached_ = h;
+}
+
+bool AnalyticRenderer::Model::stay_in_contact(const Vec3& h, FrameCounters& counters) noexcept {
+  const Vec3 start = reached_;
+  const Vec3 motion = h - start;
+  const double wanted = std::ceil(motion.norm() / sub_step_mm_);
   const int steps = static_cast<int>(std::clamp(wanted, 1.0, static_cast<double>(kMostSubSteps)));
   Vec3 before = start;
   for (int i = 1; i <= steps; ++i) {
-    const Vec3 hip = i == steps ? hip_mm : Vec3(start + (static_cast<double>(i) / steps) * motion);
-    model.god_object = model.surface->track(model.god_object, hip);
+    const Vec3 hip = i == steps ? h : Vec3(start + (static_cast<double>(i) / steps) * motion);
+    god_object_ = surface_->track(god_object_, hip);
     ++counters.walk_steps;
-    if ((model.god_object.point_mm - hip).dot(model.god_object.normal) <= 0.0) {
+    if ((god_object_.point_mm - hip).dot(god_object_.normal) <= 0.0) {
       // Out of this sheet. Where that led into another part of the inside (a narrow valley), the motion is
       // searched again from the sub-step before, so that the crossing between is found.
-      model.reached_mm = model.surface->signed_distance_mm(hip) < 0.0 ? before : hip;
-      model.touching = false;
+      reached_ = surface_->signed_distance_mm(hip) < 0.0 ? before : hip;
+      touching_ = false;
       return false;
     }
     before = hip;
   }
-  model.reached_mm = hip_mm;
+  reached_ = h;
   return true;
 }
 
-bool AnalyticRenderer::follow(Model& model, const Vec3& hip_mm, FrameCounters& counters) noexcept {
+bool AnalyticRenderer::Model::follow(const Vec3& h, FrameCounters& counters) noexcept {
   for (int event = 0; event < kMostEvents; ++event) {
-    if (model.touching) {
-      if (stay_in_contact(model, hip_mm, counters)) return true;
+    if (touching_) {
+      if (stay_in_contact(h, counters)) return true;
       continue;
     }
-    const std::optional<geometry::SurfacePoint> entry = model.surface->first_entry(model.reached_mm, hip_mm);
+    const std::optional<geometry::SurfacePoint> entry = surface_->first_entry(reached_, h);
     if (!entry) {
-      model.reached_mm = hip_mm;
+      reached_ = h;
       return true;
     }
-    model.touching = true;
-    model.god_object = *entry;
-    model.reached_mm = entry->point_mm;
+    touching_ = true;
+    god_object_ = *entry;
+    reached_ = entry->point_mm;
   }
   return false;
 }
 
-Frame AnalyticRenderer::step(const Vec3& hip_mm, double dt_s) noexcept {
-  now_s_ += dt_s;
-  Frame frame;
-  frame.god_object_mm = hip_mm;
-  ++counters_.frames;
-  normal_ = Vec3::UnitZ();
-  if (!is_finite(hip_mm)) {
-    frame.status = FrameStatus::kNonFinite;
-    return frame;
-  }
-  if (!started_) {
-    for (Model& model : models_) model.reached_mm = model.pose.to_local(hip_mm);
-    started_ = true;
-  }
-  double largest_n = -1.0;
-  for (std::size_t i = 0; i < models_.size(); ++i) {
-    Model& model = models_[i];
-    model.pose.take(now_s_);
-    const Vec3 hip = model.pose.to_local(hip_mm);
-    if (!follow(model, hip, counters_)) frame.status = FrameStatus::kBoundHit;
-    if (!model.touching) continue;
-    const Vec3 force_n =
-        model.pose.direction_to_world(model.stiffness_n_per_mm * (model.god_object.point_mm - hip));
-    frame.force_n += force_n;
-    if (force_n.norm() > largest_n) {
-      largest_n = force_n.norm();
-      frame.contact = true;
-      frame.model = static_cast<std::int32_t>(i);
-      frame.god_object_mm = model.pose.to_world(model.god_object.point_mm);
-      normal_ = model.pose.direction_to_world(model.god_object.normal);
-    }
-  }
-  frame.force_n = limited(frame.force_n, force_limit_n_);
-  if (frame.status == FrameStatus::kBoundHit) ++counters_.bound_hits;
-  return frame;
+bool AnalyticRenderer::Model::touch(const Vec3& /*goal*/, const Vec3& h, Memory& memory,
+                                    SurfaceContact& contact, FrameStatus& status,
+                                    FrameCounters& counters) noexcept {
+  if (!started_) reached_ = h;
+  started_ = true;
+  if (!follow(h, counters)) status = FrameStatus::kBoundHit;
+  if (!touching_) return false;
+  memory = god_object_;
+  contact.hip = h;
+  contact.pull = god_object_.point_mm - h;
+  contact.stiffness_n_per_mm = stiffness_n_per_mm_;
+  return true;
+}
+
+SurfaceAnswer AnalyticRenderer::Model::respond(const SurfaceContact& contact) const noexcept {
+  // Not moved by other models: the point itself, without the rounding of the way there and back.
+  const bool alone = contact.pull == god_object_.point_mm - contact.hip;
+  return {stiffness_n_per_mm_ * contact.pull,
+          alone ? god_object_.point_mm : Vec3(contact.hip + contact.pull)};
+}
+
+/// The tangent plane where the surface is nearest to `at_world`, as tracked from the god object.
+void AnalyticRenderer::Model::planes_near(const Memory& memory, const Vec3& at_world, JointPlanes& planes,
+                                          FrameCounters& /*counters*/) const noexcept {
+  const geometry::SurfacePoint near = surface_->track(memory, pose_.to_local(at_world));
+  const Vec3 normal = pose_.direction_to_world(near.normal);
+  planes.add({normal, normal.dot(pose_.to_world(near.point_mm))});
 }
 
 Description AnalyticRenderer::describe() const {
@@ -161,7 +166,9 @@ RendererInfo analytic_renderer_info() {
   info.name = kName;
   info.summary = kSummary;
   info.source = kSource;
-  info.needs_analytic = true;
+  info.role = Role::kReference;
+  info.geometry = Geometry::kFormula;
+  info.supports = Feature::kMotion | Feature::kManyModels | Feature::kJointContact;
   info.make = [](const Options&) { return std::make_unique<AnalyticRenderer>(); };
   return info;
 }

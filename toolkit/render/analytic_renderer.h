@@ -3,13 +3,13 @@
 // A constrained god object (Zilles and Salisbury 1995) in double: free until the HIP's segment enters the
 // surface, then the local minimum of the distance to the HIP, tracked along the surface from the entry, until
 // the HIP is back outside as seen from there. The HIP's motion is sub-stepped within a frame, so that the
-// answer is the converged one. It is never timed. Several models: each keeps its own god object, forces add
-// up; the god object, model and normal reported are those of the model with the largest force.
+// answer is the converged one. It is never timed. Several models touched at once hold the god object together
+// (see frame_shell.h); the model and normal reported are those of the largest force.
 #pragma once
 
-#include <vector>
+#include <memory>
 
-#include "toolkit/render/model_pose.h"
+#include "toolkit/render/frame_shell.h"
 #include "toolkit/render/registry.h"
 #include "toolkit/render/renderer.h"
 
@@ -20,35 +20,50 @@ class AnalyticRenderer final : public HapticRenderer {
   /// Fails when a model has no formula.
   [[nodiscard]] Result<PrepareReport> prepare(const SceneInput& scene,
                                               const PrepareContext& context) override;
-  void reset(const Vec3& hip_mm) noexcept override;
-  [[nodiscard]] Frame step(const Vec3& hip_mm, double dt_s) noexcept override;
-  [[nodiscard]] FrameCounters counters() const noexcept override { return counters_; }
+  void restart(const Vec3& hip_mm, double t_s) noexcept override;
+  void let_go(const Vec3& hip_mm) noexcept override;
+  [[nodiscard]] Frame step(const Vec3& hip_mm, double t_s) noexcept override;
+  [[nodiscard]] FrameCounters counters() const noexcept override { return models_.counters(); }
   [[nodiscard]] Description describe() const override;
 
   /// Outward unit normal at the god object of the last frame, world frame; (0, 0, 1) when it was free.
   [[nodiscard]] const Vec3& normal() const noexcept { return normal_; }
 
  private:
-  struct Model {
-    std::shared_ptr<const geometry::AnalyticSurface> surface;
-    ModelPose pose;
-    double stiffness_n_per_mm = 0.0;
-    double sub_step_mm = 0.0;
-    // State, model frame.
-    bool touching = false;
-    geometry::SurfacePoint god_object;
-    Vec3 reached_mm = Vec3::Zero();  ///< where the HIP's motion has been followed to
-  };
-  /// Follows the HIP's motion to `hip_mm` (model frame); false when a bound stopped it on the way.
-  static bool follow(Model& model, const Vec3& hip_mm, FrameCounters& counters) noexcept;
-  /// Tracks in contact; false when it was released, `reached_mm` then tells where.
-  static bool stay_in_contact(Model& model, const Vec3& hip_mm, FrameCounters& counters) noexcept;
+  /// The local model of the frame shell.
+  class Model {
+   public:
+    using Memory = geometry::SurfacePoint;
+    Model(const ModelInput& input, double sub_step_mm);
 
-  std::vector<Model> models_;
-  double force_limit_n_ = 0.0;
-  double now_s_ = 0.0;
-  bool started_ = false;
-  FrameCounters counters_;
+    [[nodiscard]] ModelPose& pose() noexcept { return pose_; }
+    [[nodiscard]] const ModelPose& pose() const noexcept { return pose_; }
+    [[nodiscard]] const geometry::SurfacePoint& god_object() const noexcept { return god_object_; }
+    void let_go(const Vec3& h) noexcept;
+    void release() noexcept {}
+    [[nodiscard]] bool touch(const Vec3& goal, const Vec3& h, Memory& memory, SurfaceContact& contact,
+                             FrameStatus& status, FrameCounters& counters) noexcept;
+    [[nodiscard]] SurfaceAnswer respond(const SurfaceContact& contact) const noexcept;
+    void planes_near(const Memory& memory, const Vec3& at_world, JointPlanes& planes,
+                     FrameCounters& counters) const noexcept;
+
+   private:
+    /// Follows the HIP's motion to `h`; false when a bound stopped it on the way.
+    bool follow(const Vec3& h, FrameCounters& counters) noexcept;
+    /// Tracks in contact; false when it was released, reached_ then tells where.
+    bool stay_in_contact(const Vec3& h, FrameCounters& counters) noexcept;
+
+    std::shared_ptr<const geometry::AnalyticSurface> surface_;
+    ModelPose pose_;
+    double stiffness_n_per_mm_;
+    double sub_step_mm_;
+    bool touching_ = false;
+    bool started_ = false;
+    geometry::SurfacePoint god_object_;
+    Vec3 reached_ = Vec3::Zero();  ///< where the HIP's motion has been followed to
+  };
+
+  FrameShell<Model> models_;
   Vec3 normal_ = Vec3::UnitZ();
 };
 

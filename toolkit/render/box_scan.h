@@ -57,16 +57,10 @@ struct BoxScan {
   /// when all boxes of the segment have been tested. One choice a frame, always the same for a model.
   template <class Skip>
   bool advance(const PointModel& model, FrameCounters& counters, Skip&& skip) noexcept {
-    const bool swept = model.sphere_mm > 0.0;
     if (model.tree.index() == 0) [[likely]]
-      return swept ? scan<true>(model, model.grid, counters, skip)
-                   : scan<false>(model, model.grid, counters, skip);
-    if (const auto* octree = std::get_if<partition::Octree>(&model.tree))
-      return swept ? scan<true>(model, *octree, counters, skip) : scan<false>(model, *octree, counters, skip);
-    if (const auto* moving = std::get_if<partition::DynamicGrid>(&model.tree))
-      return swept ? scan<true>(model, *moving, counters, skip) : scan<false>(model, *moving, counters, skip);
-    const auto& quadtree = *std::get_if<partition::Quadtree3d>(&model.tree);
-    return swept ? scan<true>(model, quadtree, counters, skip) : scan<false>(model, quadtree, counters, skip);
+      return scan_any(model, model.grid, counters, skip);
+    return with_partition(model,
+                          [&](const auto& tree) noexcept { return scan_any(model, tree, counters, skip); });
   }
 
   /// advance() for one partition, whose order of places is the model's. A partition that moves points while
@@ -103,6 +97,11 @@ struct BoxScan {
   }
 
  private:
+  template <class P, class Skip>
+  bool scan_any(const PointModel& model, const P& partition, FrameCounters& counters, Skip&& skip) noexcept {
+    return model.sphere_mm > 0.0 ? scan<true>(model, partition, counters, skip)
+                                 : scan<false>(model, partition, counters, skip);
+  }
   template <bool kSwept>
   static bool touches(const PointModel& model, const geometry::SegmentProbe& probe, std::uint32_t place,
                       FrameCounters& counters) noexcept {

@@ -2,11 +2,16 @@
 
 #include <cmath>
 #include <limits>
+#include <memory>
+#include <utility>
 
 #include "toolkit/geometry/segment_box.h"
+#include "toolkit/render/frame_shell.h"
+#include "toolkit/render/free_sides.h"
 #include "toolkit/render/point_walk.h"
 #include "toolkit/render/shading.h"
 #include "toolkit/render/sheet.h"
+#include "toolkit/render/surface_response.h"
 
 namespace palpate::render {
 namespace {
@@ -14,41 +19,31 @@ namespace {
 /// The same surface as `cloud`, answered without grid or walk: the god object is the nearest of all points,
 /// contact begins when a crossed box belongs to a plane the HIP went under, and the side is the one the HIP
 /// came from. Where the nearest point is on the touched sheet (shallow probing of smooth parts) `cloud` must
-/// agree with it exactly; in thin parts it pops through, as every nearest-point method does.
-class BruteForce final : public HapticRenderer {
+/// agree with it exactly; in thin parts it pops through, as every nearest-point method does. Friction,
+/// texture and deformation answer as in `cloud`, with the properties of that point.
+class BruteModel {
  public:
-  explicit BruteForce(const Options& options) : options_(options) {}
-
-  Result<PrepareReport> prepare(const SceneInput& scene, const PrepareContext& context) override {
-    PrepareReport report;
-    const Result<const ModelInput*> input = only_model(scene);
-    if (!input) return input.error();
-    Result<PointModel> built = build_point_model(**input, point_model_options(options_), context, report);
-    if (!built) return std::move(built).error();
-    model_ = std::move(*built);
-    force_limit_n_ = scene.force_limit_n;
-    shading_ = options_.text("shading") == "auto" ? Shading::kNone : parse_shading(options_.text("shading"));
-    reset(model_.pose.to_world(Vec3::Zero()));
-    return report;
+  BruteModel(PointModel model, Shading shading) : model_(std::move(model)), shading_(shading) {
+    sides_.attach(model_);
   }
 
-  void reset(const Vec3& hip_mm) noexcept override {
-    previous_ = model_.pose.to_local(hip_mm);
+  struct Memory {};
+  [[nodiscard]] ModelPose& pose() noexcept { return model_.pose; }
+  [[nodiscard]] const ModelPose& pose() const noexcept { return model_.pose; }
+  void release() noexcept { state_.release(); }
+
+  void let_go(const Vec3& h) noexcept {
+    previous_ = h;
     near_ = contact_ = false;
-    counters_ = {};
-    closed_side_ =
-        model_.closed && surface::is_enclosed(model_.points, model_.neighbours, previous_) ? -1.0 : 1.0;
+    state_.release();
+  }
+  void restart(const Vec3& h) noexcept {
+    let_go(h);
+    sides_.find(model_, h);
   }
 
-  Frame step(const Vec3& hip_mm, double) noexcept override {
-    ++counters_.frames;
-    Frame frame;
-    if (!is_finite(hip_mm)) {
-      frame.status = FrameStatus::kNonFinite;
-      return frame;
-    }
-    frame.god_object_mm = hip_mm;
-    const Vec3 h = model_.pose.to_local(hip_mm);
+  [[nodiscard]] bool touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/, SurfaceContact& contact,
+                           FrameStatus& /*status*/, FrameCounters& /*counters*/) noexcept {
     if (!near_ && crosses_a_box(previous_, h)) {
       near_ = true;
       const std::uint32_t start = nearest(previous_);
@@ -58,20 +53,19 @@ class BruteForce final : public HapticRenderer {
       const std::uint32_t place = nearest(h);
       outward_ = outward_at(place, outward_);
       const Vec3 g = model_.points[place].at();
-      const double height = outward_.dot(h - g);
-      contact_ = height < 0.0;
-      if (contact_) answer(h, place, frame);
+      contact_ = outward_.dot(h - g) < 0.0;
+      if (contact_) contact = contact_at(h, place);
       if (!contact_ && (h - g).norm() > model_.largest_half_box_mm.norm() * kLeaveHalfDiagonals)
         near_ = false;
     }
     previous_ = h;
-    return frame;
+    return near_ && contact_;
   }
-
-  FrameCounters counters() const noexcept override { return counters_; }
-  Description describe() const override {
-    return {"brute-force", "every point, every frame", "oracle", "unbounded: every frame reads all points",
-            options_};
+  [[nodiscard]] SurfaceAnswer respond(const SurfaceContact& contact) noexcept {
+    SurfaceAnswer answer = respond_as_asked(state_, model_.surface, contact, model_.pose.origin_mm);
+    // The point itself, moved by what friction and texture move it aside.
+    if (contact.pull == pull_) answer.god_object_mm = god_ + (answer.god_object_mm - (contact.hip + pull_));
+    return answer;
   }
 
  private:
@@ -85,7 +79,7 @@ class BruteForce final : public HapticRenderer {
     const surface::NormalCode code = model_.points[place].normal;
     if (code == surface::kNoNormal) return like;
     const Vec3 n = surface::decode_normal(code);
-    const double side = surface::is_one_sided(code) ? closed_side_ : n.dot(like);
+    const double side = surface::is_one_sided(code) ? sides_.at(model_, place) : n.dot(like);
     return side < 0.0 ? Vec3(-n) : n;
   }
 
@@ -101,39 +95,76 @@ class BruteForce final : public HapticRenderer {
     }
     return best;
   }
-  bool crosses_a_box(const Vec3& a, const Vec3& b) noexcept {
+  bool crosses_a_box(const Vec3& a, const Vec3& b) const noexcept {
     const geometry::SegmentProbe probe(a, b);
     for (std::uint32_t i = 0; i < model_.points.size(); ++i)
       if (geometry::segment_touches_box(probe, model_.points[i].at(), model_.half_box(i))) return true;
     return false;
   }
-  void answer(const Vec3& h, std::uint32_t place, Frame& frame) const noexcept {
-    const Vec3 g = model_.points[place].at();
-    Vec3 pull = g - h;
+  SurfaceContact contact_at(const Vec3& h, std::uint32_t place) noexcept {
+    const SurfaceField& surface = model_.surface;
+    god_ = model_.points[place].at();
+    pull_ = god_ - h;
     if (shading_ != Shading::kNone) {
       WalkEnd end;
       end.place = place;
       end.look_around(model_, h);
       const NearestTwo two = nearest_two(model_, end);
-      pull = shaded_vector(shading_, h, g, model_.points[two.first].at(), model_.points[two.second].at());
+      pull_ = shaded_vector(shading_, h, god_, model_.points[two.first].at(), model_.points[two.second].at());
     }
-    frame.contact = true;
-    frame.model = 0;
-    frame.god_object_mm = model_.pose.to_world(g);
-    frame.force_n =
-        limited(model_.pose.direction_to_world(model_.surface.stiffness_n_per_mm * pull), force_limit_n_);
+    SurfaceContact contact = uniform_contact(surface, h, pull_);
+    if (!surface.of_place.empty()) {
+      const PlaceSurface& here = surface.of_place[place];
+      contact.stiffness_n_per_mm = static_cast<double>(here.stiffness_n_per_mm);
+      contact.static_friction = static_cast<double>(here.static_friction);
+      contact.dynamic_friction = static_cast<double>(here.dynamic_friction);
+    }
+    return contact;
   }
 
-  Options options_;
   PointModel model_;
-  Shading shading_ = Shading::kNone;
-  double force_limit_n_ = 0.0;
+  Shading shading_;
+  SurfaceState state_;
+  Vec3 god_ = Vec3::Zero(), pull_ = Vec3::Zero();  ///< of the last touch
   Vec3 previous_ = Vec3::Zero();
   Vec3 outward_ = Vec3::UnitZ();
-  double closed_side_ = 1.0;  ///< as in `cloud`
+  FreeSides sides_;  ///< as in `cloud`
   bool near_ = false;
   bool contact_ = false;
-  FrameCounters counters_;
+};
+
+class BruteForce final : public HapticRenderer {
+ public:
+  explicit BruteForce(const Options& options) : options_(options) {}
+
+  Result<PrepareReport> prepare(const SceneInput& scene, const PrepareContext& context) override {
+    PrepareReport report;
+    if (scene.models.empty()) return Error{"the scene has no model", "add a [[model]]", {}, 0};
+    const PointModelOptions o = point_model_options(options_);
+    const std::string& shading = options_.text("shading");
+    models_.clear();
+    for (const ModelInput& input : scene.models) {
+      Result<PointModel> built = build_point_model(input, o, context, report);
+      if (!built) return std::move(built).error();
+      models_.add(std::make_unique<BruteModel>(std::move(*built),
+                                               shading == "auto" ? Shading::kNone : parse_shading(shading)));
+    }
+    models_.finish(scene.force_limit_n, Combine::kJoint, report);
+    return report;
+  }
+
+  void restart(const Vec3& hip_mm, double t_s) noexcept override { models_.restart(hip_mm, t_s); }
+  void let_go(const Vec3& hip_mm) noexcept override { models_.let_go(hip_mm); }
+  Frame step(const Vec3& hip_mm, double t_s) noexcept override { return models_.step(hip_mm, t_s); }
+  FrameCounters counters() const noexcept override { return models_.counters(); }
+  Description describe() const override {
+    return {"brute-force", "every point, every frame", "oracle", "unbounded: every frame reads all points",
+            options_};
+  }
+
+ private:
+  Options options_;
+  FrameShell<BruteModel> models_;
 };
 
 }  // namespace
@@ -143,7 +174,10 @@ RendererInfo brute_force_info() {
   info.name = "brute-force";
   info.summary = "every point, every frame: the oracle of tests";
   info.source = "oracle";
-  info.options = point_model_specs();
+  info.role = Role::kOracle;
+  info.supports = kAllOfRigidSurfaces | Feature::kJointContact;
+  for (OptionSpec& spec : point_model_specs())
+    if (spec.key != "cell") info.options.push_back(std::move(spec));  // it looks into no grid
   info.options.push_back(shading_spec("force shading; auto: none"));
   info.make = [](const Options& options) { return std::make_unique<BruteForce>(options); };
   return info;

@@ -2,8 +2,8 @@
 
 #include <memory>
 
+#include "toolkit/render/frame_shell.h"
 #include "toolkit/render/literal_model.h"
-#include "toolkit/render/summed_models.h"
 
 namespace palpate::render {
 namespace {
@@ -24,21 +24,23 @@ class CloudLiteral final : public HapticRenderer {
     literal.count_missed = options_.flag("count_missed");
     PointModelOptions o = point_model_options(options_);
     o.normals = false;
-    models_.clear(scene.force_limit_n);
+    if (literal.cells == CellRule::kSampled && o.swept_sphere)
+      report.notes.push_back(
+          "cells: all that the swept sphere crosses, which no sampling of a segment finds");
+    models_.clear();
     for (const ModelInput& input : scene.models) {
       Result<PointModel> built = build_point_model(input, o, context, report);
       if (!built) return std::move(built).error();
-      if (built->surface.texture.any())
-        report.notes.push_back("texture: not rendered by the literal form, which prints no formula for it");
       const Shading shading = shading_of(*built, report);
       models_.add(std::make_unique<LiteralModel>(std::move(*built), shading, literal));
     }
-    reset(Vec3::Zero());
+    models_.finish(scene.force_limit_n, Combine::kSum, report);
     return report;
   }
 
-  void reset(const Vec3& hip_mm) noexcept override { models_.reset(hip_mm); }
-  Frame step(const Vec3& hip_mm, double dt_s) noexcept override { return models_.step(hip_mm, dt_s); }
+  void restart(const Vec3& hip_mm, double t_s) noexcept override { models_.restart(hip_mm, t_s); }
+  void let_go(const Vec3& hip_mm) noexcept override { models_.let_go(hip_mm); }
+  Frame step(const Vec3& hip_mm, double t_s) noexcept override { return models_.step(hip_mm, t_s); }
   FrameCounters counters() const noexcept override { return models_.counters(); }
 
   Description describe() const override {
@@ -58,7 +60,7 @@ class CloudLiteral final : public HapticRenderer {
   }
 
   Options options_;
-  SummedModels<LiteralModel> models_;
+  FrameShell<LiteralModel> models_;
 };
 
 }  // namespace
@@ -69,13 +71,16 @@ RendererInfo cloud_literal_info() {
   info.name = "cloud-literal";
   info.summary = "chapter 3 of the thesis as printed, defects included";
   info.source = "El-Far, chapter 3, figures 36 and 42";
-  info.options = point_model_specs();
+  info.role = Role::kLiteral;
+  info.supports = kAllOfRigidSurfaces.without(Feature::kTexture);
+  info.options = point_model_specs(false);
   for (OptionSpec& spec : box_test_specs()) info.options.push_back(std::move(spec));
   info.options.push_back(shading_spec("force shading; auto: area-raw above 0.2 mm, else none"));
   info.options.push_back({"cells",
                           kChoice,
                           "sampled",
-                          "cells searched: sampled as printed, all crossed, or adjacent ones too",
+                          "cells searched: sampled as printed (a swept sphere: all crossed), all crossed, or "
+                          "adjacent ones too",
                           {"sampled", "crossed", "adjacent"}});
   info.options.push_back(
       {"exit_test",
@@ -83,8 +88,14 @@ RendererInfo cloud_literal_info() {
        "figure",
        "what figure 42 tests on the way out: the sphere (figure) or the god object (text of 3.2.4)",
        {"figure", "text"}});
-  info.options.push_back(
-      {"count_missed", kFlag, "false", "count cells that the printed sampling skips (slower)", {}});
+  info.options.push_back({"count_missed",
+                          kFlag,
+                          "false",
+                          "count cells that the printed sampling skips (slower)",
+                          {},
+                          0.0,
+                          0.0,
+                          {{"cells", {"sampled"}}, {"test", {"box"}}}});
   info.make = [](const Options& options) { return std::make_unique<CloudLiteral>(options); };
   return info;
 }

@@ -16,22 +16,42 @@ double profile(double share_sq) noexcept {
   return left > 0.0 ? left * left : 0.0;
 }
 
+/// use(partition) for the moving one that the model has.
+template <class Use>
+auto with_moving(PointModel& model, Use&& use) noexcept {
+  if (auto* octree = std::get_if<partition::DynamicOctree>(&model.tree)) return use(*octree);
+  if (auto* quadtree = std::get_if<partition::DynamicQuadtree3d>(&model.tree)) return use(*quadtree);
+  return use(*std::get_if<partition::DynamicGrid>(&model.tree));
+}
+
+Vec3f stored_at(const PointModel& model, std::uint32_t place) noexcept {
+  const StoredPoint& point = model.points[place];
+  return {point.x_mm, point.y_mm, point.z_mm};
+}
+
+/// The partition follows a point; false where it has no room.
+bool follow_point(PointModel& model, std::uint32_t place, const Vec3f& to_mm) noexcept {
+  const auto at = [&](std::uint32_t p) { return stored_at(model, p); };
+  return with_moving(model, [&](auto& tree) { return tree.move(place, to_mm, at); }) !=
+         partition::MoveStatus::kFull;
+}
+
 }  // namespace
 
 Deformer::Deformer(PointModel& model, const Options& options)
-    : model_(&model),
-      grid_(std::get_if<partition::DynamicGrid>(&model.tree)),
-      built_(model.points.size()),
-      used_(built_) {
+    : model_(&model), built_(model.points.size()), used_(built_) {
   const std::size_t most = built_ + options.spare_points;
   first_points_ = model.points;
   first_links_ = model.neighbours;
-  // Spare places are there from the start, copies of the first, so that no array grows in a frame. No link
-  // leads to them and the grid does not know them.
-  model.points.resize(most, model.points.front());
+  // Spare places are there from the start, so that no array grows in a frame: without a plane, so that no
+  // surface is said to be there. No link leads to them and the grid does not know them.
+  StoredPoint spare = model.points.front();
+  spare.normal = surface::kNoNormal;
+  model.points.resize(most, spare);
   model.neighbours.resize(most, model.neighbours.front());
   if (!model.half_box_mm.empty()) model.half_box_mm.resize(most, model.half_box_mm.front());
   if (!model.surface.of_place.empty()) model.surface.of_place.resize(most, model.surface.of_place.front());
+  if (!model.closed_piece_of.empty()) model.closed_piece_of.resize(most, model.closed_piece_of.front());
   journal_.resize(options.journal_points);
   seen_.resize(most);
   recorded_.resize(most);
@@ -71,13 +91,8 @@ void Deformer::remember(std::uint32_t place, bool existed) noexcept {
 }
 
 bool Deformer::move(std::uint32_t place, const Vec3& to_mm) noexcept {
-  partition::DynamicGrid& grid = *grid_;
   const Vec3f to = to_mm.cast<float>();
-  const auto at = [this](std::uint32_t p) {
-    const StoredPoint& point = model_->points[p];
-    return Vec3f(point.x_mm, point.y_mm, point.z_mm);
-  };
-  if (!to.allFinite() || grid.move(place, to, at) == partition::MoveStatus::kFull) {
+  if (!to.allFinite() || !follow_point(*model_, place, to)) {
     ++counters_.refused;
     return false;
   }
@@ -107,8 +122,8 @@ std::size_t Deformer::collect(std::uint32_t place, double radius_mm) noexcept {
   return count;
 }
 
-std::size_t Deformer::press(std::uint32_t place, const Vec3& outward, double by_mm,
-                            double radius_mm) noexcept {
+std::size_t Deformer::press(std::uint32_t place, const Vec3& outward, double by_mm, double radius_mm,
+                            double deepest_per_radius) noexcept {
   moved_count_ = 0;
   if (place >= used_ || !(by_mm > 0.0) || !std::isfinite(by_mm) || !is_finite(outward)) return 0;
   const std::size_t count = collect(place, radius_mm);
@@ -119,6 +134,8 @@ std::size_t Deformer::press(std::uint32_t place, const Vec3& outward, double by_
   for (std::size_t i = 0; i < count; ++i)
     farthest_sq = std::max(farthest_sq, distance_sq(model_->points[found_[i]], middle));
   const double reach_sq = count == found_.size() ? std::min(farthest_sq, radius_sq) : radius_sq;
+  by_mm = std::min(by_mm, deepest_per_radius * std::sqrt(reach_sq) - sunk_mm(place));
+  if (!(by_mm > 0.0)) return 0;
   for (std::size_t i = 0; i < count; ++i) {
     const Vec3 p = model_->points[found_[i]].at();
     const double share = reach_sq > 0.0 ? profile((p - middle).squaredNorm() / reach_sq) : 1.0;
@@ -199,13 +216,15 @@ bool Deformer::infer_between(std::uint32_t a, std::uint32_t b) noexcept {
     const Vec3 ta = chord - na * na.dot(chord), tb = chord - nb * nb.dot(chord);
     middle += 0.125 * (ta - tb);
   }
-  partition::DynamicGrid& grid = *grid_;
   const auto place = static_cast<std::uint32_t>(used_);
   const Vec3f stored = middle.cast<float>();
-  if (grid.add(place, stored) == partition::MoveStatus::kFull) return false;
+  const auto at = [this](std::uint32_t p) { return stored_at(*model_, p); };
+  const auto add = [&](auto& tree) { return tree.add(place, stored, at); };
+  if (!stored.allFinite() || with_moving(*model_, add) == partition::MoveStatus::kFull) return false;
   model_->points[place] = {stored.x(), stored.y(), stored.z(), ca};
   if (!model_->half_box_mm.empty()) model_->half_box_mm[place] = model_->half_box_mm[a];
   if (!model_->surface.of_place.empty()) model_->surface.of_place[place] = model_->surface.of_place[a];
+  if (!model_->closed_piece_of.empty()) model_->closed_piece_of[place] = model_->closed_piece_of[a];
   ++used_;
   remember(place, false);
   link_new(place, a, b);
@@ -256,68 +275,71 @@ void Deformer::link_new(std::uint32_t place, std::uint32_t a, std::uint32_t b) n
   take_up(b, a);
 }
 
-bool Deformer::undo() noexcept {
+bool Deformer::find_last_stroke(std::size_t& begin) noexcept {
   moved_count_ = 0;
   if (first_stroke_ == next_stroke_) return false;
-  std::size_t last = next_stroke_ - 1;
   // The stroke that is open may be empty: then the one before is meant.
-  if (strokes_[last % kMaxStrokes].begin == next_entry_) {
-    if (last == first_stroke_) return false;
-    next_stroke_ = last--;
+  if (strokes_[(next_stroke_ - 1) % kMaxStrokes].begin == next_entry_) {
+    if (next_stroke_ - 1 == first_stroke_) return false;
+    --next_stroke_;
   }
-  const std::size_t begin = strokes_[last % kMaxStrokes].begin;
-  for (std::size_t e = next_entry_; e-- > begin;) restore(journal_[e % journal_.size()]);
-  next_entry_ = begin;
-  next_stroke_ = last;
-  begin_stroke();
+  begin = strokes_[(next_stroke_ - 1) % kMaxStrokes].begin;
   return true;
 }
 
-void Deformer::restore(const Entry& entry) noexcept {
-  partition::DynamicGrid& grid = *grid_;
-  const auto at = [this](std::uint32_t p) {
-    const StoredPoint& point = model_->points[p];
-    return Vec3f(point.x_mm, point.y_mm, point.z_mm);
-  };
-  if (!entry.existed) {
-    grid.remove(entry.place, at(entry.place));
-    --used_;  // inferred points go in the order opposite to that in which they came
-    return;
-  }
-  const Vec3f back(entry.point.x_mm, entry.point.y_mm, entry.point.z_mm);
-  // There is room: the cell is one that the point was in, or the cells it freed since.
-  if (grid.move(entry.place, back, at) == partition::MoveStatus::kFull) {
-    ++counters_.refused;
-    return;
-  }
-  model_->points[entry.place] = entry.point;
-  model_->neighbours[entry.place] = entry.links;
+/// What a place was like before the stroke. True where a point is there that may have moved.
+bool Deformer::restore(const Entry& entry) noexcept {
+  if (entry.existed) return put_back(entry.place, entry.point, entry.links);
+  remove_last();  // inferred points go in the order opposite to that in which they came
+  return false;
 }
 
-void Deformer::reset() noexcept {
-  partition::DynamicGrid& grid = *grid_;
-  const auto at = [this](std::uint32_t p) {
-    const StoredPoint& point = model_->points[p];
-    return Vec3f(point.x_mm, point.y_mm, point.z_mm);
-  };
-  while (used_ > built_) {
-    --used_;
-    grid.remove(static_cast<std::uint32_t>(used_), at(static_cast<std::uint32_t>(used_)));
+bool Deformer::put_back(std::uint32_t place, const StoredPoint& point,
+                        const neighbourhood::Neighbours& links) noexcept {
+  // There is room: the cell is one that the point was in, or the cells it freed since.
+  const Vec3f to(point.x_mm, point.y_mm, point.z_mm);
+  if (stored_at(*model_, place) != to && !follow_point(*model_, place, to)) {
+    ++counters_.refused;
+    return false;
   }
-  for (std::uint32_t place = 0; place < built_; ++place) {
-    const StoredPoint& first = first_points_[place];
-    const StoredPoint& now = model_->points[place];
-    if (first.x_mm != now.x_mm || first.y_mm != now.y_mm || first.z_mm != now.z_mm) {
-      if (grid.move(place, Vec3f(first.x_mm, first.y_mm, first.z_mm), at) == partition::MoveStatus::kFull)
-        continue;
-    }
-    model_->points[place] = first;
-    model_->neighbours[place] = first_links_[place];
-  }
+  model_->points[place] = point;
+  model_->neighbours[place] = links;
+  return true;
+}
+
+void Deformer::remove_last() noexcept {
+  const auto place = static_cast<std::uint32_t>(--used_);
+  with_moving(*model_, [&](auto& tree) { tree.remove(place, stored_at(*model_, place)); });
+  model_->points[place].normal = surface::kNoNormal;
+}
+
+void Deformer::forget_inferred() noexcept {
   moved_count_ = 0;
-  first_stroke_ = next_stroke_ = 0;
-  next_entry_ = 0;
-  begin_stroke();
+  while (used_ > built_) remove_last();
+}
+
+/// An inferred point is linked to its parents or their neighbours, which all came before it.
+std::uint32_t Deformer::built_near(std::uint32_t place, std::size_t below) const noexcept {
+  while (place >= below) {
+    const neighbourhood::Neighbours& links = model_->neighbours[place];
+    const std::uint32_t first = *std::min_element(links.begin(), links.end());
+    if (first >= place) return 0;
+    place = first;
+  }
+  return place;
+}
+
+double Deformer::sunk_mm(std::uint32_t place) const noexcept {
+  const std::uint32_t built = built_near(place, built_);
+  return std::sqrt(distance_sq(first_points_[built], model_->points[built].at()));
+}
+
+double Deformer::first_resolution_mm(std::uint32_t place) const noexcept {
+  const std::uint32_t built = built_near(place, built_);
+  double most_sq = 0.0;
+  for (const std::uint32_t other : first_links_[built])
+    most_sq = std::max(most_sq, distance_sq(first_points_[other], first_points_[built].at()));
+  return std::sqrt(most_sq);
 }
 
 Result<cloud::Cloud> Deformer::edited() const {

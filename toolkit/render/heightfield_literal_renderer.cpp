@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "toolkit/core/tolerances.h"
+#include "toolkit/render/frame_shell.h"
 #include "toolkit/render/heightfield_model.h"
 #include "toolkit/render/roll_back.h"
 #include "toolkit/render/shading.h"
@@ -25,69 +26,42 @@ constexpr double kLowest = std::numeric_limits<double>::lowest();
 constexpr std::array<Post, 8> kAround = {
     {{-1, -1}, {0, -1}, {1, -1}, {-1, 0}, {1, 0}, {-1, 1}, {0, 1}, {1, 1}}};
 
-class HeightFieldLiteral final : public HapticRenderer {
+/// The local model of `heightfield-literal`. The thesis does not say how several contacts combine.
+class LiteralHeightField {
  public:
-  explicit HeightFieldLiteral(const Options& options) : options_(options) {}
+  struct Memory {};
+  static constexpr bool kSums = true;
 
-  Result<PrepareReport> prepare(const SceneInput& scene, const PrepareContext& context) override {
-    PrepareReport report;
-    Result<HeightFieldModel> built = build_height_field_model(scene, 0.0, context, report);
-    if (!built) return std::move(built).error();
-    model_ = std::move(*built);
-    const cloud::HeightField& field = model_.field;
-    columns_ = static_cast<std::int32_t>(field.columns);
-    rows_ = static_cast<std::int32_t>(field.rows);
-    end_x_ = columns_;
-    end_y_ = rows_;
-    inverse_x_ = 1.0 / field.step_x_mm;
-    inverse_y_ = 1.0 / field.step_y_mm;
-    force_limit_n_ =
-        scene.force_limit_n > 0.0 ? scene.force_limit_n : std::numeric_limits<double>::infinity();
-    walks_ = options_.text("response") == "walk";
-    const std::string& shading = options_.text("shading");
-    if (shading == "auto") {
-      const bool shade = field.plan_resolution_mm() > kLiteralShadingResolutionMm;
-      shading_ = shade ? Shading::kAreaRaw : Shading::kNone;
-      report.notes.push_back(shade ? "shading: area-raw, the resolution is above 0.2 mm"
-                                   : "shading: none, the resolution is at most 0.2 mm");
-    } else {
-      shading_ = parse_shading(shading);
-    }
-    if (!walks_) shading_ = Shading::kNone;
-    if (model_.surface.texture.any())
-      report.notes.push_back("texture: not rendered by the literal form, which prints no formula for it");
-    return report;
+  LiteralHeightField(HeightFieldModel model, bool walks, Shading shading)
+      : model_(std::move(model)),
+        columns_(static_cast<std::int32_t>(model_.field.columns)),
+        rows_(static_cast<std::int32_t>(model_.field.rows)),
+        end_x_(columns_),
+        end_y_(rows_),
+        inverse_x_(1.0 / model_.field.step_x_mm),
+        inverse_y_(1.0 / model_.field.step_y_mm),
+        shading_(shading),
+        walks_(walks),
+        has_holes_(model_.field.holes > 0),
+        look_up_alone_(!walks && !has_holes_) {}
+
+  [[nodiscard]] ModelPose& pose() noexcept { return model_.pose; }
+  [[nodiscard]] const ModelPose& pose() const noexcept { return model_.pose; }
+  void let_go(const Vec3& /*h*/) noexcept { collided_ = in_hole_ = false; }
+  void release() noexcept {}
+  [[nodiscard]] bool touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/, SurfaceContact& contact,
+                           FrameStatus& status, FrameCounters& counters) noexcept {
+    const bool held =
+        look_up_alone_ ? find<false, false>(h, status, counters) : find_composed(h, status, counters);
+    contact.hip = h;
+    contact.pull = answer_.god_object_mm - h;
+    return held;
   }
-
-  void reset(const Vec3& /*hip_mm*/) noexcept override {
-    collided_ = false;
-    counters_ = {};
-    now_s_ = 0.0;
-    model_.pose.take(now_s_);
-  }
-
-  Frame step(const Vec3& hip_mm, double dt_s) noexcept override {
-    model_.pose.take(now_s_ += dt_s);
-    return walks_ ? walk_frame(hip_mm) : frame<false>(hip_mm);
-  }
-
-  FrameCounters counters() const noexcept override { return counters_; }
-
-  Description describe() const override {
-    return {
-        "heightfield-literal", "chapter 4 as printed", "El-Far, chapter 4, figures 53 and 54",
-        walks_ ? "unbounded, as printed: the walk from the entry cell grows with the way the HIP went since; "
-                 "stopped after columns + rows moves"
-               : "one look-up",
-        options_};
-  }
+  [[nodiscard]] SurfaceAnswer respond(const SurfaceContact& /*contact*/) const noexcept { return answer_; }
 
  private:
-  template <bool kWalks>
-  Frame frame(const Vec3& hip_mm) noexcept {
-    ++counters_.frames;
-    Frame frame;
-    const Vec3 h = model_.pose.to_local(hip_mm);
+  template <bool kWalks, bool kHoles>
+  bool find(const Vec3& h, FrameStatus& status, FrameCounters& counters) noexcept {
     // 4.2.1: two divisions, a height, a comparison. The boxes stand around their posts.
     const double x = h.x() * inverse_x_ + 0.5, y = h.y() * inverse_y_ + 0.5;
     if (x >= 0.0 && y >= 0.0 && x < end_x_ && y < end_y_ && h.z() >= kLowest) {  // never what is no number
@@ -100,23 +74,35 @@ class HeightFieldLiteral final : public HapticRenderer {
             held_ = kNobody;
           }
           collided_ = true;
-          respond(h, frame);
+          respond_at(h, status, counters);
         } else {
-          answer(post, {h.x(), h.y(), top}, {0.0, 0.0, top - h.z()}, frame);
+          answer(post, {h.x(), h.y(), top}, {0.0, 0.0, top - h.z()});
         }
-        return frame;
+        if constexpr (kHoles) in_hole_ = false;
+        return true;
       }
-    }
-    if (!is_finite(hip_mm)) {
-      frame.status = FrameStatus::kNonFinite;
-      return frame;
+      if constexpr (kHoles) count_hole(post, h, counters);
+    } else if constexpr (kHoles) {
+      in_hole_ = false;
     }
     collided_ = false;
-    frame.god_object_mm = hip_mm;
-    return frame;
+    return false;
   }
   // Apart, so that the look-up alone needs no registers for it.
-  [[gnu::noinline]] Frame walk_frame(const Vec3& hip_mm) noexcept { return frame<true>(hip_mm); }
+  [[gnu::noinline]] bool find_composed(const Vec3& h, FrameStatus& status, FrameCounters& counters) noexcept {
+    if (!has_holes_) return find<true, false>(h, status, counters);
+    return walks_ ? find<true, true>(h, status, counters) : find<false, true>(h, status, counters);
+  }
+
+  /// What is printed knows nothing of posts without a point: over one nothing is felt. The HIP came under
+  /// there when it is lower than one of the posts around.
+  void count_hole(const Post& post, const Vec3& h, FrameCounters& counters) noexcept {
+    bool under = false;
+    if (std::isnan(model_.field.height_mm[place(post)]))
+      around(post, [&](const Post& next) { under |= h.z() < at(next).z(); });
+    counters.edges += under && !in_hole_;
+    in_hole_ = under;
+  }
 
   std::size_t place(const Post& post) const noexcept {
     return static_cast<std::size_t>(post.row) * static_cast<std::size_t>(columns_) +
@@ -134,7 +120,7 @@ class HeightFieldLiteral final : public HapticRenderer {
 
   /// 4.3.2: from the entry post downhill in distance over the eight neighbours, to the post nearest to the
   /// HIP around there.
-  void respond(const Vec3& h, Frame& frame) noexcept {
+  void respond_at(const Vec3& h, FrameStatus& status, FrameCounters& counters) noexcept {
     Post god = entry_;
     double nearest_sq = (at(god) - h).squaredNorm();
     std::int32_t moves = columns_ + rows_;
@@ -148,7 +134,7 @@ class HeightFieldLiteral final : public HapticRenderer {
       });
       if (best == god) break;
       god = best;
-      ++counters_.walk_steps;
+      ++counters.walk_steps;
     }
     if ((model_.surface.features & kFriction) != 0)
       held_ = god =
@@ -159,11 +145,8 @@ class HeightFieldLiteral final : public HapticRenderer {
                     columns_ + rows_, [this](const Post& p) { return at(p); },
                     [this](const Post& p, auto&& use) { around(p, use); });
     const Vec3 g = at(god);
-    answer(god, g, shading_ == Shading::kNone ? Vec3(g - h) : shaded(h, god), frame);
-    if (moves == 0) {
-      frame.status = FrameStatus::kBoundHit;
-      ++counters_.bound_hits;
-    }
+    answer(god, g, shading_ == Shading::kNone ? Vec3(g - h) : shaded(h, god));
+    if (moves == 0) status = FrameStatus::kBoundHit;
   }
 
   /// Calls use(post) for the posts around one.
@@ -196,31 +179,76 @@ class HeightFieldLiteral final : public HapticRenderer {
     return shaded_vector(shading_, h, g, first, second);
   }
 
-  void answer(const Post& post, const Vec3& god, const Vec3& pull, Frame& frame) const noexcept {
+  [[gnu::always_inline]] void answer(const Post& post, const Vec3& god, const Vec3& pull) noexcept {
     const double stiffness =
         (model_.surface.features & kVaried) != 0
             ? static_cast<double>(model_.surface.of_place[place(post)].stiffness_n_per_mm)
             : model_.surface.stiffness_n_per_mm;
-    frame.contact = true;
-    frame.model = 0;
-    frame.god_object_mm = model_.pose.to_world(god);
-    frame.force_n = limited_fast(model_.pose.direction_to_world(stiffness * pull), force_limit_n_);
+    answer_ = {stiffness * pull, god};
+  }
+
+  HeightFieldModel model_;
+  std::int32_t columns_, rows_;
+  double end_x_, end_y_;  ///< columns and rows
+  double inverse_x_, inverse_y_;
+  Shading shading_;
+  bool walks_;
+  bool has_holes_;
+  bool look_up_alone_;
+
+  bool collided_ = false;
+  bool in_hole_ = false;  ///< under the surface over a post without a point
+  Post entry_;            ///< where the first collision was detected
+  Post held_ = kNobody;   ///< with friction, the god object of the frame before
+  SurfaceAnswer answer_;  ///< of the last touch
+};
+
+class HeightFieldLiteral final : public HapticRenderer {
+ public:
+  explicit HeightFieldLiteral(const Options& options) : options_(options) {}
+
+  Result<PrepareReport> prepare(const SceneInput& scene, const PrepareContext& context) override {
+    PrepareReport report;
+    if (scene.models.empty()) return Error{"the scene has no model", "add a [[model]]", {}, 0};
+    models_.clear();
+    for (const ModelInput& input : scene.models) {
+      Result<HeightFieldModel> built = build_height_field_model(input, {}, context, report);
+      if (!built) return std::move(built).error();
+      const Shading shading = shading_of(built->field, report);
+      models_.add(std::make_unique<LiteralHeightField>(*std::move(built), walks(), shading));
+    }
+    models_.finish(scene.force_limit_n, Combine::kSum, report);
+    return report;
+  }
+
+  void restart(const Vec3& hip_mm, double t_s) noexcept override { models_.restart(hip_mm, t_s); }
+  void let_go(const Vec3& hip_mm) noexcept override { models_.let_go(hip_mm); }
+  Frame step(const Vec3& hip_mm, double t_s) noexcept override { return models_.step(hip_mm, t_s); }
+  FrameCounters counters() const noexcept override { return models_.counters(); }
+
+  Description describe() const override {
+    return {
+        "heightfield-literal", "chapter 4 as printed", "El-Far, chapter 4, figures 53 and 54",
+        walks()
+            ? "unbounded, as printed: the walk from the entry cell grows with the way the HIP went since; "
+              "stopped after columns + rows moves"
+            : "one look-up",
+        options_};
+  }
+
+ private:
+  [[nodiscard]] bool walks() const { return options_.text("response") == "walk"; }
+  [[nodiscard]] Shading shading_of(const cloud::HeightField& field, PrepareReport& report) const {
+    const std::string& shading = options_.text("shading");
+    if (shading != "auto") return walks() ? parse_shading(shading) : Shading::kNone;
+    const bool shade = field.plan_resolution_mm() > kLiteralShadingResolutionMm;
+    report.notes.push_back(shade ? "shading: area-raw, the resolution is above 0.2 mm"
+                                 : "shading: none, the resolution is at most 0.2 mm");
+    return shade && walks() ? Shading::kAreaRaw : Shading::kNone;
   }
 
   Options options_;
-  HeightFieldModel model_;
-  std::int32_t columns_ = 0, rows_ = 0;
-  double end_x_ = 0.0, end_y_ = 0.0;  ///< columns and rows
-  double inverse_x_ = 1.0, inverse_y_ = 1.0;
-  double force_limit_n_ = 0.0;
-  Shading shading_ = Shading::kNone;
-  bool walks_ = true;
-
-  double now_s_ = 0.0;  ///< of a model that moves
-  bool collided_ = false;
-  Post entry_;           ///< where the first collision was detected
-  Post held_ = kNobody;  ///< with friction, the god object of the frame before
-  FrameCounters counters_;
+  FrameShell<LiteralHeightField> models_;
 };
 
 }  // namespace
@@ -230,6 +258,9 @@ RendererInfo heightfield_literal_info() {
   info.name = "heightfield-literal";
   info.summary = "chapter 4 as printed: point in box, entry cell remembered";
   info.source = "El-Far, chapter 4";
+  info.role = Role::kLiteral;
+  info.geometry = Geometry::kHeights;
+  info.supports = kAllOfRigidSurfaces.without(Feature::kTexture);
   info.options = {
       {"response",
        OptionKind::kChoice,
@@ -237,6 +268,7 @@ RendererInfo heightfield_literal_info() {
        "god object: walk, the nearest post from the entry cell on (4.3.2); lookup, the box top over the HIP",
        {"walk", "lookup"}},
       shading_spec("force shading; auto: area-raw above a resolution of 0.2 mm, as printed")};
+  info.options.back().only_with = {{"response", {"walk"}}};
   info.make = [](const Options& options) { return std::make_unique<HeightFieldLiteral>(options); };
   return info;
 }

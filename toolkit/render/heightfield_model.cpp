@@ -2,10 +2,15 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
+#include <limits>
 #include <numeric>
+#include <utility>
 #include <vector>
 
+#include "toolkit/cloud/height_field_holes.h"
 #include "toolkit/render/prepare_phases.h"
 
 namespace palpate::render {
@@ -56,31 +61,63 @@ Status prepare_surface(const ModelInput& input, const std::vector<std::uint32_t>
   return Done{};
 }
 
+/// The lowest and the highest of its posts that have a height.
+std::pair<double, double> heights_of(const cloud::HeightField& field) {
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  for (const float height : field.height_mm) {
+    if (std::isnan(height)) continue;
+    low = std::min(low, static_cast<double>(height));
+    high = std::max(high, static_cast<double>(height));
+  }
+  return {low, high};
+}
+
+/// Where the HIP goes through the middle of the data.
+void warn_of_open_holes(const cloud::Holes& holes, bool fills_gaps, PreparePhases& phases) {
+  const std::size_t open = holes.voids + (fills_gaps ? 0 : holes.gaps);
+  if (open == 0) return;
+  phases.warn(fmt::format(
+      "Nothing is felt over {} posts without a point inside the data: the HIP goes through there.{}", open,
+      fills_gaps || holes.gaps == 0
+          ? ""
+          : fmt::format(" heightfield fills {} of them (holes=fill).", holes.gaps)));
+}
+
 }  // namespace
 
-Result<HeightFieldModel> build_height_field_model(const SceneInput& scene, double blend_resolutions,
+Result<HeightFieldModel> build_height_field_model(const ModelInput& input, const HeightFieldBuild& build,
                                                   const PrepareContext& context, PrepareReport& report) {
   PreparePhases phases(report, context);
   phases.begin("grid");
-  const Result<const ModelInput*> only = only_model(scene);
-  if (!only) return only.error();
-  const ModelInput& input = **only;
   const bool varies = input.surface.per_point != nullptr;
   std::vector<std::uint32_t> point_of_post;
   Result<cloud::HeightField> field = cloud::height_field_of(*input.cloud, varies ? &point_of_post : nullptr);
   if (!field) return std::move(field).error();
+  const cloud::Holes holes = cloud::find_holes(*field);
+  if (build.fills_gaps && holes.gaps > 0) {
+    phases.end();
+    phases.begin("gaps");
+    cloud::fill_gaps(*field, holes, varies ? &point_of_post : nullptr, context.threads);
+  }
   HeightFieldModel model;
   model.field = std::move(*field);
   model.pose = ModelPose(input, model.field.origin_mm);
   if (const Status done = prepare_surface(input, point_of_post, model, report); !done) return done.error();
-  if (blend_resolutions > 0.0 && (model.surface.features & kVaried) != 0)
-    blend(model, blend_resolutions * model.field.plan_resolution_mm(), report);
+  if (build.blend_resolutions > 0.0 && (model.surface.features & kVaried) != 0)
+    blend(model, build.blend_resolutions * model.field.plan_resolution_mm(), report);
+  model.box_mm.add(Vec3::Zero());
+  model.box_mm.add(Vec3(static_cast<double>(model.field.columns - 1) * model.field.step_x_mm,
+                        static_cast<double>(model.field.rows - 1) * model.field.step_y_mm, 0.0));
+  const auto [low, high] = heights_of(model.field);
+  model.box_mm.low_mm.z() = low;
+  model.box_mm.high_mm.z() = high;
   phases.end();
-  report.bytes = model.field.bytes() + model.surface.bytes();
-  report.notes.push_back(
-      fmt::format("{} x {} posts, {:.6g} x {:.6g} mm apart, resolution {:.6g} mm seen from above; {} holes",
-                  model.field.columns, model.field.rows, model.field.step_x_mm, model.field.step_y_mm,
-                  model.field.plan_resolution_mm(), model.field.holes));
+  warn_of_open_holes(holes, build.fills_gaps, phases);
+  report.bytes += model.field.bytes() + model.surface.bytes();
+  report.notes.push_back(fmt::format("{}; {:.6g} x {:.6g} mm apart, resolution {:.6g} mm seen from above",
+                                     cloud::describe(model.field, holes, build.fills_gaps),
+                                     model.field.step_x_mm, model.field.step_y_mm,
+                                     model.field.plan_resolution_mm()));
   return model;
 }
 

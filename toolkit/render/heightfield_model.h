@@ -1,8 +1,9 @@
-// What both height-field renderers prepare: the only model of a scene as a regular grid, and its pose.
+// What both height-field renderers prepare: a model as a regular grid, and its pose.
 #pragma once
 
 #include "toolkit/cloud/height_field.h"
 #include "toolkit/core/result.h"
+#include "toolkit/geometry/aabb.h"
 #include "toolkit/render/model_pose.h"
 #include "toolkit/render/surface_field.h"
 
@@ -12,19 +13,19 @@ namespace palpate::render {
 struct HeightFieldModel {
   cloud::HeightField field;
   ModelPose pose;
-  SurfaceField surface;  ///< places are posts
+  SurfaceField surface;   ///< places are posts
+  geometry::Aabb box_mm;  ///< of the posts, local
 };
 
-/// `limited`, without a root where nothing is limited.
-[[nodiscard]] inline Vec3 limited_fast(const Vec3& force_n, double limit_n) noexcept {
-  return force_n.squaredNorm() <= limit_n * limit_n ? force_n : limited(force_n, limit_n);
-}
+struct HeightFieldBuild {
+  bool fills_gaps = false;         ///< posts without a point get a height where they are gaps
+  double blend_resolutions = 0.0;  ///< above 0 a stiffness that varies is blended over as many
+};
 
-/// Prepares the only model of a scene. With `blend_resolutions` above 0 a stiffness that varies is blended
-/// over as many resolutions (blend_stiffness). Errors: several models, no stiffness, a cloud that is no
-/// height field on a regular grid. Phases, notes and bytes go to `report`.
-[[nodiscard]] Result<HeightFieldModel> build_height_field_model(const SceneInput& scene,
-                                                                double blend_resolutions,
+/// Prepares one model of a scene. Errors: no stiffness, a cloud that is no height field on a regular grid.
+/// Phases, notes and bytes go to `report`.
+[[nodiscard]] Result<HeightFieldModel> build_height_field_model(const ModelInput& input,
+                                                                const HeightFieldBuild& build,
                                                                 const PrepareContext& context,
                                                                 PrepareReport& report);
 

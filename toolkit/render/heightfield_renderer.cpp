@@ -5,9 +5,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "toolkit/cloud/height_field_holes.h"
+#include "toolkit/render/frame_shell.h"
 #include "toolkit/render/heightfield_crossing.h"
 #include "toolkit/render/heightfield_descent.h"
 #include "toolkit/render/heightfield_model.h"
+#include "toolkit/render/slow_phase.h"
 #include "toolkit/render/surface_response.h"
 
 namespace palpate::render {
@@ -44,92 +47,44 @@ bool is_share(double s) noexcept {
   return s >= 0.0 && s <= 1.0;
 }
 
-class HeightFieldRenderer final : public HapticRenderer {
+/// The local model of `heightfield`.
+class HeightFieldSurface {
  public:
-  explicit HeightFieldRenderer(const Options& options) : options_(options) {}
+  struct Memory {};
+  static constexpr bool kComposed = true;
 
-  Result<PrepareReport> prepare(const SceneInput& scene, const PrepareContext& context) override {
-    PrepareReport report;
-    Result<HeightFieldModel> built = build_height_field_model(scene, kBlendResolutions, context, report);
-    if (!built) return std::move(built).error();
-    model_ = std::move(*built);
-    sheet_ = HeightSheet(model_.field);
-    force_limit_n_ =
-        scene.force_limit_n > 0.0 ? scene.force_limit_n : std::numeric_limits<double>::infinity();
-    nearest_post_ = options_.text("shading") == "nearest";
-    return report;
-  }
+  HeightFieldSurface(HeightFieldModel model, bool nearest_post)
+      : model_(std::move(model)), sheet_(model_.field), nearest_post_(nearest_post) {}
+  HeightFieldSurface(const HeightFieldSurface&) = delete;  // the sheet points into the field
+  HeightFieldSurface& operator=(const HeightFieldSurface&) = delete;
 
-  void reset(const Vec3& hip_mm) noexcept override {
-    counters_ = {};
-    now_s_ = 0.0;
-    model_.pose.take(now_s_);
+  [[nodiscard]] ModelPose& pose() noexcept { return model_.pose; }
+  [[nodiscard]] const ModelPose& pose() const noexcept { return model_.pose; }
+  [[nodiscard]] unsigned features() const noexcept { return model_.surface.features; }
+  [[nodiscard]] const geometry::Aabb& box_mm() const noexcept { return model_.box_mm; }
+  [[nodiscard]] bool touching() const noexcept { return contact_; }
+  void let_go(const Vec3& h) noexcept {
     contact_ = false;
     state_.release();
-    started_ = is_finite(hip_mm);
-    if (started_) start(sheet_.plan(model_.pose.to_local(hip_mm)));
+    started_ = is_finite(h);
+    if (started_) start(sheet_.plan(h));
   }
+  void release() noexcept { state_.release(); }
 
-  /// The frame is composed of what the scene asks for: of eight, one is ever run.
-  Frame step(const Vec3& hip_mm, double dt_s) noexcept override {
-    model_.pose.take(now_s_ += dt_s);
-    switch (model_.surface.features) {
-      case 0:
-        return frame<0>(hip_mm);
-      case kFriction:
-        return frame<kFriction>(hip_mm);
-      case kVaried:
-        return frame<kVaried>(hip_mm);
-      case kVaried | kFriction:
-        return frame<kVaried | kFriction>(hip_mm);
-      case kTexture:
-        return frame<kTexture>(hip_mm);
-      case kTexture | kFriction:
-        return frame<kTexture | kFriction>(hip_mm);
-      case kTexture | kVaried:
-        return frame<kTexture | kVaried>(hip_mm);
-      default:
-        return frame<kTexture | kVaried | kFriction>(hip_mm);
-    }
+  template <unsigned kFeatures>
+  [[nodiscard]] bool touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/, SurfaceContact& contact,
+                           FrameStatus& status, FrameCounters& counters) noexcept {
+    const PlanPoint plan = sheet_.plan(h);
+    if (!(contact_ && follow_quickly(plan, counters)) && !update(plan, status, counters)) return false;
+    contact = contact_at<kFeatures>(h);
+    return true;
   }
-
-  FrameCounters counters() const noexcept override { return counters_; }
-
-  Description describe() const override {
-    return {"heightfield", "chapter 4 made right", "El-Far, chapter 4; bilinear surface and side ours",
-            fmt::format("{} moves of the god object over cells, {} cells or blocks of the HIP's segment, {} "
-                        "entries a frame; what is left is done in the next",
-                        kMaxSheetMoves, kMaxSegmentLooks, kMaxEntries),
-            options_};
+  template <unsigned kFeatures>
+  [[nodiscard]] SurfaceAnswer respond(const SurfaceContact& contact) noexcept {
+    return state_.respond<kFeatures>(contact, model_.surface.texture, model_.field.origin_mm);
   }
 
  private:
-  template <unsigned kFeatures>
-  Frame frame(const Vec3& hip_mm) noexcept {
-    ++counters_.frames;
-    Frame frame;
-    const Vec3 local = model_.pose.to_local(hip_mm);
-    const PlanPoint h = sheet_.plan(local);
-    // What is not a number fails a comparison of the short way.
-    bool touching = contact_ && follow_quickly(h);
-    if (!touching) {
-      if (!is_finite(hip_mm)) {
-        frame.status = FrameStatus::kNonFinite;
-        return frame;
-      }
-      touching = update(h, frame.status);
-    }
-    if (touching) {
-      answer(state_.respond<kFeatures>(contact_at<kFeatures>(local), model_.surface.texture,
-                                       model_.field.origin_mm),
-             frame);
-      return frame;
-    }
-    frame.god_object_mm = hip_mm;
-    if constexpr (kFeatures != 0) state_.release();
-    return frame;
-  }
-
   void start(const PlanPoint& h) noexcept {
     tested_to_ = h;
     side_ = is_near(h) ? side_of(sheet_, h) : SheetSide::kNowhere;
@@ -138,7 +93,7 @@ class HeightFieldRenderer final : public HapticRenderer {
   /// In contact, the way nearly all frames go: the god object moved as the HIP did, and one or two Newton
   /// steps mend it. False, with nothing changed, where it left the cells around, is held by a crease or a
   /// rim, is not below a convex distance, or came out.
-  [[gnu::always_inline]] bool follow_quickly(const PlanPoint& h) noexcept {
+  [[gnu::always_inline]] bool follow_quickly(const PlanPoint& h, FrameCounters& counters) noexcept {
     // The way from the HIP to the god object changes as it did from the last frame to this one.
     double x = h.x + lead_x_ + turn_x_, y = h.y + lead_y_ + turn_y_;
     const double enough = kQuickError * std::min(sheet_.x_sq, sheet_.y_sq);
@@ -164,7 +119,7 @@ class HeightFieldRenderer final : public HapticRenderer {
         // What the step leaves of the gradient is the twist's; the Hessian is at least about a step squared.
         const double twist = std::abs(patch.d) * (std::abs(jet.zs) + std::abs(jet.zt));
         const double size = std::abs(ds) + std::abs(dt);
-        if (twist * (size * size) <= enough) return accept({column, row, s, t}, patch, h);
+        if (twist * (size * size) <= enough) return accept({column, row, s, t}, patch, h, counters);
         // Once more with the same Hessian, which the first step has changed by as little.
         const DistanceJet now(sheet_, patch, s, t, hs, ht, h.z);
         const double more_s = (jet.hst * now.gt - jet.htt * now.gs) * scale;
@@ -173,7 +128,7 @@ class HeightFieldRenderer final : public HapticRenderer {
         t += more_t;
         const double change = twist * size * (std::abs(more_s) + std::abs(more_t));
         if (kHessianChange * change <= enough && is_share(s) && is_share(t))
-          return accept({column, row, s, t}, patch, h);
+          return accept({column, row, s, t}, patch, h, counters);
       } else {
         last_column = column;
         last_row = row;
@@ -184,11 +139,12 @@ class HeightFieldRenderer final : public HapticRenderer {
     return false;
   }
 
-  [[gnu::always_inline]] bool accept(const Foot& foot, const Patch& patch, const PlanPoint& h) noexcept {
+  [[gnu::always_inline]] bool accept(const Foot& foot, const Patch& patch, const PlanPoint& h,
+                                     FrameCounters& counters) noexcept {
     const PlanPoint god{foot.column + foot.s, foot.row + foot.t, patch.height(foot.s, foot.t)};
     if (!(h.z < god.z) || !(sheet_.distance_sq(god, h) <= sheet_.distance_sq(god_, h) * kNoFarther))
       return false;
-    counters_.walk_steps += foot.column != foot_.column || foot.row != foot_.row;
+    counters.walk_steps += foot.column != foot_.column || foot.row != foot_.row;
     const double lead_x = lead_x_, lead_y = lead_y_;
     set_god(foot, patch, god, h);
     turn_x_ = lead_x_ - lead_x;
@@ -207,12 +163,7 @@ class HeightFieldRenderer final : public HapticRenderer {
   }
 
   /// Everything else: descent over cells, leaving, the free HIP's segment. Whether it ends in contact.
-  [[gnu::noinline]] bool update(const PlanPoint& h, FrameStatus& status) noexcept {
-    const bool touching = update_within_bounds(h, status);
-    counters_.bound_hits += status == FrameStatus::kBoundHit;
-    return touching;
-  }
-  bool update_within_bounds(const PlanPoint& h, FrameStatus& status) noexcept {
+  [[gnu::noinline]] bool update(const PlanPoint& h, FrameStatus& status, FrameCounters& counters) noexcept {
     if (!is_near(h) || !started_) {
       contact_ = false;
       started_ = true;
@@ -221,22 +172,22 @@ class HeightFieldRenderer final : public HapticRenderer {
     }
     int moves = kMaxSheetMoves, looks = kMaxSegmentLooks;
     bool from_sheet = contact_;
-    if (contact_ && stay(h, moves, status)) return true;
+    if (contact_ && stay(h, moves, status, counters)) return true;
     for (int entry = 0; entry < kMaxEntries; ++entry) {
       if (from_sheet && side_ == SheetSide::kNowhere) return false;  // past the rim
       const Crossing crossing =
           find_crossing(sheet_, tested_to_, h, side_, from_sheet ? &foot_ : nullptr, looks);
-      counters_.edges += static_cast<std::uint64_t>(crossing.edges);
+      counters.edges += static_cast<std::uint64_t>(crossing.edges);
       tested_to_ = crossing.reached;
       side_ = crossing.side;
       if (crossing.cut) status = FrameStatus::kBoundHit;
       if (!crossing.hit) {
-        counters_.cells_visited += static_cast<std::uint64_t>(kMaxSegmentLooks - looks);
+        counters.cells_visited += static_cast<std::uint64_t>(kMaxSegmentLooks - looks);
         return false;
       }
       foot_ = crossing.foot;
       contact_ = true;
-      if (stay(h, moves, status)) return true;
+      if (stay(h, moves, status, counters)) return true;
       from_sheet = true;
     }
     status = FrameStatus::kBoundHit;
@@ -245,10 +196,10 @@ class HeightFieldRenderer final : public HapticRenderer {
 
   /// In contact: brings the god object to its minimum. False when the HIP came out there: above the sheet,
   /// its way from the god object is still to be tested, or past the rim, and then it is nowhere.
-  bool stay(const PlanPoint& h, int& moves, FrameStatus& status) noexcept {
+  bool stay(const PlanPoint& h, int& moves, FrameStatus& status, FrameCounters& counters) noexcept {
     const int before = moves;
     const Descent end = descend(sheet_, foot_, h, moves);
-    counters_.walk_steps += static_cast<std::uint64_t>(before - moves);
+    counters.walk_steps += static_cast<std::uint64_t>(before - moves);
     set_god(foot_, sheet_.patch(foot_.column, foot_.row), sheet_.point(foot_), h);
     if (!end.arrived) {
       status = FrameStatus::kBoundHit;
@@ -264,7 +215,7 @@ class HeightFieldRenderer final : public HapticRenderer {
       contact_ = false;
       tested_to_ = h;
       side_ = SheetSide::kNowhere;
-      ++counters_.edges;
+      ++counters.edges;
       return false;
     }
     return true;
@@ -315,21 +266,11 @@ class HeightFieldRenderer final : public HapticRenderer {
     contact.stiffness_gradient = plan - normal * (plan.dot(normal) / normal.squaredNorm());
   }
 
-  [[gnu::always_inline]] void answer(const SurfaceAnswer& answer, Frame& frame) const noexcept {
-    frame.contact = true;
-    frame.model = 0;
-    frame.god_object_mm = model_.pose.to_world(answer.god_object_mm);
-    frame.force_n = limited_fast(model_.pose.direction_to_world(answer.force_n), force_limit_n_);
-  }
-
-  Options options_;
   HeightFieldModel model_;
   HeightSheet sheet_;
-  double force_limit_n_ = 0.0;
-  bool nearest_post_ = false;
+  bool nearest_post_;
 
   SurfaceState state_;
-  double now_s_ = 0.0;  ///< of a model that moves
   bool started_ = false;
   bool contact_ = false;
   Foot foot_;                             ///< of the god object, in contact
@@ -339,7 +280,48 @@ class HeightFieldRenderer final : public HapticRenderer {
   double turn_x_ = 0.0, turn_y_ = 0.0;    ///< by how much that changed in the last frame
   PlanPoint tested_to_;                   ///< free: the path has been tested up to here
   SheetSide side_ = SheetSide::kNowhere;  ///< of tested_to_
-  FrameCounters counters_;
+};
+
+class HeightFieldRenderer final : public HapticRenderer, public SlowPhase {
+ public:
+  explicit HeightFieldRenderer(const Options& options) : options_(options) {}
+
+  Result<PrepareReport> prepare(const SceneInput& scene, const PrepareContext& context) override {
+    PrepareReport report;
+    if (scene.models.empty()) return Error{"the scene has no model", "add a [[model]]", {}, 0};
+    models_.clear();
+    for (const ModelInput& input : scene.models) {
+      Result<HeightFieldModel> built = build_height_field_model(
+          input, {options_.text("holes") == "fill", kBlendResolutions}, context, report);
+      if (!built) return std::move(built).error();
+      models_.add(
+          std::make_unique<HeightFieldSurface>(*std::move(built), options_.text("shading") == "nearest"));
+    }
+    models_.finish(scene.force_limit_n, Combine::kJoint, report);
+    return report;
+  }
+
+  void restart(const Vec3& hip_mm, double t_s) noexcept override { models_.restart(hip_mm, t_s); }
+  void let_go(const Vec3& hip_mm) noexcept override { models_.let_go(hip_mm); }
+  Frame step(const Vec3& hip_mm, double t_s) noexcept override { return models_.step(hip_mm, t_s); }
+  FrameCounters counters() const noexcept override { return models_.counters(); }
+  void run_slow_phase_elsewhere() noexcept override { models_.near().run_elsewhere(); }
+  void slow_phase(double t_s, const Vec3& from_mm, const Vec3& to_mm) noexcept override {
+    models_.near().slow_phase(t_s, from_mm, to_mm);
+  }
+
+  Description describe() const override {
+    return {
+        "heightfield", "chapter 4 made right", "El-Far, chapter 4; bilinear surface and side ours",
+        fmt::format("a model near the HIP: {} moves of the god object over cells, {} cells or blocks of the "
+                    "HIP's segment, {} entries a frame; what is left is done in the next",
+                    kMaxSheetMoves, kMaxSegmentLooks, kMaxEntries),
+        options_};
+  }
+
+ private:
+  Options options_;
+  FrameShell<HeightFieldSurface> models_;
 };
 
 }  // namespace
@@ -349,11 +331,22 @@ RendererInfo heightfield_info() {
   info.name = "heightfield";
   info.summary = "chapter 4 made right: nearest point of the bilinear surface, no peak missed";
   info.source = "El-Far, chapter 4; bilinear surface and side are ours";
-  info.options = {{"shading",
-                   OptionKind::kChoice,
-                   "bilinear",
-                   "god object: bilinear, the nearest point of the surface; nearest, the post next to it",
-                   {"bilinear", "nearest"}}};
+  info.role = Role::kOurs;
+  info.geometry = Geometry::kHeights;
+  info.supports = kAllOfRigidSurfaces | Feature::kJointContact;
+  info.options = {
+      {"shading",
+       OptionKind::kChoice,
+       "bilinear",
+       "god object: bilinear, the nearest point of the surface; nearest, the post next to it",
+       {"bilinear", "nearest"}},
+      {"holes",
+       OptionKind::kChoice,
+       "fill",
+       fmt::format("those narrower than {} posts: fill, the surface goes on as the points around say; open, "
+                   "as wider ones are",
+                   cloud::kGapPosts),
+       {"fill", "open"}}};
   info.make = [](const Options& options) { return std::make_unique<HeightFieldRenderer>(options); };
   return info;
 }

@@ -7,6 +7,7 @@
 #include <array>
 #include <cstddef>
 #include <span>
+#include <utility>
 
 #include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/half_spaces.h"
@@ -16,21 +17,58 @@
 
 namespace palpate::render {
 
-/// Models that may be touched in one frame; of more the first ones count.
+/// Models that are answered together in one frame; of more the deepest, see Touches.
 inline constexpr std::size_t kMaxTouched = geometry::kMaxHalfSpaces;
 /// Times the planes of models touched together are looked up where the last solution lies: surfaces are not
 /// planes, and each time the error that is left is about squared.
 inline constexpr int kJointRounds = 3;
+/// Planes of one touch, at most: of a corner's facets many may lie in one plane, and none of them may take
+/// the place of another touch's.
+inline constexpr std::size_t kMaxPlanesATouch = 16;
 /// Violation of a plane that rounding may leave, as a share of the coordinates.
 inline constexpr double kJointSlack = 64.0 * kUnitRoundoff;
 
-/// The planes of one round, world frame, each with the touch it belongs to. Of too many the first stay.
-class JointPlanes {
+/// The touches of one frame. Where more models are touched than are answered together, the deepest are: they
+/// push most, and on the way in a model begins with nothing. Of equally deep ones the first stay. Touch:
+/// SurfaceContact contact.
+template <class Touch>
+class Touches {
  public:
   void clear() noexcept { size_ = 0; }
-  void begin(std::size_t touch) noexcept { touch_ = touch; }
+  /// What the next touch is read into.
+  [[nodiscard]] Touch& next() noexcept { return touch_[size_]; }
+  /// Takes next() up. False where one had to be left out: that one is next() then.
+  [[nodiscard]] bool keep() noexcept {
+    if (size_ < kMaxTouched) {
+      ++size_;
+      return true;
+    }
+    Touch* shallowest = touch_.data();
+    for (std::size_t i = 1; i < kMaxTouched; ++i)
+      if (!(depth_sq(touch_[i]) > depth_sq(*shallowest))) shallowest = &touch_[i];
+    if (depth_sq(next()) > depth_sq(*shallowest)) std::swap(*shallowest, next());
+    return false;
+  }
+  [[nodiscard]] std::span<Touch> all() noexcept { return {touch_.data(), size_}; }
+
+ private:
+  static double depth_sq(const Touch& touch) noexcept { return touch.contact.pull.squaredNorm(); }
+
+  std::array<Touch, kMaxTouched + 1> touch_;
+  std::size_t size_ = 0;
+};
+
+/// The planes of one round, world frame, each with the touch it belongs to. Of too many of one touch the
+/// first stay.
+class JointPlanes {
+ public:
+  void clear() noexcept { size_ = begin_ = 0; }
+  void begin(std::size_t touch) noexcept {
+    touch_ = touch;
+    begin_ = size_;
+  }
   void add(const geometry::HalfSpace& plane) noexcept {
-    if (size_ == plane_.size()) return;
+    if (size_ - begin_ == kMaxPlanesATouch || size_ == plane_.size()) return;
     owner_[size_] = touch_;
     plane_[size_++] = plane;
   }
@@ -40,9 +78,11 @@ class JointPlanes {
   [[nodiscard]] std::size_t owner(std::size_t i) const noexcept { return owner_[i]; }
 
  private:
-  std::array<geometry::HalfSpace, geometry::kMaxHalfSpaces> plane_;
-  std::array<std::size_t, geometry::kMaxHalfSpaces> owner_{};
-  std::size_t size_ = 0;
+  static constexpr std::size_t kMost = kMaxTouched * kMaxPlanesATouch;
+  static_assert(kMost <= geometry::kMostHalfSpaces);
+  std::array<geometry::HalfSpace, kMost> plane_;
+  std::array<std::size_t, kMost> owner_{};
+  std::size_t size_ = 0, begin_ = 0;
   std::size_t touch_ = 0;
 };
 
@@ -75,8 +115,9 @@ Vec3 constrain_jointly(const Vec3& hip_mm, std::span<Touch> touches, PlanesNear&
   }
   for (std::size_t i = 0; i < touches.size(); ++i) {
     Vec3 pull = Vec3::Zero();
-    for (std::size_t p = 0; p < planes.planes().size(); ++p)
-      if (planes.owner(p) == i) pull += (share * found.push[p]) * planes.planes()[p].normal;
+    for (std::size_t k = 0; k < found.active; ++k)
+      if (const std::size_t p = found.plane[k]; planes.owner(p) == i)
+        pull += (share * found.push[k]) * planes.planes()[p].normal;
     SurfaceContact& contact = touches[i].contact;
     contact.hip = touches[i].pose().to_local(at - pull);
     contact.pull = touches[i].pose().direction_to_local(pull);

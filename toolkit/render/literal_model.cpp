@@ -18,79 +18,83 @@ constexpr double kSphereMargin = 1e-3;
 /// A HIP that moved less than this share of the box per axis rests (the printed "small value"): below it a
 /// move is less than a hundredth of the box test's own meaning.
 constexpr double kRestShare = 1e-4;
+/// More sub-segments than this cannot be told apart: 2^53, the whole numbers of a double.
+constexpr double kMostPieces = 9007199254740992.0;
 constexpr std::uint32_t kNone = ~std::uint32_t{0};
+
+[[nodiscard]] bool same(const Cell& a, const Cell& b) noexcept {
+  return a.x == b.x && a.y == b.y && a.z == b.z;
+}
 
 }  // namespace
 
-void LiteralModel::reset(const Vec3& h) noexcept {
+void LiteralModel::let_go(const Vec3& h) noexcept {
   previous_ = h;
   collided_ = false;
 }
 
-ModelAnswer LiteralModel::update(const Vec3& h, FrameCounters& counters) noexcept {
+bool LiteralModel::touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/, SurfaceContact& contact,
+                         FrameStatus& status, FrameCounters& counters) noexcept {
   const Vec3 before = previous_;
   previous_ = h;
-  // Figure 42.
+  // Figure 42. Either branch begins with figure 36, whose segment runs from the old HIP to this one.
   if (collided_) {
-    // The figure tests the way back to the old HIP, then to the sphere; the text, at t3, the way to the god
-    // object.
-    if (crosses(h, before, counters) != kNone) {
+    // Then the figure tests the way to the sphere; the text, at t3, the way to the god object.
+    if (crosses(before, h, counters)) {
       const Vec3 g = model_.points[god_].at();
       const Vec3 aim = options_.text_form ? g : Vec3(g + sphere_radius(god_) * last_direction_);
-      if (crosses(h, aim, counters) == kNone) {
+      if (!crosses(h, aim, counters)) {
         collided_ = false;
-        return {};
+        return false;
       }
     }
-    return respond(h, god_, counters);
+    answer(h, god_, status, counters);
+  } else {
+    const std::uint32_t first = nearest_crossed(h, before, counters);
+    if (first == kNone) return false;
+    answer(h, first, status, counters);
   }
-  const std::uint32_t first = nearest_crossed(h, before, counters);
-  if (first == kNone) return {};
-  held_ = kNone;
-  collided_ = true;
-  return respond(h, first, counters);
+  contact.hip = h;
+  contact.pull = answer_.god_object_mm - h;
+  return true;
 }
 
-ModelAnswer LiteralModel::respond(const Vec3& h, std::uint32_t from, FrameCounters& counters) noexcept {
+void LiteralModel::answer(const Vec3& h, std::uint32_t from, FrameStatus& status,
+                          FrameCounters& counters) noexcept {
   int steps = kMaxWalkSteps;
   WalkEnd end = walk(model_, from, h, steps, [](std::uint32_t) {});
   counters.walk_steps += static_cast<std::uint64_t>(kMaxWalkSteps - steps);
-  ModelAnswer answer;
-  answer.contact = true;
-  answer.bound_hit = steps == 0;
-  god_ = end.place;
-  Vec3 pull = model_.points[god_].at() - h;
-  const double length = pull.norm();
-  // The sphere's side comes from the last contact: the direction of the last force.
-  if (length > 0.0) last_direction_ = pull / length;
+  if (steps == 0) status = FrameStatus::kBoundHit;
   // Section 3.5.2, then 3.4, then figure 46: friction moves the god object, shading reads the points around
-  // it, deformation scales the force of the rigid surface there.
-  std::uint32_t place = god_;
-  if ((model_.surface.features & kFriction) != 0) {
-    held_ = place = held_ == kNone ? god_
-                                   : roll_back(
-                                         god_, held_, h, model_.surface.static_friction(held_), kMaxWalkSteps,
-                                         [this](std::uint32_t p) { return model_.points[p].at(); },
-                                         [this](std::uint32_t p, auto&& use) {
-                                           for (const std::uint32_t other : model_.neighbours[p]) use(other);
-                                         });
-    if (place != god_) {
-      end.place = place;
+  // it, deformation scales the force of the rigid surface there. There is one god object, the moved one: the
+  // next frame's walk starts from it, and the sphere shares its point.
+  if (collided_ && (model_.surface.features & kFriction) != 0) {
+    const std::uint32_t rolled = roll_back(
+        end.place, god_, h, model_.surface.static_friction(god_), kMaxWalkSteps,
+        [this](std::uint32_t p) { return model_.points[p].at(); },
+        [this](std::uint32_t p, auto&& use) {
+          for (const std::uint32_t other : model_.neighbours[p]) use(other);
+        });
+    if (rolled != end.place) {
+      end.place = rolled;
       end.look_around(model_, h);
-      pull = model_.points[place].at() - h;
     }
   }
-  const Vec3 g = model_.points[place].at();
+  god_ = end.place;
+  collided_ = true;
+  const Vec3 g = model_.points[god_].at();
+  Vec3 pull = g - h;
+  const double length = pull.norm();
+  // The sphere's side comes from the last contact: the direction of its pull.
+  if (length > 0.0) last_direction_ = pull / length;
   if (shading_ != Shading::kNone) {
     const NearestTwo two = nearest_two(model_, end);
     pull = shaded_vector(shading_, h, g, model_.points[two.first].at(), model_.points[two.second].at());
   }
   const double stiffness = (model_.surface.features & kVaried) != 0
-                               ? static_cast<double>(model_.surface.of_place[place].stiffness_n_per_mm)
+                               ? static_cast<double>(model_.surface.of_place[god_].stiffness_n_per_mm)
                                : model_.surface.stiffness_n_per_mm;
-  answer.god_object = g;
-  answer.force_n = stiffness * pull;
-  return answer;
+  answer_ = {stiffness * pull, g};
 }
 
 double LiteralModel::sphere_radius(std::uint32_t place) const noexcept {
@@ -99,7 +103,8 @@ double LiteralModel::sphere_radius(std::uint32_t place) const noexcept {
 
 /// Calls test(place) for the points of the cells the rule selects, until it returns true.
 template <class Test>
-bool LiteralModel::any_in_cells(const Vec3& a, const Vec3& b, FrameCounters& counters, Test&& test) noexcept {
+bool LiteralModel::any_in_cells(const Vec3& a, const Vec3& b, FrameCounters& counters,
+                                Test&& test) const noexcept {
   const auto in_cell = [&](const Cell& cell) {
     ++counters.cells_visited;
     const partition::PlaceRange range = model_.grid.find(cell);
@@ -112,21 +117,32 @@ bool LiteralModel::any_in_cells(const Vec3& a, const Vec3& b, FrameCounters& cou
     reach += Vec3::Constant(model_.sphere_mm);  // a swept sphere crosses cells as a volume
     return !visit_cells(model_.grid, a, b, reach, [&](const Cell& cell) { return !in_cell(cell); });
   }
-  // Sub-segments one cell long; the cell of each starting point. A HIP outside the cloud's box is far from
-  // all cells: the part of the segment inside it is all that is sampled, so the count is bounded by the
-  // grid.
+  if (options_.count_missed) count_missed(a, b, counters);
+  return any_sampled(a, b, in_cell);
+}
+
+/// Calls test(cell) for the cells that section 3.1.3 lists until it returns true: those of the starting
+/// points of sub-segments at most one cell long, and that of the last one's end, which the segment crosses
+/// too.
+template <class Test>
+bool LiteralModel::any_sampled(const Vec3& a, const Vec3& b, Test&& test) const noexcept {
   const Vec3 d = b - a;
   const double pieces = std::max(1.0, std::ceil(d.norm() / model_.grid.cell_mm()));
+  if (!(pieces < kMostPieces)) return false;
+  // A HIP outside the cloud's box may be far from all cells: the part of the segment inside it is all that is
+  // sampled, so the count is bounded by the grid.
   const double most = 4.0 * static_cast<double>(model_.grid.last_cell() + 2);
   double t0 = 0.0, t1 = 1.0;
   if (pieces > most && !clip(a, d, t0, t1)) return false;
-  const auto begin = static_cast<std::int64_t>(std::floor(t0 * pieces));
-  const auto end = static_cast<std::int64_t>(std::ceil(t1 * pieces));
-  bool hit = false;
-  for (std::int64_t i = begin; i < end && !hit; ++i)
-    hit = in_cell(model_.grid.cell_of(a + (static_cast<double>(i) / pieces) * d));
-  if (options_.count_missed) count_missed(a, b, pieces, counters);
-  return hit;
+  const double first = std::floor(t0 * pieces), last = std::min(std::ceil(t1 * pieces), first + most);
+  Cell before{-1, -1, -1};  // holds no point
+  for (double i = first; i <= last; ++i) {
+    const Cell cell = model_.grid.cell_of(i == pieces ? b : Vec3(a + (i / pieces) * d));
+    if (same(cell, before)) continue;
+    if (test(cell)) return true;
+    before = cell;
+  }
+  return false;
 }
 
 /// The part [t0, t1] of a + t d inside the grid's cells.
@@ -145,17 +161,11 @@ bool LiteralModel::clip(const Vec3& a, const Vec3& d, double& t0, double& t1) co
   return t0 <= t1;
 }
 
-/// Cells crossed that hold points and that the printed sampling never looked into.
-void LiteralModel::count_missed(const Vec3& a, const Vec3& b, double pieces,
-                                FrameCounters& counters) noexcept {
+/// Cells crossed that hold points and that the printed sampling does not look into.
+void LiteralModel::count_missed(const Vec3& a, const Vec3& b, FrameCounters& counters) const noexcept {
   visit_cells(model_.grid, a, b, Vec3::Zero(), [&](const Cell& cell) {
-    if (model_.grid.find(cell).empty()) return true;
-    bool seen = false;
-    for (double i = 0; i < pieces && !seen; ++i) {
-      const Cell at = model_.grid.cell_of(a + (i / pieces) * (b - a));
-      seen = at.x == cell.x && at.y == cell.y && at.z == cell.z;
-    }
-    counters.missed_cells += !seen;
+    if (!model_.grid.find(cell).empty())
+      counters.missed_cells += !any_sampled(a, b, [&](const Cell& seen) { return same(seen, cell); });
     return true;
   });
 }
@@ -175,23 +185,19 @@ bool LiteralModel::touches(const geometry::SegmentProbe& probe, std::uint32_t pl
   return true;
 }
 
-/// Some crossed vertex, or kNone.
-std::uint32_t LiteralModel::crosses(const Vec3& a, Vec3 b, FrameCounters& counters) noexcept {
+/// Whether the segment crosses any vertex's box.
+bool LiteralModel::crosses(const Vec3& a, Vec3 b, FrameCounters& counters) const noexcept {
   if (resting(a, b)) b = a;
   const geometry::SegmentProbe probe(a, b);
-  std::uint32_t found = kNone;
-  any_in_cells(a, b, counters, [&](std::uint32_t place) {
+  return any_in_cells(a, b, counters, [&](std::uint32_t place) {
     ++counters.box_tests;
-    if (!touches(probe, place, counters)) return false;
-    found = place;
-    return true;
+    return touches(probe, place, counters);
   });
-  return found;
 }
 
 /// The crossed vertex nearest to the old HIP; ties go to the first in grid order.
 std::uint32_t LiteralModel::nearest_crossed(const Vec3& h, const Vec3& before,
-                                            FrameCounters& counters) noexcept {
+                                            FrameCounters& counters) const noexcept {
   const Vec3 b = resting(before, h) ? before : h;
   const geometry::SegmentProbe probe(before, b);
   std::uint32_t found = kNone;

@@ -8,7 +8,7 @@
 #include "toolkit/render/point_model.h"
 #include "toolkit/render/point_walk.h"
 #include "toolkit/render/shading.h"
-#include "toolkit/render/summed_models.h"
+#include "toolkit/render/surface_response.h"
 
 namespace palpate::render {
 
@@ -32,31 +32,41 @@ class LiteralModel {
   LiteralModel(PointModel model, Shading shading, const LiteralOptions& options) noexcept
       : model_(std::move(model)), shading_(shading), options_(options) {}
 
+  // A local model of the frame shell. The thesis does not say how several contacts combine.
+  struct Memory {};
+  static constexpr bool kSums = true;
   [[nodiscard]] ModelPose& pose() noexcept { return model_.pose; }
-  void reset(const Vec3& h) noexcept;
-  [[nodiscard]] ModelAnswer update(const Vec3& h, FrameCounters& counters) noexcept;
+  [[nodiscard]] const ModelPose& pose() const noexcept { return model_.pose; }
+  void let_go(const Vec3& h) noexcept;
+  void release() noexcept {}  // friction rolls the god object back; what it remembers is the contact itself
+  [[nodiscard]] bool touch(const Vec3& goal, const Vec3& h, Memory& memory, SurfaceContact& contact,
+                           FrameStatus& status, FrameCounters& counters) noexcept;
+  [[nodiscard]] SurfaceAnswer respond(const SurfaceContact& /*contact*/) const noexcept { return answer_; }
 
  private:
-  [[nodiscard]] ModelAnswer respond(const Vec3& h, std::uint32_t from, FrameCounters& counters) noexcept;
+  void answer(const Vec3& h, std::uint32_t from, FrameStatus& status, FrameCounters& counters) noexcept;
   [[nodiscard]] double sphere_radius(std::uint32_t place) const noexcept;
   template <class Test>
-  bool any_in_cells(const Vec3& a, const Vec3& b, FrameCounters& counters, Test&& test) noexcept;
+  bool any_in_cells(const Vec3& a, const Vec3& b, FrameCounters& counters, Test&& test) const noexcept;
+  template <class Test>
+  bool any_sampled(const Vec3& a, const Vec3& b, Test&& test) const noexcept;
   bool clip(const Vec3& a, const Vec3& d, double& t0, double& t1) const noexcept;
-  void count_missed(const Vec3& a, const Vec3& b, double pieces, FrameCounters& counters) noexcept;
+  void count_missed(const Vec3& a, const Vec3& b, FrameCounters& counters) const noexcept;
   [[nodiscard]] bool resting(const Vec3& a, const Vec3& b) const noexcept;
   [[nodiscard]] bool touches(const geometry::SegmentProbe& probe, std::uint32_t place,
                              FrameCounters& counters) const noexcept;
-  std::uint32_t crosses(const Vec3& a, Vec3 b, FrameCounters& counters) noexcept;
-  std::uint32_t nearest_crossed(const Vec3& h, const Vec3& before, FrameCounters& counters) noexcept;
+  [[nodiscard]] bool crosses(const Vec3& a, Vec3 b, FrameCounters& counters) const noexcept;
+  [[nodiscard]] std::uint32_t nearest_crossed(const Vec3& h, const Vec3& before,
+                                              FrameCounters& counters) const noexcept;
 
   PointModel model_;
   Shading shading_;
   LiteralOptions options_;
   Vec3 previous_ = Vec3::Zero();
   Vec3 last_direction_ = Vec3::UnitZ();
-  std::uint32_t god_ = 0;   ///< of the last contact frame, as if frictionless
-  std::uint32_t held_ = 0;  ///< the same, rolled back by friction
+  std::uint32_t god_ = 0;  ///< of the last contact frame, where friction left it
   bool collided_ = false;
+  SurfaceAnswer answer_;  ///< of the last touch
 };
 
 }  // namespace palpate::render

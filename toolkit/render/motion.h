@@ -77,6 +77,8 @@ class Simulation {
   virtual void reset() noexcept = 0;
   /// Time is now `t_s`: does the steps that are due, none where none is. Time never runs back but by reset().
   virtual void advance(double t_s) noexcept = 0;
+  /// Up to this time advance() has nothing to do.
+  [[nodiscard]] virtual double next_s() const noexcept = 0;
 };
 
 /// A motion that a scene file writes down: at rest, then a constant velocity and turn, then at rest.
@@ -103,6 +105,7 @@ class ScriptedSimulation final : public Simulation {
   [[nodiscard]] std::shared_ptr<MovingModel> add(const ScriptedMotion& motion);
   void reset() noexcept override;
   void advance(double t_s) noexcept override;
+  [[nodiscard]] double next_s() const noexcept override { return next_tick_ / rate_hz_; }
 
  private:
   void publish(double t_s) noexcept;

@@ -1,7 +1,8 @@
-// Which of a scene's models a frame looks at: those that the slow broad phase names near the HIP, and those
-// that are touched.
+// Which of a scene's models a frame looks at: those that the slow broad phase names near the HIP, those that
+// are touched, and those that do not keep to the box that it knows.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -26,24 +27,39 @@ class NearModels {
     near_.reserve(count);
     former_.reserve(count);
     listed_.assign(count, 0);
+    always_.reserve(count);
+    always_.clear();
+    built_always_ = 0;
+  }
+  /// Before the first reset(): model i is looked at in every frame, however far its prepared box is.
+  void always_near(std::uint32_t index) {
+    keep_near(index);
+    built_always_ = always_.size();
+  }
+  /// The same from now to the next reset(): its points have left the box.
+  void keep_near(std::uint32_t index) noexcept {
+    if (std::find(always_.begin(), always_.end(), index) == always_.end()) always_.push_back(index);
   }
   [[nodiscard]] bool built() const noexcept { return boxes_ != nullptr; }
   [[nodiscard]] std::size_t bytes() const noexcept {
     return boxes_ == nullptr ? 0 : boxes_->bytes() + listed_.capacity() * sizeof(listed_[0]);
   }
 
-  /// Enter: see choose(). The models are at rest at `hip_mm` at time 0.
+  /// Enter: see choose(). The HIP is free at `hip_mm` at `t_s`.
   template <class Enter>
-  void reset(const Vec3& hip_mm, Enter&& enter) noexcept {
+  void restart(const Vec3& hip_mm, double t_s, Enter&& enter) noexcept {
     previous_ = hip_mm;
-    previous_s_ = 0.0;
+    previous_s_ = t_s;
     if (boxes_ == nullptr) return;
     lists_ = 1;
     near_.clear();
+    always_.resize(built_always_);
     listed_.assign(listed_.size(), 0);
-    boxes_->run(0.0, hip_mm, hip_mm);
+    boxes_->run(t_s, hip_mm, hip_mm);
     list(boxes_->newest(), enter, [](std::uint32_t) { return false; });
   }
+  /// The HIP goes on from `hip_mm`; every model's contact has been told so.
+  void let_go(const Vec3& hip_mm) noexcept { previous_ = hip_mm; }
 
   void run_elsewhere() noexcept { elsewhere_ = boxes_ != nullptr; }
   void slow_phase(double t_s, const Vec3& from_mm, const Vec3& to_mm) noexcept {
@@ -55,14 +71,14 @@ class NearModels {
   /// the broad phase is run elsewhere and was too late: all models are listed.
   template <class Enter, class Touching>
   [[nodiscard]] bool choose(const Vec3& hip_mm, double now_s, Enter&& enter, Touching&& touching) noexcept {
-    const Candidates* near = &boxes_->newest();
+    const NearbyModels* near = &boxes_->newest();
     if (near->number != taken_ && near->covers(previous_, now_s)) list(*near, enter, touching);
     const auto covered = [&] {
       return near->number == taken_ && near->covers(previous_, now_s) && near->covers(hip_mm, now_s);
     };
     if (covered()) return true;
     if (elsewhere_) {  // too late: nothing may be missed
-      Candidates all;
+      NearbyModels all;
       all.too_many = true;
       all.number = taken_;
       list(all, enter, touching);
@@ -83,7 +99,7 @@ class NearModels {
  private:
   /// Takes over a list of the broad phase.
   template <class Enter, class Touching>
-  void list(const Candidates& found, Enter&& enter, Touching&& touching) noexcept {
+  void list(const NearbyModels& found, Enter&& enter, Touching&& touching) noexcept {
     ++lists_;
     taken_ = found.number;
     former_.swap(near_);
@@ -100,11 +116,15 @@ class NearModels {
     for (std::uint32_t i = 0; i < found.count; ++i) take(found.model[i]);
     for (const std::uint32_t index : former_)
       if (touching(index) && listed_[index] != lists_) take(index);
+    for (const std::uint32_t index : always_)
+      if (listed_[index] != lists_) take(index);
   }
 
   std::unique_ptr<SceneBoxes> boxes_;
   std::vector<std::uint32_t> near_, former_;  ///< models looked at, and before; room for all
   std::vector<std::uint64_t> listed_;         ///< the last answer of the broad phase that named a model
+  std::vector<std::uint32_t> always_;         ///< models near wherever the HIP is; room for all
+  std::size_t built_always_ = 0;              ///< so many of them from the start
   std::uint64_t taken_ = 0;                   ///< the answer of the broad phase that near_ is
   std::uint64_t lists_ = 1;                   ///< answers of the broad phase taken over, 1 = none
   bool elsewhere_ = false;                    ///< somebody else runs the broad phase

@@ -21,8 +21,9 @@ constexpr double kRimCosine = 0.25;
 
 }  // namespace
 
-void PointContact::attach(const PointModel& model) noexcept {
+void PointContact::attach(const PointModel& model) {
   model_ = &model;
+  sides_.attach(model);
   const double half_diagonal_sq = model.largest_half_box_mm.squaredNorm();
   leave_sq_mm2_ = kLeaveHalfDiagonals * kLeaveHalfDiagonals * half_diagonal_sq;
   same_sheet_sq_mm2_ = kSameSheetHalfDiagonals * kSameSheetHalfDiagonals * half_diagonal_sq;
@@ -38,8 +39,7 @@ void PointContact::start_from(const Vec3& h) noexcept {
 
 void PointContact::reset(const Vec3& h) noexcept {
   start_from(h);
-  // The free side of a closed surface is where the HIP is now: outside, or inside a cavity.
-  if (model_->closed) closed_side_ = surface::is_enclosed(model_->points, model_->neighbours, h) ? -1.0 : 1.0;
+  sides_.find(*model_, h);
 }
 
 /// Free: the watched sheets are followed, and boxes crossed since the last frame may add one.
@@ -180,7 +180,7 @@ void PointContact::watch(std::uint32_t place, const Vec3& from, FrameCounters& c
   Sheet sheet;
   sheet.place = place;
   sheet.outward = (from - model_->points[place].at()).normalized();
-  if (surface::is_one_sided(model_->points[place].normal)) sheet.side = closed_side_;
+  if (surface::is_one_sided(model_->points[place].normal)) sheet.side = sides_.at(*model_, place);
   sheet.set_outward(*model_);
   (void)follow(*model_, sheet, from, steps_, counters);
   for (std::size_t i = 0; i < sheets_; ++i)
@@ -207,13 +207,30 @@ void PointContact::watch(std::uint32_t place, const Vec3& from, FrameCounters& c
 void PointContact::point_moved(std::uint32_t place, const Vec3& from, const Vec3& to,
                                FrameCounters& counters) noexcept {
   if (contact_) return;
-  // Seen from the point, the HIP came from here.
   const Vec3 start = tested_to_ + (to - from);
-  const geometry::SegmentProbe probe(start, tested_to_);
   ++counters.box_tests;
-  if (!geometry::segment_touches_box(probe, model_->points[place].at(), model_->half_box(place))) return;
+  if (geometry::segment_touches_box(geometry::SegmentProbe(start, tested_to_), to, model_->half_box(place)))
+    met_.keep({place, start, (to - tested_to_).squaredNorm()});
+}
+
+/// The points are where they are now. In contact the god object is looked for anew where the HIP was, and
+/// lets go where the surface has left it; else what moved across the HIP is watched.
+void PointContact::meet(FrameCounters& counters) noexcept {
+  scan_.running = false;
   steps_ = kMaxWalkSteps;
-  if (!is_watched(place)) watch(place, start, counters);
+  const std::size_t met = std::exchange(met_.count, 0);
+  if (!contact_) {
+    for (std::size_t i = 0; i < met; ++i)
+      if (!is_watched(met_.point[i].place)) watch(met_.point[i].place, met_.point[i].from_mm, counters);
+    return;
+  }
+  Sheet& sheet = near_[0];
+  (void)follow(*model_, sheet, previous_, steps_, counters);
+  sheet.turned_from = kNoPlace;
+  height_mm_ = height_mm(*model_, sheet, previous_);
+  if (sheet.walk_cut || height_mm_ < 0.0) return;
+  contact_ = false;
+  tested_to_ = previous_;
 }
 
 }  // namespace palpate::render

@@ -8,6 +8,7 @@
 #include <cstdint>
 
 #include "toolkit/render/box_scan.h"
+#include "toolkit/render/free_sides.h"
 #include "toolkit/render/sheet.h"
 
 namespace palpate::render {
@@ -19,23 +20,59 @@ inline constexpr std::size_t kMaxSheets = 3;
 /// apart it makes one in two frames; what is left is made in the next.
 inline constexpr int kMaxFaceMoves = 4;
 
+/// The points that moved across a HIP, the nearest to it first.
+struct MovedOn {
+  struct Point {
+    std::uint32_t place;
+    Vec3 from_mm;  ///< where the HIP came from, as seen from the point
+    double distance_sq_mm2;
+  };
+  std::array<Point, kMaxCrossed> point;
+  std::size_t count = 0;
+
+  void keep(const Point& moved) noexcept {
+    if (count == point.size() && !(moved.distance_sq_mm2 < point[--count].distance_sq_mm2)) {
+      ++count;
+      return;
+    }
+    std::size_t at = count++;
+    for (; at > 0 && moved.distance_sq_mm2 < point[at - 1].distance_sq_mm2; --at) point[at] = point[at - 1];
+    point[at] = moved;
+  }
+};
+
 /// Everything in the model's local coordinates, mm. Belongs to one thread; the model is only read and must
 /// outlive this. Work per update: kMaxWalkSteps moves and kMaxFaceMoves along an edge, kMaxRescues wider
 /// looks of 64 points, kMaxBoxTests box tests, segments of kMaxSegmentCells cells; what is left is done in
 /// the next.
 class PointContact {
  public:
-  /// Before the first use, and after the model's boxes grew.
-  void attach(const PointModel& model) noexcept;
-  /// Free at `h`; of a closed surface the free side is where `h` is. O(n) for closed surfaces.
+  /// Before the first use, and after the model's boxes grew. Allocates.
+  void attach(const PointModel& model);
+  /// Free at `h`; of each closed surface the free side is where `h` is. O(n) for closed surfaces.
   void reset(const Vec3& h) noexcept;
   /// Free at `h`, known to be clear of the model: the next update tests the way from there.
   void start_from(const Vec3& h) noexcept;
-  /// Points moved: a search for crossed boxes that had not ended begins again.
-  void geometry_changed() noexcept { scan_.running = false; }
-  /// A point of the model went from one place to another between two updates. A HIP that rests may be met by
-  /// it: the HIP's way is tested as seen from the point. The case that section 3.3.2.1 gives up.
+  /// The surface gave way under the god object: its plane is read again, and a search for crossed boxes that
+  /// had not ended begins again.
+  void gave_way() noexcept {
+    scan_.running = false;
+    if (contact_) near_[0].set_outward(*model_);
+  }
+  /// A point of the model goes from one place to another between two updates. A HIP that rests may be met by
+  /// it: the HIP's way is tested as seen from the point. The case that section 3.3.2.1 gives up. After the
+  /// last one: points_moved().
   void point_moved(std::uint32_t place, const Vec3& from, const Vec3& to, FrameCounters& counters) noexcept;
+  /// All points are where they are now: nothing that was known of the surface's shape is kept.
+  /// standing(place): the place, or one near it where its point is gone. The work of an update.
+  template <class Standing>
+  void points_moved(Standing&& standing, FrameCounters& counters) noexcept {
+    for (std::size_t i = 0; i < sheets_; ++i) {
+      near_[i].place = standing(near_[i].place);
+      near_[i].set_outward(*model_);
+    }
+    meet(counters);
+  }
   /// The HIP is now at `h`. True in contact: `end` is then what lies around the god object.
   [[nodiscard]] bool update(const Vec3& h, WalkEnd& end, FrameCounters& counters) noexcept {
     steps_ = kMaxWalkSteps;
@@ -70,6 +107,7 @@ class PointContact {
     return look(h, end, counters);
   }
 
+  void meet(FrameCounters& counters) noexcept;
   bool look(const Vec3& h, WalkEnd& end, FrameCounters& counters) noexcept;
   void keep_to_face(const Vec3& h, WalkEnd& end, FrameCounters& counters) noexcept;
   void follow_sheets(FrameCounters& counters) noexcept;
@@ -93,10 +131,11 @@ class PointContact {
   Vec3 tested_to_ = Vec3::Zero();  ///< the path has been tested up to here
   Vec3 previous_ = Vec3::Zero();   ///< the HIP of the last update
   BoxScan scan_;
+  MovedOn met_;                         ///< points that moved across the HIP since the last update
   std::array<Sheet, kMaxSheets> near_;  ///< in contact: the first alone
   std::size_t sheets_ = 0;
-  double height_mm_ = 0.0;    ///< in contact: the last update's HIP over its sheet's plane
-  double closed_side_ = 1.0;  ///< of closed surfaces: 1 when the HIP's place is outside, -1 inside
+  double height_mm_ = 0.0;  ///< in contact: the last update's HIP over its sheet's plane
+  FreeSides sides_;         ///< of closed surfaces, where the HIP was when it was put there
   bool contact_ = false;
   bool behind_ = false;  ///< the path could not be tested up to the HIP
   int steps_ = 0;

@@ -94,44 +94,42 @@ void partition_points(const cloud::Cloud& cloud, const PointModelOptions& option
                       int threads, PointModel& model) {
   partition::PartitionOptions o;
   o.cell_mm = model.cell_mm = cell_mm;
+  o.spare_places = options.spare_points;
   switch (options.partition) {
     case PartitionKind::kGrid:
-      model.grid = partition::UniformGrid::build(cloud, o, threads);
-      model.cell_mm = model.grid.cell_mm();
+      if (options.moving) {
+        model.tree = partition::DynamicGrid::build(cloud, o, threads);
+        model.cell_mm = std::get<partition::DynamicGrid>(model.tree).cell_mm();
+      } else {
+        model.grid = partition::UniformGrid::build(cloud, o, threads);
+        model.cell_mm = model.grid.cell_mm();
+      }
       break;
     case PartitionKind::kOctree:
-      model.tree = partition::Octree::build(cloud, o, threads);
+      if (options.moving)
+        model.tree = partition::DynamicOctree::build(cloud, o, threads);
+      else
+        model.tree = partition::Octree::build(cloud, o, threads);
       break;
     case PartitionKind::kQuadtree:
-      model.tree = partition::Quadtree3d::build(cloud, o, threads);
-      break;
-    case PartitionKind::kMoving:
-      o.spare_places = options.spare_points;
-      model.tree = partition::DynamicGrid::build(cloud, o, threads);
-      model.cell_mm = std::get<partition::DynamicGrid>(model.tree).cell_mm();
+      if (options.moving)
+        model.tree = partition::DynamicQuadtree3d::build(cloud, o, threads);
+      else
+        model.tree = partition::Quadtree3d::build(cloud, o, threads);
       break;
   }
-}
-
-/// use(partition) for the one the model has.
-template <class Model, class Use>
-auto with_partition(Model& model, Use&& use) {
-  if (auto* octree = std::get_if<partition::Octree>(&model.tree)) return use(*octree);
-  if (auto* quadtree = std::get_if<partition::Quadtree3d>(&model.tree)) return use(*quadtree);
-  if (auto* moving = std::get_if<partition::DynamicGrid>(&model.tree)) return use(*moving);
-  return use(model.grid);
 }
 
 std::span<const std::uint32_t> order_of(const PointModel& model) {
   return with_partition(model, [](const auto& p) { return std::span<const std::uint32_t>(p.order()); });
 }
 
-std::string shape_note(const PointModel& model) {
+std::string shape_note(const PointModel& model, PartitionKind kind) {
   const partition::LeafStatistics shape = with_partition(model, [](const auto& p) { return p.statistics(); });
-  if (model.tree.index() == 0 || std::holds_alternative<partition::DynamicGrid>(model.tree))
+  if (kind == PartitionKind::kGrid)
     return fmt::format("{} cells, at most {} points a cell", shape.leaves, shape.max_points);
   return fmt::format("{} of {} leaves in {} nodes, at most {} points a leaf, {} deep",
-                     model.tree.index() == 1 ? "octree" : "quadtree", shape.leaves, shape.nodes,
+                     kind == PartitionKind::kOctree ? "octree" : "quadtree", shape.leaves, shape.nodes,
                      shape.max_points, shape.max_depth);
 }
 
@@ -144,7 +142,7 @@ void fill_points(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable&
     for (std::size_t place = begin; place < end; ++place)
       place_of[order[place]] = static_cast<std::uint32_t>(place);
   });
-  if (options.partition == PartitionKind::kMoving) model.place_of = place_of;
+  if (options.moving) model.place_of = place_of;
   model.points.resize(n);
   model.neighbours.resize(n);
   if (options.box != BoxSize::kGlobal) model.half_box_mm.resize(n);
@@ -170,20 +168,34 @@ void fill_points(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable&
 
 }  // namespace
 
-std::vector<OptionSpec> point_model_specs() {
+std::vector<OptionSpec> point_model_specs(bool complete_to_eight) {
   using enum OptionKind;
   std::vector<std::string> names = {"auto"};
   for (const neighbourhood::Builder& builder : neighbourhood::builders()) names.push_back(builder.name);
   return {
       {"neighbours", kChoice, "auto",
        "how neighbours are found; auto: the scanner's path where the cloud is a raster", std::move(names)},
-      {"complete", kFlag, "true", "modified kNN completes to eight neighbours; false: as printed", {}},
+      {"complete",
+       kFlag,
+       complete_to_eight ? "true" : "false",
+       "modified kNN completes to eight neighbours; false: as printed, which finds fewer where its cubes do",
+       {},
+       0,
+       0,
+       {{"neighbours", {"auto", "modified-knn"}}}},
       {"box",
        kChoice,
        "global",
        "vertex boxes: one size, or per vertex",
        {"global", "per-vertex", "per-vertex-cube"}},
-      {"box_mm", kNumber, "0", "edge of the global box in mm; 0: the cloud's resolution", {}, 0.0, 1e12},
+      {"box_mm",
+       kNumber,
+       "0",
+       "edge of the global box in mm; 0: the cloud's resolution",
+       {},
+       0.0,
+       1e12,
+       {{"box", {"global"}}}},
       {"resolution_mm", kNumber, "0", "the cloud's resolution in mm; 0: measured", {}, 0.0, 1e12},
       {"cell",
        kNumber,
@@ -203,7 +215,14 @@ std::vector<OptionSpec> box_test_specs() {
        "box",
        "vertex boxes against the probe's segment (box) or a sphere swept along it (3.1.4's second remedy)",
        {"box", "swept-sphere"}},
-      {"sphere_mm", kNumber, "0", "radius of the swept sphere in mm; 0: half a box's edge", {}, 0.0, 1e12},
+      {"sphere_mm",
+       kNumber,
+       "0",
+       "radius of the swept sphere in mm; 0: half a box's edge",
+       {},
+       0.0,
+       1e12,
+       {{"test", {"swept-sphere"}}}},
   };
 }
 
@@ -229,7 +248,7 @@ PointModelOptions point_model_options(const Options& options) {
                                 : BoxSize::kPerVertexCube;
   o.box_mm = options.number("box_mm");
   o.resolution_mm = options.number("resolution_mm");
-  o.cell_per_resolution = options.number("cell");
+  if (options.has("cell")) o.cell_per_resolution = options.number("cell");
   if (options.has("partition")) {
     const std::string& partition = options.text("partition");
     o.partition = partition == "grid"     ? PartitionKind::kGrid
@@ -304,11 +323,12 @@ Result<PointModel> build_point_model(const ModelInput& input, const PointModelOp
     surface::fit_planes(model.points, model.neighbours, context.threads);
     phases.end();
     phases.begin("sides");
-    const surface::OrientReport sides =
-        surface::orient_planes(model.points, model.neighbours, context.threads);
-    model.closed = sides.one_sided_points > 0;
-    report.notes.push_back(fmt::format("{} pieces; {} points on closed ones, touched from outside",
-                                       sides.pieces, sides.one_sided_points));
+    surface::OrientReport sides = surface::orient_planes(model.points, model.neighbours, context.threads);
+    model.closed_pieces = sides.closed_pieces;
+    model.closed_piece_of = std::move(sides.closed_piece_of);
+    report.notes.push_back(
+        fmt::format("{} pieces, {} of them closed; {} points on those, touched from the side of the start",
+                    sides.pieces, sides.closed_pieces, sides.one_sided_points));
     phases.end();
   }
   phases.begin("blend");
@@ -321,7 +341,8 @@ Result<PointModel> build_point_model(const ModelInput& input, const PointModelOp
   }
   report.bytes += model.bytes();
   report.notes.push_back(fmt::format("resolution {:.6g} mm, cell {:.6g} mm, box {:.6g} mm, {}",
-                                     model.resolution_mm, model.cell_mm, edge, shape_note(model)));
+                                     model.resolution_mm, model.cell_mm, edge,
+                                     shape_note(model, options.partition)));
   return model;
 }
 

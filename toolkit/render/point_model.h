@@ -12,6 +12,7 @@
 #include "toolkit/core/vec.h"
 #include "toolkit/neighbourhood/neighbour_table.h"
 #include "toolkit/partition/dynamic_grid.h"
+#include "toolkit/partition/dynamic_tree.h"
 #include "toolkit/partition/space_tree.h"
 #include "toolkit/partition/uniform_grid.h"
 #include "toolkit/render/model_pose.h"
@@ -29,12 +30,7 @@ enum class BoxSize : std::uint8_t {
   kPerVertexCube,  ///< a cube of the largest of the three
 };
 
-enum class PartitionKind : std::uint8_t {
-  kGrid,
-  kOctree,
-  kQuadtree,
-  kMoving,  ///< a grid whose points may move (Deformer)
-};
+enum class PartitionKind : std::uint8_t { kGrid, kOctree, kQuadtree };
 
 struct PointModelOptions {
   std::string neighbours = "auto";  ///< auto, or one of neighbourhood::builders()
@@ -44,11 +40,12 @@ struct PointModelOptions {
   double resolution_mm = 0.0;        ///< 0 = measured
   double cell_per_resolution = 5.0;  ///< 0 = five times the median local resolution: see point_model_specs()
   PartitionKind partition = PartitionKind::kGrid;
+  bool moving = false;        ///< points may move (Deformer): the partition follows
   bool swept_sphere = false;  ///< test boxes with a swept sphere instead of a segment (section 3.1.4)
   double sphere_mm = 0.0;     ///< its radius; 0 = half the edge of the largest box
   bool normals =
       true;  ///< local planes with a side; and links back, so that a walk cannot be caught in a clump
-  std::size_t spare_points = 0;    ///< of a moving grid: points that may be added
+  std::size_t spare_points = 0;    ///< where they move: points that may be added
   double blend_resolutions = 0.0;  ///< stiffness rises over at least so many resolutions; 0 = as given
 };
 
@@ -63,13 +60,17 @@ struct PointModel {
   Vec3 largest_half_box_mm = Vec3::Zero();
   partition::UniformGrid grid;  ///< empty where a tree was chosen
   /// Instead of the grid.
-  std::variant<std::monostate, partition::Octree, partition::Quadtree3d, partition::DynamicGrid> tree;
-  std::vector<std::uint32_t> place_of;  ///< of a moving grid: the place of each of the cloud's points
+  std::variant<std::monostate, partition::Octree, partition::Quadtree3d, partition::DynamicGrid,
+               partition::DynamicOctree, partition::DynamicQuadtree3d>
+      tree;
+  std::vector<std::uint32_t> place_of;  ///< where they move: the place of each of the cloud's points
   double cell_mm = 0.0;                 ///< edge of the grid's cells, or what it would be
   double sphere_mm = 0.0;               ///< radius of the swept sphere; 0: boxes are tested with the segment
-  bool closed = false;                  ///< some points lie on pieces that enclose a volume
-  double resolution_mm = 0.0;           ///< as measured, or as given
-  double max_spacing_mm = 0.0;          ///< largest distance to an immediate neighbour
+  std::size_t closed_pieces = 0;        ///< pieces that enclose a volume
+  LargeVector<std::uint32_t>
+      closed_piece_of;          ///< per place, see OrientReport; empty where there is no second
+  double resolution_mm = 0.0;   ///< as measured, or as given
+  double max_spacing_mm = 0.0;  ///< largest distance to an immediate neighbour
 
   [[nodiscard]] Vec3 half_box(std::uint32_t place) const noexcept {
     return half_box_mm.empty() ? global_half_box_mm : Vec3(half_box_mm[place].cast<double>());
@@ -78,7 +79,7 @@ struct PointModel {
     return points.capacity() * sizeof(StoredPoint) +
            neighbours.capacity() * sizeof(neighbourhood::Neighbours) +
            half_box_mm.capacity() * sizeof(Vec3f) + partition_bytes() + surface.bytes() +
-           place_of.capacity() * sizeof(std::uint32_t);
+           (place_of.capacity() + closed_piece_of.capacity()) * sizeof(std::uint32_t);
   }
   [[nodiscard]] std::size_t partition_bytes() const noexcept;
 };
@@ -88,8 +89,19 @@ struct PointModel {
 [[nodiscard]] Result<PointModel> build_point_model(const ModelInput& input, const PointModelOptions& options,
                                                    const PrepareContext& context, PrepareReport& report);
 
-/// The options every point renderer understands.
-[[nodiscard]] std::vector<OptionSpec> point_model_specs();
+/// use(partition) for the one that a model has. Not std::visit, which may throw.
+template <class Model, class Use>
+auto with_partition(Model& model, Use&& use) {
+  if (auto* octree = std::get_if<partition::Octree>(&model.tree)) return use(*octree);
+  if (auto* quadtree = std::get_if<partition::Quadtree3d>(&model.tree)) return use(*quadtree);
+  if (auto* grid = std::get_if<partition::DynamicGrid>(&model.tree)) return use(*grid);
+  if (auto* moving = std::get_if<partition::DynamicOctree>(&model.tree)) return use(*moving);
+  if (auto* moving = std::get_if<partition::DynamicQuadtree3d>(&model.tree)) return use(*moving);
+  return use(model.grid);
+}
+
+/// The options every point renderer understands. `complete_to_eight`: the default of "complete".
+[[nodiscard]] std::vector<OptionSpec> point_model_specs(bool complete_to_eight = true);
 /// The partition, for renderers that scan boxes through any.
 [[nodiscard]] OptionSpec partition_spec();
 /// The test of the narrow phase, for renderers that have one.

@@ -28,6 +28,7 @@ class PreparePhases {
     report_.phases.push_back(std::move(phase));
   }
   void note(std::string text) { report_.notes.push_back(std::move(text)); }
+  void warn(std::string text) { report_.warnings.push_back(std::move(text)); }
   [[nodiscard]] Progress& progress() noexcept { return progress_; }
 
  private:

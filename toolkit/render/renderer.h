@@ -58,6 +58,9 @@ struct PrepareReport {
   std::vector<PreparePhase> phases;  ///< in order, their sum is about total_ms
   std::size_t bytes = 0;           ///< held by the renderer after preparation; what it shares is counted too
   std::vector<std::string> notes;  ///< decisions and findings a person should know ("shading off: ...")
+  /// What makes the answers doubtful, with a remedy, whole sentences: shown first, on the terminal and in the
+  /// report.
+  std::vector<std::string> warnings{};
 };
 
 struct PrepareContext {
@@ -80,7 +83,7 @@ struct Frame {
   FrameStatus status = FrameStatus::kOk;
 };
 
-/// Sums since the last reset, for reports; kept without locks by the thread that steps.
+/// Sums since the last restart, for reports; kept without locks by the thread that steps.
 struct FrameCounters {
   std::uint64_t frames = 0;
   std::uint64_t bound_hits = 0;    ///< frames that reached the written bound
@@ -114,17 +117,43 @@ class HapticRenderer {
   [[nodiscard]] virtual Result<PrepareReport> prepare(const SceneInput& scene,
                                                       const PrepareContext& context) = 0;
 
-  /// Puts the HIP into free space at `hip_mm` (world frame), gives models that were deformed their prepared
-  /// shape back and clears the counters: the same path gives the same frames again.
-  virtual void reset(const Vec3& hip_mm) noexcept = 0;
+  /// Begins a replay at `t_s`: the HIP is in free space at `hip_mm` (world frame), on the free side of closed
+  /// surfaces; models that were deformed get their prepared shape back; the counters are cleared. The same
+  /// path gives the same frames again. Up to O(points): not for a servo loop.
+  virtual void restart(const Vec3& hip_mm, double t_s) noexcept = 0;
 
-  /// One haptic frame: the HIP is now at `hip_mm` (world frame), `dt_s` after the last frame. Allocates
-  /// nothing, locks nothing, logs nothing; work within describe().work_bound. A non-finite HIP gives zero
-  /// force and kNonFinite.
-  [[nodiscard]] virtual Frame step(const Vec3& hip_mm, double dt_s) noexcept = 0;
+  /// Lets go of what is touched: the HIP is free at `hip_mm`, a place known to be free, and goes on from
+  /// there. The sides of closed surfaces, the shape of models, counters and time stay. O(models), nothing
+  /// allocated: a servo loop re-arms with it.
+  virtual void let_go(const Vec3& hip_mm) noexcept = 0;
+
+  /// One haptic frame: at `t_s`, later than in the last frame, the HIP is at `hip_mm` (world frame).
+  /// Allocates nothing, locks nothing, logs nothing; work within describe().work_bound. A non-finite HIP
+  /// gives zero force and kNonFinite.
+  [[nodiscard]] virtual Frame step(const Vec3& hip_mm, double t_s) noexcept = 0;
 
   [[nodiscard]] virtual FrameCounters counters() const noexcept = 0;
   [[nodiscard]] virtual Description describe() const = 0;
+};
+
+/// The time of a renderer's frames, as its caller gives it.
+class FrameTime {
+ public:
+  void restart(double t_s) noexcept { now_s_ = t_s; }
+  /// After let_go() nothing is known of what happened since the last frame: the next one counts no time.
+  void let_go() noexcept { resumed_ = true; }
+  /// A frame at `t_s`: the time since the one before.
+  double advance(double t_s) noexcept {
+    const double dt_s = resumed_ ? 0.0 : t_s - now_s_;
+    resumed_ = false;
+    now_s_ = t_s;
+    return dt_s;
+  }
+  [[nodiscard]] double now_s() const noexcept { return now_s_; }
+
+ private:
+  double now_s_ = 0.0;
+  bool resumed_ = false;
 };
 
 /// `force_n` with its magnitude limited, direction kept; limit 0 means none.

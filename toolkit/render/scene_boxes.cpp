@@ -56,9 +56,9 @@ void SceneBoxes::run(double t_s, const Vec3& from_mm, const Vec3& to_mm) noexcep
   region.add(from_mm);
   region.add(to_mm);
   region = region.grown(margin_mm_);
-  std::array<geometry::BoxHit, kMaxCandidates> hits;
+  std::array<geometry::BoxHit, kMaxNearbyModels> hits;
   const geometry::BoxQuery query = phase_.query(region, hits);
-  Candidates& found = handover_.back();
+  NearbyModels& found = handover_.back();
   found.number = ++answers_;
   found.valid = region;
   found.until_s = moves_ ? t_s + horizon_s_ : HUGE_VAL;

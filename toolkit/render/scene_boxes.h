@@ -15,13 +15,13 @@
 namespace palpate::render {
 
 /// Models that may be near at once; of more, the list says so and the frame looks at all of them.
-inline constexpr std::size_t kMaxCandidates = 32;
+inline constexpr std::size_t kMaxNearbyModels = 32;
 
 /// The models whose boxes meet `valid` at any time up to `until_s`: while the HIP stays inside, no other can
 /// be touched.
-struct Candidates {
+struct NearbyModels {
   std::uint64_t number = 0;  ///< of the answer, rising
-  std::array<std::uint32_t, kMaxCandidates> model{};
+  std::array<std::uint32_t, kMaxNearbyModels> model{};
   std::uint32_t count = 0;
   bool too_many = false;
   geometry::Aabb valid;
@@ -49,7 +49,7 @@ class SceneBoxes {
   /// candidates) where nothing moves, O(n) where anything does. Allocates nothing.
   void run(double t_s, const Vec3& from_mm, const Vec3& to_mm) noexcept;
   /// The reader's newest list, and the one fetched last.
-  [[nodiscard]] const Candidates& newest() noexcept {
+  [[nodiscard]] const NearbyModels& newest() noexcept {
     (void)handover_.acquire();
     return handover_.front();
   }
@@ -66,7 +66,7 @@ class SceneBoxes {
   std::uint64_t answers_ = 0;
   std::vector<geometry::Aabb> boxes_;
   geometry::BroadPhase phase_;
-  Handover<Candidates> handover_;
+  Handover<NearbyModels> handover_;
 };
 
 }  // namespace palpate::render

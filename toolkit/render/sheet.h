@@ -8,6 +8,7 @@
 
 #include "toolkit/render/point_model.h"
 #include "toolkit/render/point_walk.h"
+#include "toolkit/surface/fan.h"
 
 namespace palpate::render {
 
@@ -20,8 +21,7 @@ inline constexpr int kMaxRescues = 4;
 inline constexpr double kStuckSpacings = 0.85;
 inline constexpr std::size_t kFourth = 3;
 
-/// The third corner of a facet stands at least 15 degrees off the line of the other two: sin 15 = 0.26.
-inline constexpr double kFacetCosine = 0.26;
+using surface::kFacetCosine;
 
 /// Linked points whose planes are turned by more than 20 degrees, less than the 25.6 that a hand tells apart
 /// at rest, have an edge between them: cos 20 = 0.94.

@@ -1,6 +1,6 @@
 // From a frictionless contact to the force of a surface with properties: texture, then friction, then
 // deformation, composed at compile time of what the scene asks for (sections 3.3.2, 3.5; the order is ours,
-// the thesis gives none). Shared by every point and height-field renderer.
+// the literal forms have the thesis's). Shared by every other point, height-field and mesh renderer.
 //
 // The contact is a pull from the HIP to the god object, of length d along the surface's normal.
 //   texture      carves the surface: d becomes d - r, and the carving's slope turns the force. Both together
@@ -150,17 +150,16 @@ class SurfaceState {
   }
 }
 
-/// The same where the properties are the same everywhere.
-[[nodiscard]] inline SurfaceAnswer respond_uniform(SurfaceState& state, const SurfaceField& surface,
-                                                   const Vec3& hip, const Vec3& pull,
-                                                   const Vec3& texture_origin) noexcept {
+/// A contact where the properties are the same everywhere.
+[[nodiscard]] inline SurfaceContact uniform_contact(const SurfaceField& surface, const Vec3& hip,
+                                                    const Vec3& pull) noexcept {
   SurfaceContact contact;
   contact.hip = hip;
   contact.pull = pull;
   contact.stiffness_n_per_mm = surface.stiffness_n_per_mm;
   contact.static_friction = surface.friction.static_coefficient;
   contact.dynamic_friction = surface.friction.dynamic_coefficient;
-  return respond_as_asked(state, surface, contact, texture_origin);
+  return contact;
 }
 
 /// Stiffness at a place of a facet, and its gradient along it: linear between the corners.

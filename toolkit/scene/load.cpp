@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "toolkit/cloud/generate.h"
+#include "toolkit/cloud/spread.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/scene/scene.h"
 #include "toolkit/scene/surface_sources.h"
@@ -97,9 +98,10 @@ Status load_file(const SceneModel& model, double scale, const io::Readers& reade
   io::ReadOptions read;
   read.unit = model.unit ? model.unit : options.unit;
   read.scale = scale;
-  read.non_finite = options.non_finite;
-  read.post_mm = options.post_mm > 0.0 ? options.post_mm : model.post_mm;
-  read.vertical_mm = options.vertical_mm > 0.0 ? options.vertical_mm : model.vertical_mm;
+  read.non_finite = options.non_finite.value_or(read.non_finite);
+  read.post_mm = options.post_mm != 0.0 ? options.post_mm : model.post_mm;
+  read.vertical_mm = options.vertical_mm != 0.0 ? options.vertical_mm : model.vertical_mm;
+  read.max_bytes = options.max_bytes;
   Result<io::ReadModel> got = readers.read(model.cloud, read, progress);
   if (!got) return std::move(got).error();
   if (!model.views.empty())
@@ -115,6 +117,30 @@ Status load_file(const SceneModel& model, double scale, const io::Readers& reade
   if (!got->compression.empty()) provenance.format += ", " + got->compression;
   input.cloud = std::make_shared<const cloud::Cloud>(std::move(got->cloud));
   if (got->mesh != nullptr && !got->mesh->empty()) input.original_mesh = std::move(got->mesh);
+  return Done{};
+}
+
+/// What the command line wishes of files does nothing where there is none that it is for.
+Status check_wishes(const SceneFile& scene, const LoadOptions& options) {
+  const bool files = std::any_of(scene.models.begin(), scene.models.end(),
+                                 [](const SceneModel& model) { return !model.generate; });
+  const bool unit_open = std::any_of(scene.models.begin(), scene.models.end(),
+                                     [](const SceneModel& model) { return !model.generate && !model.unit; });
+  for (const auto& [given, name] :
+       {std::pair(options.unit.has_value(), "--unit"), std::pair(options.post_mm != 0.0, "--post-mm"),
+        std::pair(options.vertical_mm != 0.0, "--vertical-mm"),
+        std::pair(options.non_finite.has_value(), "--non-finite")})
+    if (given && !files)
+      return Error{fmt::format("{} is of model files, and here every model is generated", name),
+                   "leave it out",
+                   {},
+                   0};
+  if (options.unit && !unit_open)
+    return Error{
+        "--unit does nothing: the unit of every file is said already, by the scene or the list of scans",
+        "leave it out, or change it there",
+        {},
+        0};
   return Done{};
 }
 
@@ -145,6 +171,20 @@ Status clean_model(const std::vector<NamedOptions>& steps, const Cleaning& clean
   return Done{};
 }
 
+/// What a file's points make doubtful about the file, or its unit.
+void add_doubts(const cloud::Cloud& cloud, Provenance& provenance) {
+  // Smaller than what a hand can feel over: a coin is 20 mm across.
+  constexpr double kTinyMm = 1.0;
+  if (const std::optional<std::string> why = cloud::why_no_surface(cloud))
+    provenance.warnings.push_back(fmt::format("The model is no surface: {}.", *why));
+  const double size = cloud.box_mm().extent_mm().maxCoeff();
+  const bool file_in_mm = provenance.format != "generated" && provenance.unit == io::Unit::kMillimetre;
+  if (file_in_mm && size > 0.0 && size < kTinyMm)
+    provenance.warnings.push_back(fmt::format(
+        "The model is {:.3g} mm across: is its file in metres (--unit m, or unit = \"m\" in the scene)?",
+        size));
+}
+
 render::ScriptedMotion motion_of(const SceneModel& model) {
   render::ScriptedMotion motion;
   motion.start = model.world_from_model;
@@ -163,6 +203,7 @@ Result<LoadedScene> load(const SceneFile& scene, const io::Readers& readers, con
   LoadedScene loaded;
   loaded.input.force_limit_n = scene.force_limit_n;
   loaded.control = scene.control;
+  if (const Status fit = check_wishes(scene, options); !fit) return Error(fit.error()).in_file(scene.path);
   const Cleaning none;
   const Cleaning& cleaning = options.cleaning != nullptr ? *options.cleaning : none;
   const Result<std::vector<std::vector<NamedOptions>>> steps = checked_steps(scene, cleaning);
@@ -180,9 +221,12 @@ Result<LoadedScene> load(const SceneFile& scene, const io::Readers& readers, con
       status = clean_model(own, cleaning, options.threads, progress, input, provenance);
     if (!status)
       return model.line > 0 ? Error(status.error()).in_file(scene.path, model.line) : status.error();
+    add_doubts(*input.cloud, provenance);
     input.name = model.name;
     input.world_from_model = model.world_from_model;
-    if (const Status resolved = resolve_surface(model, readers, progress, input); !resolved)
+    if (const Status resolved =
+            resolve_surface(model, readers, options.max_bytes, progress, input, provenance.warnings);
+        !resolved)
       return model.line > 0 && resolved.error().file.empty()
                  ? Error(resolved.error()).in_file(scene.path, model.sources.line)
                  : resolved.error();

@@ -13,6 +13,7 @@
 #include "toolkit/core/options.h"
 #include "toolkit/core/progress.h"
 #include "toolkit/core/result.h"
+#include "toolkit/core/words.h"
 #include "toolkit/geometry/aabb.h"
 #include "toolkit/geometry/rigid_transform.h"
 #include "toolkit/io/read_model.h"
@@ -93,6 +94,7 @@ struct SceneFile {
   std::string path;                ///< the file, or the model or generator it was made from
   std::vector<SceneModel> models;  ///< at least one
   std::optional<NamedOptions> renderer;
+  std::int64_t renderer_line = 0;                ///< of [renderer]
   double simulation_hz = render::kSimulationHz;  ///< how often poses are published
   double force_limit_n = 0.0;                    ///< 0 = none
   control::ControlOptions control;  ///< the rest of [control]; stages around whatever renderer runs
@@ -116,9 +118,10 @@ struct LoadOptions {
   std::optional<double> scale;   ///< replaces the scene's scale of every model
   double post_mm = 0.0;          ///< height grids: io::ReadOptions
   double vertical_mm = 0.0;
-  cloud::NonFinite non_finite = cloud::NonFinite::kDrop;
-  const Cleaning* cleaning = nullptr;  ///< the steps that [[model.clean]] may name; null: none
-  int threads = 0;                     ///< of cleaning; 0 = all
+  std::optional<cloud::NonFinite> non_finite;   ///< else dropped
+  std::uint64_t max_bytes = kMemoryLimitBytes;  ///< io::ReadOptions, of every file that is read
+  const Cleaning* cleaning = nullptr;           ///< the steps that [[model.clean]] may name; null: none
+  int threads = 0;                              ///< of cleaning; 0 = all
 };
 
 /// Where a loaded model came from, for reports.
@@ -145,8 +148,6 @@ struct LoadedScene {
 [[nodiscard]] Result<LoadedScene> load(const SceneFile& scene, const io::Readers& readers,
                                        const LoadOptions& options, Progress& progress);
 
-/// The name among `known` with the fewest edits to `wrong`, or empty where none is near (at most a third of
-/// its letters differ).
-[[nodiscard]] std::string nearest_name(std::string_view wrong, const std::vector<std::string>& known);
+using palpate::nearest_name;
 
 }  // namespace palpate::scene

@@ -38,8 +38,9 @@ Status fill_column(const cloud::Cloud& cloud, const std::string& name, std::vect
 
 /// A height image of any format that is read as a model: its posts, lowest value 0, highest 65535.
 Result<surface::TextureImage> read_image(const std::string& path, const io::Readers& readers,
-                                         Progress& progress) {
+                                         std::uint64_t max_bytes, Progress& progress) {
   io::ReadOptions options;
+  options.max_bytes = max_bytes;
   options.unit = io::Unit::kMillimetre;
   options.non_finite = cloud::NonFinite::kRefuse;
   const Result<io::ReadModel> read = readers.read(path, options, progress);
@@ -61,9 +62,8 @@ Result<surface::TextureImage> read_image(const std::string& path, const io::Read
 }
 
 /// The map seen along z, tiled, nearest pixel.
-Status fill_map(const FrictionMap& map, const cloud::Cloud& cloud, const io::Readers& readers,
-                Progress& progress, std::vector<float>& values) {
-  const Result<surface::TextureImage> image = read_image(map.image, readers, progress);
+Status fill_map(const FrictionMap& map, const cloud::Cloud& cloud, const Result<surface::TextureImage>& image,
+                std::vector<float>& values) {
   if (!image) return image.error();
   const double per_mm = image->columns / map.tile_mm;
   const auto tile = [](double x, double n) { return std::min(x - n * std::floor(x / n), n - 1.0); };
@@ -83,8 +83,9 @@ void widen(std::vector<float>& values, std::size_t n, double value) {
   if (values.empty()) values.assign(n, static_cast<float>(value));
 }
 
-void fill_region(const SceneRegion& region, const surface::Surface& base, const cloud::Cloud& cloud,
-                 PointProperties& p) {
+/// How many points the region has.
+std::size_t fill_region(const SceneRegion& region, const surface::Surface& base, const cloud::Cloud& cloud,
+                        PointProperties& p) {
   const std::size_t n = cloud.size();
   if (region.stiffness_n_per_mm) widen(p.stiffness_n_per_mm, n, base.stiffness_n_per_mm);
   if (region.deformation) widen(p.deformation, n, base.deformation);
@@ -94,8 +95,10 @@ void fill_region(const SceneRegion& region, const surface::Surface& base, const 
     widen(p.static_friction, n, base.friction.static_coefficient);
     widen(p.dynamic_friction, n, base.friction.dynamic_coefficient);
   }
+  std::size_t inside = 0;
   for (std::size_t i = 0; i < n; ++i) {
     if (!region.box_mm.contains(cloud.point_mm(i))) continue;
+    ++inside;
     if (region.stiffness_n_per_mm) p.stiffness_n_per_mm[i] = static_cast<float>(*region.stiffness_n_per_mm);
     if (region.deformation) p.deformation[i] = static_cast<float>(*region.deformation);
     if (region.friction) {
@@ -103,16 +106,17 @@ void fill_region(const SceneRegion& region, const surface::Surface& base, const 
       p.dynamic_friction[i] = static_cast<float>(region.friction->dynamic_coefficient);
     }
   }
+  return inside;
 }
 
 }  // namespace
 
-Status resolve_surface(const SceneModel& model, const io::Readers& readers, Progress& progress,
-                       render::ModelInput& input) {
+Status resolve_surface(const SceneModel& model, const io::Readers& readers, std::uint64_t max_bytes,
+                       Progress& progress, render::ModelInput& input, std::vector<std::string>& warnings) {
   input.surface = model.surface;
   const SurfaceSources& sources = model.sources;
   if (!sources.texture_image.empty()) {
-    Result<surface::TextureImage> image = read_image(sources.texture_image, readers, progress);
+    Result<surface::TextureImage> image = read_image(sources.texture_image, readers, max_bytes, progress);
     if (!image) return std::move(image).error();
     input.surface.texture.image = std::make_shared<const surface::TextureImage>(*std::move(image));
   }
@@ -124,10 +128,15 @@ Status resolve_surface(const SceneModel& model, const io::Readers& readers, Prog
                                      std::pair{&sources.deformation_column, &p->deformation}})
     if (const Status filled = fill_column(cloud, *name, *values); !filled) return filled.error();
   if (sources.friction_map)
-    if (const Status filled = fill_map(*sources.friction_map, cloud, readers, progress, p->static_friction);
+    if (const Status filled = fill_map(*sources.friction_map, cloud,
+                                       read_image(sources.friction_map->image, readers, max_bytes, progress),
+                                       p->static_friction);
         !filled)
       return filled.error();
-  for (const SceneRegion& region : model.regions) fill_region(region, model.surface, cloud, *p);
+  for (const SceneRegion& region : model.regions)
+    if (fill_region(region, model.surface, cloud, *p) == 0)
+      warnings.push_back(fmt::format("The region in line {} holds no point of {}: it changes nothing.",
+                                     region.line, model.name));
   if (p->varies_stiffness() || p->varies_friction()) input.surface.per_point = std::move(p);
   return Done{};
 }

@@ -211,19 +211,25 @@ OrientReport orient_planes(std::span<SurfacePoint> points, std::span<const Neigh
   report.pieces = whole.size();
   constexpr std::uint8_t kClosed = 1, kInward = 2;
   std::vector<std::uint8_t> kind(n, 0);  // by root
-  bool any_closed = false;
+  std::vector<std::uint32_t> closed_roots;
   for (const PieceSums& piece : whole) {
     if (!(piece.sums.area > 0.0) || !piece.sums.closed()) continue;
-    any_closed = true;
+    closed_roots.push_back(piece.root);
     kind[piece.root] = static_cast<std::uint8_t>(kClosed | (piece.sums.inside() < 0.0 ? kInward : 0));
   }
-  if (!any_closed) return report;
+  if (closed_roots.empty()) return report;
+  report.closed_pieces = closed_roots.size();
+  if (report.closed_pieces > 1) report.closed_piece_of.resize(n);
   std::vector<std::size_t> one_sided(runs.size(), 0);
   parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       if (points[i].normal == kNoNormal) continue;
-      const std::uint8_t how = kind[pieces.look(static_cast<std::uint32_t>(i)) >> 1];
+      const std::uint32_t root = pieces.look(static_cast<std::uint32_t>(i)) >> 1;
+      const std::uint8_t how = kind[root];
       if ((how & kClosed) == 0) continue;
+      if (!report.closed_piece_of.empty())
+        report.closed_piece_of[i] = static_cast<std::uint32_t>(
+            std::lower_bound(closed_roots.begin(), closed_roots.end(), root) - closed_roots.begin());
       if ((how & kInward) != 0) points[i].normal = opposite(points[i].normal);
       points[i].normal |= kOneSided;
       ++one_sided[begin / kPointsPerChunk];
@@ -233,18 +239,21 @@ OrientReport orient_planes(std::span<SurfacePoint> points, std::span<const Neigh
   return report;
 }
 
-bool is_enclosed(std::span<const SurfacePoint> points, std::span<const Neighbours> neighbours,
-                 const Vec3& local_mm) noexcept {
-  double angle = 0.0;
+void find_sides(std::span<const SurfacePoint> points, std::span<const Neighbours> neighbours,
+                std::span<const std::uint32_t> closed_piece_of, const Vec3& local_mm,
+                std::span<double> sides) noexcept {
+  std::fill(sides.begin(), sides.end(), 0.0);  // solid angles first
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (!is_one_sided(points[i].normal)) continue;
     const Vec3 d = points[i].at() - local_mm;
     const double square = d.squaredNorm();
     if (!(square > 0.0)) continue;
     const double share = kAreaShare * reach_sq(points, neighbours[i], i) / square;
-    angle += share * decode_normal(points[i].normal).dot(d) / std::sqrt(square);
+    sides[closed_piece_of.empty() ? 0 : closed_piece_of[i]] +=
+        share * decode_normal(points[i].normal).dot(d) / std::sqrt(square);
   }
-  return angle > 2.0 * std::numbers::pi;  // all around is 4 pi, outside 0
+  // All around is 4 pi, outside 0.
+  for (double& side : sides) side = side > 2.0 * std::numbers::pi ? -1.0 : 1.0;
 }
 
 }  // namespace palpate::surface

@@ -1,12 +1,15 @@
 #include "toolkit/surface/planes.h"
 
 #include "toolkit/core/parallel.h"
+#include "toolkit/surface/fan.h"
 #include "toolkit/surface/least_direction.h"
 
 namespace palpate::surface {
 namespace {
 
 constexpr std::size_t kPointsPerChunk = 8192;
+/// A plane turned by more than 45 degrees from the facets around its point is not theirs.
+constexpr double kFoldedCosine = 0.7071;
 
 /// False where the point and its neighbours give no plane.
 bool plane_normal(std::span<const SurfacePoint> points, const neighbourhood::Neighbours& around,
@@ -67,11 +70,25 @@ void fit_planes(std::span<SurfacePoint> points, std::span<const neighbourhood::N
 void refit_plane(std::span<SurfacePoint> points, std::span<const neighbourhood::Neighbours> neighbours,
                  std::uint32_t place) noexcept {
   const NormalCode before = points[place].normal;
-  Vec3 normal;
-  if (!plane_normal(points, neighbours[place], place, normal)) return;  // the side it had is better than none
-  const bool turned = before != kNoNormal && decode_normal(before).dot(normal) < 0.0;
   const NormalCode side = is_one_sided(before) ? kOneSided : NormalCode{0};
-  points[place].normal = encode_normal(turned ? Vec3(-normal) : normal) | side;
+  Vec3 normal;
+  const bool fitted = plane_normal(points, neighbours[place], place, normal);
+  if (before == kNoNormal) {
+    if (fitted) points[place].normal = encode_normal(normal);
+    return;
+  }
+  const Vec3 was = decode_normal(before);
+  if (fitted && was.dot(normal) < 0.0) normal = -normal;
+  // The facets around the point tell its direction where a stretched surface has no plane any more: at the
+  // tip of a dent that is deeper than wide the points lie along the dent, and least squares stand square to
+  // it.
+  const Vec3 p = points[place].at();
+  const Fan fan = fan_of(was, [&](std::size_t k) { return Vec3(points[neighbours[place][k]].at() - p); });
+  const Vec3 area = fan.area();
+  const bool around = fan.closed() && area.dot(was) > 0.0;
+  const Vec3 expected = around ? Vec3(area.normalized()) : was;
+  if (!fitted || normal.dot(expected) < kFoldedCosine) normal = expected;
+  points[place].normal = encode_normal(normal) | side;
 }
 
 }  // namespace palpate::surface

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "toolkit/cloud/cloud.h"
+#include "toolkit/core/large_pages.h"
 #include "toolkit/core/vec.h"
 #include "toolkit/neighbourhood/neighbour_table.h"
 #include "toolkit/surface/normals.h"
@@ -36,14 +37,18 @@ struct SurfacePoint {
 void fit_planes(std::span<SurfacePoint> points, std::span<const neighbourhood::Neighbours> neighbours,
                 int threads);
 
-/// The same for one point, its normal turned to the side it had, kept one-sided where it was. Allocates
-/// nothing.
+/// The same for one point that moved a little, its normal turned to the side it had, kept one-sided where it
+/// was. Where it has no plane any more (the tip of a deep dent) the mean normal of the facets around it, and
+/// where these do not surround it the normal that it had. Allocates nothing.
 void refit_plane(std::span<SurfacePoint> points, std::span<const neighbourhood::Neighbours> neighbours,
                  std::uint32_t place) noexcept;
 
 struct OrientReport {
   std::size_t pieces = 0;            ///< connected by neighbour links
   std::size_t one_sided_points = 0;  ///< in pieces that enclose a volume
+  std::size_t closed_pieces = 0;     ///< those pieces
+  /// By point, the closed piece that it lies on, 0 for points on none; empty where there is no second one.
+  LargeVector<std::uint32_t> closed_piece_of;
 };
 
 /// Turns the normals so that linked points agree, over each connected piece: links in order of confidence,
@@ -54,11 +59,13 @@ struct OrientReport {
 OrientReport orient_planes(std::span<SurfacePoint> points,
                            std::span<const neighbourhood::Neighbours> neighbours, int threads);
 
-/// Whether a place (local, mm) is enclosed by the one-sided pieces: the solid angle under which it sees their
-/// outer sides, an area of spacing squared standing for each point (Barill et al. 2018). O(n), no allocation.
-/// Near the surface, within a spacing or two, the answer may be either.
-[[nodiscard]] bool is_enclosed(std::span<const SurfacePoint> points,
-                               std::span<const neighbourhood::Neighbours> neighbours,
-                               const Vec3& local_mm) noexcept;
+/// Of each closed piece the side on which a place (local, mm) lies: 1 outside, -1 inside. It is inside where
+/// the solid angle under which it sees the piece's outer side, an area of spacing squared standing for each
+/// point (Barill et al. 2018), is more than half of all around. `closed_piece_of` as in OrientReport, `sides`
+/// as many as there are closed pieces. O(n), no allocation. Near a surface, within a spacing or two, the
+/// answer may be either.
+void find_sides(std::span<const SurfacePoint> points, std::span<const neighbourhood::Neighbours> neighbours,
+                std::span<const std::uint32_t> closed_piece_of, const Vec3& local_mm,
+                std::span<double> sides) noexcept;
 
 }  // namespace palpate::surface

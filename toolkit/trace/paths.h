@@ -1,6 +1,7 @@
-// Generators of probe paths. All but `exploration` follow the model's formula and never its points, so that
-// every spacing of a surface is probed along one and the same path. Deterministic: one spec and target give
-// the same path, bit for bit.
+// Generators of probe paths. On a model with a formula all but `exploration` follow the formula and never the
+// points, so that every spacing of a surface is probed along one and the same path; on any other they follow
+// what shows of it from one side, its own faces where it has any, else planes fitted to its points.
+// Deterministic: one spec and target give the same path, bit for bit.
 #pragma once
 
 #include <string>
@@ -20,19 +21,19 @@ namespace palpate::trace {
 
 /// The model a path is made for; nothing is owned. Model frame but for world_from_model.
 struct PathTarget {
-  const geometry::AnalyticSurface* surface = nullptr;  ///< needed by all but exploration
-  const cloud::Cloud* cloud = nullptr;                 ///< needed by exploration
-  const geometry::TriangleMesh* mesh =
-      nullptr;              ///< its orientation tells exploration where outside is; optional
-  geometry::Aabb box_mm;    ///< of the cloud
-  double spacing_mm = 0.0;  ///< median distance of neighbours; 0 = estimated where needed
+  const geometry::AnalyticSurface* surface = nullptr;  ///< the formula, or null
+  const cloud::Cloud* cloud = nullptr;                 ///< needed by exploration, and without a formula
+  const geometry::TriangleMesh* mesh = nullptr;  ///< faces whose orientation tells where outside is, or null
+  geometry::Aabb box_mm;                         ///< of the cloud
+  double spacing_mm = 0.0;                       ///< median distance of neighbours; 0 = not known
   geometry::RigidTransform world_from_model;
 };
 
 struct PathGenerator {
   std::string name;
   std::string summary;
-  bool needs_surface = true;
+  std::string models;   ///< what it follows on which models
+  std::string example;  ///< a spec
   std::vector<OptionSpec> options;
 };
 
@@ -41,7 +42,7 @@ struct PathGenerator {
 [[nodiscard]] const PathGenerator* find_path_generator(std::string_view name);
 
 /// Makes the path: HIP positions in the world frame at `rate_hz`, `frames` of them, the first in free space.
-/// The path's name is the spec with every option. O(frames), and O(points) for exploration.
+/// The path's name is the spec with every option. O(frames), and O(points log points) where points are read.
 [[nodiscard]] Result<ProbePath> make_path(const NamedOptions& spec, const PathTarget& target);
 
 /// An Error that names the first sample (line 2 of `path.name` as a CSV file) where it lies inside the

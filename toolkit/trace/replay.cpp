@@ -6,6 +6,7 @@
 #include <cmath>
 #include <ctime>
 #include <limits>
+#include <numeric>
 
 #include "toolkit/core/clock.h"
 
@@ -24,12 +25,44 @@ constexpr std::size_t kClockPairs = 4096;  // enough for a stable median, well u
 // Relative error of percent * n / 100: a product, a quotient and the percentage itself, each half an epsilon;
 // doubled.
 constexpr double kRankSlack = 4.0 * std::numeric_limits<double>::epsilon();
+constexpr double kUsPerNs = 1e-3;
 constexpr std::size_t kProgressEveryFrames = 256;  // paced frames are long: a report about 4 times a second
 
-double dt_of(const ProbePath& path, std::size_t i) noexcept {
-  if (i > 0) return path.t_s[i] - path.t_s[i - 1];
-  return path.size() > 1 ? path.t_s[1] - path.t_s[0] : kNominalDtS;
-}
+/// A renderer along a path, with what moves its scene: who owns both advances the models first.
+class Course {
+ public:
+  Course(HapticRenderer& renderer, const ProbePath& path, render::Simulation* simulation)
+      : renderer_(renderer), path_(path), simulation_(simulation) {}
+
+  /// Back to the first sample, one step before its time.
+  void restart() noexcept {
+    const double step_s = path_.size() > 1 ? path_.t_s[1] - path_.t_s[0] : kNominalDtS;
+    const double start_s = path_.t_s[0] - step_s;
+    if (simulation_ != nullptr) {
+      simulation_->reset();
+      simulation_->advance(start_s);
+    }
+    renderer_.restart(path_.hip_mm[0], start_s);
+  }
+  /// Whatever moves is where it is at sample i. Before each frame, never timed.
+  void advance(std::size_t i) noexcept {
+    if (simulation_ != nullptr) simulation_->advance(path_.t_s[i]);
+  }
+  Frame step(std::size_t i) noexcept { return renderer_.step(path_.hip_mm[i], path_.t_s[i]); }
+  /// The first sample after `i` before which something moves; the path's end where nothing does.
+  [[nodiscard]] std::size_t still_until(std::size_t i) const noexcept {
+    if (simulation_ == nullptr) return path_.size();
+    const double next_s = simulation_->next_s();
+    std::size_t end = i + 1;
+    while (end < path_.size() && path_.t_s[end] < next_s) ++end;
+    return end;
+  }
+
+ private:
+  HapticRenderer& renderer_;
+  const ProbePath& path_;
+  render::Simulation* simulation_;
+};
 
 // A cheap order-dependent sum of the bits that trace_hash covers: timed passes prove with it that they
 // answered what the untimed pass did, for some 2 ns a frame and without writing a second trace through the
@@ -61,7 +94,8 @@ std::uint64_t digest_of(std::span<const Frame> frames) noexcept {
 Error differs(const ProbePath& path, const char* pass) {
   Error error;
   error.what = std::string("the renderer answered differently in the ") + pass + " than in the untimed pass";
-  error.remedy = "a renderer must give the same trace after every reset: check what reset() leaves behind";
+  error.remedy =
+      "a renderer must give the same trace after every restart: check what restart() leaves behind";
   error.file = path.name;
   return error;
 }
@@ -99,64 +133,48 @@ std::vector<Run> contact_runs(const ForceTrace& trace) {
   return runs;
 }
 
-void step_range(HapticRenderer& renderer, const ProbePath& path, std::size_t begin, std::size_t end,
-                Digest& digest) noexcept {
-  for (std::size_t i = begin; i < end; ++i) digest.add(renderer.step(path.hip_mm[i], dt_of(path, i)));
+void step_range(Course& course, std::size_t begin, std::size_t end, Digest& digest) noexcept {
+  for (std::size_t i = begin; i < end; ++i) {
+    course.advance(i);
+    digest.add(course.step(i));
+  }
 }
 
-// Pass A over contact frames: total time of all runs, ns.
-std::int64_t time_runs(HapticRenderer& renderer, const ProbePath& path, std::span<const Run> runs,
-                       Digest& digest) noexcept {
-  renderer.reset(path.hip_mm[0]);
+// Pass A: the time of every run. `times` has room for them. Where models move, a run is timed in pieces
+// between their moves.
+void time_runs(Course& course, std::size_t frames, std::span<const Run> runs, std::span<RunTime> times,
+               Digest& digest) noexcept {
+  course.restart();
   std::size_t next = 0;
-  std::int64_t total_ns = 0;
-  for (const Run& run : runs) {
-    step_range(renderer, path, next, run.begin, digest);
-    const std::int64_t start_ns = monotonic_ns();
-    step_range(renderer, path, run.begin, run.end, digest);
-    total_ns += monotonic_ns() - start_ns;
-    next = run.end;
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    const Run& run = runs[i];
+    step_range(course, next, run.begin, digest);
+    times[i] = {0, run.end - run.begin};
+    for (next = run.begin; next < run.end;) {
+      course.advance(next);
+      const std::size_t end = std::min(run.end, course.still_until(next));
+      const std::int64_t start_ns = monotonic_ns();
+      for (; next < end; ++next) digest.add(course.step(next));
+      times[i].ns += monotonic_ns() - start_ns;
+    }
   }
-  step_range(renderer, path, next, path.size(), digest);
-  return total_ns;
+  step_range(course, next, frames, digest);
 }
 
 // Pass B: the time of every frame.
-void time_frames(HapticRenderer& renderer, const ProbePath& path, std::span<std::int64_t> frame_ns,
-                 Digest& digest) noexcept {
-  renderer.reset(path.hip_mm[0]);
-  for (std::size_t i = 0; i < path.size(); ++i) {
-    const double dt_s = dt_of(path, i);
+void time_frames(Course& course, std::span<std::int64_t> frame_ns, Digest& digest) noexcept {
+  course.restart();
+  for (std::size_t i = 0; i < frame_ns.size(); ++i) {
+    course.advance(i);
     const std::int64_t start_ns = monotonic_ns();
-    const Frame frame = renderer.step(path.hip_mm[i], dt_s);
+    const Frame frame = course.step(i);
     frame_ns[i] = monotonic_ns() - start_ns;
     digest.add(frame);
   }
 }
 
-// Everything but the mean from the samples of pass B; `times` is consumed.
-FrameStatistics statistics_of(std::vector<std::int64_t> times, double clock_overhead_ns) {
-  constexpr double kUsPerNs = 1e-3;
-  FrameStatistics s;
-  s.timed_frames = times.size();
-  s.clock_overhead_ns = clock_overhead_ns;
-  if (times.empty()) return s;
-  std::sort(times.begin(), times.end());
-  const auto us = [&](double percent) {
-    return static_cast<double>(percentile_nearest_rank(times, percent)) * kUsPerNs;
-  };
-  s.min_us = us(0.0);
-  s.p50_us = us(50.0);
-  s.p99_us = us(99.0);
-  s.p999_us = us(99.9);
-  s.max_us = us(100.0);
-  s.deadline_misses_1khz =
-      static_cast<std::uint64_t>(times.end() - std::upper_bound(times.begin(), times.end(), kDeadline1KhzNs));
-  return s;
-}
-
-double mean_us_of(std::int64_t total_ns, std::size_t frames) {
-  return static_cast<double>(total_ns) * 1e-3 / static_cast<double>(frames);
+double mean_us_of(std::int64_t total_ns, std::uint64_t frames) {
+  return static_cast<double>(total_ns) * kUsPerNs / static_cast<double>(frames);
 }
 
 // Memory that is walked through to evict the caches.
@@ -192,7 +210,7 @@ void sleep_to_tick(std::int64_t& next_ns, std::uint64_t& skipped) noexcept {
   }  // a signal woke us early: sleep on
 }
 
-Result<PacedStatistics> paced_pass(HapticRenderer& renderer, const ProbePath& path, const ForceTrace& trace,
+Result<PacedStatistics> paced_pass(Course& course, const ProbePath& path, const ForceTrace& trace,
                                    std::size_t frames, std::size_t evicted_bytes, const ReplayReport& report,
                                    Progress* progress) {
   const char* const what = evicted_bytes > 0 ? "paced pass with eviction" : "paced pass";
@@ -203,9 +221,8 @@ Result<PacedStatistics> paced_pass(HapticRenderer& renderer, const ProbePath& pa
   times.reserve(frames);
   Evictor evictor(evicted_bytes);
   Digest ahead, digest;
-  renderer.reset(path.hip_mm[0]);
-  step_range(renderer, path, 0, first, ahead);
-  std::int64_t total_ns = 0;
+  course.restart();
+  step_range(course, 0, first, ahead);
   std::int64_t next_ns = monotonic_ns();
   for (std::size_t i = first; i < first + frames; ++i) {
     if (progress != nullptr && (i - first) % kProgressEveryFrames == 0) {
@@ -214,30 +231,29 @@ Result<PacedStatistics> paced_pass(HapticRenderer& renderer, const ProbePath& pa
     }
     evictor.evict();
     sleep_to_tick(next_ns, paced.skipped_ticks);
-    const double dt_s = dt_of(path, i);
+    course.advance(i);
     const std::int64_t start_ns = monotonic_ns();
-    const Frame frame = renderer.step(path.hip_mm[i], dt_s);
+    const Frame frame = course.step(i);
     const std::int64_t ns = monotonic_ns() - start_ns;
     digest.add(frame);
     if (!frame.contact) continue;
     times.push_back(ns);
-    total_ns += ns;
     if (frame.status == render::FrameStatus::kBoundHit) ++paced.frame.bound_hits;
   }
   if (digest.value() != digest_of(std::span(trace.frames).subspan(first, frames))) return differs(path, what);
   const std::uint64_t bound_hits = paced.frame.bound_hits;
-  paced.frame = statistics_of(std::move(times), report.contact ? report.contact->clock_overhead_ns : 0.0);
+  paced.frame =
+      frame_statistics(std::move(times), {}, report.contact ? report.contact->clock_overhead_ns : 0.0);
   paced.frame.bound_hits = bound_hits;
   paced.frame.frames = frames;
   paced.frame.contact_frames = paced.frame.timed_frames;
-  if (paced.frame.timed_frames > 0) paced.frame.mean_us = mean_us_of(total_ns, paced.frame.timed_frames);
   paced.first_frame = first;
   paced.evicted_bytes = evicted_bytes;
   return paced;
 }
 
 // Passes A and B.
-Status time_passes(HapticRenderer& renderer, const ProbePath& path, ReplayReport& report) {
+Status time_passes(Course& course, const ProbePath& path, ReplayReport& report) {
   const std::vector<Frame>& frames = report.trace.frames;
   const std::uint64_t expected = digest_of(frames);
   const std::vector<Run> runs = contact_runs(report.trace);
@@ -245,13 +261,15 @@ Status time_passes(HapticRenderer& renderer, const ProbePath& path, ReplayReport
   for (const Run& run : runs) contact_frames += run.end - run.begin;
 
   Digest in_runs, whole, single;
-  const std::int64_t contact_ns = time_runs(renderer, path, runs, in_runs);
+  std::vector<RunTime> run_times(runs.size());
+  time_runs(course, path.size(), runs, run_times, in_runs);
   if (in_runs.value() != expected) return differs(path, "pass timed by contact runs");
   const Run everything[] = {{0, path.size()}};
-  const std::int64_t all_ns = time_runs(renderer, path, everything, whole);
+  RunTime whole_time;
+  time_runs(course, path.size(), everything, std::span(&whole_time, 1), whole);
   if (whole.value() != expected) return differs(path, "pass timed as a whole");
   report.trace.frame_ns.assign(path.size(), 0);
-  time_frames(renderer, path, report.trace.frame_ns, single);
+  time_frames(course, report.trace.frame_ns, single);
   if (single.value() != expected) return differs(path, "pass timed frame by frame");
 
   const double overhead_ns = measure_clock_overhead_ns();
@@ -265,10 +283,9 @@ Status time_passes(HapticRenderer& renderer, const ProbePath& path, ReplayReport
     contact_hits += hit ? 1u : 0u;
     contact_times.push_back(report.trace.frame_ns[i]);
   }
-  FrameStatistics contact = statistics_of(std::move(contact_times), overhead_ns);
-  FrameStatistics all = statistics_of(report.trace.frame_ns, overhead_ns);
-  if (contact_frames > 0) contact.mean_us = mean_us_of(contact_ns, contact_frames);
-  all.mean_us = mean_us_of(all_ns, frames.size());
+  FrameStatistics contact = frame_statistics(std::move(contact_times), run_times, overhead_ns);
+  FrameStatistics all =
+      frame_statistics(report.trace.frame_ns, std::span<const RunTime>(&whole_time, 1), overhead_ns);
   contact.bound_hits = contact_hits;
   all.bound_hits = hits;
   contact.frames = all.frames = frames.size();
@@ -291,6 +308,38 @@ std::size_t nearest_rank_index(std::size_t n, double percent) noexcept {
 
 std::int64_t percentile_nearest_rank(std::span<const std::int64_t> sorted, double percent) noexcept {
   return sorted[nearest_rank_index(sorted.size(), percent)];
+}
+
+FrameStatistics frame_statistics(std::vector<std::int64_t> times, std::span<const RunTime> runs,
+                                 double clock_overhead_ns) {
+  FrameStatistics s;
+  s.timed_frames = times.size();
+  s.clock_overhead_ns = clock_overhead_ns;
+  if (times.empty()) return s;
+  std::sort(times.begin(), times.end());
+  const auto us = [&](double percent) {
+    return static_cast<double>(percentile_nearest_rank(times, percent)) * kUsPerNs;
+  };
+  s.min_us = us(0.0);
+  s.p50_us = us(50.0);
+  s.p99_us = us(99.0);
+  s.p999_us = us(99.9);
+  double longest_us = us(100.0);
+  s.deadline_misses_1khz =
+      static_cast<std::uint64_t>(times.end() - std::upper_bound(times.begin(), times.end(), kDeadline1KhzNs));
+  const std::int64_t total_ns = std::accumulate(times.begin(), times.end(), std::int64_t{0});
+  // A mean of equal numbers may round to the next one beyond them: the clamps take that back, no more.
+  s.mean_clocked_us = std::clamp(mean_us_of(total_ns, times.size()), *s.min_us, longest_us);
+  RunTime all;
+  for (const RunTime& run : runs) {
+    if (run.frames == 0) continue;
+    all.ns += run.ns;
+    all.frames += run.frames;
+    longest_us = std::max(longest_us, mean_us_of(run.ns, run.frames));
+  }
+  s.max_us = longest_us;
+  s.mean_us = all.frames > 0 ? std::min(mean_us_of(all.ns, all.frames), longest_us) : *s.mean_clocked_us;
+  return s;
 }
 
 double measure_clock_overhead_ns() {
@@ -320,30 +369,30 @@ std::size_t densest_contact_stretch(const ForceTrace& trace, std::size_t frames)
   return best_start;
 }
 
-Result<ForceTrace> replay(HapticRenderer& renderer, const ProbePath& path, bool start_is_free) {
+Result<ForceTrace> replay(HapticRenderer& renderer, const ProbePath& path, render::Simulation* simulation) {
   if (Status checked = check_path(path); !checked) return std::move(checked).error();
   ForceTrace trace;
   trace.label = renderer.describe().name;
   trace.frames.reserve(path.size());
-  renderer.reset(path.hip_mm[0]);
+  Course course(renderer, path, simulation);
+  course.restart();
   for (std::size_t i = 0; i < path.size(); ++i) {
-    trace.frames.push_back(renderer.step(path.hip_mm[i], dt_of(path, i)));
-    if (i == 0 && trace.frames[0].contact && !start_is_free)
-      return Error{"the path starts inside a model", "start the path in free space", path.name,
-                   kFirstPathLine};
+    course.advance(i);
+    trace.frames.push_back(course.step(i));
   }
   return trace;
 }
 
 Result<ReplayReport> measure(HapticRenderer& renderer, const ProbePath& path, const ReplayOptions& options) {
-  Result<ForceTrace> trace = replay(renderer, path, options.start_is_free);
+  Result<ForceTrace> trace = replay(renderer, path, options.simulation);
   if (!trace) return std::move(trace).error();
   ReplayReport report;
   report.trace = std::move(trace).value();
   report.trace_hash = trace_hash(report.trace);
   report.counters = renderer.counters();
   if (!options.timed) return report;
-  if (Status timed = time_passes(renderer, path, report); !timed) return std::move(timed).error();
+  Course course(renderer, path, options.simulation);
+  if (Status timed = time_passes(course, path, report); !timed) return std::move(timed).error();
   struct Wanted {
     std::uint64_t frames;
     std::size_t evicted_bytes;
@@ -352,8 +401,8 @@ Result<ReplayReport> measure(HapticRenderer& renderer, const ProbePath& path, co
   for (const Wanted& wanted : {Wanted{options.paced_frames, 0, report.paced},
                                Wanted{options.paced_evicted_frames, kEvictedBytes, report.paced_evicted}}) {
     if (wanted.frames == 0) continue;
-    Result<PacedStatistics> paced = paced_pass(renderer, path, report.trace, wanted.frames,
-                                               wanted.evicted_bytes, report, options.progress);
+    Result<PacedStatistics> paced =
+        paced_pass(course, path, report.trace, wanted.frames, wanted.evicted_bytes, report, options.progress);
     if (!paced) return std::move(paced).error();
     wanted.out = std::move(paced).value();
   }

@@ -1,14 +1,15 @@
 // Replays a probe path through a prepared renderer: first untimed for the trace, then timed. How frames are
 // timed is part of what the numbers mean:
 //
-//   mean_us      pass A: one clock pair around each uninterrupted run of contact frames (for all frames: one
-//   pair around
-//                the whole path), so that the clock costs one pair a run, not a pair a frame;
-//   min .. max   pass B: a clock pair around every frame, the clock's own cost included and stated
-//                (clock_overhead_ns); percentiles by nearest rank;
-//   paced        apart: sleeps to each tick before the frame, so caches and clock rates are those of a real
-//   servo loop;
-//                on request after walking through memory that evicts the caches.
+//   mean_us          pass A: one clock pair around each uninterrupted run of contact frames (for all frames:
+//                    one pair around the whole path), so that the clock costs one pair a run, not a pair a
+//                    frame;
+//   min .. max,      pass B: a clock pair around every frame, the clock's own cost included and stated
+//   mean_clocked_us  (clock_overhead_ns); percentiles by nearest rank. This mean may stand beside them, the
+//                    other one may not: it lacks the clock's cost and is of other moments. Only the longest
+//                    frame is that of both passes: a run of n frames that took T had one of T / n or more;
+//   paced            apart: sleeps to each tick before the frame, so caches and clock rates are those of a
+//                    real servo loop; on request after walking through memory that evicts the caches.
 //
 // The clock is std::chrono::steady_clock (clock_gettime): reading the time stamp counter with rdtscp saved
 // only a quarter of a read (50 against 67 ns in one loop), and would need a frequency and a core that stay.
@@ -25,6 +26,7 @@
 
 #include "toolkit/core/progress.h"
 #include "toolkit/core/result.h"
+#include "toolkit/render/motion.h"
 #include "toolkit/render/renderer.h"
 #include "toolkit/trace/trace.h"
 
@@ -47,7 +49,7 @@ struct FrameStatistics {
   std::uint64_t frames = 0;          ///< frames of the path (or of the paced stretch)
   std::uint64_t contact_frames = 0;  ///< of these, in contact
   std::uint64_t timed_frames = 0;    ///< the frames the times below are about: contact_frames or frames
-  std::optional<double> min_us, mean_us, p50_us, p99_us, p999_us, max_us;
+  std::optional<double> min_us, mean_us, mean_clocked_us, p50_us, p99_us, p999_us, max_us;
   std::uint64_t deadline_misses_1khz = 0;  ///< timed frames longer than 1 ms
   std::uint64_t bound_hits = 0;            ///< timed frames with FrameStatus::kBoundHit
   double clock_overhead_ns = 0.0;  ///< median distance of two clock reads in a row, contained in min .. max
@@ -62,15 +64,24 @@ struct PacedStatistics {
   std::uint64_t skipped_ticks = 0;  ///< ticks that passed while something (eviction, the machine) took longer
 };
 
+/// One clock pair around several frames.
+struct RunTime {
+  std::int64_t ns = 0;
+  std::uint64_t frames = 0;
+};
+/// From the times of the frames, one by one (pass B), and of the runs that they stand in (pass A; without
+/// runs both means are that of the frames). min <= mean_clocked <= max, percentiles in order, and mean <=
+/// max, whatever the clock read. Counts other than timed_frames and the misses are the caller's.
+[[nodiscard]] FrameStatistics frame_statistics(std::vector<std::int64_t> frame_ns,
+                                               std::span<const RunTime> runs, double clock_overhead_ns);
+
 struct ReplayOptions {
   bool timed = true;               ///< false: the untimed pass alone
   std::uint64_t paced_frames = 0;  ///< 0 = no paced pass
   std::uint64_t paced_evicted_frames =
       0;                         ///< of the pass with eviction, which needs some 10 ms a frame; 0 = none
   Progress* progress = nullptr;  ///< may be null
-  /// The path is known to start in free space: a renderer in contact there is wrong, and measured like any
-  /// other.
-  bool start_is_free = false;
+  render::Simulation* simulation = nullptr;  ///< moves the scene's models, or null
 };
 
 struct ReplayReport {
@@ -83,13 +94,15 @@ struct ReplayReport {
   std::optional<PacedStatistics> paced_evicted;
 };
 
-/// One untimed pass: reset at the first sample, then a step at every sample. The first frame's dt is that of
-/// the second (1 ms for a single sample). A path without samples, with times that do not increase or that
-/// starts inside the model is an Error (file = the path's name, line = that of the sample in a CSV file with
-/// a header); the command answers it with exit status 2. With `start_is_free` contact at the first sample is
-/// the renderer's fault and goes into the trace.
+/// One untimed pass: restarted at the first sample, one step before its time (as long as the second one, 1 ms
+/// for a single sample), then a step at every sample. `simulation` moves the scene's models, or null; it is
+/// advanced before each frame, by the replay and outside of what is timed. A path without samples or with
+/// times that do not increase is an Error (file = the path's name, line = that of the sample in a CSV file
+/// with a header); the command answers it with exit status 2. Contact at the first sample goes into the trace
+/// like any other: whether a path starts inside a model only the true surface knows (check_path_starts_free),
+/// never a renderer, some of which feel a surface from afar.
 [[nodiscard]] Result<ForceTrace> replay(render::HapticRenderer& renderer, const ProbePath& path,
-                                        bool start_is_free = false);
+                                        render::Simulation* simulation = nullptr);
 
 /// The untimed pass, then what `options` ask for. Memory: the trace and 8 bytes a frame, 64 MB more with
 /// eviction.

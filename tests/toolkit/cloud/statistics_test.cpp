@@ -1,10 +1,12 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <vector>
 
 #include "toolkit/cloud/generate.h"
+#include "toolkit/cloud/sample.h"
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/core/random.h"
 
@@ -41,6 +43,24 @@ TEST(Statistics, DuplicatesAreCountedAsPointsMinusPlaces) {
   const Cloud c = cloud_of({{1, 1, 1}, {0, 0, 0}, {1, 1, 1}, {-1, 2, 0}, {1, 1, 1}, {0, 0, -0.0}});
   EXPECT_EQ(count_duplicates(c), 3u);
   EXPECT_EQ(count_duplicates(generated("sphere:points=5000")), 0u);
+}
+
+TEST(Statistics, BoundsWhatStoringLoses) {
+  constexpr std::uint64_t kSeed = 7;
+  SCOPED_TRACE(kSeed);
+  for (const double scale : {1e-3, 1.0, 1e6}) {
+    Random random(kSeed);
+    std::vector<Vec3> points;
+    for (int i = 0; i < 1000; ++i)
+      points.push_back(scale * Vec3(random.uniform() + 1e3, 5.0 * random.uniform(), random.uniform()));
+    const Cloud cloud = cloud_of(points);
+    double worst = 0.0;
+    for (std::size_t i = 0; i < points.size(); ++i)
+      worst = std::max(worst, (cloud.point_mm(i) - points[i]).norm());
+    EXPECT_LE(worst, stored_rounding_mm(cloud)) << scale;
+    EXPECT_GT(worst, 0.1 * stored_rounding_mm(cloud)) << "no looser than needed";
+  }
+  EXPECT_EQ(stored_rounding_mm(Cloud{}), 0.0);
 }
 
 TEST(Statistics, FindsTheScannersRaster) {
@@ -95,13 +115,28 @@ TEST(Statistics, TellsHeightFieldsFromBodies) {
        {"sinusoid", "plane", "saddle", "wedge:angle_deg=60", "sinusoid:jitter=0.4:nonuniform=0.5"})
     for (const char* scale : {"0.001", "1000000"}) {
       const Cloud c = generated(std::string(field) + ":points=10000:scale=" + scale);
-      EXPECT_TRUE(is_height_field(c)) << field;
-      EXPECT_TRUE(is_height_field(shuffled(c, 3))) << field << ", whatever the order";
+      EXPECT_TRUE(is_single_valued(c)) << field;
+      EXPECT_TRUE(is_single_valued(shuffled(c, 3))) << field << ", whatever the order";
     }
   for (const char* body : {"sphere:points=10000", "torus:points=10000", "slab:points=10000",
                            "slab:points=10000:thickness_mm=0.01"})
-    EXPECT_FALSE(is_height_field(generated(body))) << body;
-  EXPECT_FALSE(is_height_field(cloud_of({{0, 0, 0}, {0, 1, 0}, {0, 2, 5}}))) << "no extent in x";
+    EXPECT_FALSE(is_single_valued(generated(body))) << body;
+  EXPECT_FALSE(is_single_valued(cloud_of({{0, 0, 0}, {0, 1, 0}, {0, 2, 5}}))) << "no extent in x";
+}
+
+TEST(Sample, IsSomeOfThePointsInTheirOrder) {
+  const Cloud whole = generated("torus:points=5000");
+  const Cloud some = sample_of(whole, 700, 3);
+  ASSERT_EQ(some.size(), 700u);
+  std::size_t at = 0;
+  for (std::size_t i = 0; i < some.size(); ++i) {
+    while (at < whole.size() && whole.point_mm(at) != some.point_mm(i)) ++at;
+    ASSERT_LT(at++, whole.size()) << "no point of the cloud, or out of order: " << i;
+  }
+  EXPECT_EQ(sample_of(whole, 700, 3).x_mm, some.x_mm) << "the same for the same seed";
+  EXPECT_NE(sample_of(whole, 700, 4).x_mm, some.x_mm);
+  EXPECT_EQ(sample_of(whole, whole.size(), 3).x_mm, whole.x_mm);
+  EXPECT_EQ(sample_of(whole, 2 * whole.size(), 3).size(), whole.size());
 }
 
 }  // namespace

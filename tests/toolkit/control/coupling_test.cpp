@@ -5,8 +5,12 @@
 #include <cmath>
 #include <limits>
 
+#include "tests/stepped.h"
+#include "toolkit/cloud/generate.h"
+#include "toolkit/control/controlled_renderer.h"
 #include "toolkit/control/virtual_coupling.h"
 #include "toolkit/core/random.h"
+#include "toolkit/render/registry.h"
 
 namespace palpate::control {
 namespace {
@@ -52,6 +56,58 @@ TEST(VirtualCoupling, TheDamperResistsGoingInAndNeverPullsBack) {
   EXPECT_NEAR(at(-0.2), 0.2 + 0.2, 1e-8);
   EXPECT_NEAR(at(-0.19), 0.19 - 0.02, 1e-8);  // out at 10 mm/s
   EXPECT_EQ(at(-0.05), 0.0) << "out at 140 mm/s the damper would pull with 0.28 N";
+}
+
+TEST(VirtualCoupling, AtDepthZeroThereIsNothingToPullAlong) {
+  // A god object that a carved surface leaves at the HIP: contact, and no depth.
+  VirtualCoupling c({1.0, 0.002});
+  (void)c.couple(Vec3(0, 0, -0.01), Vec3::Zero(), Vec3(0, 0, 1e9), true, kDt);
+  EXPECT_EQ(c.couple(Vec3::Zero(), Vec3::Zero(), Vec3::Zero(), true, kDt), Vec3::Zero());
+}
+
+TEST(VirtualCoupling, NeverPullsToTheSurfaceWhateverTheSurfaceDoes) {
+  // A plane around z = 0 under a hand that moves at random: the force may never point down.
+  const auto model =
+      cloud::generate(parse_named_options("plane:extent_mm=20:spacing_mm=0.5").value()).value();
+  render::SceneInput scene;
+  scene.models.emplace_back();
+  scene.models[0].cloud = std::make_shared<cloud::Cloud>(model.cloud);
+  const Vec3 middle = model.cloud.box_mm().centre_mm();
+  render::Registry registry;
+  render::register_toolkit_renderers(registry);
+  ControlOptions control;
+  control.coupling = Coupling{0.5, 0.002};
+  for (const double friction : {0.0, 0.9})
+    for (const double carved_mm : {0.0, 0.2}) {
+      SCOPED_TRACE(testing::Message() << "friction " << friction << ", carved " << carved_mm << " mm");
+      scene.models[0].surface.friction = {friction, 0.7 * friction};
+      scene.models[0].surface.texture = {};
+      if (carved_mm > 0.0) {
+        scene.models[0].surface.texture.kind = surface::TextureKind::kGrating;
+        scene.models[0].surface.texture.depth_mm = carved_mm;
+        scene.models[0].surface.texture.wavelength_mm = 2.0;
+      }
+      const test::Stepped renderer = wrap(registry.make("cloud", {}).value(), control);
+      ASSERT_TRUE(renderer->prepare(scene, {}));
+      Random random(41);
+      Vec3 at(0, 0, 1), speed = Vec3::Zero();
+      renderer->restart(middle + at);
+      int contacts = 0, pulled = 0;
+      double most = 0.0;
+      for (int i = 0; i < 20'000; ++i) {
+        speed = 0.97 * speed - Vec3(1, 1, 3).cwiseProduct(at + Vec3(0, 0, 0.3)) +
+                8.0 * Vec3(random.normal(), random.normal(), random.normal());
+        at += kDt * speed;
+        const render::Frame frame = renderer->step(middle + at, kDt);
+        contacts += frame.contact;
+        pulled += frame.force_n.z() < 0.0;
+        most = std::max(most, frame.force_n.z());
+      }
+      EXPECT_GT(contacts, 5000);
+      EXPECT_LT(contacts, 19'900);
+      EXPECT_GT(most, 0.1);
+      EXPECT_EQ(pulled, 0) << "seed 41";
+    }
 }
 
 TEST(VirtualCoupling, ExactlyZeroWhenFreeAndNoMemoryOfTheLastContact) {

@@ -87,9 +87,10 @@ Outcome run(double out_stiffness, const PassivityOptions& options, EnergyRule ju
   PassivityController controller(options);
   PassivityObserver observer(judge);
   Outcome outcome;
-  wall.reset(Vec3(0, 0, 0.5));
+  wall.restart(Vec3(0, 0, 0.5), 0.0);
+  double t_s = 0.0;
   for (const Vec3& h : taps()) {
-    const Vec3 wanted_n = wall.step(h, kDt).force_n;
+    const Vec3 wanted_n = wall.step(h, t_s += kDt).force_n;
     const Vec3 force_n = controller.control(h, wanted_n, kDt);
     observer.observe(h, force_n);
     outcome.most_change_n = std::max(outcome.most_change_n, (force_n - wanted_n).norm());

@@ -6,9 +6,11 @@
 #include <string>
 #include <vector>
 
+#include "tests/toolkit/render/scenes.h"
 #include "toolkit/control/rates.h"
 #include "toolkit/core/handover.h"
-#include "toolkit/geometry/broad_phase.h"
+#include "toolkit/render/motion.h"
+#include "toolkit/render/slow_phase.h"
 
 namespace palpate::control {
 namespace {
@@ -79,62 +81,92 @@ TEST(RateScheduler, RefusesRatesThatAreNone) {
   EXPECT_FALSE(scheduler.add("one too many", 1, [](double) {}));
 }
 
-/// A row of cubes that slide at 100 mm/s past a HIP at 157 mm/s the other way (no whole number of cubes in a
-/// period); the fast loop touches only
-/// what the slow one handed over. Frames in which it should have touched and could not.
-struct Missed {
-  int frames = 0, missed = 0;
+/// Sixty planes of 20 x 20 mm, 30 mm apart, that slide at 100 mm/s, with the simulation that moves them.
+struct SlidingRow {
+  render::SceneInput scene;
+  std::shared_ptr<render::ScriptedSimulation> simulation = std::make_shared<render::ScriptedSimulation>();
 };
-Missed missed_contacts(double reach_mm) {
-  constexpr double kModel = 100.0, kHip = 157.0;
-  constexpr std::size_t kCubes = 300;
-  const FourRates rates;
-  std::vector<geometry::Aabb> boxes(kCubes);
-  const auto pose = [&](double t_s) {
-    for (std::size_t i = 0; i < kCubes; ++i) {
-      const Vec3 at(static_cast<double>(i) * 5.0 + kModel * t_s, 0, 0);
-      boxes[i] = {at, at + Vec3(2, 2, 2)};
-    }
+SlidingRow sliding_row() {
+  SlidingRow row;
+  const render::ModelInput plane = render::generated("plane:extent_mm=20:spacing_mm=1").input.models[0];
+  for (int i = 0; i < 60; ++i) {
+    render::ScriptedMotion motion;
+    motion.start.translation_mm = Vec3(30.0 * i, 0, 0);
+    motion.velocity_mm_s = Vec3(100, 0, 0);
+    row.scene.models.push_back(plane);
+    row.scene.models.back().world_from_model = motion.start;
+    row.scene.models.back().motion = row.simulation->add(motion);
+  }
+  return row;
+}
+
+struct Compared {
+  std::uint64_t contacts = 0, late = 0, differ = 0;
+};
+
+/// The four loops around a renderer whose broad phase runs on a loop of its own, against one that looks for
+/// itself whenever it must. The HIP goes along the row the other way, in and out.
+Compared with_four_rates(const FourRates& rates, double hip_mm_s) {
+  SlidingRow row = sliding_row(), split_row = sliding_row();
+  const auto alone = render::prepared(row.scene, "cloud");
+  const auto split = render::prepared(split_row.scene, "cloud");
+  auto& slow = dynamic_cast<render::SlowPhase&>(*split);
+  slow.run_slow_phase_elsewhere();
+  const auto hip_at = [&](double t_s) {
+    return Vec3(1700.0 - hip_mm_s * t_s, 1.0, 1.0 + 2.0 * std::cos(20.0 * t_s));
   };
-  pose(0.0);
-  geometry::BroadPhase phase(boxes);
-  Handover<geometry::Candidates<8>> found;
-  Handover<Vec3> asked(Vec3(1000, 1, 1));
-  Missed result;
+  Vec3 before = hip_at(0.0);
+  alone->restart(before);
+  split->restart(before);
+  Handover<Vec3> asked(before);
+  Compared result;
   RateScheduler scheduler;
+  const double frame_s = 1.0 / static_cast<double>(rates.narrow_phase_hz);
   EXPECT_TRUE(add_four_rates(scheduler, rates,
-                             {[&](double t_s) { pose(t_s); },
-                              [&](double) {
-                                asked.acquire();
-                                phase.update(boxes);
-                                phase.query(asked.front(), reach_mm, found.back());
-                                found.publish();
+                             {[&](double t_s) {
+                                row.simulation->advance(t_s);
+                                split_row.simulation->advance(t_s);
                               },
                               [&](double t_s) {
-                                const Vec3 hip(1000.0 - kHip * t_s, 1, 1);
+                                asked.acquire();
+                                slow.slow_phase(t_s, before, asked.front());
+                                before = asked.front();
+                              },
+                              [&](double t_s) {
+                                const Vec3 hip = hip_at(t_s);
                                 asked.publish(hip);
-                                found.acquire();
-                                for (std::uint32_t i = 0; i < kCubes; ++i) {
-                                  if (!boxes[i].contains(hip)) continue;
-                                  ++result.frames;
-                                  bool handed = false;
-                                  for (const geometry::BoxHit& hit : found.front().hits())
-                                    handed = handed || hit.item == i;
-                                  result.missed += handed ? 0 : 1;
-                                }
+                                const render::Frame a = alone->step(hip, frame_s);
+                                const render::Frame b = split->step(hip, frame_s);
+                                result.contacts += a.contact;
+                                result.late += b.status == render::FrameStatus::kBoundHit;
+                                result.differ += a.contact != b.contact || a.model != b.model ||
+                                                 a.force_n != b.force_n || a.god_object_mm != b.god_object_mm;
                               },
                               {}}));
-  scheduler.run_until(2.0);
+  scheduler.run_until(4.0);
   return result;
 }
 
-TEST(FourRates, WhatIsNeededIsHandedOverInTimeAndNotMuchLess) {
-  const Missed enough = missed_contacts(needed_reach_mm({}, 157.0, 100.0));
-  EXPECT_GT(enough.frames, 500);
-  EXPECT_EQ(enough.missed, 0);
-  EXPECT_GT(missed_contacts(needed_reach_mm({}, 157.0, 100.0) / 8.0).missed, 0) << "the reach matters";
-  // (150 + 100) mm/s x 2 x (10 + 1) ms + 100 mm/s x 5 ms
-  EXPECT_NEAR(needed_reach_mm({}, 150.0, 100.0), 6.0, 1e-12);
+// A list covers the HIP's way up to a sixteenth of the models' mean diagonal, 28.3 / 16 = 1.77 mm, and 20 ms.
+// It is asked for every 10 ms with a HIP one frame old: at 100 mm/s the HIP goes 1.1 mm meanwhile, at
+// 400 4.4.
+TEST(FourRates, ABroadPhaseOnItsOwnLoopGivesTheSameFrames) {
+  const Compared in_time = with_four_rates({}, 100.0);
+  EXPECT_GT(in_time.contacts, 500u);
+  EXPECT_EQ(in_time.differ, 0u);
+  EXPECT_EQ(in_time.late, 0u);
+}
+
+TEST(FourRates, ABroadPhaseThatIsTooSlowIsNoticedAndNothingIsMissed) {
+  FourRates lazy;
+  lazy.broad_phase_hz = 20;  // every 50 ms
+  for (const auto& [rates, hip_mm_s] : {std::pair(FourRates{}, 400.0), std::pair(lazy, 10.0)}) {
+    SCOPED_TRACE(hip_mm_s);
+    const Compared too_slow = with_four_rates(rates, hip_mm_s);
+    EXPECT_GT(too_slow.contacts, 300u);
+    EXPECT_EQ(too_slow.differ, 0u);
+    EXPECT_GT(too_slow.late, 500u);
+  }
 }
 
 }  // namespace

@@ -18,11 +18,12 @@ class Wall final : public render::HapticRenderer {
     report.bytes = 1;
     return report;
   }
-  void reset(const Vec3& hip_mm) noexcept override {
-    last_z_mm_ = hip_mm.z();
+  void restart(const Vec3& hip_mm, double /*t_s*/) noexcept override {
+    let_go(hip_mm);
     counters_ = {};
   }
-  [[nodiscard]] render::Frame step(const Vec3& hip_mm, double /*dt_s*/) noexcept override {
+  void let_go(const Vec3& hip_mm) noexcept override { last_z_mm_ = hip_mm.z(); }
+  [[nodiscard]] render::Frame step(const Vec3& hip_mm, double /*t_s*/) noexcept override {
     ++counters_.frames;
     render::Frame frame;
     frame.god_object_mm = hip_mm;

@@ -6,6 +6,7 @@
 #include <memory>
 #include <typeinfo>
 
+#include "tests/stepped.h"
 #include "tests/toolkit/control/wall.h"
 #include "toolkit/control/controlled_renderer.h"
 #include "toolkit/core/random.h"
@@ -23,15 +24,14 @@ ControlOptions options(bool couple, bool filter, bool passive) {
   return o;
 }
 
-std::unique_ptr<render::HapticRenderer> prepared(const ControlOptions& o, double limit_n = 0.0,
-                                                 double out_stiffness = 0.5) {
+test::Stepped prepared(const ControlOptions& o, double limit_n = 0.0, double out_stiffness = 0.5) {
   auto wall = std::make_unique<Wall>();
   wall->out_stiffness_n_per_mm = out_stiffness;
-  std::unique_ptr<render::HapticRenderer> renderer = wrap(std::move(wall), o);
+  test::Stepped renderer(wrap(std::move(wall), o));
   render::SceneInput scene;
   scene.force_limit_n = limit_n;
   EXPECT_TRUE(renderer->prepare(scene, {}));
-  renderer->reset(Vec3(0, 0, 1));
+  renderer->restart(Vec3(0, 0, 1));
   return renderer;
 }
 
@@ -54,17 +54,21 @@ TEST(Wrap, ComposesWhatIsAskedForInOrder) {
     VirtualCoupling coupling(o.coupling.value_or(Coupling{}));
     ForceFilter filter(o.filter);
     PassivityController controller(o.passivity.value_or(PassivityOptions{}));
-    wall.reset(Vec3(0, 0, 1));
+    wall.restart(Vec3(0, 0, 1), 0.0);
     Random random(51);
-    double z = 1.0;
+    double z = 1.0, t_s = 0.0;
     for (int i = 0; i < 3000; ++i) {
+      // As the renderer counts it: the difference of two times.
+      const double last_s = t_s;
+      t_s += kDt;
+      const double dt_s = t_s - last_s;
       z = std::clamp(z + random.uniform(-0.1, 0.1), -3.0, 1.0);
       const Vec3 hip(0.01 * i, 0, z);
-      render::Frame expected = wall.step(hip, kDt);
+      render::Frame expected = wall.step(hip, t_s);
       Vec3 f = expected.force_n;
-      if (o.coupling) f = coupling.couple(hip, expected.god_object_mm, f, expected.contact, kDt);
-      if (o.filter.any()) f = filter.filter(f, kDt);
-      f = o.passivity ? controller.control(hip, f, kDt, 0.8) : render::limited(f, 0.8);
+      if (o.coupling) f = coupling.couple(hip, expected.god_object_mm, f, expected.contact, dt_s);
+      if (o.filter.any()) f = filter.filter(f, dt_s);
+      f = o.passivity ? controller.control(hip, f, dt_s, 0.8) : render::limited(f, 0.8);
       const render::Frame frame = renderer->step(hip, kDt);
       ASSERT_EQ(frame.force_n, f) << "set " << set << ", frame " << i;
       ASSERT_EQ(frame.contact, expected.contact);
@@ -105,11 +109,11 @@ TEST(Wrap, ANonFiniteHipGivesNoForceAndChangesNothing) {
   }
 }
 
-TEST(Wrap, ResetGivesTheSameTraceAgain) {
+TEST(Wrap, RestartGivesTheSameTraceAgain) {
   const auto renderer = prepared(options(true, true, true), 3.0, 1.0);
   std::vector<Vec3> first;
   for (int pass = 0; pass < 2; ++pass) {
-    renderer->reset(Vec3(0, 0, 1));
+    renderer->restart(Vec3(0, 0, 1));
     for (int i = 0; i < 500; ++i) {
       const Vec3 f = renderer->step(Vec3(0, 0, std::cos(0.05 * i)), kDt).force_n;
       if (pass == 0)

@@ -53,6 +53,16 @@ TEST(Dem, EsriAscii) {
   EXPECT_EQ(model->cloud.point_mm(3), Vec3(0, 10000, 1000));
 }
 
+TEST(Dem, AByteOrderMarkBeforeAnEsriGrid) {
+  const std::string grid = esri("1 2 3\n4 5 6\n");
+  const auto plain = read(grid, "a.asc"), marked = read("\xEF\xBB\xBF" + grid, "a.asc");
+  ASSERT_TRUE(plain && marked) << marked.error().message();
+  EXPECT_EQ(marked->content_hash, plain->content_hash);
+  const auto utf16 = read(std::string("\xFF\xFEn\0", 4), "a.asc");
+  ASSERT_FALSE(utf16);
+  EXPECT_NE(utf16.error().message().find("UTF-16"), std::string::npos) << utf16.error().message();
+}
+
 TEST(Dem, AColumnFileIsStillOne) {
   const auto model = read("1 2 3\n4 5 6\n7 8 9\n", "a.asc");
   ASSERT_TRUE(model) << model.error().message();

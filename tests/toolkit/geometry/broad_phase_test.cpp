@@ -101,7 +101,7 @@ TEST(BroadPhase, TheAnswerDoesNotDependOnHowTheTreeCameToBe) {
   BroadPhase moved(other);
   moved.update(boxes);
   const BroadPhase fresh(boxes);
-  Candidates<32> a, b;
+  FoundBoxes<32> a, b;
   moved.query(Vec3(0.1, 0.2, 0.3), 0.5, a);
   fresh.query(Vec3(0.1, 0.2, 0.3), 0.5, b);
   ASSERT_EQ(a.query.hits, b.query.hits);
@@ -120,7 +120,7 @@ TEST(BroadPhase, OddBoxes) {
                                    {Vec3(0.5, 0.5, 0.5), Vec3(0.5, 0.5, 0.5)},        // a point
                                    {Vec3(9, 9, 9), Vec3(10, 10, 10)}};
   const BroadPhase phase(boxes);
-  Candidates<8> found;
+  FoundBoxes<8> found;
   phase.query(Vec3(0.5, 0.5, 0.5), 0.25, found);
   std::vector<std::uint32_t> items;
   for (const BoxHit& hit : found.hits()) items.push_back(hit.item);
@@ -134,7 +134,7 @@ TEST(BroadPhase, OddBoxes) {
 TEST(BroadPhase, AThousandEqualBoxesAndNone) {
   const std::vector<Aabb> same(1000, Aabb{Vec3(1, 1, 1), Vec3(2, 2, 2)});
   const BroadPhase phase(same);
-  Candidates<4> found;
+  FoundBoxes<4> found;
   phase.query(Vec3(1.5, 1.5, 1.5), 0.1, found);
   EXPECT_EQ(found.query.hits, 4u);
   EXPECT_EQ(found.query.left_out, 996u);
@@ -149,7 +149,7 @@ TEST(BroadPhase, FewNodesAreVisitedWhereFewBoxesAreNear) {
   std::vector<Aabb> row;
   for (int i = 0; i < 1000; ++i) row.push_back(Aabb{Vec3(10.0 * i, 0, 0), Vec3(10.0 * i + 1.0, 1, 1)});
   const BroadPhase phase(row);
-  Candidates<4> found;
+  FoundBoxes<4> found;
   for (int i = 0; i < 1000; i += 37) {
     phase.query(Vec3(10.0 * i + 0.5, 0.5, 0.5), 2.0, found);
     ASSERT_EQ(found.query.hits, 1u);

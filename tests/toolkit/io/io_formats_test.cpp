@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <bit>
 #include <cstring>
+#include <fstream>
 
 #include "compress.h"
 #include "toolkit/core/hash.h"
@@ -215,6 +217,79 @@ TEST(Formats, PolygonsBecomeFansAndBadOnesGoWhole) {
   EXPECT_EQ(model->dropped_faces, 3u);
 }
 
+Result<ReadModel> read_corpus(const std::string& name) {
+  std::ifstream file(std::string(PALPATE_CORPUS) + "/" + name, std::ios::binary);
+  return read_text(std::string(std::istreambuf_iterator<char>(file), {}), name);
+}
+
+using Triangles = std::vector<std::array<std::uint32_t, 3>>;
+
+// A strip turns every second triangle, so that all face the same way; -1 ends it. Corners that stand twice
+// join strips and are no faces; a triangle with a point that is not there is dropped and counted.
+TEST(Formats, StripsOfTrianglesGiveFaces) {
+  const Triangles both{{0, 1, 2}, {2, 1, 3}, {2, 3, 4}, {4, 3, 5}};
+  for (const char* name : {"ply/strips_little.ply", "ply/strips_big.ply"}) {
+    SCOPED_TRACE(name);
+    const Result<ReadModel> model = read_corpus(name);
+    ASSERT_TRUE(model) << model.error().message();
+    ASSERT_NE(model->mesh, nullptr);
+    EXPECT_EQ(model->mesh->triangles, both);
+    EXPECT_EQ(model->dropped_faces, 0u);
+  }
+  const Result<ReadModel> model = read_corpus("ply/strips.ply");
+  ASSERT_TRUE(model) << model.error().message();
+  ASSERT_NE(model->mesh, nullptr);
+  // Of the second strip, 0 1 2 2 4 4 5 99: its first triangle; four without area; (4, 5, 99) has no point.
+  Triangles expected = both;
+  expected.push_back({0, 1, 2});
+  EXPECT_EQ(model->mesh->triangles, expected);
+  EXPECT_EQ(model->dropped_faces, 1u);
+}
+
+TEST(Formats, RowsThatHoldMoreThanTheHeaderNamesAreReadWithAWarning) {
+  const Result<ReadModel> ply = read_corpus("ply/longer_rows.ply");
+  ASSERT_TRUE(ply) << ply.error().message();
+  ASSERT_NE(ply->mesh, nullptr);
+  EXPECT_EQ(ply->mesh->triangles, (Triangles{{0, 1, 2}, {2, 1, 0}}));
+  for (const char* part : {"1 rows of element 'face'", "line 16", "1 rows of element 'camera'", "line 15"}) {
+    EXPECT_TRUE(std::any_of(ply->warnings.begin(), ply->warnings.end(), [&](const std::string& warning) {
+      return warning.find(part) != std::string::npos;
+    })) << part;
+  }
+  const Result<ReadModel> off = read_corpus("off/longer_rows.off");  // OFF itself lets colours follow
+  ASSERT_TRUE(off) << off.error().message();
+  ASSERT_NE(off->mesh, nullptr);
+  EXPECT_EQ(off->mesh->triangles, (Triangles{{0, 1, 2}}));
+}
+
+TEST(Formats, FacesWithoutTheirListAreReportedAndTakeNoTime) {
+  const Result<ReadModel> model = read_corpus("ply/faces_by_another_name.ply");
+  ASSERT_TRUE(model) << model.error().message();
+  EXPECT_EQ(model->mesh, nullptr);
+  EXPECT_TRUE(std::any_of(model->warnings.begin(), model->warnings.end(), [](const std::string& warning) {
+    return warning.find("'face' has no list vertex_indices") != std::string::npos;
+  }));
+}
+
+TEST(Formats, AnObjLineMayGoOnInTheNext) {
+  const Result<ReadModel> model = read_corpus("obj/continued.obj");
+  ASSERT_TRUE(model) << model.error().message();
+  EXPECT_EQ(model->cloud.size(), 4u);  // a comment that ends with a backslash hides no vertex
+  ASSERT_NE(model->mesh, nullptr);
+  EXPECT_EQ(model->mesh->triangles, (Triangles{{0, 1, 2}, {0, 2, 3}}));
+  EXPECT_EQ(model->dropped_faces, 1u);  // the last line goes on in nothing
+
+  const Result<ReadModel> bad = read_text("v 0 0 0\nf 1 \\\n1 \\\none\n", "a.obj");
+  ASSERT_FALSE(bad);
+  EXPECT_EQ(bad.error().line, 2);
+  std::string endless = "v 0 0 0\nf";
+  for (int i = 0; i < 1 << 20; ++i) endless += " 1\\\n";
+  const Result<ReadModel> refused = read_text(endless, "a.obj");
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().what.find("continuations are longer"), std::string::npos)
+      << refused.error().message();
+}
+
 TEST(Formats, ConcatenatedCompressedStreamsAreOneFile) {
   for (const bool xz : {false, true}) {
     const auto pack = [&](const std::string& text) { return xz ? xz_packed(text) : gzipped(text); };
@@ -222,6 +297,34 @@ TEST(Formats, ConcatenatedCompressedStreamsAreOneFile) {
         read_text(pack("1 2 3\n4 5") + pack(" 6\n7 8 9\n"), xz ? "a.xyz.xz" : "a.xyz.gz");
     ASSERT_TRUE(model) << model.error().message();
     EXPECT_EQ(model->cloud.size(), 3u);
+  }
+}
+
+// Windows editors put a mark before the text; PowerShell's redirection writes UTF-16.
+TEST(Formats, AByteOrderMarkBelongsToNoFormat) {
+  const std::pair<const char*, std::string> files[] = {
+      {"a.ply",
+       "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float "
+       "z\nend_header\n1 2 3\n4 5 6\n"},
+      {"a.obj", "v 1 2 3\nv 4 5 6\n"},
+      {"a.off", "OFF\n2 0 0\n1 2 3\n4 5 6\n"},
+      {"a.xyz", "1 2 3\n\n \n4 5 6\n\n"},
+      {"a.csv", "x,y,z\n\n1,2,3\n\n4,5,6\n"},
+      {"a.pts", "2\n1 2 3\n4 5 6\n"},
+  };
+  for (const auto& [name, text] : files) {
+    SCOPED_TRACE(name);
+    const Result<ReadModel> plain = read_text(text, name), marked = read_text("\xEF\xBB\xBF" + text, name);
+    ASSERT_TRUE(plain) << plain.error().message();
+    ASSERT_TRUE(marked) << marked.error().message();
+    EXPECT_EQ(marked->file_points, 2u);
+    EXPECT_EQ(marked->content_hash, plain->content_hash);
+    std::string wide = "\xFF\xFE";
+    for (const char c : text) wide += {c, '\0'};
+    const Result<ReadModel> utf16 = read_text(wide, name);
+    ASSERT_FALSE(utf16);
+    EXPECT_NE(utf16.error().message().find("UTF-16; save it as UTF-8"), std::string::npos)
+        << utf16.error().message();
   }
 }
 

@@ -2,10 +2,13 @@
 // what to do.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 
 #include "compress.h"
 #include "toolkit/io/pcd_header.h"
@@ -181,6 +184,86 @@ TEST(Hostile, PathsThatAreNoFiles) {
   std::filesystem::remove_all(folder);
 }
 
+TEST(Hostile, OnlyRegularFilesAreModels) {
+  Readers readers;
+  add_standard_readers(readers);
+  const std::filesystem::path folder =
+      std::filesystem::path(testing::TempDir()) / fmt::format("palpate_io_special_{}", getpid());
+  std::filesystem::create_directories(folder);
+  for (const char* name : {"a.ply", "a.xyz.gz", "a.obj", "a.off", "a.pfm"}) {
+    const std::filesystem::path pipe = folder / fmt::format("pipe-{}", name);
+    ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);  // nobody writes: opening it would wait for ever
+    const auto waiting = readers.read(pipe.string(), {});
+    ASSERT_FALSE(waiting);
+    EXPECT_NE(waiting.error().message().find("a pipe, not a regular file"), std::string::npos);
+    std::filesystem::create_symlink("/dev/zero", folder / name);
+    const auto endless = readers.read((folder / name).string(), {});
+    ASSERT_FALSE(endless);
+    EXPECT_NE(endless.error().message().find("a device, not a regular file"), std::string::npos);
+  }
+  std::filesystem::remove_all(folder);
+}
+
+// More than is allowed is refused before it is read where the size is known, and soon after where it is not.
+TEST(Hostile, WholeFilesStayWithinTheBound) {
+  struct Counted final : ByteSource {
+    explicit Counted(std::optional<std::uint64_t> said) : left(said) {}
+    Result<std::size_t> read(std::span<std::byte> out) override {
+      given += out.size();
+      return out.size();
+    }
+    std::optional<std::uint64_t> remaining() const override { return left; }
+    double fraction() const override { return 0.0; }
+    std::optional<std::uint64_t> left;
+    std::uint64_t given = 0;
+  };
+  constexpr std::uint64_t kBound = 10'000'000;
+  Counted said(std::uint64_t{1} << 40), unsaid(std::nullopt);
+  for (Counted* source : {&said, &unsaid}) {
+    const auto refused = read_all(*source, kBound);
+    ASSERT_FALSE(refused);
+    EXPECT_NE(refused.error().message().find("--memory-limit-gb 0.01"), std::string::npos)
+        << refused.error().message();
+  }
+  EXPECT_EQ(said.given, 0u);
+  EXPECT_LT(unsaid.given, 2 * kBound);
+  const std::string text(kBound, 'x');
+  for (const std::string& whole : {text, gzipped(text)}) {
+    Result<std::unique_ptr<ByteSource>> source = open_maybe_compressed(
+        std::make_unique<MemorySource>(std::as_bytes(std::span(whole))), DecompressionLimits{});
+    ASSERT_TRUE(source);
+    const auto read = read_all(**source, kBound);
+    ASSERT_TRUE(read) << read.error().message();
+    EXPECT_EQ(read->size(), text.size());
+    EXPECT_EQ(std::memcmp(read->data(), text.data(), text.size()), 0);
+  }
+}
+
+TEST(Hostile, NumbersOfTheOptionsAreFinite) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (const double bad : {nan, -1.0, std::numeric_limits<double>::infinity()}) {
+    ReadOptions scale, post, vertical;
+    scale.scale = bad;
+    post.post_mm = bad;
+    vertical.vertical_mm = bad;
+    for (const ReadOptions& options : {scale, post, vertical})
+      EXPECT_FALSE(read_text("Pf\n2 2\n-1\n" + std::string(16, '\0'), "a.pfm", options)) << bad;
+  }
+}
+
+TEST(Hostile, WhatIsOfGridsIsRefusedForOtherFiles) {
+  ReadOptions post, vertical;
+  post.post_mm = 2.0;
+  vertical.vertical_mm = 2.0;
+  const std::string grid = "Pf\n2 2\n-1\n" + std::string(16, '\0');
+  for (const auto& [options, says] : {std::pair(post, "--post-mm"), std::pair(vertical, "--vertical-mm")}) {
+    EXPECT_TRUE(read_text(grid, "a.pfm", options));
+    const auto refused = read_text("1 2 3\n4 5 6\n", "a.xyz", options);
+    ASSERT_FALSE(refused);
+    EXPECT_NE(refused.error().message().find(says), std::string::npos) << refused.error().message();
+  }
+}
+
 std::string pcd(const std::string& width, const std::string& height, const std::string& points,
                 const std::string& data,
                 const std::string& fields = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n") {
@@ -225,6 +308,19 @@ TEST(Hostile, PcdHeadersAreCheckedAgainstTheFile) {
     ASSERT_FALSE(header);
     EXPECT_NE(header.error().message().find(part), std::string::npos) << header.error().message();
   }
+}
+
+TEST(Hostile, PcdHeadersMayBeginWithAByteOrderMark) {
+  const std::string content = pcd("1", "1", "1", "ascii") + "1 2 3\n", marked = "\xEF\xBB\xBF" + content;
+  const Result<PcdHeader> plain = check_pcd(std::as_bytes(std::span(content)), {});
+  const Result<PcdHeader> header = check_pcd(std::as_bytes(std::span(marked)), {});
+  ASSERT_TRUE(plain && header);
+  EXPECT_EQ(header->canonical, plain->canonical);
+  EXPECT_EQ(header->body_at, plain->body_at + 3);
+  const std::string wide("\xFE\xFF\0V", 4);
+  const Result<PcdHeader> utf16 = check_pcd(std::as_bytes(std::span(wide)), {});
+  ASSERT_FALSE(utf16);
+  EXPECT_NE(utf16.error().message().find("UTF-16"), std::string::npos);
 }
 
 // Everything that fuzzing starts from and has found: an Error or a model, never a crash.

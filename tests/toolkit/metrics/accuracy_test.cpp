@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -51,6 +52,33 @@ TEST(Accuracy, ForceErrorsSplitAlongTheNormal) {
   EXPECT_NEAR(*a->force_tangential_rms_n, 0.3 / std::sqrt(2.0), 1e-15);
   EXPECT_NEAR(*a->force_max_n, 0.5, 1e-15);
   EXPECT_DOUBLE_EQ(*a->within_7_percent, 50.0);
+}
+
+TEST(Accuracy, KnowsWhatIsNoMoreThanRounding) {
+  // At every scale and place: an error in the last digits of the coordinates is none, a real one is.
+  for (const double scale : {1e-3, 1.0, 1e6})
+    for (const double away : {0.0, 1e5}) {
+      Tiny t;
+      t.add(1.0 * scale, 0.1, away * scale);
+      for (const double wrong : {0.0, 1.0}) {
+        render::Frame& frame = t.add(-2.0 * scale, 0.1, away * scale);
+        const double size = scale * std::max(2.0, away);
+        frame.force_n.z() += wrong * kStiffness * size * std::numeric_limits<double>::epsilon();
+      }
+      const Result<Accuracy> a = t.scored();
+      ASSERT_TRUE(a);
+      EXPECT_GT(*a->force_max_n, 0.0);
+      EXPECT_LE(*a->force_max_n, a->rounding_n) << scale << " " << away;
+      EXPECT_LT(a->rounding_n, 1e-6 * scale) << "a millionth of the force is an error";
+      EXPECT_DOUBLE_EQ(a->rounding_n, kStiffness * a->rounding_mm);
+    }
+  Tiny t;
+  t.add(1.0);
+  AccuracyOptions options;
+  options.stored_rounding_mm = 0.25;
+  const Result<Accuracy> stored = score(t.path, t.trace, t.reference, nullptr, options);
+  ASSERT_TRUE(stored);
+  EXPECT_NEAR(stored->rounding_mm, 0.25, 1e-9) << "what the store lost counts";
 }
 
 TEST(Accuracy, BandsAreRelativeAboveTheFloor) {

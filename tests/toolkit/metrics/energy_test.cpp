@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
 #include <limits>
 
 #include "tests/toolkit/metrics/tiny.h"
@@ -32,6 +33,23 @@ TEST(Energy, AKickIsFound) {
   EXPECT_DOUBLE_EQ(e->generated_mj, 1.0);
   EXPECT_DOUBLE_EQ(e->max_stored_mj, 4.0);
   EXPECT_DOUBLE_EQ(*e->generated_percent, 25.0);
+}
+
+TEST(Energy, KnowsWhatIsNoMoreThanRounding) {
+  // A spring on a closed path far from the origin: what it seems to generate is rounding.
+  constexpr double kFarMm = 1e5;
+  Tiny t;
+  for (int turn = 0; turn < 300; ++turn)
+    for (const double z : {0.1, -0.3, -1.7, -0.9, 0.1}) t.add(z, 0.1, kFarMm + 0.1 * turn);
+  const Result<Energy> e = observe_energy(t.path, t.trace, kStiffness);
+  ASSERT_TRUE(e);
+  EXPECT_LT(e->rounding_mj, 1e-4 * e->max_stored_mj) << "0.01 % of what was stored is no rounding";
+  EXPECT_GT(e->rounding_mj, 0.0);
+  for (std::size_t i = 0; i < t.path.size(); ++i) t.path.hip_mm[i] += Vec3(0.1, 0.7, 1e4 / 3.0);
+  const Result<Energy> moved = observe_energy(t.path, t.trace, kStiffness);
+  ASSERT_TRUE(moved);
+  EXPECT_NE(moved->final_mj, e->final_mj) << "moving it changes the last digits";
+  EXPECT_LE(std::abs(moved->final_mj - e->final_mj), moved->rounding_mj + e->rounding_mj);
 }
 
 TEST(Energy, FrictionOnlyTakes) {

@@ -5,77 +5,16 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <regex>
-#include <sstream>
+
+#include "tests/json_schema.h"
 
 namespace palpate::metrics {
 namespace {
 
 using Json = nlohmann::json;
-
-Json schema() {
-  std::ifstream file(PALPATE_RESULT_SCHEMA);
-  return Json::parse(file, nullptr, false);
-}
-
-bool has_type(const Json& value, const std::string& type) {
-  if (type == "null") return value.is_null();
-  if (type == "string") return value.is_string();
-  if (type == "integer") return value.is_number_integer();
-  if (type == "number") return value.is_number();
-  if (type == "array") return value.is_array();
-  return type == "object" && value.is_object();
-}
-
-// The part of JSON schema that the document uses. Returns what is wrong first, or nothing. Stricter than the
-// schema in one thing: a key the schema does not name is wrong, so that both stay together.
-std::string check(const Json& value, const Json& rule, const Json& root, const std::string& at) {
-  if (rule.contains("$ref")) {
-    return check(value, root.at(Json::json_pointer(rule["$ref"].get<std::string>().substr(1))), root, at);
-  }
-  if (rule.contains("const") && value != rule["const"]) return at + " is not " + rule["const"].dump();
-  if (rule.contains("enum")) {
-    bool found = false;
-    for (const Json& one : rule["enum"]) found = found || one == value;
-    if (!found) return at + " is not in the enum";
-  }
-  if (rule.contains("type")) {
-    const Json types = rule["type"].is_array() ? rule["type"] : Json::array({rule["type"]});
-    bool found = false;
-    for (const Json& type : types) found = found || has_type(value, type.get<std::string>());
-    if (!found) return at + " has the wrong type: " + value.dump();
-  }
-  if (rule.contains("minimum") && value.is_number() && value < rule["minimum"]) return at + " is too small";
-  if (rule.contains("pattern") && value.is_string() &&
-      !std::regex_match(value.get<std::string>(), std::regex(rule["pattern"].get<std::string>())))
-    return at + " does not match";
-  if (value.is_object()) {
-    for (const Json& key : rule.value("required", Json::array())) {
-      if (!value.contains(key.get<std::string>())) return at + "." + key.get<std::string>() + " is missing";
-    }
-    for (const auto& [key, inner] : value.items()) {
-      const Json properties = rule.value("properties", Json::object());
-      const Json* inner_rule = nullptr;
-      if (properties.contains(key)) {
-        inner_rule = &properties[key];
-      } else if (rule.contains("additionalProperties")) {
-        inner_rule = &rule["additionalProperties"];
-      } else {
-        return at + "." + key + " is not in the schema";
-      }
-      if (std::string wrong = check(inner, *inner_rule, root, at + "." + key); !wrong.empty()) return wrong;
-    }
-  }
-  if (value.is_array() && rule.contains("items")) {
-    for (const Json& item : value) {
-      if (std::string wrong = check(item, rule["items"], root, at + "[]"); !wrong.empty()) return wrong;
-    }
-  }
-  return "";
-}
 
 ResultDocument full_document() {
   ResultDocument d;
@@ -87,18 +26,29 @@ ResultDocument full_document() {
   d.path = "weave:frames=3";
   d.started_utc = "2026-01-31T12:00:00Z";
   d.command = "palpate compare \"scene.toml\"";
+  d.warnings = {"the path never touches"};
+  d.notes = {"no ground truth"};
+  d.complete = false;
+  d.title = "a scene, along a weave";
+  d.about = "What it is about.";
+  d.models = {{"dragon", "dragon.ply", "0123456789abcdef", 1'002'001, "model-1.csv"},
+              {"plane", "plane:points=9", "fedcba9876543210", 9, ""}};
+  d.truth = StudyTruth{"analytic", "exact", "reference.csv"};
+  d.scoring = ScoreBasis{0.5, 0.055, 1e-6, {0.5, 0.25}, false};
   RendererResult r;
   r.label = "smooth";
   r.name = "cloud";
   r.options = {{"shading", "auto"}, {"box", "worst"}};
   r.model = RendererResult::Model{1'002'001, 0.288};
-  r.prepare = render::PrepareReport{12.5, {{"grid", 4.5}, {"neighbours", 8.0}}, 48'096'048, {"shading off"}};
+  r.prepare = render::PrepareReport{
+      12.5, {{"grid", 4.5}, {"neighbours", 8.0}}, 48'096'048, {"shading off"}, {"rough"}};
   r.threads = 2;
   trace::FrameStatistics s;
   s.frames = 50'000;
   s.contact_frames = s.timed_frames = 40'000;
   s.min_us = 0.05;
   s.mean_us = 0.1;
+  s.mean_clocked_us = 0.12;
   s.p50_us = 0.09;
   s.p99_us = 0.3;
   s.p999_us = 0.7;
@@ -113,14 +63,21 @@ ResultDocument full_document() {
   a.reference = "analytic";
   a.exactness = "exact";
   a.floor_n = 0.0275;
+  a.rounding_n = 1e-6;
+  a.rounding_mm = 2e-6;
   a.force_rms_n = 0.1;
   a.within_7_percent = 99.5;
   a.excess_jumps = 4;
   a.pop_throughs = 0;
   a.onset_error_mm = 0.05;
   r.accuracy = a;
-  r.energy = Energy{0.5, 0.01, 2.0, 0.1};
+  r.energy = Energy{0.5, 0.01, 2.0, 0.1, 1e-9};
   r.trace_hash = "0123456789abcdef";
+  r.role = render::Role::kLiteral;
+  r.works_on = render::Geometry::kHeights;
+  r.missing = {"dents"};
+  r.trace_file = "trace-smooth.csv";
+  r.scores_file = "scores-smooth.csv";
   d.renderers.push_back(r);
   RendererResult failed;
   failed.label = failed.name = "mesh-godobject";
@@ -131,19 +88,33 @@ ResultDocument full_document() {
 }
 
 TEST(ResultJson, FollowsTheSchema) {
-  const Json rules = schema();
-  ASSERT_TRUE(rules.is_object());
-  EXPECT_EQ(check(Json::parse(to_json(full_document())), rules, rules, ""), "");
-  EXPECT_EQ(check(Json::parse(to_json({})), rules, rules, ""), "");
+  EXPECT_EQ(schema_violations(PALPATE_RESULT_SCHEMA, to_json(full_document())), "");
+  EXPECT_EQ(schema_violations(PALPATE_RESULT_SCHEMA, to_json({})), "");
 }
 
-TEST(ResultJson, TheCheckCanFail) {
-  const Json rules = schema();
-  Json j = Json::parse(to_json(full_document()));
-  j["renderers"][0]["frame"]["bound_hits"] = -1;
-  EXPECT_EQ(check(j, rules, rules, ""), ".renderers[].frame.bound_hits is too small");
-  j["renderers"][0]["frame"].erase("bound_hits");
-  EXPECT_EQ(check(j, rules, rules, ""), ".renderers[].frame.bound_hits is missing");
+TEST(ResultJson, TheSchemaHoldsEveryPartOfTheDocument) {
+  const Json whole = Json::parse(to_json(full_document()));
+  const auto breaks = [&](const char* where, const Json& value) {
+    Json j = whole;
+    j[Json::json_pointer(where)] = value;
+    const std::string wrong = schema_violations(PALPATE_RESULT_SCHEMA, j.dump());
+    return wrong.empty() ? std::string(where) + " may be " + value.dump() : std::string();
+  };
+  EXPECT_EQ(breaks("/renderers/0/frame/bound_hits", -1), "");
+  EXPECT_EQ(breaks("/renderers/0/frame/mean_us", "fast"), "");
+  EXPECT_EQ(breaks("/renderers/0/status", "perhaps"), "");
+  EXPECT_EQ(breaks("/renderers/0/trace_hash", "no hash"), "");
+  EXPECT_EQ(breaks("/renderers/0/accuracy/unheard_of", 1), "");
+  EXPECT_EQ(breaks("/renderers/0/role", "friend"), "");
+  EXPECT_EQ(breaks("/renderers/0/works_on", "voxels"), "");
+  EXPECT_EQ(breaks("/scoring/forces_comparable", 1), "");
+  EXPECT_EQ(breaks("/models/0/hash", "abc"), "");
+  EXPECT_EQ(breaks("/machine/cores", 1.5), "");
+  EXPECT_EQ(breaks("/schema", "palpate-result/0"), "");
+  EXPECT_EQ(breaks("/warnings/0", Json::object()), "");
+  Json missing = whole;
+  missing["renderers"][0]["frame"].erase("bound_hits");
+  EXPECT_NE(schema_violations(PALPATE_RESULT_SCHEMA, missing.dump()).find("bound_hits"), std::string::npos);
 }
 
 TEST(ResultJson, HasTheKeysOtherToolsRelyOn) {
@@ -213,8 +184,19 @@ TEST(ResultJson, ThereAndBackIsTheSameText) {
   ASSERT_TRUE(back) << back.error().message();
   EXPECT_EQ(to_json(*back), text);
   EXPECT_EQ(back->renderers[0].prepare->bytes, 48'096'048u);
+  EXPECT_EQ(back->renderers[0].prepare->warnings, std::vector<std::string>{"rough"});
+  EXPECT_EQ(back->warnings, std::vector<std::string>{"the path never touches"});
+  EXPECT_EQ(back->renderers[0].frame->mean_clocked_us, 0.12);
+  EXPECT_EQ(back->renderers[0].accuracy->rounding_mm, 2e-6);
+  EXPECT_EQ(back->renderers[0].energy->rounding_mj, 1e-9);
+  EXPECT_EQ(back->notes, std::vector<std::string>{"no ground truth"});
   EXPECT_EQ(back->renderers[0].paced_evicted->first_frame, 17u);
   EXPECT_EQ(back->renderers[0].accuracy->pop_throughs, 0u);
+  EXPECT_EQ(back->renderers[0].role, render::Role::kLiteral);
+  EXPECT_EQ(back->renderers[0].works_on, render::Geometry::kHeights);
+  EXPECT_EQ(back->renderers[0].missing, std::vector<std::string>{"dents"});
+  EXPECT_EQ(back->models[1].source, "plane:points=9");
+  EXPECT_EQ(back->scoring->felt_stiffness_n_per_mm, (std::vector<double>{0.5, 0.25}));
   EXPECT_FALSE(back->renderers[1].frame.has_value());
   EXPECT_EQ(back->renderers[1].status, RunStatus::kFailed);
 }
@@ -263,10 +245,27 @@ TEST(ResultJson, RefusesWhatItDidNotWrite) {
   refused("/renderers/0/options/box", 1, "options");
   refused("/renderers/0/threads", 4e9, "threads");
   refused("/machine", "mine", "machine");
+  refused("/warnings", "mine", "warnings");
+  refused("/renderers/0/prepare/warnings/0", 1, "renderers[0].prepare.warnings");
   Json missing = good;
   missing["renderers"][1].erase("label");
   EXPECT_NE(parse_result(missing.dump()).error().what.find("renderers[1].label is missing"),
             std::string::npos);
+}
+
+TEST(ResultJson, ReadsDocumentsFromBeforeAKeyWasAdded) {
+  Json j = Json::parse(to_json(full_document()));
+  j.erase("warnings");
+  j.erase("notes");
+  j["renderers"][0]["prepare"].erase("warnings");
+  j["renderers"][0]["frame"].erase("mean_clocked_us");
+  j["renderers"][0]["accuracy"].erase("rounding_n");
+  j["renderers"][0]["energy"].erase("rounding_mj");
+  const Result<ResultDocument> back = parse_result(j.dump());
+  ASSERT_TRUE(back) << back.error().message();
+  EXPECT_TRUE(back->warnings.empty());
+  EXPECT_FALSE(back->renderers[0].frame->mean_clocked_us.has_value());
+  EXPECT_EQ(back->renderers[0].accuracy->rounding_n, 0.0);
 }
 
 TEST(ResultJson, ToleratesKeysItDoesNotKnow) {

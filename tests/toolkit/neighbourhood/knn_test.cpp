@@ -45,7 +45,7 @@ Neighbours stepwise(const cloud::Cloud& cloud, std::uint32_t self, const Modifie
   std::vector<std::uint32_t> at_most = limited ? smallest_enough : std::vector<std::uint32_t>{};
   if (!limited) {
     std::vector<std::uint32_t> next = smallest_enough;
-    for (int step = 0; step < 400 && next.size() >= 9; ++step) {
+    for (int step = 0; step < 4000 && next.size() >= 9; ++step) {
       smallest_enough = next;
       half *= options.refinement;
       next = within(half);
@@ -94,6 +94,22 @@ TEST(ModifiedKnn, IsThePrintedProcedure) {
       EXPECT_EQ(report.stopped_at_limit, expected.stopped_at_limit);
       EXPECT_EQ(report.fewer_than_eight, expected.fewer_than_eight);
     }
+  }
+}
+
+// However fine its steps: none of the sizes between the limit and the points may be left out.
+TEST(ModifiedKnn, IsThePrintedProcedureInFineStepsToo) {
+  const cloud::Cloud cloud = built(sheet(20, 20, 0.1, 0.3, 6));
+  const double start = mean_spacing_mm(cloud);
+  for (const double refinement : {0.5, 0.9, 0.98, 0.99}) {
+    SCOPED_TRACE(refinement);
+    ModifiedKnnOptions options;
+    options.complete_to_eight = false;
+    options.refinement = refinement;
+    const NeighbourTable table = modified_knn(cloud, options, 2);
+    ModifiedKnnReport expected;
+    for (std::uint32_t i = 0; i < cloud.size(); ++i)
+      ASSERT_EQ(table.of[i], stepwise(cloud, i, options, start, expected)) << "point " << i;
   }
 }
 

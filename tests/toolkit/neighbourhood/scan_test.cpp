@@ -21,7 +21,7 @@ struct Known {
   std::size_t points, duplicates;
   Vec3 low, high;
   double nearest_p50, nearest_p999, nearest_max;
-  bool height_field;
+  bool single_valued;
 };
 
 const Known kKnown[] = {
@@ -84,7 +84,7 @@ TEST_P(RealScan, HasTheNumbersOfTheManifest) {
   // Six digits are printed.
   EXPECT_LT((s.box_mm.low_mm - known.low).cwiseQuotient(known.low).cwiseAbs().maxCoeff(), 1e-5);
   EXPECT_LT((s.box_mm.high_mm - known.high).cwiseQuotient(known.high).cwiseAbs().maxCoeff(), 1e-5);
-  EXPECT_EQ(s.height_field, known.height_field);
+  EXPECT_EQ(s.single_valued, known.single_valued);
   EXPECT_FALSE(s.raster);
 
   const Spacing spacing = describe_spacing(model->cloud, exact_knn(model->cloud, 0));

@@ -33,11 +33,12 @@ struct Model {
   std::vector<Vec3f> points;
   double step_mm;
 
-  Model(const Case& c, double spare = 0.25) : step_mm(c.step_mm) {
+  explicit Model(const Case& c, double spare = 0.25, std::size_t spare_places = 0) : step_mm(c.step_mm) {
     const cloud::Cloud cloud = cloud_of(c.points);
     PartitionOptions options;
     options.cell_mm = 5.0 * c.step_mm;
     options.spare = spare;
+    options.spare_places = spare_places;
     partition = P::build(cloud, options, 1);
     for (const std::uint32_t i : partition.order())
       points.emplace_back(cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i]);
@@ -49,6 +50,19 @@ struct Model {
         partition.move(place, stored, [this](std::uint32_t other) { return points[other]; });
     if (status != MoveStatus::kFull) points[place] = stored;
     return status;
+  }
+
+  MoveStatus add(const Vec3& where) {
+    const auto place = static_cast<std::uint32_t>(points.size());
+    points.push_back(where.cast<float>());
+    const auto at_place = [this](std::uint32_t other) { return points[other]; };
+    const MoveStatus status = partition.add(place, points.back(), at_place);
+    if (status == MoveStatus::kFull) points.pop_back();
+    return status;
+  }
+  void remove_last() {
+    partition.remove(static_cast<std::uint32_t>(points.size() - 1), points.back());
+    points.pop_back();
   }
 
   void expect_right(Random& random, const std::string& what) const {
@@ -229,6 +243,34 @@ TEST(DynamicTree, QuadtreeIgnoresMovesAlongItsHeight) {
     moved += octree.move(place, octree.at(place) + Vec3(0, 0, 5)) == MoveStatus::kMoved;
   }
   EXPECT_GT(moved, octree.points.size() / 2);
+}
+
+// Points that come in beside the cloud's and go out again are found where they are, and nothing else changes.
+TYPED_TEST(EachMoving, AddedPointsAreFoundAndRemovedOnesAreNot) {
+  for (const Case& c : cases()) {
+    Model<TypeParam> model(c, 0.25, 400);
+    const std::size_t built = model.points.size();
+    Random random(61);
+    for (int round = 0; round < 6; ++round) {
+      for (int k = 0; k < 200; ++k) {
+        const double far = k % 20 == 0 ? 50.0 : 1.0;
+        const Vec3 by(random.normal(), random.normal(), random.normal());
+        (void)model.add(model.at(random.below(model.points.size())) + far * c.step_mm * by);
+      }
+      EXPECT_GT(model.points.size(), built);
+      for (int k = 0; k < 100; ++k) {
+        const auto place = static_cast<std::uint32_t>(random.below(model.points.size()));
+        (void)model.move(place,
+                         model.at(place) + 3.0 * c.step_mm * Vec3(random.normal(), random.normal(), 0.0));
+      }
+      model.expect_right(random, std::string(c.name) + " grown");
+      while (model.points.size() > built + (round % 2 == 0 ? 0 : 50)) model.remove_last();
+      model.expect_right(random, std::string(c.name) + " shrunk");
+    }
+    while (model.points.size() > built) model.remove_last();
+    for (int k = 0; k < 400; ++k) EXPECT_NE(model.add(model.at(0)), MoveStatus::kFull) << c.name;
+    EXPECT_EQ(model.add(model.at(0)), MoveStatus::kFull) << "no place is left for it";
+  }
 }
 
 }  // namespace

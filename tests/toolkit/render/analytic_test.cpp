@@ -49,7 +49,7 @@ SceneInput scene_of(std::shared_ptr<const geometry::AnalyticSurface> surface,
 
 void start(AnalyticRenderer& renderer, const SceneInput& scene, const Vec3& hip) {
   ASSERT_TRUE(renderer.prepare(scene, {}));
-  renderer.reset(hip);
+  renderer.restart(hip, 0.0);
 }
 
 TEST(AnalyticRenderer, PlaneIsASpring) {
@@ -82,7 +82,7 @@ TEST(AnalyticRenderer, IsRegistered) {
   register_toolkit_renderers(registry);
   const RendererInfo* info = registry.find("analytic");
   ASSERT_NE(info, nullptr);
-  EXPECT_TRUE(info->needs_analytic);
+  EXPECT_EQ(info->geometry, Geometry::kFormula);
   EXPECT_FALSE(info->source.empty());
   EXPECT_FALSE((*registry.make("analytic", {}))->describe().work_bound.empty());
 }
@@ -194,7 +194,7 @@ TEST(AnalyticRenderer, ContactEqualsInsideWhileShallow) {
       const geometry::SurfacePoint s = surface->at(0.3 + 0.00007 * k, 0.3 + 0.00005 * k);
       const double h = first ? 0.5 : 1.1 * std::cos(0.031 * k) + random.uniform(-0.2, 0.2);
       const Vec3 hip = s.point_mm + h * s.normal;
-      if (first) renderer.reset(hip);
+      if (first) renderer.restart(hip, 0.0);
       first = false;
       const Frame f = renderer.step(hip, kDt);
       ASSERT_EQ(f.contact, h < 0) << surface->formula() << " frame " << k << " seed " << kSeed;

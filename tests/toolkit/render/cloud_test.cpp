@@ -1,10 +1,15 @@
 // The point renderers against oracles, on generated, degenerate and hostile data.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <numbers>
 #include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "tests/toolkit/render/scenes.h"
 #include "toolkit/cloud/generate.h"
@@ -12,7 +17,10 @@
 #include "toolkit/metrics/accuracy.h"
 #include "toolkit/metrics/reference.h"
 #include "toolkit/neighbourhood/knn.h"
+#include "toolkit/neighbourhood/walkable.h"
+#include "toolkit/render/point_model.h"
 #include "toolkit/render/registry.h"
+#include "toolkit/render/sheet.h"
 #include "toolkit/trace/paths.h"
 #include "toolkit/trace/replay.h"
 
@@ -74,34 +82,55 @@ TEST(Cloud, ShadedForceIsCloseToTheTruth) {
   const metrics::Accuracy shaded = scored(scene, path, *prepared(scene.input, "cloud"));
   const metrics::Accuracy plain = scored(scene, path, *prepared(scene.input, "cloud:shading=none"));
   ASSERT_TRUE(shaded.force_rms_percent && plain.force_rms_percent);
-  EXPECT_LT(*shaded.force_rms_percent, 2.0);  // the facet's own error: half a spacing squared over the radius
-  EXPECT_GT(*plain.force_rms_percent, 2.0 * *shaded.force_rms_percent);
+  // Unshaded, the force is off by stiffness times the way from the foot to the nearest point. Shaded, by the
+  // depth times the angle over which the surface bends on that way: at most the depth, 2 mm, over the least
+  // radius of curvature, wavelength squared over 4 pi^2 amplitude: 6.33 mm.
+  const double radius = 50.0 * 50.0 / (4.0 * std::numbers::pi * std::numbers::pi * 10.0);
+  EXPECT_LT(*shaded.force_rms_percent, 2.0 / radius * *plain.force_rms_percent);
+  // And that way is at most half the diagonal of a cell on the steepest slope, 4 pi amplitude / wavelength
+  // over both.
+  const double slope = 2.0 * std::numbers::pi * 10.0 / 50.0;
+  const double longest = 0.5 * scene.spacing_mm * std::sqrt(2.0 + 4.0 * slope * slope);
+  EXPECT_LT(*plain.force_max_n, 0.5 * longest);
+}
+
+/// Frames of `cloud` and of `brute-force` on the same eight nearest, unshaded, where both are in contact.
+struct Nearest {
+  std::size_t contacts = 0, farther = 0;
+};
+Nearest nearest_of_all(const std::string& spec) {
+  const Scene scene = generated(spec);
+  const trace::ProbePath path = path_over(scene, "weave:frames=3000:depth_mm=1");
+  const auto fast = prepared(scene.input, "cloud:neighbours=exact-knn:shading=none");
+  const auto slow = prepared(scene.input, "brute-force:neighbours=exact-knn");
+  fast->restart(path.hip_mm[0]);
+  slow->restart(path.hip_mm[0]);
+  Nearest result;
+  for (std::size_t k = 0; k < path.size(); ++k) {
+    const Vec3& hip = path.hip_mm[k];
+    const Frame a = fast->step(hip, 1e-3), b = slow->step(hip, 1e-3);
+    if (!a.contact || !b.contact) continue;
+    ++result.contacts;
+    result.farther += (a.god_object_mm - hip).norm() != (b.god_object_mm - hip).norm();
+  }
+  return result;
 }
 
 TEST(Cloud, GodObjectIsTheNearestPointOfAll) {
-  for (const char* spec : {"sinusoid:points=2601:jitter=0.4", "sphere:points=3000"}) {
+  for (const char* spec : {"sinusoid:points=2601", "saddle:points=2601", "sphere:points=3000"}) {
     SCOPED_TRACE(spec);
-    const Scene scene = generated(spec);
-    const trace::ProbePath path = path_over(scene, "weave:frames=3000:depth_mm=1");
-    const auto fast = prepared(scene.input, "cloud:neighbours=exact-knn:shading=none");
-    const auto slow = prepared(scene.input, "brute-force:neighbours=exact-knn");
-    fast->reset(path.hip_mm[0]);
-    slow->reset(path.hip_mm[0]);
-    std::size_t contacts = 0, differ = 0;
-    double excess_mm = 0.0;
-    for (const Vec3& hip : path.hip_mm) {
-      const Frame a = fast->step(hip, 1e-3), b = slow->step(hip, 1e-3);
-      if (!a.contact || !b.contact) continue;
-      ++contacts;
-      differ += a.god_object_mm != b.god_object_mm;
-      excess_mm = std::max(excess_mm, (a.god_object_mm - hip).norm() - (b.god_object_mm - hip).norm());
-    }
-    EXPECT_GT(contacts, 1500u);
-    // On steep jittered parts the eight nearest points in space need not surround a point, and a greedy walk
-    // may stop beside the nearest one. Rarely, and then close by.
-    EXPECT_LE(differ, contacts / 20);
-    EXPECT_LE(excess_mm, 0.25 * scene.spacing_mm);
+    const Nearest found = nearest_of_all(spec);
+    EXPECT_GT(found.contacts, 1500u);
+    EXPECT_EQ(found.farther, 0u);
   }
+}
+
+// On steep jittered parts planes turn from point to point as at an edge, where the god object keeps to its
+// face, and the eight nearest in space need not surround a point: it may stop beside the nearest one of all.
+TEST(Cloud, OnJitteredPointsTheGodObjectIsSeldomBesideTheNearest) {
+  const Nearest found = nearest_of_all("sinusoid:points=2601:jitter=0.4");
+  EXPECT_GT(found.contacts, 1500u);
+  EXPECT_LT(found.farther, found.contacts / 100);
 }
 
 TEST(Cloud, EntersAThinSlabFromEitherSideAndStaysOnThatSide) {
@@ -110,13 +139,15 @@ TEST(Cloud, EntersAThinSlabFromEitherSideAndStaysOnThatSide) {
   for (const double side : {1.0, -1.0}) {
     const auto cloud = prepared(scene.input, "cloud");
     const double start = side > 0 ? top + 2.0 : bottom - 2.0;
-    cloud->reset(Vec3(0.3, 0.2, start));
+    cloud->restart(Vec3(0.3, 0.2, start));
     Frame frame;
     for (int i = 0; i <= 800; ++i)
       frame = cloud->step(Vec3(0.3, 0.2, start - side * 0.01 * i), 1e-3);  // 8 mm, right through
     ASSERT_TRUE(frame.contact);
-    EXPECT_GT(side * frame.force_n.z(), 0.0);
-    EXPECT_NEAR(frame.god_object_mm.z(), side > 0 ? top : bottom, 0.05);
+    // 6 mm below a face whose points are stored to a float's rounding of half the extent, 20 mm.
+    constexpr double kStored = 20.0 * 0x1.0p-24;
+    EXPECT_NEAR(side * frame.force_n.z(), 0.5 * 6.0, 2.0 * kStored);
+    EXPECT_NEAR(frame.god_object_mm.z(), side > 0 ? top : bottom, 2.0 * kStored);
     for (int i = 0; i <= 800; ++i)
       frame = cloud->step(Vec3(0.3, 0.2, start - 8.0 * side + side * 0.01 * i), 1e-3);
     EXPECT_FALSE(frame.contact);
@@ -135,7 +166,7 @@ TEST(Cloud, ScalesFromMicrometresToKilometres) {
             s * Vec3(x + random.uniform(-0.3, 0.3), y + random.uniform(-0.3, 0.3), 0.3 * std::sin(0.2 * x)));
     SceneInput scene = cloud_of(points);
     const auto cloud = prepared(scene, "cloud:shading=facet");
-    cloud->reset(s * Vec3(30, 30, 8));
+    cloud->restart(s * Vec3(30, 30, 8));
     std::vector<std::uint8_t> here;
     for (int i = 0; i < 4000; ++i) {
       const Frame f = cloud->step(
@@ -161,8 +192,8 @@ TEST(Cloud, RigidMotionMovesTheAnswer) {
   pose.translation_mm = Vec3(1000, -500, 250);
   scene.input.models[0].world_from_model = pose;
   const auto moved = prepared(scene.input, "cloud");
-  still->reset(path.hip_mm[0]);
-  moved->reset(pose * path.hip_mm[0]);
+  still->restart(path.hip_mm[0]);
+  moved->restart(pose * path.hip_mm[0]);
   std::size_t contacts = 0, differ = 0;
   for (const Vec3& hip : path.hip_mm) {
     const Frame a = still->step(hip, 1e-3), b = moved->step(pose * hip, 1e-3);
@@ -220,7 +251,7 @@ TEST(PointRenderers, SurviveHostileInput) {
          {"cloud", "cloud-literal", "brute-force", "cloud:box=per-vertex", "cloud-literal:cells=crossed"}) {
       SCOPED_TRACE(std::string(spec) + " on " + std::to_string(points.size()));
       const auto renderer = prepared(cloud_of(points), spec);
-      renderer->reset(points[0] + Vec3(0, 0, 50));
+      renderer->restart(points[0] + Vec3(0, 0, 50));
       Random random(2);
       for (int i = 0; i < 300; ++i) {
         Vec3 hip = points[0] + 3.0 * Vec3(random.normal(), random.normal(), random.normal());
@@ -238,7 +269,7 @@ TEST(PointRenderers, SurviveHostileInput) {
 
 TEST(Cloud, ALonePointLetsGoWhenTheProbeLeavesSideways) {
   const auto cloud = prepared(cloud_of({Vec3(0, 0, 0)}), "cloud:box_mm=2");
-  cloud->reset(Vec3(0, 0, 5));
+  cloud->restart(Vec3(0, 0, 5));
   Frame f;
   for (int i = 0; i <= 55; ++i) f = cloud->step(Vec3(0, 0, 5 - 0.1 * i), 1e-3);
   EXPECT_TRUE(f.contact);
@@ -256,7 +287,7 @@ TEST(Cloud, WorkPastTheBoundIsDoneInTheNextFrame) {
   points.emplace_back(40, 40, 0);  // a far pair makes the resolution, so all the rest is in one cell
   points.emplace_back(44, 40, 0);
   const auto cloud = prepared(cloud_of(points), "cloud:neighbours=exact-knn");
-  cloud->reset(Vec3(0.5, 0.5, 100));
+  cloud->restart(Vec3(0.5, 0.5, 100));
   Frame f = cloud->step(Vec3(0.5, 0.5, -1), 1e-3);
   int frames = 1;
   while (!f.contact && frames < 200) {
@@ -281,14 +312,6 @@ TEST(Cloud, RefusesWhatItCannotRender) {
   Options scanner;
   scanner.set("neighbours", "scanner-path");
   EXPECT_FALSE(registry.make("cloud", scanner).value()->prepare(cloud_of({Vec3(0, 0, 0)}), {}));
-}
-
-TEST(CloudLiteral, SampledCellsMissWhatCrossedCellsFind) {
-  const Scene scene = generated("sinusoid:points=40401");
-  const trace::ProbePath path = path_over(scene, "weave:frames=4000:speed_mm_s=600");
-  const auto sampled = prepared(scene.input, "cloud-literal:count_missed:box_mm=0.3");
-  (void)trace::replay(*sampled, path).value();
-  EXPECT_GT(sampled->counters().missed_cells, 0u);
 }
 
 }  // namespace

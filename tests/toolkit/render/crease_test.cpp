@@ -5,6 +5,7 @@
 #include <cmath>
 #include <vector>
 
+#include "tests/stepped.h"
 #include "tests/toolkit/render/scenes.h"
 #include "toolkit/core/random.h"
 #include "toolkit/core/tolerances.h"
@@ -47,15 +48,15 @@ std::vector<Vec3> across(double rise, double depth, double scale, double step = 
                   step, scale);
 }
 
-std::vector<Frame> run(HapticRenderer& renderer, const std::vector<Vec3>& path) {
+std::vector<Frame> run(const test::Stepped& renderer, const std::vector<Vec3>& path) {
   std::vector<Frame> frames;
-  renderer.reset(path.front());
-  for (const Vec3& h : path) frames.push_back(renderer.step(h, 1e-3));
+  renderer->restart(path.front());
+  for (const Vec3& h : path) frames.push_back(renderer->step(h, 1e-3));
   return frames;
 }
 
 std::vector<Frame> run(const Scene& scene, const std::string& spec, const std::vector<Vec3>& path) {
-  return run(*prepared(scene.input, spec), path);
+  return run(prepared(scene.input, spec), path);
 }
 
 /// The largest change of force from frame to frame, over the stiffness and the way of the HIP.
@@ -140,7 +141,7 @@ TEST(Crease, CornerHoldsByThreePlanes) {
       path.emplace_back(s * (Vec3(-0.5, -0.5, -0.5) +
                              Vec3(0.8 * std::sin(3 * t), 0.8 * std::sin(2 * t), 0.7 * std::sin(5 * t))));
     }
-    const std::vector<Frame> frames = run(*cloud, path);
+    const std::vector<Frame> frames = run(cloud, path);
     std::size_t by_planes[4] = {};
     for (std::size_t i = 0; i < path.size(); ++i) {
       const Vec3 truth = kStiffness * (path[i].cwiseMax(0.0) - path[i]);
@@ -226,7 +227,7 @@ TEST(Crease, PermutedPointsAnswerTheSame) {
       {{2, 2, 2}, {-0.5, -0.5, -0.5}, {1, -0.6, -0.4}, {-0.3, 1, -0.3}, {-0.6, -0.2, -0.2}}, 0.02, 1.0);
   const auto a = prepared(cloud_of(points), "cloud:neighbours=exact-knn"),
              b = prepared(cloud_of(shuffled), "cloud:neighbours=exact-knn");
-  const std::vector<Frame> one = run(*a, path), other = run(*b, path);
+  const std::vector<Frame> one = run(a, path), other = run(b, path);
   for (std::size_t i = 0; i < path.size(); ++i) {
     ASSERT_EQ(one[i].contact, other[i].contact) << i;
     ASSERT_EQ(one[i].force_n, other[i].force_n) << i;

@@ -1,4 +1,4 @@
-// Geometry that gives way: dents, undo, inferred points, models that deform by themselves.
+// The deformer alone: profiles, undo, inferred points, and the queue that feeds it.
 #include "toolkit/render/deformer.h"
 
 #include <gtest/gtest.h>
@@ -19,26 +19,35 @@ namespace {
 
 constexpr double kDt = 1e-3;
 
-PointModel moving_model(const Scene& scene, std::size_t spare) {
+PointModel moving_model(const Scene& scene, std::size_t spare, PartitionKind kind = PartitionKind::kGrid) {
   PointModelOptions o;
-  o.partition = PartitionKind::kMoving;
+  o.partition = kind;
+  o.moving = true;
   o.spare_points = spare;
   PrepareReport report;
   return build_point_model(scene.input.models[0], o, {1, nullptr}, report).value();
 }
 
-/// Every place below `used` is found exactly once where it is.
+/// Every place below `used` is found exactly once where it is, and no other place anywhere.
 void expect_partition_right(const PointModel& model, std::size_t used) {
-  const auto& grid = std::get<partition::DynamicGrid>(model.tree);
   std::size_t wrong = 0;
-  for (std::uint32_t place = 0; place < used; ++place) {
-    int times = 0;
-    (void)visit_at(grid, model.points[place].at(), [&](partition::PlaceRange range) {
-      times += range.begin <= place && place < range.end;
-      return true;
-    });
-    wrong += times != 1;
-  }
+  const auto check = [&](const auto& partition) {
+    for (std::uint32_t place = 0; place < used; ++place) {
+      int times = 0;
+      (void)visit_at(partition, model.points[place].at(), [&](partition::PlaceRange range) {
+        times += range.begin <= place && place < range.end;
+        wrong += range.end > used;
+        return true;
+      });
+      wrong += times != 1;
+    }
+  };
+  if (const auto* octree = std::get_if<partition::DynamicOctree>(&model.tree))
+    check(*octree);
+  else if (const auto* quadtree = std::get_if<partition::DynamicQuadtree3d>(&model.tree))
+    check(*quadtree);
+  else
+    check(std::get<partition::DynamicGrid>(model.tree));
   EXPECT_EQ(wrong, 0u);
 }
 
@@ -76,9 +85,10 @@ TEST(Deformer, ADentHasItsProfileAndEverythingFollows) {
   EXPECT_GT(steepest, 0.97);
 }
 
-TEST(Deformer, UndoGivesBackEveryBit) {
+void expect_undone(PartitionKind kind) {
+  SCOPED_TRACE(static_cast<int>(kind));
   const Scene scene = generated("plane:extent_mm=20:spacing_mm=0.5:jitter=0.2");
-  PointModel model = moving_model(scene, 2000);
+  PointModel model = moving_model(scene, 2000, kind);
   const auto points = model.points;
   const auto links = model.neighbours;
   Deformer deformer(model, {2000, 100000});
@@ -112,6 +122,11 @@ TEST(Deformer, UndoGivesBackEveryBit) {
   for (std::size_t i = 0; i < points.size(); ++i)
     ASSERT_EQ(std::memcmp(&model.points[i], &points[i], sizeof(StoredPoint)), 0) << i;
   expect_partition_right(model, deformer.points());
+}
+
+TEST(Deformer, UndoGivesBackEveryBit) {
+  for (const auto kind : {PartitionKind::kGrid, PartitionKind::kOctree, PartitionKind::kQuadtree})
+    expect_undone(kind);
 }
 
 TEST(Deformer, OldStrokesAreForgottenNotDamaged) {
@@ -181,107 +196,9 @@ TEST(Deformer, HostileCallsChangeNothing) {
     EXPECT_EQ(std::memcmp(&model.points[i], &points[i], sizeof(StoredPoint)), 0) << i;
 }
 
-/// A plane that gives way beyond 0.5 mm.
-Scene soft_plane() {
-  Scene scene = generated("plane:extent_mm=30:spacing_mm=0.5");
-  scene.input.models[0].surface.dent = {0.5, 3.0, 20.0};
-  return scene;
-}
-
-TEST(Dent, StaysAfterTheProbeAndIsFeltAgain) {
-  const Scene scene = soft_plane();
-  const auto renderer = prepared(scene.input, "cloud");
-  auto& editable = dynamic_cast<Editable&>(*renderer);
-  renderer->reset(Vec3(0, 0, 2));
-  const auto press = [&](double depth) {
-    (void)renderer->step(Vec3(0, 0, 2), kDt);
-    double most = 0.0;
-    bool lost = false;
-    bool touched = false;
-    for (int i = 0; i <= 4000; ++i) {
-      const double z =
-          i < 2000 ? 1.0 - (1.0 + depth) * i / 2000.0 : -depth + (1.0 + depth) * (i - 2000) / 2000.0;
-      const Frame frame = renderer->step(Vec3(0.1, 0.1, z), kDt);
-      touched |= frame.contact;
-      // While it goes in, contact once made stays.
-      lost |= touched && !frame.contact && i < 2000;
-      most = std::max(most, frame.force_n.norm());
-    }
-    EXPECT_FALSE(lost);
-    return most;
-  };
-  const double first = press(2.0);
-  EXPECT_LT(first, 0.5 * 0.75) << "it gave way beyond 0.5 mm: far less than the 1 N of a rigid one";
-  EXPECT_GT(first, 0.5 * 0.45);
-  // The dent is there: at 1 mm the second touch feels nothing.
-  EXPECT_LT(press(1.0), 0.05);
-  ASSERT_TRUE(editable.undo(0));
-  EXPECT_GT(press(0.45), 0.2) << "after undo the surface is where it was";
-  EXPECT_LT(press(2.0), 0.5 * 0.75);
-  renderer->reset(Vec3(0, 0, 2));
-  EXPECT_GT(press(0.45), 0.2) << "and after a reset";
-  editable.restore(0);
-  EXPECT_EQ(editable.edited(0)->size(), scene.input.models[0].cloud->size());
-  EXPECT_FALSE(editable.undo(1));
-  EXPECT_FALSE(editable.edited(1));
-}
-
-TEST(Dent, TakesWorkAndGivesNoneBack) {
-  const Scene scene = soft_plane();
-  const auto renderer = prepared(scene.input, "cloud");
-  renderer->reset(Vec3(0, 0, 1));
-  double work = 0.0, least = 0.0;
-  Vec3 before(0, 0, 1), force = Vec3::Zero();
-  for (int i = 0; i <= 6000; ++i) {
-    const double t = i / 6000.0;
-    const Vec3 h(6.0 * std::sin(6.0 * t), 4.0 * std::sin(11.0 * t), 1.0 - 3.0 * std::sin(3.14159265 * t));
-    const Frame frame = renderer->step(h, kDt);
-    work -= 0.5 * (force + frame.force_n).dot(h - before);  // into the surface
-    least = std::min(least, work);
-    force = frame.force_n;
-    before = h;
-  }
-  EXPECT_GT(work, 0.1) << "a dent takes work";
-  EXPECT_GT(least, -0.01 * 0.5 * 0.5 * 0.25) << "and none comes out first";
-}
-
-TEST(SelfDeforming, ASurfaceThatRisesByItselfMeetsARestingProbe) {
-  // The whole plane rises point by point, a batch a frame, past a probe that never moves: section 3.3.2.1's
-  // case. 41 x 41 points, so that four batches lift all.
-  Scene scene = generated("plane:extent_mm=20:spacing_mm=0.5");
-  scene.input.models[0].moves = std::make_shared<MoveQueue>();
-  MoveQueue& queue = *scene.input.models[0].moves;
-  const cloud::Cloud& cloud = *scene.input.models[0].cloud;
-  const auto renderer = prepared(scene.input, "cloud");
-  const Vec3 hip(0.13, 0.21, 0.6);
-  renderer->reset(hip);
-  double height = 0.0;
-  std::uint32_t next = 0;
-  int lost = 0;
-  bool before = false;
-  Frame frame;
-  for (int i = 0; i < 1200; ++i) {
-    if (MoveBatch* batch = queue.begin(); batch != nullptr && height < 1.6) {
-      if (next == 0) height += 0.02;
-      for (; batch->count < kMaxBatch && next < cloud.size(); ++next) {
-        batch->point[batch->count] = next;
-        batch->to_mm[batch->count++] =
-            Vec3f(cloud.x_mm[next], cloud.y_mm[next], cloud.z_mm[next] + static_cast<float>(height));
-      }
-      if (next >= cloud.size()) next = 0;
-      queue.publish();
-    }
-    frame = renderer->step(hip, kDt);
-    lost += before && !frame.contact;
-    before = frame.contact;
-  }
-  EXPECT_EQ(lost, 0);
-  ASSERT_TRUE(frame.contact);
-  EXPECT_NEAR(frame.force_n.z(), 0.5 * (height - 0.6), 0.01);
-}
-
 TEST(MoveQueue, LosesNothingBetweenTwoThreads) {
   MoveQueue queue;
+  const std::shared_ptr<MoveReader> readers[] = {queue.subscribe(), queue.subscribe()};
   constexpr std::uint32_t kBatches = 2000;
   std::thread writer([&] {
     for (std::uint32_t sent = 0; sent < kBatches;) {
@@ -292,16 +209,41 @@ TEST(MoveQueue, LosesNothingBetweenTwoThreads) {
       queue.publish();
     }
   });
-  std::uint32_t expected = 0;
-  bool in_order = true;
-  while (expected < kBatches) {
-    const MoveBatch* batch = queue.take();
-    if (batch == nullptr) continue;
-    in_order = in_order && batch->count == 1 && batch->point[0] == expected;
-    ++expected;
-  }
+  // Two renderers on one scene, each with all of the edits.
+  const auto read = [](MoveReader& reader) {
+    std::uint32_t expected = 0;
+    bool in_order = true;
+    while (expected < kBatches) {
+      const MoveBatch* batch = reader.take();
+      if (batch == nullptr) continue;
+      in_order = in_order && batch->count == 1 && batch->point[0] == expected;
+      ++expected;
+    }
+    return in_order;
+  };
+  bool in_order[2] = {};
+  std::thread other([&] { in_order[1] = read(*readers[1]); });
+  in_order[0] = read(*readers[0]);
+  other.join();
   writer.join();
-  EXPECT_TRUE(in_order);
+  EXPECT_TRUE(in_order[0]);
+  EXPECT_TRUE(in_order[1]);
+}
+
+TEST(MoveQueue, AReaderThatIsGoneHoldsNobodyUp) {
+  MoveQueue queue;
+  std::shared_ptr<MoveReader> gone = queue.subscribe();
+  const std::shared_ptr<MoveReader> stays = queue.subscribe();
+  ASSERT_NE(queue.begin(), nullptr);
+  queue.publish();
+  ASSERT_NE(stays->take(), nullptr);
+  EXPECT_EQ(queue.begin(), nullptr) << "one has still to take it";
+  gone.reset();
+  EXPECT_NE(queue.begin(), nullptr);
+  // One that comes later gets what comes later.
+  const std::shared_ptr<MoveReader> late = queue.subscribe();
+  EXPECT_EQ(late->take(), nullptr);
+  EXPECT_NE(queue.begin(), nullptr);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <memory>
 
+#include "tests/stepped.h"
 #include "toolkit/render/registry.h"
 
 namespace palpate::render {
@@ -28,7 +29,7 @@ SceneInput tilted(double slope) {
   return scene;
 }
 
-std::unique_ptr<HapticRenderer> prepared(const SceneInput& scene, const char* name = "heightfield") {
+test::Stepped prepared(const SceneInput& scene, const char* name = "heightfield") {
   Registry registry;
   register_toolkit_renderers(registry);
   auto renderer = registry.make(name, Options{}).value();
@@ -44,7 +45,7 @@ TEST(HeightFieldSurface, SlipHasTheDynamicCoefficientStickDoesNotDrift) {
     const auto renderer = prepared(scene);
     const Vec3 normal = Vec3(-slope, 0.0, 1.0).normalized(), along = Vec3(1.0, 0.0, slope).normalized();
     const Vec3 start = Vec3(3.0, 5.0, slope * 3.0) - normal;
-    renderer->reset(start + 3.0 * normal);
+    renderer->restart(start + 3.0 * normal);
     for (int i = 60; i >= 0; --i) (void)renderer->step(start + 0.05 * i * normal, 1e-3);
     Frame frame;
     for (int i = 0; i < 400; ++i) frame = renderer->step(start + 0.01 * i * along, 1e-3);
@@ -67,7 +68,7 @@ TEST(HeightFieldSurface, DeformationSoftensAndItsBorderMakesNoEnergy) {
   scene.models[0].surface.per_point = properties;
   const auto renderer = prepared(scene);
   const auto force_at = [&](double x) {
-    renderer->reset({x, 5.0, 1.0});
+    renderer->restart({x, 5.0, 1.0});
     (void)renderer->step({x, 5.0, 1.0}, 1e-3);
     return renderer->step({x, 5.0, -1.0}, 1e-3).force_n;
   };
@@ -75,7 +76,7 @@ TEST(HeightFieldSurface, DeformationSoftensAndItsBorderMakesNoEnergy) {
   EXPECT_NEAR(force_at(9.9).z(), kStiffness, 1e-6);
   // To and fro over the border at one depth, and round by another: the work of a closed way is none.
   Vec3 at(1.0, 5.0, -0.5);
-  renderer->reset({1.0, 5.0, 1.0});
+  renderer->restart({1.0, 5.0, 1.0});
   (void)renderer->step({1.0, 5.0, 1.0}, 1e-3);
   Vec3 force = renderer->step(at, 1e-3).force_n;
   double work = 0.0, most = 0.0;
@@ -99,7 +100,7 @@ TEST(HeightFieldSurface, ALiteralGodObjectIsRolledBack) {
   SceneInput scene = tilted(0.0);
   scene.models[0].surface.friction = {1.0, 1.0};
   const auto renderer = prepared(scene, "heightfield-literal");
-  renderer->reset({3.0, 5.0, 1.0});
+  renderer->restart({3.0, 5.0, 1.0});
   (void)renderer->step({3.0, 5.0, -1.0}, 1e-3);
   const Frame frame = renderer->step({5.0, 5.0, -1.0}, 1e-3);
   EXPECT_NEAR(frame.god_object_mm.x(), 4.0, 1e-6) << "one depth behind the HIP";
@@ -121,7 +122,7 @@ TEST(HeightFieldSurface, ARisingPlaneIsNeverLost) {
       const auto renderer = prepared(scene);
       const Vec3 probe(0.037 * run, 0.021 * run, 0.0);
       simulation->reset();
-      renderer->reset(probe);
+      renderer->restart(probe);
       Frame frame;
       int lost = 0;
       for (int i = 1; i < 2 * static_cast<int>(3000.0 / speed) + 100; ++i) {

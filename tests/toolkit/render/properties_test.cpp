@@ -3,9 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
+#include "tests/stepped.h"
 #include "tests/toolkit/render/scenes.h"
+#include "toolkit/core/random.h"
 #include "toolkit/render/surface_response.h"
 
 namespace palpate::render {
@@ -26,10 +29,10 @@ std::vector<Vec3> way(const std::vector<Vec3>& corners, int frames) {
   return hips;
 }
 
-std::vector<Frame> frames_along(HapticRenderer& renderer, const std::vector<Vec3>& hips) {
+std::vector<Frame> frames_along(const test::Stepped& renderer, const std::vector<Vec3>& hips) {
   std::vector<Frame> frames;
-  renderer.reset(hips.front());
-  for (const Vec3& h : hips) frames.push_back(renderer.step(h, 1e-3));
+  renderer->restart(hips.front());
+  for (const Vec3& h : hips) frames.push_back(renderer->step(h, 1e-3));
   return frames;
 }
 
@@ -46,7 +49,7 @@ TEST(Friction, SlipForceIsTheCoefficientTimesTheNormalForce) {
     const Vec3 m = middle(scene);
     const auto renderer = prepared(scene.input, name);
     const auto frames =
-        frames_along(*renderer, way({m + Vec3(-9, 1, 1), m + Vec3(-9, 1, -1), m + Vec3(9, 1.3, -1)}, 4000));
+        frames_along(renderer, way({m + Vec3(-9, 1, 1), m + Vec3(-9, 1, -1), m + Vec3(9, 1.3, -1)}, 4000));
     for (std::size_t i = 6000; i < frames.size(); ++i) {
       ASSERT_TRUE(frames[i].contact);
       const double across = frames[i].force_n.head<2>().norm(), normal = frames[i].force_n.z();
@@ -62,7 +65,7 @@ TEST(Friction, StaticHoldsUntilItsConeAndDynamicAfter) {
   const Vec3 m = middle(scene);
   const auto renderer = prepared(scene.input, "cloud:shading=facet");
   const auto frames =
-      frames_along(*renderer, way({m + Vec3(0, 0, 1), m + Vec3(0, 0, -1), m + Vec3(5, 0, -1)}, 5000));
+      frames_along(renderer, way({m + Vec3(0, 0, 1), m + Vec3(0, 0, -1), m + Vec3(5, 0, -1)}, 5000));
   double most = 0.0;
   for (const Frame& f : frames)
     if (f.contact && f.force_n.z() > 0) most = std::max(most, f.force_n.head<2>().norm() / f.force_n.z());
@@ -81,7 +84,7 @@ TEST(Friction, TenMinutesOfStickDriftNowhere) {
   const Vec3 m = middle(scene);
   const auto renderer = prepared(scene.input, "cloud:shading=facet");
   auto frames =
-      frames_along(*renderer, way({m + Vec3(0, 0, 1), m + Vec3(0, 0, -1), m + Vec3(0.3, 0.1, -1)}, 500));
+      frames_along(renderer, way({m + Vec3(0, 0, 1), m + Vec3(0, 0, -1), m + Vec3(0.3, 0.1, -1)}, 500));
   const Vec3 held = frames.back().god_object_mm;
   // A hand that trembles by 0.05 mm at 9 Hz, 600,000 frames of 1 ms.
   for (int i = 0; i < 600'000; ++i) {
@@ -100,7 +103,7 @@ TEST(Friction, NoiseAtTheTransitionDoesNotChatter) {
   scene.input.models[0].surface.friction = {0.7, 0.5};
   const Vec3 m = middle(scene);
   const auto renderer = prepared(scene.input, "cloud:shading=facet");
-  renderer->reset(m + Vec3(-8, 0, 1));
+  renderer->restart(m + Vec3(-8, 0, 1));
   (void)renderer->step(m + Vec3(-8, 0, -1), 1e-3);
   int falls = 0;
   double last = 0.0;
@@ -115,19 +118,28 @@ TEST(Friction, NoiseAtTheTransitionDoesNotChatter) {
   EXPECT_EQ(falls, 1) << "the one transition from stick to slip";
 }
 
+// An exactly flat cloud lies on the border of its cells: the printed search, which looks into the cells of
+// the segment alone, loses the contact right below it (3.1.4). Here and below its first remedy is on.
 TEST(Friction, LiteralRollsBackAlongThePointsWithinTheCone) {
   Scene scene = plane(0.1);
   scene.input.models[0].surface.friction = {0.7, 0.7};
   const Vec3 m = middle(scene);
-  const auto renderer = prepared(scene.input, "cloud-literal:shading=none:box_mm=0.15");
+  const auto renderer = prepared(scene.input, "cloud-literal:shading=none:box_mm=0.15:cells=adjacent");
   const auto frames =
-      frames_along(*renderer, way({m + Vec3(-9, 0, 1), m + Vec3(-9, 0, -1), m + Vec3(9, 0, -1)}, 4000));
+      frames_along(renderer, way({m + Vec3(-9, 0, 1), m + Vec3(-9, 0, -1), m + Vec3(9, 0, -1)}, 4000));
+  // 1 mm deep, points 0.1 mm apart. The nearest point lies within half a diagonal of the foot, so that the
+  // depth that the cone is measured by is that much off too; the last point before the cone's rim is less
+  // than a step along the grid away from it.
+  const double spacing = 0.1, aside = spacing / std::sqrt(2.0);
+  double most = 0.0;
   for (std::size_t i = 6000; i < frames.size(); ++i) {
     ASSERT_TRUE(frames[i].contact);
     const double ratio = frames[i].force_n.head<2>().norm() / frames[i].force_n.z();
-    EXPECT_LE(ratio, 0.7 + 0.1);  // a spacing of 0.1 mm at a depth of 1 mm
-    EXPECT_GE(ratio, 0.7 - 0.2);
+    EXPECT_LE(ratio, 0.7 * std::sqrt(1.0 + aside * aside) + aside);
+    EXPECT_GE(ratio, 0.7 - spacing - aside);
+    most = std::max(most, ratio);
   }
+  EXPECT_GE(most, 0.7) << "behind the foot by up to half a step more than the cone";
 }
 
 /// What a path of frames gave back: minus the sum of force times displacement, trapezoids, N mm.
@@ -154,11 +166,11 @@ Scene half_soft(double deformation) {
 TEST(Deformation, ScalesTheForceAsFigure46) {
   Scene scene = half_soft(0.5);
   const Vec3 m = middle(scene);
-  for (const char* name : {"cloud:shading=facet", "cloud-literal:shading=none:box_mm=0.25"}) {
+  for (const char* name : {"cloud:shading=facet", "cloud-literal:shading=none:box_mm=0.25:cells=adjacent"}) {
     const auto renderer = prepared(scene.input, name);
-    const auto soft = frames_along(*renderer, way({m + Vec3(-15, 0, 1), m + Vec3(-15, 0, -1)}, 200));
+    const auto soft = frames_along(renderer, way({m + Vec3(-15, 0, 1), m + Vec3(-15, 0, -1)}, 200));
     EXPECT_NEAR(soft.back().force_n.z(), 0.25, 0.25 * 1e-6) << name;
-    const auto rigid = frames_along(*renderer, way({m + Vec3(15, 0, 1), m + Vec3(15, 0, -1)}, 200));
+    const auto rigid = frames_along(renderer, way({m + Vec3(15, 0, 1), m + Vec3(15, 0, -1)}, 200));
     EXPECT_NEAR(rigid.back().force_n.z(), 0.5, 0.5 * 1e-6) << name;
   }
 }
@@ -171,18 +183,18 @@ TEST(Deformation, BorderKicksInTheLiteralFormAndNotInOurs) {
                          m + Vec3(-10, 0, 1)},
                         8000);
   const double stored = 0.5 * 0.5 * 2.0 * 2.0;  // at the deepest on the rigid side
-  const auto literal = prepared(scene.input, "cloud-literal:shading=none:box_mm=0.25");
+  const auto literal = prepared(scene.input, "cloud-literal:shading=none:box_mm=0.25:cells=adjacent");
   // Up to the surface only: beyond it the literal state sticks, which is another defect.
   const auto once =
       way({m + Vec3(-10, 0, 1), m + Vec3(-10, 0, -2), m + Vec3(10, 0, -2), m + Vec3(10, 0, 0)}, 8000);
-  const double kick = given_back(once, frames_along(*literal, once));
+  const double kick = given_back(once, frames_along(literal, once));
   EXPECT_NEAR(kick, 0.5 * 0.25 * 4.0, 0.005) << "section 3.3.2.3: half (1 - c) k d^2";
   const auto ours = prepared(scene.input, "cloud:shading=facet");
-  EXPECT_LT(given_back(hips, frames_along(*ours, hips)), 0.01 * stored);
+  EXPECT_LT(given_back(hips, frames_along(ours, hips)), 0.01 * stored);
   // The other way round it must not swallow more than that either: it is a potential.
   auto back = hips;
   std::reverse(back.begin(), back.end());
-  EXPECT_NEAR(given_back(back, frames_along(*ours, back)), 0.0, 0.01 * stored);
+  EXPECT_NEAR(given_back(back, frames_along(ours, back)), 0.0, 0.01 * stored);
 }
 
 TEST(Deformation, StiffnessRisesNoFasterThanItsBlend) {
@@ -244,6 +256,85 @@ TEST(Texture, SlopeIsTheGradientOfTheDepth) {
   }
 }
 
+TEST(Texture, NoiseHasItsWavelengthAlongEveryLine) {
+  Random random(43);
+  surface::Texture t = textured(surface::TextureKind::kNoise);
+  const auto unit = [&] { return Vec3(random.normal(), random.normal(), random.normal()).normalized(); };
+  for (const double wavelength_mm : {2.0, 2e-3, 2e6}) {
+    t.wavelength_mm = wavelength_mm;
+    double length = 0.0, crossings = 0.0;
+    for (int line = 0; line < 60; ++line) {
+      t.seed = 1 + static_cast<std::uint64_t>(line / 6);
+      const Vec3 along = line % 6 < 3 ? Vec3(Vec3::Unit(line % 6)) : unit();  // the axes too: no lattice
+      const Vec3 from = 100.0 * wavelength_mm * unit();
+      constexpr int kSteps = 25'000, kAWave = 50;
+      int here = 0;
+      double before = 0.0;
+      for (int i = 0; i <= kSteps; ++i) {
+        const Vec3 p = from + along * (wavelength_mm * i / kAWave);
+        const double over = t.at(p, Vec3::UnitZ()).depth_mm - 0.5 * t.depth_mm;
+        here += i > 0 && (over > 0.0) != (before > 0.0);
+        before = over;
+      }
+      const double waves = static_cast<double>(kSteps) / kAWave;
+      // Rice's rate is that of many waves; six of them scatter around it by up to a sixth from line to line.
+      EXPECT_NEAR(0.5 * here, waves, 0.2 * waves) << "seed 43, line " << line;
+      length += waves;
+      crossings += here;
+    }
+    EXPECT_NEAR(0.5 * crossings, length, 0.03 * length) << wavelength_mm << " mm";
+  }
+}
+
+TEST(Texture, NoiseKnowsNoLattice) {
+  // At multiples of the wavelength, of its half and of its quarter the noise is as steep and as varied as
+  // anywhere.
+  surface::Texture t = textured(surface::TextureKind::kNoise);
+  Random random(47);
+  const auto spread = [&](double share) {
+    double steep = 0.0, mean = 0.0, square = 0.0;
+    constexpr int kEdge = 20;
+    for (int i = 0; i < kEdge * kEdge * kEdge; ++i) {
+      const Vec3 cell(i % kEdge, i / kEdge % kEdge, i / (kEdge * kEdge));
+      const Vec3 inside =
+          share > 0.0 ? Vec3::Zero() : Vec3(random.uniform(), random.uniform(), random.uniform());
+      const surface::Relief here =
+          t.at((share > 0.0 ? share : 1.0) * t.wavelength_mm * (cell + inside), Vec3::UnitZ());
+      steep += here.slope.squaredNorm();
+      mean += here.depth_mm;
+      square += here.depth_mm * here.depth_mm;
+    }
+    constexpr double kCount = kEdge * kEdge * kEdge;
+    mean /= kCount;
+    return std::pair{std::sqrt(steep / kCount), std::sqrt(square / kCount - mean * mean)};
+  };
+  const auto anywhere = spread(0.0);
+  EXPECT_GT(anywhere.second, 0.1 * t.depth_mm);
+  for (const double share : {1.0, 0.5, 0.25, 0.57735026918962573}) {
+    const auto there = spread(share);
+    EXPECT_NEAR(there.first, anywhere.first, 0.1 * anywhere.first) << share << ", seed 47";
+    EXPECT_NEAR(there.second, anywhere.second, 0.1 * anywhere.second) << share << ", seed 47";
+  }
+}
+
+TEST(Texture, NoiseIsItsSeedsAlone) {
+  surface::Texture a = textured(surface::TextureKind::kNoise), b = a;
+  b.seed = a.seed + 1;
+  double apart = 0.0;
+  for (int i = 0; i < 1000; ++i) {
+    const Vec3 p(0.37 * i, -0.11 * i, 0.05 * i);
+    EXPECT_EQ(a.at(p, Vec3::UnitZ()).depth_mm, a.at(p, Vec3::UnitX()).depth_mm);
+    apart += std::abs(a.at(p, Vec3::UnitZ()).depth_mm - b.at(p, Vec3::UnitZ()).depth_mm) / 1000;
+  }
+  EXPECT_GT(apart, 0.05 * a.depth_mm);
+  // Far beyond where waves can be told apart it stays within its bounds.
+  for (const double far : {1e12, 1e16, 1e300}) {
+    const surface::Relief there = a.at(Vec3(far, -far, 0.3 * far), Vec3::UnitZ());
+    EXPECT_TRUE(there.depth_mm >= 0.0 && there.depth_mm <= a.depth_mm) << far;
+    EXPECT_TRUE(is_finite(there.slope)) << far;
+  }
+}
+
 TEST(Texture, MakesNoEnergyAndIsFelt) {
   using enum surface::TextureKind;
   for (const auto kind : {kGrating, kNoise, kImage}) {
@@ -254,14 +345,18 @@ TEST(Texture, MakesNoEnergyAndIsFelt) {
     const auto hips = way({m + Vec3(-5, 0.1, 1), m + Vec3(-5, 0.1, -1), m + Vec3(5, 0.7, -1),
                            m + Vec3(5, 0.7, 1), m + Vec3(-5, 0.1, 1)},
                           8000);
-    const auto frames = frames_along(*renderer, hips);
+    const auto frames = frames_along(renderer, hips);
     EXPECT_NEAR(given_back(hips, frames), 0.0, 0.01 * 0.25) << static_cast<int>(kind);
     double least = 1e9, most = 0.0;
     for (std::size_t i = 8000; i < 16000; ++i) {
       least = std::min(least, frames[i].force_n.z());
       most = std::max(most, frames[i].force_n.z());
     }
-    EXPECT_GT(most - least, 0.5 * 0.04) << "two fifths of the depth at least, as force";
+    // Of the depth, 0.1 mm, as force: a grating and an image go all the way down on this line. Six waves of
+    // noise are seldom all up or all down: their mean square is a twelfth of one's, +- 1.3 of its root a
+    // third.
+    const double share = kind == kNoise ? 1.0 / 3.0 : 0.4;
+    EXPECT_GT(most - least, 0.5 * 0.1 * share) << static_cast<int>(kind);
   }
 }
 
@@ -272,7 +367,7 @@ TEST(Texture, TurningTheForceKeepsItsSize) {
   const Vec3 m = middle(scene);
   const auto renderer = prepared(scene.input, "cloud:shading=facet");
   const auto frames =
-      frames_along(*renderer, way({m + Vec3(-5, 0, 1), m + Vec3(-5, 0, -1), m + Vec3(5, 0, -1)}, 2000));
+      frames_along(renderer, way({m + Vec3(-5, 0, 1), m + Vec3(-5, 0, -1), m + Vec3(5, 0, -1)}, 2000));
   double aside = 0.0;
   for (std::size_t i = 2000; i < frames.size(); ++i) {
     EXPECT_NEAR(frames[i].force_n.norm(), 0.5, 1e-6);

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/stepped.h"
 #include "toolkit/cloud/generate.h"
 #include "toolkit/render/registry.h"
 #include "toolkit/trace/paths.h"
@@ -43,8 +44,7 @@ inline SceneInput cloud_of(const std::vector<Vec3>& points) {
   return scene;
 }
 
-inline std::unique_ptr<HapticRenderer> prepared(const SceneInput& scene, const std::string& spec,
-                                                int threads = 1) {
+inline test::Stepped prepared(const SceneInput& scene, const std::string& spec, int threads = 1) {
   Registry registry;
   register_toolkit_renderers(registry);
   const NamedOptions named = parse_named_options(spec).value();

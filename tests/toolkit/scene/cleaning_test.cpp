@@ -192,7 +192,7 @@ TEST_F(CleanScene, ErrorsNameTheLine) {
   EXPECT_NE(refusal(model + "  [[model.clean]]\n  step = \"lift\"\n", nullptr).find("no cleaning step"),
             std::string::npos)
       << "a program without steps does not leave them out in silence";
-  EXPECT_NE(refusal(model + "  [[model.view]]\n  cloud = \"a.ply\"\n", &cleaning).find("no key 'view'"),
+  EXPECT_NE(refusal(model + "  [[model.view]]\n  cloud = \"a.ply\"\n", &cleaning).find("'view' does nothing"),
             std::string::npos);
 }
 

@@ -1,6 +1,8 @@
+// Over 500 lines: one table of what is refused, with its messages.
 #include "toolkit/scene/scene.h"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <cmath>
 #include <filesystem>
@@ -272,7 +274,37 @@ INSTANTIATE_TEST_SUITE_P(
         Refused{"generator", "[[model]]\ngenerate = \"sinusiod\"", 2, "no generator"},
         Refused{"generator_key", "[[model]]\ngenerate = \"plane\"\npoint = 100", 3, "did you mean 'points'"},
         Refused{"generator_value", "[[model]]\ngenerate = \"plane\"\npoints = \"many\"", 0, "whole number"},
-        Refused{"unit_of_generated", "[[model]]\ngenerate = \"plane\"\nunit = \"m\"", 3, "no key 'unit'"},
+        Refused{"unit_of_generated", "[[model]]\ngenerate = \"plane\"\nunit = \"m\"", 3,
+                "'unit' does nothing for a [[model]] with generate = \"plane\""},
+        Refused{"points_of_a_file", "[[model]]\ncloud = \"a.ply\"\npoints = 100", 3,
+                "it is of a [[model]] with a generator"},
+        Refused{"order_of_the_sphere", "[[model]]\ngenerate = \"sphere\"\norder = \"raster\"", 3,
+                "no key 'order'"},
+        Refused{"seed_without_jitter", "[[model]]\ngenerate = \"plane\"\nseed = 7", 0,
+                "seed=7 does nothing with jitter=0"},
+        Refused{"axis_of_noise",
+                "[[model]]\ncloud = \"a.ply\"\n[model.surface.texture]\nkind = \"noise\"\ndepth_mm = "
+                "1\nwavelength_mm = 1\naxis = [1, 0, 0]",
+                7, "'axis' does nothing for a texture of kind \"noise\""},
+        Refused{"seed_of_a_grating",
+                "[[model]]\ncloud = \"a.ply\"\n[model.surface.texture]\nkind = \"grating\"\ndepth_mm = "
+                "1\nwavelength_mm = 1\nseed = 2",
+                7, "'seed' does nothing"},
+        Refused{"image_of_a_grating",
+                "[[model]]\ncloud = \"a.ply\"\n[model.surface.texture]\nkind = \"grating\"\ndepth_mm = "
+                "1\nwavelength_mm = 1\nimage = \"a.pfm\"",
+                7, "'image' does nothing"},
+        Refused{"texture_key",
+                "[[model]]\ncloud = \"a.ply\"\n[model.surface.texture]\nkind = \"noise\"\nsed = 1", 5,
+                "did you mean 'seed'"},
+        Refused{"motion_of_nothing", "[[model]]\ncloud = \"a.ply\"\n[model.motion]\nstart_s = 1", 3,
+                "moves nothing"},
+        Refused{
+            "motion_about_no_turn",
+            "[[model]]\ncloud = \"a.ply\"\n[model.motion]\nvelocity_mm_s = [1, 0, 0]\nabout_mm = [0, 0, 0]",
+            5, "'about_mm' does nothing"},
+        Refused{"simulation_of_rest", "[[model]]\ncloud = \"a.ply\"\n[simulation]\nrate_hz = 200", 4,
+                "no model moves"},
         Refused{"unit", "[[model]]\ncloud = \"a.ply\"\nunit = \"parsec\"", 3, "parsec"},
         Refused{"scale_zero", "[[model]]\ncloud = \"a.ply\"\nscale = 0", 3, "above 0"},
         Refused{"scale_nan", "[[model]]\ncloud = \"a.ply\"\nscale = nan", 3, "finite"},
@@ -356,13 +388,6 @@ TEST(SceneFile, SurvivesDeepNesting) {
   EXPECT_FALSE(parse_scene(deep, "deep.toml").ok());
 }
 
-TEST(NearestName, FindsMisspellingsAndNothingElse) {
-  EXPECT_EQ(nearest_name("cluod", {"cloud", "mesh"}), "cloud");
-  EXPECT_EQ(nearest_name("stiff", {"stiffness_n_per_mm"}), "stiffness_n_per_mm");
-  EXPECT_EQ(nearest_name("zebra", {"cloud", "mesh"}), "");
-  EXPECT_EQ(nearest_name("", {"cloud"}), "");
-}
-
 class SceneOnDisk : public InFolder {
  protected:
   std::string write(const std::string& name, const std::string& text) {
@@ -397,7 +422,64 @@ TEST_F(SceneOnDisk, AMissingModelIsAnErrorWithAPlace) {
   io::add_standard_readers(readers);
   const Result<LoadedScene> loaded = load(*scene, readers, {}, no_progress());
   ASSERT_FALSE(loaded.ok());
-  EXPECT_NE(loaded.error().message().find("nowhere.ply"), std::string::npos) << loaded.error().message();
+  // The line would be the scene's, and the file is not there to have one.
+  EXPECT_EQ(loaded.error().message(), in("nowhere.ply") + ": no such file; check the path");
+}
+
+TEST_F(SceneOnDisk, WishesForFilesAreRefusedWhereThereIsNone) {
+  write("points.xyz", "0 0 0\n1 0 0\n0 1 0\n0 0 1\n");
+  io::Readers readers;
+  io::add_standard_readers(readers);
+  LoadOptions unit, post, vertical, non_finite;
+  unit.unit = io::Unit::kMetre;
+  post.post_mm = 1.0;
+  vertical.vertical_mm = 1.0;
+  non_finite.non_finite = cloud::NonFinite::kRefuse;
+  const auto refused = [&](const std::string& scene, const LoadOptions& options) {
+    const Result<SceneFile> opened = open_scene(scene);
+    EXPECT_TRUE(opened.ok());
+    const Result<LoadedScene> loaded = load(*opened, readers, options, no_progress());
+    return loaded ? std::string() : loaded.error().message();
+  };
+  for (const auto& [options, name] :
+       {std::pair(unit, "--unit"), std::pair(post, "--post-mm"), std::pair(vertical, "--vertical-mm"),
+        std::pair(non_finite, "--non-finite")})
+    EXPECT_NE(refused("plane:points=121", options).find(std::string(name) + " is of model files"),
+              std::string::npos);
+  const std::string file = in("points.xyz");
+  EXPECT_EQ(refused(file, unit), "");
+  EXPECT_EQ(refused(file, non_finite), "");
+  EXPECT_NE(refused(file, post).find("'post_mm' is of grids of heights"), std::string::npos);
+  EXPECT_NE(refused(file, vertical).find("'vertical_mm' is of grids of heights"), std::string::npos);
+  const std::string said = write("said.toml", "[[model]]\ncloud = \"points.xyz\"\nunit = \"m\"\n");
+  EXPECT_NE(refused(said, unit).find("--unit does nothing"), std::string::npos);
+}
+
+TEST_F(SceneOnDisk, ARegionWithoutPointsIsWarnedOf) {
+  const std::string file =
+      write("scene.toml",
+            "[[model]]\ngenerate = \"plane\"\npoints = 121\n[[model.region]]\nx_mm = [900, "
+            "901]\nfriction = 1\n[[model.region]]\nx_mm = [0, 10]\nfriction = 1\n");
+  const Result<SceneFile> scene = open_scene(file);
+  ASSERT_TRUE(scene.ok()) << scene.error().message();
+  const Result<LoadedScene> loaded = load(*scene, io::Readers{}, {}, no_progress());
+  ASSERT_TRUE(loaded.ok());
+  ASSERT_EQ(loaded->provenance[0].warnings.size(), 1u);
+  EXPECT_NE(loaded->provenance[0].warnings[0].find("line 4 holds no point"), std::string::npos)
+      << loaded->provenance[0].warnings[0];
+}
+
+TEST_F(SceneOnDisk, OnlyRegularFilesAreScenes) {
+  ASSERT_EQ(::mkfifo(in("pipe.toml").c_str(), 0600), 0);  // nobody writes: opening it would wait for ever
+  EXPECT_NE(open_scene(in("pipe.toml")).error().message().find("a pipe"), std::string::npos);
+  std::filesystem::create_symlink("/dev/zero", in("zero.toml"));
+  EXPECT_NE(open_scene(in("zero.toml")).error().message().find("a device"), std::string::npos);
+  EXPECT_EQ(open_scene(in("none.toml")).error().message(),
+            in("none.toml") + ": no such file; check the path");
+  const std::string wide = write("wide.toml", std::string("\xFF\xFE[\0", 4));
+  EXPECT_NE(open_scene(wide).error().message().find("UTF-16"), std::string::npos);
+  const std::string marked = write("marked.toml", "\xEF\xBB\xBF[[model]]\ngenerate = \"plane\"\n");
+  EXPECT_TRUE(open_scene(marked).ok());
 }
 
 TEST_F(SceneOnDisk, GeneratorsLoadWithFormulaAndScale) {

@@ -1,5 +1,6 @@
 // Paths and traces as text: bits survive, every mistake is told with its line.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <bit>
@@ -74,6 +75,40 @@ TEST_F(TraceIo, EveryBitSurvives) {
   EXPECT_EQ(back->name, file("p.csv"));
 }
 
+TEST_F(TraceIo, TheTruthGoesOutAndComesBack) {
+  const ProbePath path = two_rows();
+  ReferenceTrace reference;
+  reference.frames.resize(2);
+  reference.frames[0] = {
+      {{0, 0, 0}, path.hip_mm[0], false, -1, render::FrameStatus::kOk}, {0, 0, 1}, 0.3, 0.1};
+  reference.frames[1] = {
+      {{0, 0.25, -1}, {4, 5, 6}, true, 0, render::FrameStatus::kOk}, {0.6, 0, 0.8}, -1.0 / 3.0, 0.2};
+  ASSERT_TRUE(write_reference_csv(path, reference, file("r.csv")));
+  const std::string text = contents(file("r.csv"));
+  EXPECT_TRUE(text.starts_with(std::string(kReferenceHeader) + "\n0,1,2,3,0,0,0,0,1,2,3,0,0,1,0.3,0.1\n"))
+      << text;
+  const auto back = read_reference_csv(file("r.csv"));
+  ASSERT_TRUE(back) << back.error().message();
+  EXPECT_EQ(back->path.hip_mm, path.hip_mm);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const TruthFrame &a = back->reference.frames[i], &b = reference.frames[i];
+    EXPECT_EQ(a.frame.force_n, b.frame.force_n);
+    EXPECT_EQ(a.frame.god_object_mm, b.frame.god_object_mm);
+    EXPECT_EQ(a.frame.contact, b.frame.contact);
+    EXPECT_EQ(a.normal, b.normal);
+    EXPECT_EQ(a.signed_distance_mm, b.signed_distance_mm);
+    EXPECT_EQ(a.local_resolution_mm, b.local_resolution_mm);
+  }
+  const std::string head = std::string(kReferenceHeader) + "\n";
+  const auto bad = read_reference_csv(holding(head + "0,1,2,3,0,0,0,2,1,2,3,0,0,1,0.3,0.1\n"));
+  ASSERT_FALSE(bad);
+  EXPECT_EQ(bad.error().line, 2) << bad.error().message();
+  EXPECT_FALSE(read_reference_csv(holding(head + "0,1,2,3,0,0,0,1,1,2,3,0,0,1,0.3\n"))) << "a field less";
+  EXPECT_FALSE(read_reference_csv(holding(head))) << "no row";
+  reference.frames.pop_back();
+  EXPECT_FALSE(write_reference_csv(path, reference, file("r.csv")));
+}
+
 TEST_F(TraceIo, TraceGoesOutAndComesBack) {
   const ProbePath path = two_rows();
   ForceTrace trace;
@@ -111,6 +146,66 @@ TEST_F(TraceIo, LineEndsOfOtherSystemsAndAMissingLastOne) {
   EXPECT_EQ(path->hip_mm[1], Vec3(1, 2, 3.5));
 }
 
+TEST_F(TraceIo, BlankLinesAndAByteOrderMarkArePassedOver) {
+  const std::string rows = "\r\n0,1,2,3\r\n \t\n1,4,5,6\n\n\n";
+  const auto path = read_path_csv(holding("\xEF\xBB\xBF\nt_s,x_mm,y_mm,z_mm\r\n" + rows));
+  ASSERT_TRUE(path) << path.error().message();
+  EXPECT_EQ(path->t_s, (std::vector<double>{0, 1}));
+  EXPECT_EQ(path->hip_mm[1], Vec3(4, 5, 6));
+  // Lines are counted as they stand in the file.
+  const auto bad = read_path_csv(holding("\n\nt_s,x_mm,y_mm,z_mm\n\n0,1,2\n"));
+  ASSERT_FALSE(bad);
+  EXPECT_EQ(bad.error().line, 5);
+  const auto traj = read_traj(holding("\xEF\xBB\xBF"
+                                      "0 1 2 3\n\n1 4 5 6\n",
+                                      "a.traj"),
+                              {});
+  ASSERT_TRUE(traj) << traj.error().message();
+  EXPECT_EQ(traj->path.hip_mm[0], Vec3(1, 2, 3));
+  const std::string utf16("\xFF\xFEt\0_\0s\0\n\0", 10);
+  for (const Error& error : {read_path_csv(holding(utf16)).error(), read_trace_csv(file("a.csv")).error(),
+                             read_traj(file("a.csv"), {}).error()}) {
+    EXPECT_EQ(error.line, 1);
+    EXPECT_NE(error.message().find("UTF-16"), std::string::npos) << error.message();
+    EXPECT_NE(error.remedy.find("UTF-8"), std::string::npos) << error.message();
+  }
+}
+
+TEST_F(TraceIo, LongFilesAreReadPieceByPiece) {
+  // Lines that end anywhere in the reader's buffer, comments as long as it allows.
+  Random random(3);
+  std::string text;
+  std::size_t rows = 0;
+  while (text.size() < 300'000) {
+    text += "# " + std::string(static_cast<std::size_t>(random.uniform(0.0, 4000.0)), '-') + "\n";
+    text += std::to_string(rows++) + " 1 2 3\n";
+  }
+  text.pop_back();
+  const auto read = read_traj(holding(text, "long.traj"), {});
+  ASSERT_TRUE(read) << read.error().message();
+  ASSERT_EQ(read->path.size(), rows);
+  EXPECT_EQ(read->path.t_s.back(), static_cast<double>(rows - 1));
+}
+
+TEST_F(TraceIo, MemoryHasABoundWithAnOption) {
+  std::string text = "t_s,x_mm,y_mm,z_mm\n";
+  for (int i = 0; i < 1000; ++i) text += std::to_string(i) + ",0,0,0\n";
+  EXPECT_TRUE(read_path_csv(holding(text), 32'000));
+  const auto refused = read_path_csv(holding(text), 31'999);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().line, 1001);
+  EXPECT_NE(refused.error().message().find("--memory-limit-gb"), std::string::npos)
+      << refused.error().message();
+}
+
+TEST_F(TraceIo, OnlyRegularFilesAreRead) {
+  ASSERT_EQ(::mkfifo(file("pipe.csv").c_str(), 0600), 0);  // nobody writes: opening it would wait for ever
+  EXPECT_NE(read_path_csv(file("pipe.csv")).error().what.find("a pipe"), std::string::npos);
+  std::filesystem::create_symlink("/dev/zero", file("zero.traj"));
+  EXPECT_NE(read_traj(file("zero.traj"), {}).error().what.find("a device"), std::string::npos);
+  EXPECT_NE(read_trace_csv(folder_.string()).error().what.find("a folder"), std::string::npos);
+}
+
 TEST_F(TraceIo, EveryMistakeIsToldWithItsLine) {
   const std::string head = "t_s,x_mm,y_mm,z_mm\n";
   const struct {
@@ -120,11 +215,17 @@ TEST_F(TraceIo, EveryMistakeIsToldWithItsLine) {
   } cases[] = {
       {"", 0, "empty"},
       {"x,y,z\n0,1,2,3\n", 1, "header"},
+      {"\x1f\x8b\x08 and so on", 0, "compressed"},
+      {"\xfd"
+       "7zXZ and so on" +
+           std::string(10000, '3'),
+       0, "compressed"},
       {"t_s,x_mm,y_mm,z_mm,f\n0,1,2,3,4\n", 1, "header"},
       {head, 1, "no row"},
       {head + "0,1,2\n", 2, "3 fields instead of 4"},
       {head + "0,1,2,3,4\n", 2, "more than 4"},
-      {head + "0,1,2,3\n\n", 3, "not a finite number"},
+      {head + "0,1,2,3\n,\n", 3, "not a finite number"},
+      {head + "\n \n", 3, "no row"},
       {head + "0,1,2,3\n1,a,2,3\n", 3, "'a' is not a finite number"},
       {head + "0,1,2, 3\n", 2, "' 3' is not"},
       {head + "0,1,nan,3\n", 2, "finite"},
@@ -133,11 +234,10 @@ TEST_F(TraceIo, EveryMistakeIsToldWithItsLine) {
       {head + "0,1,2,3\n0,1,2,3\n", 3, "time goes from 0 s to 0 s"},
       {head + "0,1,2,3\n1,1,2,3\n0.5,1,2,3\n", 4, "time goes from 1 s to 0.5 s"},
       {head + "0,1,2," + std::string(10000, '3') + "\n", 2, "longer than"},
-      {head + std::string("0,1,2,3\0,4\n", 11), 0, ""},
+      {head + std::string("0,1,2,3\0\n", 9), 2, "'3?' is not"},
   };
   for (const auto& c : cases) {
     const auto path = read_path_csv(holding(c.text));
-    if (c.says.empty()) continue;  // a zero byte ends its line; whatever is read is well formed
     ASSERT_FALSE(path) << c.text.substr(0, 60);
     EXPECT_EQ(path.error().line, c.line) << c.text.substr(0, 60);
     EXPECT_NE(path.error().what.find(c.says), std::string::npos) << path.error().message();
@@ -181,6 +281,14 @@ TEST_F(TraceIo, TrajColumnsAreFreeToChoose) {
   EXPECT_EQ(swapped->path.t_s[2], 0.02);
   EXPECT_EQ(swapped->path.hip_mm[0], Vec3(2, 1.5, 10));
   EXPECT_TRUE(swapped->force_n.empty());
+}
+
+TEST_F(TraceIo, TrajColumnsMayBeNamedInTheFirstLine) {
+  const auto read = read_traj(holding("# recorded\nt,x,y,z,fx\n0,1,2,3,9\n1,4,5,6,9\n"), TrajColumns{});
+  ASSERT_TRUE(read) << read.error().message();
+  EXPECT_EQ(read->path.hip_mm[1], Vec3(4, 5, 6));
+  EXPECT_EQ(read_traj(holding("t,x,y,z\nt,x,y,z\n0,1,2,3\n"), TrajColumns{}).error().line, 2) << "twice";
+  EXPECT_EQ(read_traj(holding("0,1,2,3\nt,x,y,z\n"), TrajColumns{}).error().line, 2) << "not the first";
 }
 
 TEST_F(TraceIo, TrajMistakes) {

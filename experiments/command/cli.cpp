@@ -1,0 +1,78 @@
+#include "experiments/command/cli.h"
+
+#include <algorithm>
+#include <string_view>
+#include <vector>
+
+#include "toolkit/core/words.h"
+
+namespace palpate::experiments {
+namespace {
+
+template <class T>
+CLI::Option* add_read(CLI::App& command, const std::string& name, const std::function<void(T)>& take,
+                      const NumberRange& range, const std::string& help,
+                      Result<T> (*read)(std::string_view, const NumberRange&), const std::string& kind) {
+  CLI::Option* option = command.add_option_function<std::string>(
+      name,
+      [take, range, name, read](const std::string& text) {
+        const Result<T> number = read(text, range);
+        if (!number) throw CLI::ValidationError(name, number.error().what);
+        take(*number);
+      },
+      help);
+  const std::string where = text_of(range);
+  return option->type_name(where.empty() ? kind : kind + " " + where);
+}
+
+/// The letter or the word behind the dashes, without a value; empty where the argument is no option.
+std::string_view option_name(std::string_view argument) {
+  const bool dashed = argument.size() > 1 && argument[0] == '-';
+  // A minus before a digit or a point is a number's.
+  const bool number = dashed && (argument[1] == '.' || (argument[1] >= '0' && argument[1] <= '9'));
+  return dashed && !number ? argument.substr(0, argument.find('=')) : std::string_view();
+}
+
+Error not_known(const CLI::App& command, std::string_view name) {
+  std::vector<std::string> known;
+  for (const CLI::Option* option : command.get_options())
+    for (const std::string& word : option->get_lnames()) known.push_back(word);
+  const std::string_view word = name.substr(std::min(name.size(), name.find_first_not_of('-')));
+  const std::string near = nearest_name(word, known);
+  return Error{
+      "unknown option " + shown(name), near.empty() ? std::string() : "did you mean --" + near + "?", {}, 0};
+}
+
+}  // namespace
+
+CLI::Option* add_number_option(CLI::App& command, const std::string& name, const TakeNumber& take,
+                               const NumberRange& range, const std::string& help) {
+  return add_read<double>(command, name, take, range, help, read_number, "NUMBER");
+}
+
+CLI::Option* add_integer_option(CLI::App& command, const std::string& name, const TakeInteger& take,
+                                const NumberRange& range, const std::string& help) {
+  return add_read<long long>(command, name, take, range, help, read_integer, "INTEGER");
+}
+
+std::optional<Error> unknown_option(const CLI::App& app, int argc, const char* const* argv) {
+  const CLI::App* command = &app;
+  for (int i = 1; i < argc; ++i) {
+    const std::string_view argument = argv[i];
+    if (argument == "--") break;
+    const std::string_view name = option_name(argument);
+    if (name.empty()) {
+      const auto inner = app.get_subcommands([&](const CLI::App* a) { return a->get_name() == argument; });
+      if (command == &app && !inner.empty()) command = inner.front();
+      continue;
+    }
+    const CLI::Option* option = command->get_option_no_throw(std::string(name));
+    if (option == nullptr) return not_known(*command, name);
+    // The library takes as many words for values, whatever they look like.
+    if (name.size() == argument.size())
+      i += std::min(option->get_type_size_min(), option->get_items_expected_min());
+  }
+  return std::nullopt;
+}
+
+}  // namespace palpate::experiments

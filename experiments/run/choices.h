@@ -1,0 +1,42 @@
+// What is taken where a user names nothing but a model: renderers to compare, a path, a folder.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "experiments/run/arguments.h"
+#include "toolkit/render/registry.h"
+#include "toolkit/render/renderer.h"
+#include "toolkit/trace/paths.h"
+
+namespace palpate::experiments {
+
+/// An exploration of the model, as deep and as fast as its size asks for. A path generator with its options.
+[[nodiscard]] std::string usual_path(const trace::PathTarget& target);
+
+/// What a hand would say of a model of this size, a whole sentence with a remedy; empty where it fits a hand.
+[[nodiscard]] std::string size_hint(const geometry::Aabb& box_mm);
+
+/// Of the points without faces so many are meshed: a quarter of a minute at the 46 µs a point that advancing
+/// front takes, a minute on the raw layers of several scans (docs/reconstruction.md, docs/cleaning.md).
+/// Larger models are thinned for the mesh.
+inline constexpr double kMostPointsMeshed = 300'000;
+
+struct Chosen {
+  std::vector<RendererRequest> renderers;
+  std::vector<std::string> notes;  ///< whole sentences
+};
+/// The scene's own renderer, or the plan's choice; `cloud`; and a god object on the best mesh that is made in
+/// reasonable time: the models' own faces, else the scanner's rows connected, else a reconstruction. Those
+/// that lack what the scene asks for are left out, and a note says so.
+[[nodiscard]] Chosen usual_renderers(const render::SceneInput& scene,
+                                     const std::optional<RendererRequest>& own,
+                                     const render::Registry& registry);
+
+/// "out/COMMAND-NAME", by the model's name; with -2, -3, .. where that holds something else than results of
+/// the same scene.
+[[nodiscard]] std::string usual_folder(const std::string& command, const std::string& scene);
+
+}  // namespace palpate::experiments

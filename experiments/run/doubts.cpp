@@ -1,0 +1,206 @@
+#include "experiments/run/doubts.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "toolkit/cloud/spread.h"
+#include "toolkit/core/numbers.h"
+#include "toolkit/metrics/approach.h"
+
+namespace palpate::experiments {
+namespace {
+
+// Models that are so many times their size apart are not felt together by one hand.
+constexpr double kFarApart = 10.0;
+// Metres taken for millimetres are a factor of 1000, inches 25, centimetres 10. Parts of one scene differ by
+// less than this:
+constexpr double kOtherScale = 100.0;
+// A reference shows the model itself: it may be a good part larger or smaller, not a unit.
+constexpr double kOtherReference = 8.0;
+// Points of a scan lie within its spacing of the surface it was made from; so many times it is another place.
+constexpr double kOffReference = 3.0;
+constexpr std::size_t kAsked = 255;  // points, evenly over the cloud
+// Boxes of a flat model and of its noisy scan may miss each other by this part of the model's size.
+constexpr double kBoxSlack = 0.01;
+
+geometry::Aabb world_box(const render::ModelInput& model) {
+  const geometry::Aabb own = model.cloud->box_mm();
+  geometry::Aabb box;
+  for (int corner = 0; corner < 8; ++corner)
+    box.add(model.world_from_model * Vec3((corner & 1) != 0 ? own.high_mm.x() : own.low_mm.x(),
+                                          (corner & 2) != 0 ? own.high_mm.y() : own.low_mm.y(),
+                                          (corner & 4) != 0 ? own.high_mm.z() : own.low_mm.z()));
+  return box;
+}
+
+double diagonal_mm(const geometry::Aabb& box) {
+  return box.extent_mm().norm();
+}
+
+double gap_mm(const geometry::Aabb& a, const geometry::Aabb& b) {
+  return (a.low_mm - b.high_mm).cwiseMax(b.low_mm - a.high_mm).cwiseMax(0.0).norm();
+}
+
+std::string box_text(const geometry::Aabb& box) {
+  const Vec3 &low = box.low_mm, &high = box.high_mm;
+  return fmt::format("({:.4g}, {:.4g}, {:.4g}) to ({:.4g}, {:.4g}, {:.4g}) mm", low.x(), low.y(), low.z(),
+                     high.x(), high.y(), high.z());
+}
+
+/// "a metre is 1000 mm" and the like, where the ratio of two sizes is that of two units.
+std::string unit_hint(double ratio) {
+  const double factor = std::max(ratio, 1.0 / ratio);
+  const auto about = [&](double unit) { return factor > 0.5 * unit && factor < 2.0 * unit; };
+  if (about(1000.0)) return " About 1000 times: metres and millimetres?";
+  if (about(25.4)) return " About 25 times: inches and millimetres?";
+  return about(10.0) ? " About 10 times: centimetres and millimetres?" : "";
+}
+
+std::string why_apart(const geometry::Aabb& path, const geometry::Aabb& models) {
+  const double ratio = diagonal_mm(path) / diagonal_mm(models);
+  if (diagonal_mm(path) > 0.0 && (ratio > kOtherScale || ratio < 1.0 / kOtherScale))
+    return fmt::format(
+        "The path spans {} mm and the model {} mm: is one of them in another unit (--unit, --scale, or "
+        "mm_per_unit of a recording)?{}",
+        short_number(diagonal_mm(path)), short_number(diagonal_mm(models)), unit_hint(ratio));
+  if (!path.overlaps(models))
+    return fmt::format(
+        "The path stays within {}, the model within {}: is one of them in another frame or unit?",
+        box_text(path), box_text(models));
+  return "Is the path deep enough, and in the model's frame and unit?";
+}
+
+std::string never_touches(const StagedStudy& study) {
+  const std::vector<render::ModelInput>& models = study.stage.scene.input.models;
+  const trace::ProbePath& path = study.stage.path;
+  const metrics::Approach approach = metrics::nearest_approach(path, models);
+  geometry::Aabb path_box, model_box;
+  for (const Vec3& p : path.hip_mm) path_box.add(p);
+  for (const render::ModelInput& model : models) model_box.add(world_box(model));
+  const bool moving = study.stage.scene.input.simulation != nullptr;
+  return fmt::format(
+      "The path never touches: its nearest approach is {} mm from a point of '{}'{}, at {:.4g} s. {}",
+      short_number(approach.distance_mm), models[approach.model].name,
+      moving ? " (where it stands at the start)" : "", path.t_s[approach.sample],
+      why_apart(path_box, model_box));
+}
+
+std::size_t contact_frames(const trace::ForceTrace& trace) {
+  return static_cast<std::size_t>(std::count_if(trace.frames.begin(), trace.frames.end(),
+                                                [](const render::Frame& f) { return f.contact; }));
+}
+
+}  // namespace
+
+Status check_surfaces(const scene::LoadedScene& scene) {
+  for (std::size_t i = 0; i < scene.input.models.size(); ++i) {
+    const render::ModelInput& model = scene.input.models[i];
+    if (const std::optional<std::string> why = cloud::why_no_surface(*model.cloud))
+      return Error{fmt::format("'{}' is no surface to be felt: {}", model.name, *why),
+                   "is it the right file, and are its columns x, y, z? `palpate info` shows what it holds",
+                   scene.provenance[i].source, 0};
+  }
+  return Done{};
+}
+
+std::vector<std::string> doubts_about_models(const scene::LoadedScene& scene) {
+  std::vector<std::string> doubts;
+  const std::vector<render::ModelInput>& models = scene.input.models;
+  if (models.size() < 2) return doubts;
+  std::vector<geometry::Aabb> boxes;
+  for (const render::ModelInput& model : models) boxes.push_back(world_box(model));
+  const auto by_size = [](const geometry::Aabb& a, const geometry::Aabb& b) {
+    return diagonal_mm(a) < diagonal_mm(b);
+  };
+  const auto largest = std::max_element(boxes.begin(), boxes.end(), by_size);
+  const double size = diagonal_mm(*largest);
+  for (std::size_t i = 0; i < models.size(); ++i) {
+    double nearest = HUGE_VAL;
+    for (std::size_t j = 0; j < models.size(); ++j)
+      if (j != i) nearest = std::min(nearest, gap_mm(boxes[i], boxes[j]));
+    if (nearest > kFarApart * size)
+      doubts.push_back(fmt::format(
+          "'{}' stands {} mm from the nearest other model, {} times the size of the largest: check "
+          "position_mm, unit and scale.",
+          models[i].name, short_number(nearest), short_number(nearest / size)));
+    const double own = diagonal_mm(boxes[i]);
+    if (own * kOtherScale < size)
+      doubts.push_back(fmt::format("'{}' is {} mm across, '{}' {} mm: is one of them in another unit?{}",
+                                   models[i].name, short_number(own),
+                                   models[static_cast<std::size_t>(largest - boxes.begin())].name,
+                                   short_number(size), unit_hint(size / own)));
+  }
+  return doubts;
+}
+
+Result<std::vector<std::string>> doubts_about_reference(const geometry::TriangleMesh& truth,
+                                                        const render::ModelInput& model,
+                                                        const std::string& file) {
+  const geometry::Aabb own = model.cloud->box_mm();
+  geometry::Aabb box;
+  for (const auto& triangle : truth.triangles)
+    for (const std::uint32_t vertex : triangle) box.add(truth.vertices_mm[vertex]);
+  const double ratio = diagonal_mm(box) / diagonal_mm(own);
+  const std::string boxes =
+      fmt::format("it fills {}, the model '{}' {}", box_text(box), model.name, box_text(own));
+  if (!box.overlaps(own.grown(kBoxSlack * diagonal_mm(own))))
+    return Error{"the reference stands elsewhere than the model: " + boxes,
+                 "the reference must be in the model's frame, unit and scale, before the scene's pose", file,
+                 0};
+  std::vector<std::string> doubts;
+  if (ratio > kOtherReference || ratio < 1.0 / kOtherReference)
+    doubts.push_back(fmt::format("The reference is {} times as large as the model: {}.{}",
+                                 short_number(ratio), boxes, unit_hint(ratio)));
+  return doubts;
+}
+
+std::vector<std::string> doubts_about_alignment(const Stage& stage) {
+  if (stage.truth == nullptr) return {};
+  const render::ModelInput& model = stage.scene.input.models.front();
+  const cloud::Cloud& cloud = *model.cloud;
+  std::vector<double> off_mm;
+  for (std::size_t k = 0; k < kAsked; ++k) {
+    const Vec3 p = model.world_from_model * cloud.point_mm(k * (cloud.size() - 1) / (kAsked - 1));
+    off_mm.push_back((stage.truth->closest(p).point_mm - p).norm());
+  }
+  std::nth_element(off_mm.begin(), off_mm.begin() + kAsked / 2, off_mm.end());
+  const double median = off_mm[kAsked / 2], spacing = stage.spacing.eighth_mm.p50;
+  if (!(median > kOffReference * spacing)) return {};
+  return {
+      fmt::format("The model's points lie {} mm (median) off the reference, {} times the distance to their "
+                  "eighth neighbour: is it in the model's frame, unit and scale?",
+                  short_number(median), short_number(median / spacing))};
+}
+
+std::vector<std::string> doubts_about_contact(const StagedStudy& study) {
+  std::vector<std::string> doubts;
+  if (study.stage.path.size() == 0) return doubts;
+  std::size_t truth = 0, most = 0;
+  if (study.stage.reference)
+    for (const trace::TruthFrame& frame : study.stage.reference->frames) truth += frame.frame.contact;
+  std::vector<const Run*> felt_nothing;
+  bool any_ran = false;
+  for (const Run& run : study.runs) {
+    if (run.trace.frames.empty()) continue;
+    any_ran = true;
+    const std::size_t frames = contact_frames(run.trace);
+    most = std::max(most, frames);
+    if (frames == 0) felt_nothing.push_back(&run);
+  }
+  if (!any_ran) return doubts;
+  if (study.stage.reference ? truth == 0 : most == 0) {
+    doubts.push_back(never_touches(study));
+    return doubts;
+  }
+  for (const Run* run : felt_nothing)
+    doubts.push_back(
+        study.stage.reference
+            ? fmt::format("{} never feels the model; the truth does in {} frames.", run->result.label, truth)
+            : fmt::format("{} never feels the model; another renderer does in up to {} frames.",
+                          run->result.label, most));
+  return doubts;
+}
+
+}  // namespace palpate::experiments

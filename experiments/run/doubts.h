@@ -1,0 +1,33 @@
+// What can be wrong with models, references and paths that are each fine alone: refused where nothing
+// sensible can come of them, else said as warnings, whole sentences.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "experiments/run/run.h"
+#include "experiments/run/stage.h"
+#include "toolkit/geometry/triangle_mesh.h"
+#include "toolkit/scene/scene.h"
+
+namespace palpate::experiments {
+
+/// An Error for a model whose points are no surface.
+[[nodiscard]] Status check_surfaces(const scene::LoadedScene& scene);
+
+/// Models far apart, or of sizes that no scene has.
+[[nodiscard]] std::vector<std::string> doubts_about_models(const scene::LoadedScene& scene);
+
+/// An Error where the truth, a mesh in the model's frame, stands elsewhere than the model; what is doubtful
+/// about its size or distance.
+[[nodiscard]] Result<std::vector<std::string>> doubts_about_reference(const geometry::TriangleMesh& truth,
+                                                                      const render::ModelInput& model,
+                                                                      const std::string& file);
+
+/// A truth from another file that the points do not lie on.
+[[nodiscard]] std::vector<std::string> doubts_about_alignment(const Stage& stage);
+
+/// A path that never touches, with its nearest approach; renderers that feel nothing where others do.
+[[nodiscard]] std::vector<std::string> doubts_about_contact(const StagedStudy& study);
+
+}  // namespace palpate::experiments

@@ -1,0 +1,332 @@
+#include "experiments/study/output_folder.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <span>
+#include <sstream>
+#include <vector>
+
+#include "toolkit/core/at_stop.h"
+#include "toolkit/core/atomic_file.h"
+#include "toolkit/core/hash.h"
+#include "toolkit/core/input_file.h"
+#include "toolkit/core/locked_file.h"
+
+namespace palpate::experiments {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr const char* kMarkText = "Results of Palpate: the files below are replaced by the next run.";
+constexpr const char* kProcess = "process ";
+constexpr const char* kUnfinished = "unfinished ";  // and the key of the run
+constexpr const char* kFile = "file ";
+constexpr const char* kParts = ".palpate-parts/";
+
+std::string text_of(const fs::path& path) {
+  const Result<std::string> text = read_file(path.string(), kMemoryLimitBytes);
+  return text ? *text : std::string();
+}
+
+std::string hash_of(const fs::path& path) {
+  const std::string text = text_of(path);
+  Hash64 hash;
+  hash.bytes(std::as_bytes(std::span(text)));
+  return hash.hex();
+}
+
+/// A name from the mark must not lead out of the folder.
+bool is_inside(const std::string& name) {
+  const fs::path path = name;
+  return !name.empty() && path.is_relative() && std::find(path.begin(), path.end(), "..") == path.end();
+}
+
+Status write_all(int fd, std::string_view text) {
+  while (!text.empty()) {
+    const ssize_t n = ::write(fd, text.data(), text.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return Error{fmt::format("cannot be written: {}", std::strerror(errno)), {}, {}, 0};
+    text.remove_prefix(static_cast<std::size_t>(n));
+  }
+  // A file that is on the disk after a power cut must be listed as well.
+  if (::fdatasync(fd) != 0 && errno != EINVAL && errno != EROFS)
+    return Error{fmt::format("cannot be written: {}", std::strerror(errno)), {}, {}, 0};
+  return Done{};
+}
+
+}  // namespace
+
+struct OutputFolder::State {
+  fs::path root;
+  LockedFile mark;
+  bool made_mark = false;      ///< there was none
+  bool no_list = false;        ///< the mark of a version that kept no list
+  std::vector<fs::path> made;  ///< folders that were missing, the outermost first
+  std::string unfinished;      ///< the key of the last run where that is not complete
+  bool begun = false, resumed = false, completed = false;
+  bool amended = false;            ///< opened again
+  std::set<std::string> ours;      ///< files of earlier runs and of this one
+  std::set<std::string> claimed;   ///< of this one
+  std::vector<std::string> since;  ///< claimed since a part was started
+  std::set<std::string> parts;     ///< that are complete
+  AtStop at_stop;
+
+  State() = default;
+  State(const State&) = delete;
+  State& operator=(const State&) = delete;
+  ~State() {
+    at_stop.drop();
+    if (begun && !completed && !resumed && parts.empty())
+      for (const std::string& name : claimed) remove(name);
+    give_back();
+  }
+
+  /// Where nothing is left here, what was made for it goes too.
+  void give_back() noexcept {
+    std::error_code code;
+    if (!made_mark || completed || resumed || !parts.empty()) return;
+    fs::remove(root / kFolderMark, code);
+    for (auto folder = made.rbegin(); folder != made.rend(); ++folder) fs::remove(*folder, code);
+  }
+  std::string say_stopped() {
+    if (completed) return {};
+    if (amended) return fmt::format("{} is as it was, but for files that were written anew", root.string());
+    if (!begun) {
+      give_back();
+      return fmt::format("nothing was changed in {}", root.string());
+    }
+    if (parts.empty()) return fmt::format("nothing is complete yet in {}", root.string());
+    std::string all;
+    for (const std::string& part : parts) all += (all.empty() ? "" : ", ") + part;
+    return fmt::format("complete and kept in {}: {}; the same command goes on from there", root.string(),
+                       all);
+  }
+
+  Error wrong(std::string what, std::string remedy = "give --out a place you may write") const {
+    return Error{std::move(what), std::move(remedy), root.string(), 0};
+  }
+  Status lock();
+  void read_mark();
+  /// The new text over the old one, and only then the old one's end off: names are listed at every moment.
+  Status write_mark() const;
+  Status append(const std::string& line) const;
+  /// A file of ours, and its folder where that is empty now.
+  void remove(const std::string& name) const noexcept;
+};
+
+Status OutputFolder::State::lock() {
+  Result<LockedFile> locked = LockedFile::open((root / kFolderMark).string());
+  if (!locked) return wrong("the folder cannot be written: " + locked.error().what);
+  if (locked->held()) {
+    mark = *std::move(locked);
+    return Done{};
+  }
+  made_mark = false;  // it is the other one's
+  std::istringstream lines(text_of(root / kFolderMark));
+  std::string line, process = "of another process";
+  while (std::getline(lines, line))
+    if (line.starts_with(kProcess)) process = line;
+  return wrong(fmt::format("another run is writing to this folder ({})", process),
+               "wait for it to end, or give --out another name");
+}
+
+void OutputFolder::State::read_mark() {
+  const std::string text = text_of(root / kFolderMark);
+  std::istringstream lines(text);
+  std::string line;
+  while (std::getline(lines, line)) {
+    if (line.starts_with(kUnfinished)) unfinished = line.substr(std::strlen(kUnfinished));
+    if (line.starts_with(kFile) && is_inside(line.substr(std::strlen(kFile))))
+      ours.insert(line.substr(std::strlen(kFile)));
+  }
+  no_list = !text.empty() && !text.starts_with(kMarkText);
+  if (no_list) ours = {"result.json", "report.html"};
+}
+
+Status OutputFolder::State::write_mark() const {
+  std::string text = fmt::format("{}\n{}{}\n", kMarkText, kProcess, ::getpid());
+  if (!unfinished.empty()) text += kUnfinished + unfinished + "\n";
+  for (const std::string& name : ours) text += kFile + name + "\n";
+  ::lseek(mark.fd(), 0, SEEK_SET);
+  if (const Status written = write_all(mark.fd(), text); !written) return wrong(written.error().what);
+  if (::ftruncate(mark.fd(), static_cast<off_t>(text.size())) != 0)
+    return wrong(fmt::format("cannot be written: {}", std::strerror(errno)));
+  return Done{};
+}
+
+Status OutputFolder::State::append(const std::string& line) const {
+  ::lseek(mark.fd(), 0, SEEK_END);
+  if (const Status written = write_all(mark.fd(), line + "\n"); !written) return wrong(written.error().what);
+  return Done{};
+}
+
+void OutputFolder::State::remove(const std::string& name) const noexcept {
+  std::error_code code;
+  const fs::path path = root / name;
+  if (fs::is_directory(fs::symlink_status(path, code))) return;
+  fs::remove(path, code);
+  if (path.parent_path() != root && fs::is_empty(path.parent_path(), code))
+    fs::remove(path.parent_path(), code);
+}
+
+Result<OutputFolder> OutputFolder::open(const std::string& folder) {
+  auto state = std::make_shared<State>();
+  std::error_code code;
+  fs::path& root = state->root;
+  root = fs::path(folder).lexically_normal();
+  if (!root.has_filename()) root = root.parent_path();  // "out/"
+  if (fs::exists(root, code) && !fs::is_directory(root, code))
+    return state->wrong("is a file, and the results need a folder", "give --out another name");
+  const auto hold = hold_stop();
+  for (fs::path missing = root; !missing.empty() && !fs::exists(missing, code);
+       missing = missing.parent_path())
+    state->made.insert(state->made.begin(), missing);
+  state->made_mark = !fs::exists(root / kFolderMark, code);
+  fs::create_directories(root, code);
+  if (code) return state->wrong("the folder cannot be made: " + code.message());
+  if (state->made_mark && !fs::is_empty(root, code))
+    return state->wrong("the folder holds files that are not results of Palpate",
+                        "give --out a new or an empty folder");
+  if (const Status locked = state->lock(); !locked) return locked.error();
+  state->read_mark();
+  if (const Status marked = state->write_mark(); !marked) return marked.error();
+  state->at_stop = AtStop([s = state.get()] { return s->say_stopped(); });
+  return OutputFolder(std::move(state), {});
+}
+
+Result<OutputFolder> OutputFolder::reopen(const std::string& folder) {
+  fs::path root = fs::absolute(folder).lexically_normal(), below;
+  if (!root.has_filename()) root = root.parent_path();
+  std::error_code code;
+  if (!fs::exists(root / kFolderMark, code) && fs::exists(root.parent_path() / kFolderMark, code)) {
+    below = root.filename();
+    root = root.parent_path();
+  }
+  if (!fs::exists(root / kFolderMark, code))
+    return Error{fmt::format("is no folder of results: there is no {} in it", kFolderMark),
+                 "copy the whole folder, hidden files too", folder, 0};
+  Result<OutputFolder> opened = open(root.string());
+  if (!opened) return opened;
+  opened->state_->amended = true;
+  return below.empty() ? opened : opened->inside(below.string());
+}
+
+Status OutputFolder::check_not_read(std::span<const std::string> files) const {
+  std::error_code code;
+  for (const std::string& file : files)
+    for (const std::string& name : state_->ours)
+      if (fs::equivalent(state_->root / name, file, code))
+        return Error{
+            fmt::format("is read by this run, and is a result that the next run with --out {} replaces",
+                        state_->root.string()),
+            "give --out another folder, or copy the file out of it", file, 0};
+  return Done{};
+}
+
+Result<OutputFolder::Begun> OutputFolder::begin(const std::string& key) const {
+  const auto hold = hold_stop();
+  State& s = *state_;
+  s.begun = true;
+  for (const std::string& name : s.ours)
+    if (!s.unfinished.empty() && name.starts_with(kParts)) s.parts.insert(name.substr(std::strlen(kParts)));
+  s.resumed = !s.parts.empty() && s.unfinished == key;
+  const Begun begun = s.resumed ? Begun::kGoesOn : s.parts.empty() ? Begun::kAnew : Begun::kOtherDropped;
+  if (!s.resumed) {
+    for (const std::string& name : s.ours) s.remove(name);
+    s.ours.clear();
+    s.parts.clear();
+  }
+  s.unfinished = key;
+  if (const Status marked = s.write_mark(); !marked) return marked.error();
+  return begun;
+}
+
+void OutputFolder::start_part() const {
+  state_->since.clear();
+}
+
+Status OutputFolder::keep(const std::string& part, const std::string& key, const std::string& text) const {
+  State& s = *state_;
+  nlohmann::ordered_json kept = {{"key", key}, {"files", nlohmann::ordered_json::object()}, {"text", text}};
+  std::error_code code;
+  for (const std::string& name : s.since)
+    if (fs::exists(s.root / name, code)) kept["files"][name] = hash_of(s.root / name);
+  fs::create_directories(s.root / kParts, code);
+  const std::string name = kParts + part;
+  if (s.ours.insert(name).second)
+    if (const Status listed = s.append(kFile + name); !listed) return listed;
+  const std::string all = kept.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+  if (Status written = palpate::write_file((s.root / name).string(), all); !written) return written;
+  const auto hold = hold_stop();
+  s.parts.insert(part);
+  return Done{};
+}
+
+bool OutputFolder::take_over(const std::string& part, const std::string& key,
+                             const std::function<bool(const std::string& text)>& use) const {
+  State& s = *state_;
+  if (!s.resumed) return false;
+  const nlohmann::json kept = nlohmann::json::parse(text_of(s.root / kParts / part), nullptr, false);
+  const auto text = [&](const char* name) {
+    return kept.contains(name) && kept[name].is_string() ? kept[name].get<std::string>() : std::string();
+  };
+  if (!kept.is_object() || !kept.contains("files") || text("key") != key) return false;
+  for (const auto& [name, hash] : kept["files"].items())
+    if (!s.ours.contains(name) || hash != hash_of(s.root / name)) return false;
+  if (!use(text("text"))) return false;
+  const auto hold = hold_stop();
+  for (const auto& [name, hash] : kept["files"].items()) s.claimed.insert(name);
+  return true;
+}
+
+Status OutputFolder::complete() const {
+  const auto hold = hold_stop();
+  State& s = *state_;
+  s.unfinished.clear();
+  if (Status marked = s.write_mark(); !marked) return marked;
+  s.completed = true;
+  for (const std::string& name : s.ours)
+    if (!s.claimed.contains(name)) s.remove(name);
+  s.ours = s.claimed;
+  return s.write_mark();
+}
+
+fs::path OutputFolder::path() const {
+  return below_.empty() ? state_->root : state_->root / below_;
+}
+
+Result<std::string> OutputFolder::claim(const std::string& name) const {
+  State& s = *state_;
+  const std::string own = below_ + name;
+  std::error_code code;
+  if (!s.ours.contains(own)) {
+    if (!s.no_list && fs::exists(fs::symlink_status(s.root / own, code)))
+      return Error{"is there already, and Palpate did not write it",
+                   "move it away, or give --out another folder", (s.root / own).string(), 0};
+    if (const Status listed = s.append(kFile + own); !listed) return listed.error();
+    s.ours.insert(own);
+  }
+  if (s.claimed.insert(own).second) s.since.push_back(own);
+  return (s.root / own).string();
+}
+
+Status OutputFolder::write(const std::string& name, std::string_view text) const {
+  const Result<std::string> path = claim(name);
+  if (!path) return path.error();
+  return palpate::write_file(*path, text);
+}
+
+Result<OutputFolder> OutputFolder::inside(const std::string& name) const {
+  std::error_code code;
+  fs::create_directories(path() / name, code);
+  if (code) return Error{"the folder cannot be made: " + code.message(), {}, (path() / name).string(), 0};
+  return OutputFolder(state_, below_ + name + "/");
+}
+
+}  // namespace palpate::experiments

@@ -1,0 +1,223 @@
+#include "experiments/study/study.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <span>
+
+#include "toolkit/cloud/sample.h"
+#include "toolkit/core/input_file.h"
+#include "toolkit/metrics/score_io.h"
+#include "toolkit/trace/csv_rows.h"
+#include "toolkit/trace/trace_io.h"
+
+namespace palpate::experiments {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr const char* kSampleHeader = "x_mm,y_mm,z_mm";
+constexpr std::uint64_t kSampleSeed = 1;
+
+/// Whether a name that stands in a document is a file of the folder and of no other.
+bool is_plain(const std::string& name) {
+  return !name.empty() && name != "." && name != ".." && name.find('/') == std::string::npos;
+}
+
+/// Reads the files of one study.
+class Reading {
+ public:
+  Reading(const fs::path& folder, Study& study) : folder_(folder), study_(study) {}
+
+  Status truth() {
+    if (!study_.document.truth) return Done{};
+    const Result<std::string> file = named(study_.document.truth->file);
+    if (!file) return file.error();
+    Result<trace::PathAndReference> read = trace::read_reference_csv(*file);
+    if (!read) return std::move(read).error();
+    study_.reference = std::move(read->reference);
+    study_.reference->name = study_.document.truth->name;
+    study_.reference->exactness = study_.document.truth->exactness;
+    return take_path(std::move(read->path), *file);
+  }
+
+  Status run(const metrics::RendererResult& result) {
+    StudyRun& run = study_.runs.emplace_back();
+    if (result.trace_file.empty()) return Done{};
+    const Result<std::string> file = named(result.trace_file);
+    if (!file) return file.error();
+    Result<trace::PathAndTrace> read = trace::read_trace_csv(*file);
+    if (!read) return std::move(read).error();
+    run.trace = std::move(read->trace);
+    run.trace.label = result.label;
+    if (trace::trace_hash(run.trace) != result.trace_hash)
+      return Error{fmt::format("is not the trace of {}, whose hash stands in {}", result.label, kResultFile),
+                   again(), *file, 0};
+    if (Status taken = take_path(std::move(read->path), *file); !taken) return taken;
+    return scores(result, run);
+  }
+
+  Status model(const metrics::StudyModel& model) {
+    ModelSample& sample = study_.models.emplace_back();
+    sample.name = model.name;
+    if (model.sample.empty()) return Done{};
+    const Result<std::string> file = named(model.sample);
+    if (!file) return file.error();
+    Result<trace::LineReader> reader = trace::LineReader::open(*file, kMemoryLimitBytes);
+    if (!reader) return std::move(reader).error();
+    std::vector<Vec3> points;
+    const Status read =
+        trace::read_rows(*reader, kSampleHeader, "", [&](std::span<const double> v) -> Status {
+          if (points.size() == kSamplePoints)
+            return reader->error(fmt::format("there are more than {} points", kSamplePoints), again());
+          points.emplace_back(v[0], v[1], v[2]);
+          return Done{};
+        });
+    if (!read) return read.error();
+    Result<cloud::Cloud> cloud = cloud::build_cloud(points, cloud::NonFinite::kRefuse);
+    if (!cloud) return std::move(cloud).error().in_file(*file);
+    sample.points = *std::move(cloud);
+    return Done{};
+  }
+
+ private:
+  /// What brings back what the folder lacks.
+  [[nodiscard]] std::string again() const {
+    const std::string& command = study_.document.command;
+    return "copy the whole folder" +
+           (command.empty() ? std::string(", or run it again") : ", or run it again: " + command);
+  }
+
+  [[nodiscard]] Result<std::string> named(const std::string& name) const {
+    const fs::path result = folder_ / kResultFile;
+    if (!is_plain(name))
+      return Error{fmt::format("names a file outside of the study: '{}'", name), again(), result.string(), 0};
+    const fs::path file = folder_ / name;
+    std::error_code code;
+    if (!fs::exists(file, code))
+      return Error{fmt::format("is missing, and {} names it", kResultFile), again(), file.string(), 0};
+    return file.string();
+  }
+
+  Status scores(const metrics::RendererResult& result, StudyRun& run) {
+    if (result.scores_file.empty()) return Done{};
+    const Result<std::string> file = named(result.scores_file);
+    if (!file) return file.error();
+    Result<metrics::AccuracyFrames> read = metrics::read_scores_csv(study_.path, *file);
+    if (!read) return std::move(read).error();
+    run.per_frame = *std::move(read);
+    return Done{};
+  }
+
+  /// The first path is that of the study, and all are the same.
+  Status take_path(trace::ProbePath path, const std::string& file) {
+    if (study_.path.size() == 0) {
+      study_.path = std::move(path);
+      study_.path.name = study_.document.path;
+      return Done{};
+    }
+    if (path.t_s == study_.path.t_s && path.hip_mm == study_.path.hip_mm) return Done{};
+    return Error{"is along another path than the other files of the study", again(), file, 0};
+  }
+
+  const fs::path& folder_;
+  Study& study_;
+};
+
+/// Why a folder without a result.json is no study.
+Error no_study(const fs::path& folder) {
+  std::string inside;
+  std::error_code code;
+  for (const auto& entry : fs::directory_iterator(folder, code))
+    if (fs::exists(entry.path() / kResultFile, code)) inside = std::max(inside, entry.path().string());
+  return Error{fmt::format("is no study: there is no {} in it", kResultFile),
+               inside.empty() ? std::string("give the folder that compare or replay wrote with --out")
+                              : fmt::format("its tables are studies: give one of them, such as {}", inside),
+               folder.string(), 0};
+}
+
+Result<metrics::ResultDocument> read_document(const fs::path& folder) {
+  std::error_code code;
+  if (!fs::exists(folder, code))
+    return Error{"there is no such folder", "give the folder that compare or replay wrote with --out",
+                 folder.string(), 0};
+  if (!fs::is_directory(folder, code))
+    return Error{"is a file, not the folder of a study",
+                 "give the folder that compare or replay wrote with --out", folder.string(), 0};
+  const std::string file = (folder / kResultFile).string();
+  if (!fs::exists(file, code)) return no_study(folder);
+  const Result<std::string> text = read_file(file, kMemoryLimitBytes);
+  if (!text) return text.error();
+  Result<metrics::ResultDocument> document = metrics::parse_result(*text, file);
+  if (!document) return document;
+  if (!document->complete)
+    return Error{"is half written: the run goes on, or was interrupted",
+                 "wait for it, or let the same command go on from there" +
+                     (document->command.empty() ? std::string() : ": " + document->command),
+                 file, 0};
+  if (!document->scoring)
+    return Error{"holds results, and no study: traces and truth do not stand beside it",
+                 "give the folder that compare or replay of this version wrote", file, 0};
+  return document;
+}
+
+/// Digits that tell apart places a hundred-thousandth of the model's size from each other.
+int digits_for(const geometry::Aabb& box) {
+  constexpr double kShare = 1e-5;
+  constexpr int kMost = 17;  // no double has more
+  const double largest = std::max(box.low_mm.cwiseAbs().maxCoeff(), box.high_mm.cwiseAbs().maxCoeff());
+  const double extent = box.extent_mm().maxCoeff();
+  if (!(extent > 0.0)) return kMost;
+  return std::clamp(
+      static_cast<int>(std::ceil(std::log10(std::max(largest, extent) / (kShare * extent)))) + 1, 1, kMost);
+}
+
+}  // namespace
+
+std::string trace_name(const std::string& label, bool alone) {
+  return alone ? "trace.csv" : fmt::format("trace-{}.csv", label);
+}
+
+std::string scores_name(const std::string& label, bool alone) {
+  return alone ? "scores.csv" : fmt::format("scores-{}.csv", label);
+}
+
+Result<std::string> write_sample(const cloud::Cloud& points, const geometry::RigidTransform& world_from_model,
+                                 std::size_t number, const OutputFolder& folder) {
+  const cloud::Cloud some = cloud::sample_of(points, kSamplePoints, kSampleSeed);
+  geometry::Aabb box;
+  std::vector<Vec3> world;
+  for (std::size_t i = 0; i < some.size(); ++i) {
+    world.push_back(world_from_model * some.point_mm(i));
+    box.add(world.back());
+  }
+  const int digits = digits_for(box);
+  fmt::memory_buffer text;
+  fmt::format_to(std::back_inserter(text), "{}\n", kSampleHeader);
+  for (const Vec3& p : world)
+    fmt::format_to(std::back_inserter(text), "{:.{}g},{:.{}g},{:.{}g}\n", p.x(), digits, p.y(), digits, p.z(),
+                   digits);
+  std::string name = fmt::format("model-{}.csv", number);
+  if (Status written = folder.write(name, {text.data(), text.size()}); !written)
+    return std::move(written).error();
+  return name;
+}
+
+Result<Study> read_study(const fs::path& folder) {
+  Result<metrics::ResultDocument> document = read_document(folder);
+  if (!document) return std::move(document).error();
+  Study study;
+  study.document = *std::move(document);
+  Reading reading(folder, study);
+  if (Status read = reading.truth(); !read) return std::move(read).error();
+  for (const metrics::StudyModel& model : study.document.models)
+    if (Status read = reading.model(model); !read) return std::move(read).error();
+  for (const metrics::RendererResult& result : study.document.renderers)
+    if (Status read = reading.run(result); !read) return std::move(read).error();
+  return study;
+}
+
+}  // namespace palpate::experiments

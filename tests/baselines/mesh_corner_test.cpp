@@ -1,0 +1,308 @@
+// Where planes meet, the god object is the place nearest to the HIP that all of them allow: exact answers for
+// corners, ridges, valleys and pits, whatever the mesh's edges do there.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "tests/baselines/mesh_probe_stand.h"
+#include "toolkit/core/random.h"
+#include "toolkit/geometry/half_spaces.h"
+
+namespace palpate::baselines {
+namespace {
+
+using geometry::HalfSpace;
+using geometry::RigidTransform;
+using geometry::TriangleMesh;
+using test::kStiffness;
+using test::Probe;
+
+constexpr const char* kPoint = "mesh-godobject:mesh=original";
+constexpr const char* kNoRadius = "mesh-proxy:mesh=original:radius=0";
+constexpr const char* kSphere = "mesh-proxy:mesh=original:radius_mm=0.5:tip=centre";
+constexpr double kRadius = 0.5;
+
+/// Rounding of what is computed on lengths of this size: 2^-40 of them. A place where planes meet at a small
+/// angle is known less well.
+constexpr double kRounding = 0x1p-40;
+
+/// A square of 2 half by 2 half across an axis, `cells` by `cells`, its middle at `at`.
+TriangleMesh axis_sheet(int axis, const Vec3& at, double half, int cells) {
+  TriangleMesh mesh = test::height_mesh(cells, half, [](double, double) { return 0.0; });
+  for (Vec3& v : mesh.vertices_mm) {
+    Vec3 p;
+    p[axis] = 0.0;
+    p[(axis + 1) % 3] = v.x();
+    p[(axis + 2) % 3] = v.y();
+    v = p + at;
+  }
+  return mesh;
+}
+
+/// One model a part where `apart`, else one mesh.
+render::SceneInput scene_of(const std::vector<TriangleMesh>& parts, bool apart,
+                            const RigidTransform& pose = {}, double scale = 1.0) {
+  render::SceneInput scene;
+  if (apart) {
+    for (const TriangleMesh& part : parts) {
+      scene.models.push_back(test::model_of(test::moved(part, {}, scale)));
+      scene.models.back().world_from_model = pose;
+    }
+    return scene;
+  }
+  TriangleMesh all;
+  for (const TriangleMesh& part : parts) all = test::joined(std::move(all), part);
+  scene.models.push_back(test::model_of(test::moved(all, {}, scale)));
+  scene.models[0].world_from_model = pose;
+  return scene;
+}
+
+struct Rests {
+  int rests = 0, wrong = 0;
+  std::string first;
+};
+
+struct Sweep {
+  std::vector<HalfSpace> planes;  ///< what the god object keeps to
+  Vec3 start;
+  std::vector<Vec3> hips;
+  double step_mm = 0.05;
+  RigidTransform pose{};
+  double scale = 1.0;
+  double least_sine = 1.0;  ///< of an angle between two planes
+};
+
+/// Glides from `start` to each HIP and compares the rest with the projection on the half spaces.
+Rests sweep(Probe& probe, const Sweep& s) {
+  Rests rests;
+  for (const Vec3& local : s.hips) {
+    const Vec3 exact_local =
+        geometry::nearest_allowed(s.planes, local, kRounding * (1.0 + local.norm()), 0.0).point;
+    const Vec3 start = s.pose * Vec3(s.start * s.scale), hip = s.pose * Vec3(local * s.scale),
+               exact = s.pose * Vec3(exact_local * s.scale);
+    probe.renderer->restart(start);
+    probe.glide(start, hip, s.step_mm * s.scale);
+    const render::Frame frame = probe.to(hip);
+    const double size = (s.scale * (20.0 + local.norm()) + s.pose.translation_mm.norm()) / s.least_sine;
+    ++rests.rests;
+    if (frame.contact && (frame.god_object_mm - exact).norm() <= kRounding * size &&
+        (frame.force_n - kStiffness * (exact - hip)).norm() <= kRounding * size)
+      continue;
+    if (rests.wrong++ == 0)
+      rests.first = fmt::format("HIP {} {} {}: god object {} {} {}, not {} {} {}, contact {}", local.x(),
+                                local.y(), local.z(), frame.god_object_mm.x(), frame.god_object_mm.y(),
+                                frame.god_object_mm.z(), exact.x(), exact.y(), exact.z(), frame.contact);
+  }
+  return rests;
+}
+
+void expect_right(const Rests& rests) {
+  EXPECT_EQ(rests.wrong, 0) << "of " << rests.rests << "; first: " << rests.first;
+}
+
+/// Whole numbers under all, some or one of the planes x, y, z >= 0.
+std::vector<Vec3> whole_rests() {
+  std::vector<Vec3> hips;
+  for (int x = -3; x <= 3; ++x)
+    for (int y = -3; y <= 3; ++y)
+      for (int z = -3; z <= 3; ++z)
+        if (x < 0 || y < 0 || z < 0) hips.push_back({double(x), double(y), double(z)});
+  return hips;
+}
+
+std::vector<Vec3> random_rests(Random& random, int count) {
+  std::vector<Vec3> hips;
+  while (static_cast<int>(hips.size()) < count) {
+    const Vec3 p(6 * random.uniform() - 3, 6 * random.uniform() - 3, 6 * random.uniform() - 3);
+    if (p.minCoeff() < -0.01) hips.push_back(p);
+  }
+  return hips;
+}
+
+const std::vector<HalfSpace> kOctant{{Vec3::UnitX(), 0}, {Vec3::UnitY(), 0}, {Vec3::UnitZ(), 0}};
+
+/// Three planes through the origin; `shift` moves each in itself, so that vertices meet vertices or not.
+std::vector<TriangleMesh> three_planes(double half, int cells, double shift) {
+  std::vector<TriangleMesh> planes;
+  for (int axis = 0; axis < 3; ++axis) {
+    Vec3 at = Vec3::Zero();
+    at[(axis + 1) % 3] = shift;
+    at[(axis + 2) % 3] = 1.7 * shift;
+    planes.push_back(axis_sheet(axis, at, half, cells));
+  }
+  return planes;
+}
+
+TEST(MeshCorner, ThreePlanesHoldJointly) {
+  for (const char* options : {kPoint, kNoRadius})
+    for (const bool apart : {true, false})
+      for (const double shift : {0.0, 0.3})
+        for (const double step : {0.05, 20.0}) {
+          SCOPED_TRACE(fmt::format("{}, {}, shift {}, steps of {}", options, apart ? "models" : "one mesh",
+                                   shift, step));
+          Probe probe = test::make_scene(scene_of(three_planes(8, 16, shift), apart), options);
+          expect_right(sweep(probe, {kOctant, {2.2, 1.9, 2.6}, whole_rests(), step}));
+        }
+}
+
+/// The octant that keeps a sphere's centre a radius away.
+std::vector<HalfSpace> octant(double radius) {
+  return {{Vec3::UnitX(), radius}, {Vec3::UnitY(), radius}, {Vec3::UnitZ(), radius}};
+}
+
+TEST(MeshCorner, ThreePlanesHoldASphere) {
+  for (const bool apart : {true, false})
+    for (const double shift : {0.0, 0.3}) {
+      SCOPED_TRACE(fmt::format("{}, shift {}", apart ? "models" : "one mesh", shift));
+      Probe probe = test::make_scene(scene_of(three_planes(8, 16, shift), apart), kSphere);
+      expect_right(sweep(probe, {octant(kRadius), {2.2, 1.9, 2.6}, whole_rests(), 0.3}));
+    }
+}
+
+/// `count` triangles around `at`, across an axis.
+TriangleMesh fan(int axis, const Vec3& at, double radius, int count) {
+  TriangleMesh mesh;
+  mesh.vertices_mm.push_back(at);
+  for (int i = 0; i < count; ++i) {
+    const double angle = 2.0 * std::numbers::pi * i / count;
+    Vec3 p = at;
+    p[(axis + 1) % 3] += radius * std::cos(angle);
+    p[(axis + 2) % 3] += radius * std::sin(angle);
+    mesh.vertices_mm.push_back(p);
+    const auto a = static_cast<std::uint32_t>(1 + i), b = static_cast<std::uint32_t>(1 + (i + 1) % count);
+    mesh.triangles.push_back({0, a, b});
+  }
+  return mesh;
+}
+
+// Forty facets in one plane meet where the probe rests, on each of three models.
+TEST(MeshCorner, NoPlaneIsCrowdedOutByFacetsOfAnother) {
+  std::vector<TriangleMesh> fans;
+  for (int axis = 0; axis < 3; ++axis) fans.push_back(fan(axis, Vec3::Zero(), 9.0, 40));
+  for (const RigidTransform& pose :
+       {RigidTransform{}, RigidTransform{Eigen::Quaterniond(0.5, -0.5, 0.1, 0.7).normalized(), {1, 2, 3}}}) {
+    Probe probe = test::make_scene(scene_of(fans, true, pose), kPoint);
+    Sweep s{kOctant, {0.7, 0.9, 0.8}, whole_rests(), 0.05};
+    s.pose = pose;
+    expect_right(sweep(probe, s));
+  }
+}
+
+// The same turned, moved away and scaled, at random places.
+TEST(MeshCorner, ThreePlanesHoldWhereverTheyAreAndHoweverLarge) {
+  Random random(11);
+  for (const bool apart : {true, false})
+    for (const double scale : {1e-3, 1.0, 1e6}) {
+      const Eigen::Quaterniond turn =
+          Eigen::Quaterniond(random.normal(), random.normal(), random.normal(), random.normal()).normalized();
+      const RigidTransform pose{turn, scale * Vec3(31.0, -77.0, 12.0)};
+      for (const double shift : {0.0, 0.3}) {
+        SCOPED_TRACE(fmt::format("{}, scale {}, shift {}", apart ? "models" : "one mesh", scale, shift));
+        Probe probe = test::make_scene(scene_of(three_planes(8, 16, shift), apart, pose, scale), kPoint);
+        Sweep s{kOctant, {2.2, 1.9, 2.6}, random_rests(random, 40), 0.1};
+        s.pose = pose;
+        s.scale = scale;
+        expect_right(sweep(probe, s));
+        s.hips = whole_rests();
+        expect_right(sweep(probe, s));
+      }
+    }
+}
+
+/// A square of 2 half by 2 half across `normal`, `cells` by `cells`, its middle at `at`.
+TriangleMesh sheet(const Vec3& normal, const Vec3& at, double half, int cells) {
+  const Eigen::Quaterniond turn = Eigen::Quaterniond::FromTwoVectors(Vec3::UnitZ(), normal);
+  return test::moved(test::height_mesh(cells, half, [](double, double) { return 0.0; }), {turn, at});
+}
+
+/// Planes through the origin that hold from below, each an oblique sheet of its own.
+struct Pit {
+  std::vector<HalfSpace> planes;
+  std::vector<TriangleMesh> sheets;
+};
+Pit pit_of(const std::vector<Vec3>& normals, double half, int cells) {
+  Pit pit;
+  for (const Vec3& n : normals) {
+    pit.planes.push_back({n.normalized(), 0.0});
+    pit.sheets.push_back(sheet(n.normalized(), Vec3::Zero(), half, cells));
+  }
+  return pit;
+}
+
+// Three oblique planes, four in a pyramid's pit, two in obtuse valleys: every sheet goes through all others.
+TEST(MeshCorner, ObliquePitsAndValleys) {
+  Random random(12);
+  const std::vector<std::vector<Vec3>> shapes{
+      {{1, 0.2, 1}, {-1, 0.4, 1}, {0.1, -1, 1}},
+      {{1, 0, 1}, {-1, 0, 1}, {0, 1, 1}, {0, -1, 1}},
+      {{0.2, 0, 1}, {-0.2, 0.03, 1}},
+      {{0.05, 0, 1}, {-0.05, 0.01, 1}, {0, 0.06, 1}},
+  };
+  for (std::size_t shape = 0; shape < shapes.size(); ++shape)
+    for (const bool apart : {true, false}) {
+      SCOPED_TRACE(fmt::format("shape {}, {}", shape, apart ? "models" : "one mesh"));
+      const Pit pit = pit_of(shapes[shape], 9, 18);
+      std::vector<Vec3> hips;
+      for (const Vec3& p : random_rests(random, 120))
+        if (p.z() < -0.2) hips.push_back(p);
+      Probe probe = test::make_scene(scene_of(pit.sheets, apart), kPoint);
+      Sweep s{pit.planes, {0.1, 0.2, 4.0}, hips, 0.05};
+      for (const HalfSpace& a : pit.planes)
+        for (const HalfSpace& b : pit.planes)
+          if (&a != &b) s.least_sine = std::min(s.least_sine, a.normal.cross(b.normal).norm());
+      expect_right(sweep(probe, s));
+    }
+}
+
+/// z = 0, x = 0 and y = 0, from `low` to `high` along the other two, each cut into its own number of cells.
+std::vector<TriangleMesh> uneven_planes(double low, double high, std::array<int, 3> cells) {
+  std::vector<TriangleMesh> planes;
+  const double half = 0.5 * (high - low), middle = 0.5 * (high + low);
+  for (int axis = 0; axis < 3; ++axis) {
+    Vec3 at = Vec3::Constant(middle);
+    at[axis] = 0.0;
+    planes.push_back(axis_sheet(axis, at, half, cells[static_cast<std::size_t>(axis)]));
+  }
+  return planes;
+}
+
+// Sheets of one mesh whose edges lie in one another, and walls that stand on a floor, straight and turned:
+// no vertices are shared, or only some.
+TEST(MeshCorner, SheetsOfOneMeshThatMeetWithoutSharingVertices) {
+  Random random(13);
+  const std::array<std::array<int, 3>, 4> cuts{{{16, 16, 16}, {16, 10, 12}, {7, 9, 11}, {16, 4, 1}}};
+  for (const auto& cut : cuts)
+    for (const bool turned : {false, true}) {
+      RigidTransform pose;
+      if (turned)
+        pose.rotation = Eigen::Quaterniond(random.normal(), random.normal(), random.normal(), random.normal())
+                            .normalized();
+      const auto through = uneven_planes(-8.0, 8.0, cut), quarter = uneven_planes(0.0, 8.0, cut);
+      const std::vector<std::pair<const char*, std::vector<TriangleMesh>>> rooms{
+          {"through one another", through},
+          {"end at one another", quarter},
+          {"walls on a floor", {quarter[0], quarter[1], through[2]}}};
+      for (const auto& [name, parts] : rooms) {
+        SCOPED_TRACE(fmt::format("{}, cells {} {} {}, {}", name, cut[0], cut[1], cut[2],
+                                 turned ? "turned" : "straight"));
+        std::vector<TriangleMesh> placed;
+        for (const TriangleMesh& part : parts) placed.push_back(test::moved(part, pose));
+        Probe probe = test::make_scene(scene_of(placed, false), kPoint);
+        // What ends ends there: a HIP beyond is free.
+        std::vector<Vec3> hips;
+        for (const Vec3& p : whole_rests())
+          if (&parts == &rooms[0].second || p.maxCoeff() < 0.0) hips.push_back(p);
+        Sweep s{kOctant, {2.2, 1.9, 2.6}, hips, 0.05};
+        s.pose = pose;
+        expect_right(sweep(probe, s));
+      }
+    }
+}
+
+}  // namespace
+}  // namespace palpate::baselines

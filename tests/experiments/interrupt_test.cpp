@@ -1,0 +1,306 @@
+// What happens when the program is told to stop: at once, with what is complete, and the next run goes on.
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <array>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "experiments/command/session.h"
+#include "tests/experiments/program.h"
+#include "tests/json_schema.h"
+
+namespace palpate::experiments {
+namespace {
+
+using nlohmann::json;
+
+constexpr int kInterrupted = 130, kTerminated = 143;
+const char* const kScene = "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1:seed=1";
+const char* const kPath = "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1";
+// Minutes of work for brute-force, and hardly any for the others.
+const char* const kLargeScene = "sinusoid:points=160801";
+const char* const kLongPath = "weave:frames=8000:depth_mm=1:seed=1";
+// Minutes of work each, of which no test waits for the end.
+const char* const kEndlessPath = "weave:frames=3000000:depth_mm=0.5:seed=1";
+const char* const kEndlessExploration = "exploration:frames=5000000:depth_mm=0.5:seed=1";
+
+class Interrupt : public InFolder {
+ protected:
+  json result(const std::string& out = "out") const {
+    return json::parse(file_text(in(out + "/result.json")));
+  }
+  std::map<std::string, std::string> hashes(const std::string& out) const {
+    std::map<std::string, std::string> all;
+    const json document = result(out);
+    for (const json& r : document["renderers"]) all[r["label"]] = r["trace_hash"].get<std::string>();
+    return all;
+  }
+  std::vector<std::string> compare(const std::string& renderers, const std::string& out = "out",
+                                   const std::string& path = kPath, const std::string& scene = kScene) const {
+    return {"compare", scene, "--renderers", renderers, "--path", path, "--out", in(out)};
+  }
+  /// A file that is half written, or that only an unfinished run needs.
+  bool something_left_over(const std::string& out = "out") const {
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(in(out)))
+      if (entry.path().extension() == ".part" || entry.path().filename() == ".palpate-parts") return true;
+    return false;
+  }
+  /// A program that starts another one, notes its number and takes its time.
+  void make_idle_program(const std::string& name) const {
+    std::filesystem::create_directories(folder_ / "bin");
+    const std::string file = in("bin/" + name), pid = in("pid");
+    write_text(file, "#!/bin/sh\nsleep 600 &\necho $! > '" + pid + ".new'\nmv '" + pid + ".new' '" + pid +
+                         "'\nwait\n");
+    ::chmod(file.c_str(), 0755);
+  }
+  bool idle_runs() const {
+    std::string pid = file_text(in("pid"));
+    if (pid.empty()) return false;
+    pid.pop_back();
+    // Ended ones may wait for an init that does not come for them.
+    const std::string state = file_text("/proc/" + pid + "/stat");
+    return !state.empty() && state.find(") Z") == std::string::npos;
+  }
+  bool idle_ends() const {
+    constexpr int kTimes = 1000;
+    for (int i = 0; i < kTimes && idle_runs(); ++i) ::usleep(10'000);
+    return !idle_runs();
+  }
+};
+
+TEST_F(Interrupt, WhatIsCompleteIsKeptAndTheNextRunGoesOn) {
+  Started run(folder_, compare("cloud,brute-force", "out", kLongPath, kLargeScene));
+  ASSERT_TRUE(run.wait_for([&] { return !file_text(in("out/.palpate-parts/cloud")).empty(); })) << run.err();
+  run.send(SIGINT);
+  EXPECT_EQ(run.end(), kInterrupted);
+  EXPECT_FALSE(run.killed());
+  EXPECT_NE(run.err().find("complete and kept in " + in("out") + ": cloud;"), std::string::npos) << run.err();
+  const json document = result();
+  EXPECT_FALSE(document["complete"]);
+  ASSERT_EQ(document["renderers"].size(), 2u);
+  EXPECT_EQ(document["renderers"][0]["status"], "ok");
+  EXPECT_EQ(document["renderers"][1]["status"], "did-not-finish");
+  EXPECT_NE(document["renderers"][1]["reason"].get<std::string>().find("interrupted"), std::string::npos);
+  EXPECT_TRUE(std::filesystem::exists(in("out/trace-cloud.csv")));
+  EXPECT_FALSE(std::filesystem::exists(in("out/report.html")));
+  // A renderer more, one less: what is complete stays, and nothing of it is measured again.
+  const ProcessOutcome next = palpate_command(compare("cloud-literal,cloud", "out", kLongPath, kLargeScene));
+  ASSERT_EQ(next.exit_code, 0) << next.err;
+  EXPECT_NE(next.err.find("going on from an interrupted run"), std::string::npos) << next.err;
+  EXPECT_NE(next.err.find("Finished by an earlier run, which was interrupted: cloud."), std::string::npos);
+  const json whole = result();
+  EXPECT_TRUE(whole["complete"]);
+  EXPECT_EQ(whole["renderers"][1], document["renderers"][0]);
+  EXPECT_EQ(whole["renderers"][0]["status"], "ok");
+  EXPECT_FALSE(something_left_over());
+  EXPECT_TRUE(std::filesystem::exists(in("out/report.html")));
+}
+
+TEST_F(Interrupt, AtAnyTimeNothingIsLostAndNothingIsWrong) {
+  const char* const renderers = "cloud,cloud-literal,brute-force,analytic";
+  ASSERT_EQ(palpate_command(compare(renderers, "whole")).exit_code, 0);
+  const auto expected = hashes("whole");
+  std::size_t finished = 0;
+  bool complete = false;
+  for (int delay_ms = 0; !complete; delay_ms = delay_ms < 60 ? delay_ms + 6 : 2 * delay_ms) {
+    Started run(folder_, compare(renderers));
+    ::usleep(static_cast<useconds_t>(delay_ms) * 1000);
+    run.send(SIGINT);
+    const int status = run.end();
+    complete = status == 0;
+    // Before it has its first instruction a process knows no signals.
+    ASSERT_TRUE(complete || status == kInterrupted) << status << " after " << delay_ms << " ms";
+    if (!complete && !run.killed()) {
+      EXPECT_NE(run.err().find("palpate: stopped"), std::string::npos) << delay_ms;
+    }
+    if (!std::filesystem::exists(in("out/result.json"))) continue;
+    const json document = result();
+    std::size_t ok = 0;
+    for (const json& r : document["renderers"]) {
+      if (r["status"] != "ok") continue;
+      ++ok;
+      EXPECT_EQ(r["trace_hash"], expected.at(r["label"])) << delay_ms;
+    }
+    EXPECT_GE(ok, finished) << "lost after " << delay_ms << " ms";
+    EXPECT_EQ(document["complete"], ok == expected.size());
+    finished = ok;
+  }
+  EXPECT_EQ(hashes("out"), expected);
+  EXPECT_FALSE(something_left_over());
+}
+
+TEST_F(Interrupt, WhateverItIsDoing) {
+  const std::string large = "sinusoid:points=1002001";
+  const std::map<std::string, std::vector<std::string>> works = {
+      {"an exploration",
+       {"replay", kScene, "--renderer", "cloud", "--reference", "none", "--path", kEndlessExploration,
+        "--out", in("out")}},
+      {"the reference",
+       {"replay", kScene, "--renderer", "cloud", "--path", kEndlessPath, "--out", in("out")}},
+      {"frames",
+       {"replay", large, "--renderer", "brute-force", "--reference", "none", "--path", kPath, "--out",
+        in("out")}},
+      {"a generator", {"info", "sinusoid:points=100000000"}},
+      {"a plan", {"plan", "sinusoid:points=100000000"}},
+      {"cleaning", {"clean", large, "--steps", "smooth/iterations=50", "--out", in("cleaned.ply")}},
+      {"behaviours", {"behaviours", "--out", in("behaviours")}}};
+  for (const auto& [what, arguments] : works) {
+    if (what == "cleaning" && all_renderers().find("mesh-godobject") == nullptr) continue;
+    for (const int signal : {SIGINT, SIGTERM}) {
+      Started run(folder_, arguments);
+      run.wait_for_signals();
+      ::usleep(500'000);
+      run.send(signal);
+      EXPECT_EQ(run.end(), signal == SIGINT ? kInterrupted : kTerminated) << what << run.err();
+      EXPECT_NE(run.err().find("palpate: stopped"), std::string::npos) << what << run.err();
+    }
+  }
+  EXPECT_FALSE(std::filesystem::exists(in("cleaned.ply")));
+  EXPECT_FALSE(std::filesystem::exists(in("cleaned.ply.part")));
+}
+
+TEST_F(Interrupt, NothingChangesBeforeTheInputIsKnown) {
+  ASSERT_EQ(palpate_command(compare("cloud")).exit_code, 0);
+  const std::string before = file_text(in("out/result.json"));
+  Started run(folder_, compare("cloud", "out", kEndlessExploration));
+  run.wait_for_signals();
+  ::usleep(500'000);
+  run.send(SIGINT);
+  EXPECT_EQ(run.end(), kInterrupted);
+  EXPECT_NE(run.err().find("nothing was changed in " + in("out")), std::string::npos) << run.err();
+  EXPECT_EQ(file_text(in("out/result.json")), before);
+  Started anew(folder_, compare("cloud", "new/out", kEndlessExploration));
+  ASSERT_TRUE(anew.wait_for([&] { return std::filesystem::exists(in("new/out/.palpate-output")); }));
+  anew.send(SIGINT);
+  EXPECT_EQ(anew.end(), kInterrupted);
+  EXPECT_FALSE(std::filesystem::exists(in("new"))) << "made for nothing";
+}
+
+TEST_F(Interrupt, AnInterruptedRunOfSomethingElseIsDroppedAndSaidSo) {
+  Started run(folder_, compare("cloud,brute-force", "out", kLongPath, kLargeScene));
+  ASSERT_TRUE(run.wait_for([&] { return !file_text(in("out/.palpate-parts/cloud")).empty(); })) << run.err();
+  run.send(SIGINT);
+  ASSERT_EQ(run.end(), kInterrupted);
+  const ProcessOutcome next = palpate_command(compare("cloud-literal"));
+  ASSERT_EQ(next.exit_code, 0) << next.err;
+  EXPECT_NE(next.err.find("begun anew"), std::string::npos) << next.err;
+  EXPECT_FALSE(std::filesystem::exists(in("out/trace-cloud.csv")));
+  EXPECT_FALSE(something_left_over());
+}
+
+TEST_F(Interrupt, AChangedModelIsAnotherRun) {
+  ASSERT_EQ(palpate_command({"clean", "sphere:points=3000", "--steps", "thin/cell=0.1", "--out", in("a.ply")})
+                .exit_code,
+            0);
+  const auto arguments = [&](const std::string& renderers) {
+    return std::vector<std::string>{"compare", in("a.ply"), "--renderers",
+                                    renderers, "--path",    "exploration:frames=300000:depth_mm=0.5:seed=1",
+                                    "--out",   in("out"),   "--reference",
+                                    "none"};
+  };
+  Started run(folder_, arguments("cloud,brute-force"));
+  ASSERT_TRUE(run.wait_for([&] { return !file_text(in("out/.palpate-parts/cloud")).empty(); })) << run.err();
+  run.send(SIGINT);
+  ASSERT_EQ(run.end(), kInterrupted);
+  std::string points = file_text(in("a.ply"));
+  points[points.size() - 1] = static_cast<char>(points[points.size() - 1] ^ 1);  // a coordinate, hardly
+  write_text(in("a.ply"), points);
+  Started next(folder_, arguments("cloud"));
+  EXPECT_EQ(next.end(), 0);
+  EXPECT_NE(next.err().find("begun anew"), std::string::npos) << next.err();
+}
+
+TEST_F(Interrupt, ADownloadIsEndedWithAllThatItStarted) {
+  make_idle_program("curl");
+  const Environment path("PATH", (in("bin") + ":" + std::getenv("PATH")).c_str());
+  const Environment cache("XDG_CACHE_HOME", in("cache").c_str()), data("PALPATE_DATA", nullptr);
+  Started run(folder_, {"fetch", "stanford-dragon", "--source", "https://nowhere.invalid/a.ply"});
+  ASSERT_TRUE(run.wait_for([&] { return idle_runs(); })) << run.err();
+  run.send(SIGTERM);
+  EXPECT_EQ(run.end(), kTerminated);
+  EXPECT_NE(run.err().find("what has come is kept"), std::string::npos) << run.err();
+  EXPECT_TRUE(idle_ends());
+}
+
+TEST_F(Interrupt, AReconstructionIsEndedAndIsNoFailure) {
+  if (all_renderers().find("mesh-godobject") == nullptr) GTEST_SKIP() << "built without mesh-godobject";
+  make_idle_program("palpate-reconstruct");
+  const Environment worker("PALPATE_RECONSTRUCT", in("bin/palpate-reconstruct").c_str());
+  const Environment cache("PALPATE_MESH_CACHE", "off");
+  Started run(folder_, compare("cloud,mesh-godobject:mesh=advancing-front"));
+  ASSERT_TRUE(run.wait_for([&] { return idle_runs(); })) << run.err();
+  run.send_group(SIGINT);
+  EXPECT_EQ(run.end(), kInterrupted);
+  EXPECT_EQ(result()["renderers"][1]["status"], "did-not-finish");
+  EXPECT_TRUE(idle_ends());
+}
+
+TEST_F(Interrupt, ReproduceKeepsItsTablesAndGoesOn) {
+  if (all_renderers().find("mesh-godobject") == nullptr) GTEST_SKIP() << "built without the baselines";
+  const Environment cache("PALPATE_MESH_CACHE", "off"), data("PALPATE_DATA", nullptr),
+      home("XDG_CACHE_HOME", in("cache").c_str());
+  const std::vector<std::string> arguments = {"reproduce", "--tables", "7,8,12",
+                                              "--quick",   "--out",    in("out")};
+  Started run(folder_, arguments);
+  ASSERT_TRUE(run.wait_for([&] { return !file_text(in("out/.palpate-parts/table7")).empty(); })) << run.err();
+  run.send(SIGINT);
+  ASSERT_EQ(run.end(), kInterrupted);
+  EXPECT_NE(run.err().find("complete and kept in " + in("out") + ": table7"), std::string::npos) << run.err();
+  const json seven = json::parse(file_text(in("out/table7/result.json")));
+  const ProcessOutcome next = palpate_command(arguments);
+  ASSERT_EQ(next.exit_code, 0) << next.err;
+  EXPECT_NE(next.err.find("going on from an interrupted run"), std::string::npos) << next.err;
+  EXPECT_EQ(json::parse(file_text(in("out/table7/result.json"))), seven) << "measured again";
+  EXPECT_NE(next.out.find("54,717"), std::string::npos) << "table 7 is printed: " << next.out;
+  EXPECT_NE(next.out.find("49,914"), std::string::npos) << "and table 8";
+  const std::string report = file_text(in("out/report.html"));
+  for (const char* table : {"table7", "table8", "table12"}) {
+    EXPECT_TRUE(std::filesystem::exists(in(std::string("out/") + table + "/result.json")));
+    EXPECT_NE(report.find(std::string("<section id=\"") + table), std::string::npos) << table;
+  }
+  EXPECT_FALSE(something_left_over());
+}
+
+TEST_F(Interrupt, BehavioursGoOn) {
+  const std::vector<std::string> arguments = {
+      "behaviours", "--renderers", "cloud,cloud-literal,brute-force", "--only", "thin-plate,hovering",
+      "--out",      in("out")};
+  Started run(folder_, arguments);
+  ASSERT_TRUE(run.wait_for([&] { return !file_text(in("out/.palpate-parts/cloud")).empty(); })) << run.err();
+  run.send(SIGINT);
+  const int status = run.end();
+  ASSERT_TRUE(status == kInterrupted) << status << run.err();
+  const ProcessOutcome next = palpate_command(arguments);
+  ASSERT_EQ(next.exit_code, 0) << next.err;
+  EXPECT_NE(next.err.find("going on from an interrupted run"), std::string::npos) << next.err;
+  const std::string first = file_text(in("out/behaviours.json"));
+  EXPECT_EQ(schema_violations(PALPATE_DOCS "/behaviours.schema.json", first), "");
+  ASSERT_EQ(palpate_command(arguments).exit_code, 0);
+  EXPECT_EQ(file_text(in("out/behaviours.json")), first) << "what went on is what a whole run gives";
+}
+
+TEST_F(Interrupt, AClosedPipeEndsItWithoutAWord) {
+  std::array<int, 2> pipe{};
+  ASSERT_EQ(::pipe(pipe.data()), 0);
+  ::close(pipe[0]);
+  std::signal(SIGPIPE, SIG_IGN);  // as some shells and languages hand it on
+  Started run(folder_, {"renderers"}, pipe[1]);
+  std::signal(SIGPIPE, SIG_DFL);
+  EXPECT_EQ(run.end(), 128 + SIGPIPE);
+  EXPECT_EQ(run.err(), "");
+  ::close(pipe[1]);
+}
+
+TEST_F(Interrupt, AFullDiskIsSaid) {
+  const int full = ::open("/dev/full", O_WRONLY);
+  ASSERT_GE(full, 0);
+  Started run(folder_, {"renderers"}, full);
+  EXPECT_EQ(run.end(), 1);
+  EXPECT_NE(run.err().find("No space left"), std::string::npos) << run.err();
+  EXPECT_EQ(run.err().find("fault of Palpate"), std::string::npos) << run.err();
+  ::close(full);
+}
+
+}  // namespace
+}  // namespace palpate::experiments

@@ -1,0 +1,166 @@
+// Files and folders that the user names to be written: never what is read, never somebody else's.
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "experiments/command/session.h"
+#include "experiments/study/output_folder.h"
+#include "tests/experiments/program.h"
+
+namespace palpate::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+const char* const kScene = "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1:seed=1";
+const char* const kPath = "tap:frames=800";
+
+class Output : public InFolder {
+ protected:
+  void SetUp() override {
+    std::string points = "x_mm,y_mm,z_mm,heat\n";
+    for (int i = 0; i < 400; ++i)
+      points += std::to_string(i % 20) + ".25," + std::to_string(i / 20) + "," + std::to_string(i % 7) +
+                "e-3," + std::to_string(i) + "\n";
+    write_text(in("scan.csv"), points);
+    write_text(in("precious.ply"), "years of work");
+  }
+  std::string refused(std::vector<std::string> arguments) const {
+    const ProcessOutcome run = palpate_command(std::move(arguments));
+    EXPECT_EQ(run.exit_code, 2) << run.err;
+    return run.err;
+  }
+  std::vector<std::string> clean(const std::string& model, const std::string& out,
+                                 const std::string& more = {}) const {
+    std::vector<std::string> arguments = {"clean", model, "--steps", "outliers", "--out", out};
+    if (!more.empty()) arguments.push_back(more);
+    return arguments;
+  }
+  bool has_cleaning() const { return all_renderers().find("mesh-godobject") != nullptr; }
+};
+
+TEST_F(Output, CleaningNeverReplacesWhatItReads) {
+  if (!has_cleaning()) GTEST_SKIP() << "built without cleaning";
+  const std::string scan = in("scan.csv"), before = file_text(scan);
+  fs::create_symlink(scan, in("link.csv"));
+  fs::create_hard_link(scan, in("hard.csv"));
+  write_text(in("scene.toml"), "[[model]]\ncloud = \"scan.csv\"\nunit = \"mm\"\n");
+  for (const std::string& out :
+       {scan, in("link.csv"), in("hard.csv"), in("../") + folder_.filename().string() + "/scan.csv"}) {
+    EXPECT_NE(refused(clean(scan, out)).find("is read by this command"), std::string::npos) << out;
+    EXPECT_NE(refused(clean(in("scene.toml"), out)).find("is read by this command"), std::string::npos)
+        << out;
+  }
+  EXPECT_EQ(file_text(scan), before);
+  ASSERT_EQ(palpate_command(clean(scan, scan, "--force")).exit_code, 0);
+  EXPECT_EQ(file_text(scan).substr(0, 20), "# written by palpate");
+  EXPECT_EQ(palpate_command({"info", scan}).exit_code, 0);
+  // What was cleaned is read now, whoever wrote it.
+  EXPECT_NE(refused(clean(scan, scan)).find("is read by this command"), std::string::npos);
+}
+
+TEST_F(Output, CleaningReplacesItsOwnFilesAndNoOthers) {
+  if (!has_cleaning()) GTEST_SKIP() << "built without cleaning";
+  EXPECT_NE(refused(clean(in("scan.csv"), in("precious.ply"))).find("Palpate did not write it"),
+            std::string::npos);
+  EXPECT_EQ(file_text(in("precious.ply")), "years of work");
+  fs::create_directories(in("folder.ply"));
+  EXPECT_NE(refused(clean(in("scan.csv"), in("folder.ply"), "--force")).find("not a plain file"),
+            std::string::npos);
+  fs::create_symlink("/dev/null", in("device.ply"));
+  EXPECT_NE(refused(clean(in("scan.csv"), in("device.ply"), "--force")).find("not a plain file"),
+            std::string::npos);
+  for (int i = 0; i < 2; ++i) EXPECT_EQ(palpate_command(clean(in("scan.csv"), in("new.ply"))).exit_code, 0);
+  EXPECT_EQ(palpate_command(clean(in("scan.csv"), in("precious.ply"), "--force")).exit_code, 0);
+  EXPECT_EQ(file_text(in("precious.ply")).substr(0, 3), "ply");
+}
+
+TEST_F(Output, TheFormatGoesByTheEnding) {
+  if (!has_cleaning()) GTEST_SKIP() << "built without cleaning";
+  ASSERT_EQ(palpate_command(clean(in("scan.csv"), in("new.ply"))).exit_code, 0);
+  const json expected = json::parse(palpate_command({"info", in("new.ply"), "--json"}).out);
+  for (const char* name : {"new.xyz", "new.txt", "new.asc", "new.CSV"}) {
+    ASSERT_EQ(palpate_command(clean(in("scan.csv"), in(name))).exit_code, 0) << name;
+    EXPECT_NE(file_text(in(name)).substr(0, 3), "ply") << name;
+    const json info = json::parse(palpate_command({"info", in(name), "--json"}).out);
+    for (const char* key : {"content_hash", "points", "unit", "unit_guessed", "box_mm"})
+      EXPECT_EQ(info[key], expected[key]) << name << " " << key;
+  }
+  for (const char* name : {"new.stl", "new.ply.gz", "new", "new.pcd"}) {
+    const std::string err = refused(clean(in("scan.csv"), in(name)));
+    EXPECT_NE(err.find(".ply, .xyz, .txt, .asc, .csv"), std::string::npos) << err;
+    EXPECT_FALSE(fs::exists(in(name)));
+  }
+}
+
+TEST_F(Output, AMeshIsNotSavedOntoTheScan) {
+  if (!has_cleaning()) GTEST_SKIP() << "built without mesh-godobject";
+  ASSERT_EQ(palpate_command(clean(in("scan.csv"), in("scan.ply"))).exit_code, 0);
+  const std::string before = file_text(in("scan.ply"));
+  const auto save = [&](const std::string& mesh, const std::string& more) {
+    std::vector<std::string> arguments = {"replay", in("scan.ply"), "--renderer", "mesh-godobject", "--path",
+                                          kPath,    "--out",        in("out"),    "--save-mesh",    mesh};
+    if (!more.empty()) arguments.push_back(more);
+    return arguments;
+  };
+  EXPECT_NE(refused(save(in("scan.ply"), "")).find("is read by this command"), std::string::npos);
+  EXPECT_NE(refused(save(in("precious.ply"), "")).find("Palpate did not write it"), std::string::npos);
+  EXPECT_NE(refused(save(in("mesh.obj"), "")).find(".ply"), std::string::npos);
+  EXPECT_NE(refused(save(in("nowhere/mesh.ply"), "")).find("nowhere"), std::string::npos);
+  EXPECT_EQ(file_text(in("scan.ply")), before);
+  EXPECT_FALSE(fs::exists(in("out"))) << "found before anything was made";
+}
+
+TEST_F(Output, AResultThatIsReadIsNotReplaced) {
+  const auto replay = [&](const std::string& path) {
+    return std::vector<std::string>{"replay", kScene, "--renderer", "cloud",
+                                    "--path", path,   "--out",      in("out")};
+  };
+  ASSERT_EQ(palpate_command(replay(kPath)).exit_code, 0);
+  // A path of one's own may stand there; a result may not be read.
+  write_text(in("out/mine.csv"), "t_s,x_mm,y_mm,z_mm\n0,0,0,5\n0.001,0,0,5\n");
+  EXPECT_EQ(palpate_command(replay(in("out/mine.csv"))).exit_code, 0);
+  const std::string before = file_text(in("out/trace.csv"));
+  EXPECT_NE(refused(replay(in("out/trace.csv"))).find("out/trace.csv"), std::string::npos);
+  EXPECT_EQ(file_text(in("out/trace.csv")), before);
+}
+
+TEST_F(Output, ARerunLeavesNoOldTracesOrFigures) {
+  const auto compare = [&](const std::string& renderers) {
+    const ProcessOutcome run = palpate_command(
+        {"compare", kScene, "--renderers", renderers, "--path", "weave:frames=600", "--out", in("out")});
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+  };
+  compare("cloud,cloud-literal");
+  EXPECT_TRUE(fs::exists(in("out/trace-cloud-literal.csv")));
+  write_text(in("out/notes.txt"), "mine");
+  write_text(in("out/figures/sketch.svg"), "mine");
+  compare("cloud,brute-force");
+  EXPECT_FALSE(fs::exists(in("out/trace-cloud-literal.csv")));
+  EXPECT_TRUE(fs::exists(in("out/trace-brute-force.csv")));
+  EXPECT_TRUE(fs::exists(in("out/figures/study-force.gp")));
+  compare("cloud");
+  EXPECT_FALSE(fs::exists(in("out/trace-cloud.csv")));
+  EXPECT_EQ(file_text(in("out/notes.txt")), "mine");
+  EXPECT_EQ(file_text(in("out/figures/sketch.svg")), "mine");
+}
+
+TEST_F(Output, ASecondRunIntoTheSameFolderIsRefused) {
+  const Result<OutputFolder> ours = OutputFolder::open(in("out"));
+  ASSERT_TRUE(ours.ok());
+  for (const std::vector<std::string>& arguments :
+       {std::vector<std::string>{"replay", kScene, "--renderer", "cloud", "--path", kPath},
+        {"compare", kScene, "--renderers", "cloud", "--path", kPath},
+        {"reproduce", "--tables", "7", "--quick"},
+        {"behaviours", "--only", "hovering", "--renderers", "cloud"}}) {
+    std::vector<std::string> all = arguments;
+    all.insert(all.end(), {"--out", in("out")});
+    const std::string err = refused(all);
+    EXPECT_NE(err.find(in("out")), std::string::npos) << err;
+    EXPECT_NE(err.find("process " + std::to_string(::getpid())), std::string::npos) << err;
+  }
+}
+
+}  // namespace
+}  // namespace palpate::experiments

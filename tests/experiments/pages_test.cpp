@@ -1,0 +1,233 @@
+// What pages and help texts print is true: every command is understood, and runs where it can run here.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <set>
+
+#include "experiments/command/command_line.h"
+#include "tests/experiments/program.h"
+#include "tests/experiments/shown_commands.h"
+#include "tests/house/source_tree.h"
+#include "toolkit/scene/scene.h"
+
+namespace palpate::experiments {
+namespace {
+
+constexpr const char* kOnThePath = "export PATH=\"$PWD/build/release/bin:$PATH\"";
+
+std::vector<std::string> pages() {
+  std::vector<std::string> all;
+  for (const std::string& file : house::project_files())
+    if (file == "README.md" || (file.starts_with("docs/") && file.ends_with(".md"))) all.push_back(file);
+  return all;
+}
+
+/// Every subcommand with its help, as a user sees it.
+struct Help {
+  std::string name, description, footer, text;
+  std::vector<std::pair<std::string, std::string>> options;  ///< the name and what is said of it
+};
+
+std::vector<Help> helps() {
+  CLI::App app;
+  Arguments arguments;
+  declare(app, arguments);
+  std::vector<Help> all;
+  for (const CLI::App* command : app.get_subcommands(nullptr)) {
+    all.push_back(
+        {command->get_name(), command->get_description(), command->get_footer(), command->help(), {}});
+    for (const CLI::Option* option : command->get_options())
+      all.back().options.emplace_back(option->get_name(), option->get_description());
+  }
+  return all;
+}
+
+/// A folder with what the pages' commands speak of.
+class Shown : public InFolder {
+ protected:
+  Shown() {
+    std::string points, grid = "ncols 31\nnrows 31\nxllcorner 0\nyllcorner 0\ncellsize 1\n";
+    for (int i = 0; i < 31; ++i) {
+      for (int j = 0; j < 31; ++j) {
+        const double x = i - 15, y = j - 15, z = 0.02 * (x * x - y * y);
+        points += fmt::format("{} {} {}\n", 1e-3 * x, 1e-3 * y, 1e-3 * z);
+        grid += fmt::format("{}{}", z, j < 30 ? " " : "\n");
+      }
+    }
+    std::string path = "t_s,x_mm,y_mm,z_mm\n";
+    for (int k = 0; k < 300; ++k) path += fmt::format("{},{},1,{}\n", 1e-3 * k, 0.01 * k, 4.0 - 0.02 * k);
+    std::string recorded, traj;
+    for (int k = 0; k < 300; ++k)
+      recorded += fmt::format("{} {} 0 {}\n", 1e-3 * k, 1e-5 * k, 4e-3 - 2e-5 * k);
+    for (int k = 0; k < 300; ++k) traj += fmt::format("{} 0 {}\n", 0.01 * k, 4.0 - 0.02 * k);
+    const std::string ply =
+        "ply\nformat ascii 1.0\nelement vertex 961\nproperty float x\nproperty float "
+        "y\nproperty float z\nend_header\n" +
+        points;
+    const std::string scene = "[[model]]\ngenerate = \"plane\"\npoints = 961\n";
+    for (const auto& [file, text] : {std::pair{"scan.ply", ply},
+                                     {"YOUR_SCAN.ply", ply},
+                                     {"terrain.asc", grid},
+                                     {"probe.csv", path},
+                                     {"recorded.txt", recorded},
+                                     {"probe.traj", traj},
+                                     {"my.toml", scene},
+                                     {"scan.toml", scene}})
+      write_text(folder_ / file, text);
+    copy_scenes();
+    std::filesystem::create_directories(folder_ / "build/release/bin");
+    std::filesystem::create_symlink(PALPATE_PROGRAM, folder_ / "build/release/bin/palpate");
+  }
+
+  /// The scenes of the tables, made small.
+  void copy_scenes() const {
+    std::filesystem::create_directories(folder_ / "experiments/scenes");
+    for (const std::string& file : house::project_files()) {
+      if (!file.starts_with("experiments/scenes/")) continue;
+      std::string text;
+      for (const std::string& line : house::lines_of(file))
+        text += (line.starts_with("points = ") ? "points = 961" : line) + "\n";
+      write_text(folder_ / file, text);
+    }
+  }
+
+  /// Runs it made small; what is wrong, or nothing.
+  std::string run(const ShownCommand& command) {
+    std::vector<std::string> words = made_small(command);
+    if (command.program() == "echo") {  // 'TEXT' > FILE
+      if (words.size() != 4 || words[2] != ">") return "echo TEXT > FILE is what the test knows";
+      write_text(folder_ / words[3], words[1] + "\n");
+      return {};
+    }
+    words.front() = PALPATE_PROGRAM;
+    constexpr double kLimitS = 120.0;
+    const Result<ProcessOutcome> done = run_process(words, kLimitS, {}, folder_.string());
+    if (!done) return done.error().message();
+    return done->exit_code == 0 ? "" : fmt::format("exit {}: {}", done->exit_code, done->err);
+  }
+  void check_and_run(const ShownCommand& command) {
+    const std::string problem = problem_of(command);
+    EXPECT_EQ(problem, "") << command.where << ": " << command.text();
+    if (!problem.empty() || !why_not_run(command).empty()) return;
+    ++ran_;
+    EXPECT_EQ(run(command), "") << command.where << ": " << command.text();
+  }
+
+  std::size_t ran_ = 0;
+};
+
+TEST_F(Shown, EveryCommandOfThePagesIsUnderstoodAndRuns) {
+  for (const std::string& page : pages())
+    for (const ShownCommand& command : commands_in_blocks(page, house::text_of(page))) check_and_run(command);
+  EXPECT_GT(ran_, 15u) << "are the pages there?";
+}
+
+TEST_F(Shown, EveryExampleOfTheHelpTextsIsUnderstoodAndRuns) {
+  for (const Help& help : helps()) {
+    const std::vector<ShownCommand> examples = commands_in_help(help.name, help.footer);
+    bool shows_itself = false;
+    for (const ShownCommand& example : examples) {
+      EXPECT_EQ(example.words[0], "palpate") << example.where;
+      ASSERT_GT(example.words.size(), 1u);
+      shows_itself = shows_itself || example.words[1] == help.name;
+      check_and_run(example);
+    }
+    EXPECT_TRUE(shows_itself) << help.name;
+  }
+}
+
+TEST(HelpTexts, EveryCommandAndOptionIsDocumented) {
+  std::set<std::string> names;
+  for (const Help& help : helps()) {
+    EXPECT_TRUE(names.insert(help.name).second);
+    EXPECT_GT(help.description.size(), 10u) << help.name;
+    for (const auto& [option, says] : help.options) {
+      EXPECT_GT(says.size(), 5u) << help.name << " " << option;
+      EXPECT_NE(help.text.find(option), std::string::npos) << help.name << " hides " << option;
+    }
+  }
+  EXPECT_GE(names.size(), 10u);
+}
+
+TEST(HelpTexts, EveryCommandIsOnSomePage) {
+  std::string all;
+  for (const std::string& page : pages()) all += house::text_of(page);
+  for (const Help& help : helps())
+    EXPECT_NE(all.find("palpate " + help.name), std::string::npos) << help.name << " is on no page";
+}
+
+TEST(Pages, CommandsInRunningTextExist) {
+  std::size_t seen = 0;
+  for (const std::string& page : pages())
+    for (const ShownCommand& command : commands_in_prose(page, house::text_of(page))) {
+      ++seen;
+      EXPECT_EQ(problem_in_prose(command), "") << command.where << ": " << command.text();
+    }
+  EXPECT_GT(seen, 20u);
+}
+
+TEST(Pages, SayHowPalpateIsFound) {
+  for (const std::string& page : pages()) {
+    bool said = false;
+    for (const ShownCommand& command : commands_in_blocks(page, house::text_of(page))) {
+      said = said || house::text_of(page).find(kOnThePath) != std::string::npos;
+      if (command.words[0] == "palpate") {
+        EXPECT_TRUE(said) << command.where << ": write build/release/bin/palpate, or begin the page with "
+                          << kOnThePath;
+      }
+    }
+  }
+}
+
+TEST(Pages, ScenesOnPagesAreScenes) {
+  std::size_t seen = 0;
+  for (const std::string& page : pages())
+    for (const Block& block : blocks_of(page, house::text_of(page), "toml")) {
+      ++seen;
+      const bool whole = block.text.find("[[model]]") != std::string::npos;
+      const auto scene =
+          scene::parse_scene((whole ? "" : "[[model]]\ngenerate = \"plane\"\n") + block.text, "page.toml");
+      EXPECT_TRUE(scene) << block.where << ": " << (scene ? "" : scene.error().message());
+    }
+  EXPECT_GE(seen, 3u);
+}
+
+TEST(Pages, WrongCommandsAreFound) {
+  const auto problem = [](const std::string& line) {
+    const auto all = commands_in_blocks("page.md", "```\n" + line + "\n```\n");
+    return all.size() == 1 ? problem_of(all[0]) : fmt::format("{} commands", all.size());
+  };
+  EXPECT_EQ(problem("palpate info plane:points=961  # a comment"), "");
+  EXPECT_NE(problem("palpate inform plane"), "");
+  EXPECT_NE(problem("palpate info plane --jsn"), "");
+  EXPECT_NE(problem("palpate info"), "");
+  EXPECT_NE(problem("palpate info plain:points=961"), "");
+  EXPECT_NE(problem("palpate replay plane --path weav --out o"), "");
+  EXPECT_NE(problem("palpate replay plane --path weave:depth=2 --out o"), "");
+  EXPECT_NE(problem("palpate compare plane --renderers cloud:shade=none --path tap --out o"), "");
+  EXPECT_NE(problem("palpate clean scan.ply --steps outlier --out o.ply"), "");
+  EXPECT_NE(problem("palpate reproduce --tables 99 --out o"), "");
+  EXPECT_NE(problem("palpate fetch stanford-cow"), "");
+  EXPECT_NE(problem("experiments/reproduce --tabels 3"), "");
+  EXPECT_NE(problem("experiments/rerun"), "");
+  EXPECT_NE(problem("tests/run --stair asan"), "");
+  EXPECT_NE(problem("cmake --preset fast"), "");
+  EXPECT_NE(problem("cmake --preset dev -DPALPATE_WITH_CGAL=OFF"), "");
+  EXPECT_NE(problem("cmake --build --preset dev --target test_nothing_at_all"), "");
+  EXPECT_NE(problem("renderer -> device"), "");
+  const auto two = commands_in_blocks("p.md", "text\n```\npalpate fetch \\\n  a && echo 'x\ny' > f\n```\n");
+  ASSERT_EQ(two.size(), 2u);
+  EXPECT_EQ(two[0].text(), "palpate fetch a");
+  EXPECT_EQ(two[1].words, (std::vector<std::string>{"echo", "x\ny", ">", "f"}));
+  const auto prose = [](const std::string& text) {
+    const auto all = commands_in_prose("page.md", text);
+    return all.empty() ? "none" : problem_in_prose(all[0]);
+  };
+  EXPECT_EQ(prose("see `palpate plan SCENE` and"), "");
+  EXPECT_NE(prose("see `palpate plant SCENE`"), "");
+  EXPECT_NE(prose("see `palpate plan --renderrer`"), "");
+}
+
+}  // namespace
+}  // namespace palpate::experiments

@@ -1,0 +1,308 @@
+#include "tests/experiments/shown_commands.h"
+
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+#include <regex>
+#include <set>
+
+#include "experiments/command/command_line.h"
+#include "experiments/command/session.h"
+#include "experiments/data/locate.h"
+#include "experiments/run/arguments.h"
+#include "experiments/run/cleaning.h"
+#include "experiments/tables/manifest.h"
+#include "tests/house/source_tree.h"
+#include "toolkit/core/words.h"
+#include "toolkit/trace/paths.h"
+
+namespace palpate::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string place(const std::string& file, std::size_t line) {
+  return file + ":" + std::to_string(line);
+}
+
+/// Splits text as a shell does. `line` counts from the text's first.
+std::vector<ShownCommand> split(const std::string& file, std::string_view text, std::size_t line) {
+  std::vector<ShownCommand> all;
+  ShownCommand now{place(file, line), {}};
+  std::string word;
+  bool in_word = false;
+  const auto end_word = [&] {
+    if (in_word) now.words.push_back(word);
+    word.clear();
+    in_word = false;
+  };
+  const auto end_command = [&] {
+    end_word();
+    if (!now.words.empty()) all.push_back(now);
+    now = {place(file, line), {}};
+  };
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (c == '\'' || c == '"') {
+      in_word = true;
+      for (++i; i < text.size() && text[i] != c; ++i) {
+        word += text[i];
+        line += text[i] == '\n';
+      }
+    } else if (c == '\\' && i + 1 < text.size() && text[i + 1] == '\n') {
+      ++i, ++line;
+    } else if (c == '#' && !in_word) {
+      while (i + 1 < text.size() && text[i + 1] != '\n') ++i;
+    } else if (c == '\n') {
+      ++line;
+      end_command();
+    } else if (c == '&' && i + 1 < text.size() && text[i + 1] == '&') {
+      ++i;
+      end_command();
+    } else if (c == ' ' || c == '\t') {
+      end_word();
+    } else {
+      word += c;
+      in_word = true;
+    }
+  }
+  end_command();
+  return all;
+}
+
+bool is_name(const std::string& word) {  // a blank to be filled in, as in --out DIR
+  return std::all_of(word.begin(), word.end(), [](unsigned char c) { return std::isupper(c) || c == '_'; });
+}
+
+/// What stands behind dashes, without a value.
+std::string option_of(const std::string& word) {
+  return word.starts_with("-") ? word.substr(0, word.find('=')) : std::string();
+}
+
+/// Of a script of ours: every option that is given is in its own text.
+std::string script_problem(const ShownCommand& command) {
+  const std::string text = house::text_of(command.words.front());
+  if (text.empty()) return "there is no such script";
+  const bool passes_on = text.find("are passed on") != std::string::npos;
+  for (std::size_t i = 1; i < command.words.size(); ++i) {
+    const std::string option = option_of(command.words[i]);
+    if (option.empty() || text.find(option) != std::string::npos) continue;
+    if (!passes_on) return "the script knows no " + option;
+    ShownCommand reproduce{command.where, {"palpate", "reproduce", "--out", "out"}};
+    reproduce.words.insert(reproduce.words.end(), command.words.begin() + 1, command.words.end());
+    return problem_of(reproduce);
+  }
+  return {};
+}
+
+/// Of CMake: presets, settings and targets that the project has.
+std::string cmake_problem(const ShownCommand& command) {
+  std::string text;
+  for (const std::string& file : house::project_files())
+    if (file.ends_with("CMakeLists.txt") || file.ends_with(".cmake") || file == "CMakePresets.json")
+      text += house::text_of(file);
+  const auto& words = command.words;
+  for (std::size_t i = 1; i < words.size(); ++i) {
+    const auto knows = [&](const std::string& what) { return text.find(what) != std::string::npos; };
+    if (words[i].starts_with("-DPALPATE_")) {
+      if (!knows("option(" + words[i].substr(2, words[i].find('=') - 2) + " "))
+        return "no setting " + words[i];
+    } else if (words[i] == "--preset" && i + 1 < words.size()) {
+      if (!knows("\"name\": \"" + words[i + 1] + "\"")) return "no preset " + words[i + 1];
+    } else if (words[i] == "--target" && i + 1 < words.size()) {
+      std::string name = words[i + 1];
+      if (name.starts_with("test_")) name = name.substr(std::string("test_").size());
+      if (!knows("(" + name) && !knows(" " + name)) return "no target " + words[i + 1];
+    }
+  }
+  return {};
+}
+
+std::string path_problem(const std::string& path, const std::string& columns) {
+  const Result<NamedOptions> named = parse_named_options(path);
+  if (!named) return named.error().message();
+  const trace::PathGenerator* generator = trace::find_path_generator(named->name);
+  if (generator == nullptr) {
+    const std::string ending = fs::path(named->name).extension();
+    if (ending.empty()) return "no path is called " + named->name;
+    if (ending != ".csv" && ending != ".traj" && columns.empty()) return "what are the columns of " + path;
+    return {};
+  }
+  const Result<Options> good = validate(named->options, generator->options, named->name);
+  return good ? "" : good.error().message();
+}
+
+/// Names and options in what a study is made of; files need not be there.
+std::string run_problem(const RunArguments& a, const render::Registry& registry) {
+  if (!a.renderers.empty())
+    if (const auto renderers = parse_renderers(a.renderers, registry); !renderers)
+      return renderers.error().message();
+  return a.path.empty() ? "" : path_problem(a.path, a.traj_columns);
+}
+
+std::string model_problem(const std::string& model) {
+  if (fs::path(model).has_extension() && model.find(':') == std::string::npos) return {};
+  if (find_scan(model) != nullptr) return {};
+  const auto scene = scene::open_scene(model);
+  return scene ? "" : scene.error().message();
+}
+
+std::string palpate_problem(const ShownCommand& command) {
+  CLI::App app;
+  Arguments a;
+  declare(app, a);
+  std::vector<const char*> argv = {"palpate"};
+  for (std::size_t i = 1; i < command.words.size(); ++i) argv.push_back(command.words[i].c_str());
+  bool answered = false;
+  if (const Status good = parse(app, static_cast<int>(argv.size()), argv.data(), answered); !good)
+    return good.error().message();
+  if (answered) return {};
+  const render::Registry registry = all_renderers();
+  const std::string name = app.get_subcommands().front()->get_name();
+  if (name == "fetch")
+    return a.fetch.name.empty() || find_scan(a.fetch.name) != nullptr ? "" : "no scan " + a.fetch.name;
+  if (name == "reproduce") {
+    const auto tables = manifests_for(a.reproduce.tables);
+    return tables ? "" : tables.error().message();
+  }
+  if (name == "clean" && !a.clean.steps.empty())
+    if (const auto steps = all_cleaning().parse(a.clean.steps); !steps) return steps.error().message();
+  if (name == "behaviours" && !a.behaviours.renderers.empty())
+    if (const auto renderers = parse_renderers(a.behaviours.renderers, registry); !renderers)
+      return renderers.error().message();
+  for (const RunArguments* run : {&a.replay, &a.compare})
+    if (const std::string problem = run_problem(*run, registry); !problem.empty()) return problem;
+  for (const std::string& model :
+       {a.info.model, a.plan.scene, a.clean.model, a.replay.scene, a.compare.scene})
+    if (!model.empty())
+      if (const std::string problem = model_problem(model); !problem.empty()) return problem;
+  return {};
+}
+
+}  // namespace
+
+std::string ShownCommand::text() const {
+  std::string all;
+  for (const std::string& word : words) all += (all.empty() ? "" : " ") + word;
+  return all;
+}
+
+std::string ShownCommand::program() const {
+  return fs::path(words.front()).filename();
+}
+
+std::vector<Block> blocks_of(const std::string& file, std::string_view page, std::string_view language) {
+  std::vector<Block> blocks;
+  const std::string fence = "```";
+  bool inside = false, ours = false;
+  std::size_t line = 0;
+  while (!page.empty()) {
+    const std::size_t end = std::min(page.find('\n'), page.size() - 1);
+    const std::string_view text = page.substr(0, end + 1);
+    page.remove_prefix(end + 1);
+    ++line;
+    if (text.starts_with(fence)) {
+      inside = !inside;
+      ours = inside && text.substr(fence.size(), text.find_last_not_of("\n ") + 1 - fence.size()) == language;
+      if (ours) blocks.push_back({place(file, line + 1), {}});
+    } else if (ours) {
+      blocks.back().text += text;
+    }
+  }
+  return blocks;
+}
+
+std::vector<ShownCommand> commands_in_blocks(const std::string& file, std::string_view page) {
+  std::vector<ShownCommand> all;
+  for (const Block& block : blocks_of(file, page, "")) {
+    const std::size_t line = std::stoul(block.where.substr(block.where.rfind(':') + 1));
+    for (ShownCommand& command : split(file, block.text, line)) all.push_back(std::move(command));
+  }
+  return all;
+}
+
+std::vector<ShownCommand> commands_in_prose(const std::string& file, std::string_view page) {
+  static const std::regex kSpan(
+      "`((palpate|build/release/bin/palpate|experiments/reproduce|tests/run) [^`]+)`");
+  std::vector<ShownCommand> all;
+  std::size_t line = 1;
+  bool inside = false;
+  for (std::size_t at = 0; at < page.size(); ++line) {
+    const std::size_t end = std::min(page.find('\n', at), page.size());
+    const std::string text(page.substr(at, end - at));
+    at = end + 1;
+    if (text.starts_with("```")) inside = !inside;
+    if (inside) continue;
+    for (std::sregex_iterator it(text.begin(), text.end(), kSpan), last; it != last; ++it)
+      for (ShownCommand& command : split(file, (*it)[1].str(), line)) all.push_back(std::move(command));
+  }
+  return all;
+}
+
+std::vector<ShownCommand> commands_in_help(const std::string& command, std::string_view footer) {
+  const std::size_t at = footer.find("Example");
+  if (at == std::string_view::npos) return {};
+  return split(command + " --help", footer.substr(footer.find('\n', at)), 1);
+}
+
+std::string problem_of(const ShownCommand& command) {
+  const std::string program = command.program();
+  if (program == "palpate") return palpate_problem(command);
+  if (command.words.front() == "experiments/reproduce" || command.words.front() == "tests/run")
+    return script_problem(command);
+  if (program == "cmake") return cmake_problem(command);
+  if (program.starts_with("bench_")) return cmake_problem({command.where, {"cmake", "--target", program}});
+  static const std::set<std::string> kOfTheShell = {"echo", "export", "git", "cd", "ctest"};
+  return kOfTheShell.contains(program) ? ""
+                                       : "what program is this? Other text stands in a block with a language";
+}
+
+std::string problem_in_prose(const ShownCommand& command) {
+  if (command.program() != "palpate") return script_problem(command);
+  CLI::App app;
+  Arguments a;
+  declare(app, a);
+  const std::vector<std::string>& words = command.words;
+  CLI::App* named = nullptr;
+  if (words.size() > 1 && !words[1].starts_with("-") && !is_name(words[1])) {
+    // "report|score"
+    for (const CLI::App* one : app.get_subcommands(nullptr))
+      if (one->get_name() == words[1]) named = app.get_subcommand(words[1]);
+    if (named == nullptr) return "there is no command " + words[1];
+  }
+  for (const std::string& word : words)
+    if (const std::string option = option_of(word); !option.empty() && option != "--help")
+      if ((named != nullptr ? named : &app)->get_option_no_throw(option) == nullptr)
+        return "there is no option " + option;
+  return {};
+}
+
+std::string why_not_run(const ShownCommand& command) {
+  if (command.program() == "echo") return {};
+  if (command.program() != "palpate") return "builds, or is of the shell";
+  for (const char* slow : {"reproduce", "behaviours"})
+    if (command.words.size() > 1 && command.words[1] == slow)
+      return "takes minutes, and has tests of its own";
+  for (const std::string& word : command.words)
+    if (word.starts_with("out/reproduce/")) return "reads what a run of minutes has written";
+  for (const std::string& word : command.words)
+    if (find_scan(word) != nullptr) return "needs a scan, or the network to fetch it";
+  return {};
+}
+
+std::vector<std::string> made_small(const ShownCommand& command) {
+  static const std::regex kPoints("points=[0-9]+"), kFrames("frames=[0-9]+");
+  std::vector<std::string> words = command.words;
+  for (std::size_t i = 1; i < words.size(); ++i) {
+    words[i] = std::regex_replace(words[i], kPoints, "points=961");
+    words[i] = std::regex_replace(words[i], kFrames, "frames=300");
+    const trace::PathGenerator* path = trace::find_path_generator(words[i].substr(0, words[i].find(':')));
+    // What `paths` is given is a name to look up.
+    if (path != nullptr && words[1] != "paths" && words[i].find("frames=") == std::string::npos)
+      words[i] += ":frames=300";
+    if (words[i - 1] == "--paced") words[i] = "20";
+  }
+  return words;
+}
+
+}  // namespace palpate::experiments

@@ -1,0 +1,44 @@
+// Commands as pages and help texts show them: found, checked without being run, and made small to be run.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace palpate::experiments {
+
+struct ShownCommand {
+  std::string where;  ///< "docs/start.md:12"
+  std::vector<std::string> words;
+
+  [[nodiscard]] std::string text() const;
+  /// The program without its folder: "palpate", "cmake", ..
+  [[nodiscard]] std::string program() const;
+};
+
+/// Those of the fenced blocks that name no language, as a shell would split them: quotes, comments, lines
+/// that go on after a backslash, &&.
+[[nodiscard]] std::vector<ShownCommand> commands_in_blocks(const std::string& file, std::string_view page);
+/// `palpate ..`, `experiments/reproduce ..` and `tests/run ..` in running text; they may be cut short.
+[[nodiscard]] std::vector<ShownCommand> commands_in_prose(const std::string& file, std::string_view page);
+/// Those of "Example:" and "Examples:" at the end of a help text.
+[[nodiscard]] std::vector<ShownCommand> commands_in_help(const std::string& command, std::string_view footer);
+/// The blocks of a language, "toml", with the line of each.
+struct Block {
+  std::string where, text;
+};
+[[nodiscard]] std::vector<Block> blocks_of(const std::string& file, std::string_view page,
+                                           std::string_view language);
+
+/// What is wrong with a whole command, by what the programs understand; empty: nothing. Files need not be
+/// there.
+[[nodiscard]] std::string problem_of(const ShownCommand& command);
+/// The same for one in running text, of which only the command and the names of options are looked at.
+[[nodiscard]] std::string problem_in_prose(const ShownCommand& command);
+
+/// Why a command is not run; empty where it is.
+[[nodiscard]] std::string why_not_run(const ShownCommand& command);
+/// The same command with few points and frames.
+[[nodiscard]] std::vector<std::string> made_small(const ShownCommand& command);
+
+}  // namespace palpate::experiments

@@ -1,0 +1,228 @@
+// The folder of a study suffices: report and scores come from its files alone.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "tests/experiments/program.h"
+#include "tests/json_schema.h"
+
+namespace palpate::experiments {
+namespace {
+
+using nlohmann::json;
+namespace fs = std::filesystem;
+
+const char* const kScene = "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1:seed=1";
+const char* const kPath = "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1";
+
+std::string schema(const std::string& name) {
+  return std::string(PALPATE_DOCS) + "/" + name + ".schema.json";
+}
+
+class StudyFolder : public InFolder {
+ protected:
+  void compare(const std::string& renderers, const std::vector<std::string>& more = {},
+               const std::string& scene = kScene, const std::string& path = kPath) const {
+    std::vector<std::string> words = {"compare", scene, "--renderers", renderers,
+                                      "--path",  path,  "--out",       in("out")};
+    words.insert(words.end(), more.begin(), more.end());
+    const ProcessOutcome run = palpate_command(words);
+    ASSERT_EQ(run.exit_code, 0) << run.err;
+  }
+  [[nodiscard]] json result(const std::string& folder = "out") const {
+    return json::parse(file_text(in(folder + "/result.json")));
+  }
+  /// With one thing changed in result.json.
+  void change(const std::function<void(json&)>& how) const {
+    json document = result();
+    how(document);
+    write_text(in("out/result.json"), document.dump(2) + "\n");
+  }
+  /// Both commands refuse the folder with these words, and change nothing.
+  void expect_refused(const std::string& folder, const std::vector<std::string>& words) const {
+    for (const char* command : {"report", "score"}) {
+      const ProcessOutcome run = palpate_command({command, in(folder)});
+      EXPECT_EQ(run.exit_code, 2) << command << " " << folder << run.out;
+      for (const std::string& word : words)
+        EXPECT_NE(run.err.find(word), std::string::npos) << command << ": " << run.err << "lacks " << word;
+    }
+  }
+};
+
+TEST_F(StudyFolder, TheReportIsDrawnAgainFromItByteByByte) {
+  compare("cloud,cloud-literal,analytic,brute-force");
+  const std::string first = file_text(in("out/report.html"));
+  ASSERT_GT(first.size(), 10000u);
+  fs::remove(in("out/report.html"));
+  fs::remove_all(in("out/figures"));
+  const ProcessOutcome run = palpate_command({"report", in("out")});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_NE(run.out.find("report.html"), std::string::npos) << run.out;
+  EXPECT_TRUE(file_text(in("out/report.html")) == first) << "another page";
+  // The folder alone: moved away, hidden files too, it is the same study.
+  fs::copy(in("out"), in("elsewhere"), fs::copy_options::recursive);
+  fs::remove(in("elsewhere/report.html"));
+  ASSERT_EQ(palpate_command({"report", in("elsewhere")}).exit_code, 0);
+  EXPECT_TRUE(file_text(in("elsewhere/report.html")) == first) << "another page elsewhere";
+  EXPECT_EQ(file_text(in("elsewhere/result.json")), file_text(in("out/result.json")));
+}
+
+TEST_F(StudyFolder, ScoringAgainGivesTheSameNumbers) {
+  compare("cloud,cloud-literal,analytic");
+  const std::string first = file_text(in("out/result.json"));
+  std::map<std::string, std::string> scores;
+  for (const char* label : {"cloud", "cloud-literal", "analytic"})
+    scores[label] = file_text(in(std::string("out/scores-") + label + ".csv"));
+  // What was measured stays; what is scored comes again, whatever stood there.
+  change([](json& document) {
+    for (json& r : document["renderers"]) {
+      ASSERT_FALSE(r["accuracy"]["pop_throughs"].is_null());
+      ASSERT_FALSE(r["accuracy"]["god_object_surface_rms_mm"].is_null());
+      r["accuracy"] = nullptr;
+      r["energy"] = nullptr;
+    }
+  });
+  const ProcessOutcome run = palpate_command({"score", in("out"), "--json"});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_EQ(file_text(in("out/result.json")), first);
+  EXPECT_EQ(json::parse(run.out), json::parse(first));
+  for (const auto& [label, text] : scores)
+    EXPECT_TRUE(file_text(in("out/scores-" + label + ".csv")) == text) << label;
+  // Another stiffness of the truth's basis gives other scores: they do come from there.
+  change([](json& document) { document["scoring"]["device_resolution_mm"] = 0.2; });
+  ASSERT_EQ(palpate_command({"score", in("out")}).exit_code, 0);
+  EXPECT_NE(result()["renderers"][1]["accuracy"]["floor_n"],
+            json::parse(first)["renderers"][1]["accuracy"]["floor_n"]);
+}
+
+TEST_F(StudyFolder, AReplayIsAStudyToo) {
+  ASSERT_EQ(palpate_command({"replay", kScene, "--renderer", "cloud", "--path", kPath, "--reference", "none",
+                             "--out", in("out")})
+                .exit_code,
+            0);
+  EXPECT_EQ(schema_violations(schema("result"), file_text(in("out/result.json"))), "");
+  EXPECT_TRUE(result()["truth"].is_null());
+  ASSERT_EQ(palpate_command({"report", in("out")}).exit_code, 0);
+  EXPECT_NE(file_text(in("out/report.html")).find("there is no ground truth here"), std::string::npos);
+  ASSERT_EQ(palpate_command({"score", in("out")}).exit_code, 0);
+  EXPECT_TRUE(result()["renderers"][0]["accuracy"].is_null());
+}
+
+TEST_F(StudyFolder, ATableOfTheThesisIsAStudy) {
+  const ProcessOutcome run = palpate_command({"reproduce", "--tables", "8", "--quick", "--out", in("out")});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const std::string page = file_text(in("out/report.html")), text = file_text(in("out/table8/result.json"));
+  EXPECT_EQ(schema_violations(schema("result"), text), "");
+  ASSERT_EQ(palpate_command({"report", in("out/table8")}).exit_code, 0);
+  EXPECT_GT(file_text(in("out/table8/report.html")).size(), 10000u);
+  ASSERT_EQ(palpate_command({"score", in("out/table8")}).exit_code, 0);
+  EXPECT_EQ(file_text(in("out/table8/result.json")), text);
+  EXPECT_TRUE(file_text(in("out/report.html")) == page) << "the whole report stays";
+  expect_refused("out", {"is no study", in("out/table8")});
+}
+
+TEST_F(StudyFolder, WhatIsNoStudyIsRefused) {
+  expect_refused("nothing", {in("nothing"), "there is no such folder", "--out"});
+  write_text(folder_ / "file", "text");
+  expect_refused("file", {in("file"), "is a file", "--out"});
+  fs::create_directories(folder_ / "empty");
+  expect_refused("empty", {in("empty"), "no result.json", "--out"});
+  compare("cloud,analytic");
+  const std::string good = file_text(in("out/result.json"));
+  const auto refused = [&](const std::function<void(json&)>& how, const std::vector<std::string>& words) {
+    write_text(in("out/result.json"), good);
+    change(how);
+    expect_refused("out", words);
+  };
+  refused([](json& j) { j["complete"] = false; },
+          {"result.json", "half written", "the same command go on", "palpate compare"});
+  refused([](json& j) { j["schema"] = "palpate-result/99"; }, {"result.json", "palpate-result/99"});
+  refused([](json& j) { j["renderers"][0]["files"]["trace"] = "../trace.csv"; },
+          {"result.json", "outside of the study"});
+  refused([](json& j) { j["renderers"][0]["role"] = "friend"; }, {"result.json", "role", "ours"});
+  refused([](json& j) { j["scoring"] = nullptr; }, {"result.json", "no study"});
+  refused([](json& j) { j["renderers"][0]["trace_hash"] = "0000000000000000"; },
+          {"trace-cloud.csv", "is not the trace of cloud", "run it again"});
+  write_text(in("out/result.json"), "{ \"schema\": ");
+  expect_refused("out", {"result.json", "not a JSON"});
+  write_text(in("out/result.json"), good);
+  for (const char* file : {"trace-cloud.csv", "scores-cloud.csv", "reference.csv", "model-1.csv"}) {
+    const std::string whole = file_text(in(std::string("out/") + file));
+    fs::remove(in(std::string("out/") + file));
+    expect_refused("out",
+                   {in(std::string("out/") + file), "is missing", "copy the whole folder", "run it again"});
+    // Half of it: the last line is no row.
+    write_text(in(std::string("out/") + file), whole.substr(0, whole.size() / 2));
+    if (std::string(file) != "model-1.csv") expect_refused("out", {file});
+    write_text(in(std::string("out/") + file), whole);
+  }
+  EXPECT_EQ(palpate_command({"report", in("out")}).exit_code, 0);
+  fs::remove(in("out/.palpate-output"));
+  expect_refused("out", {in("out"), ".palpate-output", "hidden files too"});
+}
+
+TEST_F(StudyFolder, ForcesThatCannotBeComparedAreNotScored) {
+  write_text(folder_ / "rough.toml",
+             "[[model]]\ngenerate = \"plane\"\npoints = 2601\nextent_mm = 20\n[model.surface]\nfriction = "
+             "0.5\n");
+  compare("cloud,cloud-literal", {}, in("rough.toml"),
+          "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1");
+  EXPECT_EQ(schema_violations(schema("result"), file_text(in("out/result.json"))), "");
+  const json document = result();
+  EXPECT_FALSE(document["scoring"]["forces_comparable"]);
+  for (const json& r : document["renderers"]) {
+    for (const char* key : {"force_rms_n", "force_max_n", "within_7_percent", "direction_p99_deg",
+                            "excess_jump_max_n", "excess_jumps", "excess_jumps_per_m", "god_object_rms_mm",
+                            "god_object_surface_rms_mm", "god_object_surface_max_mm", "path_dependence_n"})
+      EXPECT_TRUE(r["accuracy"][key].is_null()) << r["label"] << " " << key << " " << r["accuracy"][key];
+    EXPECT_FALSE(r["accuracy"]["missed_contact_frames"].is_null());
+    EXPECT_FALSE(r["accuracy"]["pop_throughs"].is_null());
+    EXPECT_EQ(file_text(in("out/" + r["files"]["scores"].get<std::string>())).find("force_error"),
+              std::string::npos);
+  }
+  const std::string page = file_text(in("out/report.html"));
+  EXPECT_EQ(page.find("Force error"), std::string::npos);
+  EXPECT_EQ(page.find("is the ground truth"), std::string::npos);
+  EXPECT_NE(page.find("is no truth of the force"), std::string::npos);
+  EXPECT_FALSE(fs::exists(in("out/figures/study-error.svg")));
+  // Scored again it stays so.
+  const std::string first = file_text(in("out/result.json"));
+  ASSERT_EQ(palpate_command({"score", in("out")}).exit_code, 0);
+  EXPECT_EQ(file_text(in("out/result.json")), first);
+}
+
+TEST_F(StudyFolder, SaysWhatEachRendererIsAndLeavesOut) {
+  write_text(folder_ / "rough.toml",
+             "[[model]]\ngenerate = \"plane\"\npoints = 2601\nextent_mm = "
+             "20\n[model.surface.dent]\nradius_mm = 2\nrate_mm_s = 10\nyield_mm "
+             "= 0.2\n");
+  compare("cloud,cloud-literal", {"--allow-missing"}, in("rough.toml"));
+  const json document = result();
+  EXPECT_EQ(document["renderers"][0]["role"], "ours");
+  EXPECT_EQ(document["renderers"][0]["works_on"], "points");
+  EXPECT_EQ(document["renderers"][0]["missing"], json::array());
+  EXPECT_EQ(document["renderers"][1]["role"], "literal");
+  EXPECT_EQ(document["renderers"][1]["missing"], json::array({"dents"}));
+  ASSERT_EQ(document["models"].size(), 1u);
+  EXPECT_EQ(document["models"][0]["points"], 2601);
+  EXPECT_EQ(document["models"][0]["hash"].get<std::string>().size(), 16u);
+}
+
+TEST_F(StudyFolder, WhatThePageWarnsOfStandsInTheDocument) {
+  // Far above the model: nobody ever touches.
+  write_text(folder_ / "far.csv", "t_s,x_mm,y_mm,z_mm\n0,0,0,50\n0.001,0,0,51\n0.002,0,0,52\n");
+  compare("cloud,analytic", {}, kScene, in("far.csv"));
+  const std::string page = file_text(in("out/report.html"));
+  const json document = result();
+  ASSERT_FALSE(document["warnings"].empty());
+  EXPECT_NE(page.find("<strong>Warning:</strong>"), std::string::npos);
+  const auto& warnings = document["warnings"];
+  EXPECT_TRUE(std::any_of(warnings.begin(), warnings.end(), [](const json& text) {
+    return text.get<std::string>().find("never touch") != std::string::npos;
+  })) << warnings.dump(1);
+}
+
+}  // namespace
+}  // namespace palpate::experiments

@@ -1,0 +1,418 @@
+// What a new user does first: paths by name, surfaces from the command line, models, paths and references
+// that do not fit each other.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "experiments/report/tables.h"
+#include "experiments/run/arguments.h"
+#include "tests/experiments/program.h"
+#include "toolkit/cloud/generate.h"
+#include "toolkit/core/random.h"
+#include "toolkit/trace/paths.h"
+#include "toolkit/trace/trace_io.h"
+
+namespace palpate::experiments {
+namespace {
+
+using nlohmann::json;
+
+const char* const kPlane = "plane:points=961:extent_mm=30";
+
+class Usage : public InFolder {
+ protected:
+  /// A file of points "x y z".
+  std::string points(const std::string& name, const std::vector<Vec3>& at) {
+    std::string text;
+    for (const Vec3& p : at) text += fmt::format("{} {} {}\n", p.x(), p.y(), p.z());
+    write_text(folder_ / name, text);
+    return in(name);
+  }
+  std::string path_at(const std::string& name, const std::vector<Vec3>& at) {
+    trace::ProbePath path;
+    for (std::size_t k = 0; k < at.size(); ++k) path.t_s.push_back(1e-3 * static_cast<double>(k));
+    path.hip_mm = at;
+    EXPECT_TRUE(trace::write_path_csv(path, in(name)));
+    return in(name);
+  }
+  /// The warnings of a run, after it was checked that terminal, document and report have the same.
+  std::vector<std::string> warnings(std::vector<std::string> arguments) {
+    arguments.insert(arguments.end(), {"--out", in("out")});
+    const ProcessOutcome run = palpate_command(arguments);
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+    const json document = json::parse(file_text(in("out/result.json")));
+    std::vector<std::string> all = document["warnings"];
+    const std::string report = arguments.front() == "compare" ? file_text(in("out/report.html")) : "";
+    for (const std::string& warning : all) {
+      EXPECT_NE(run.err.find("palpate: warning: " + warning), std::string::npos) << run.err;
+      if (!report.empty()) {
+        EXPECT_NE(report.find(html_escaped(warning)), std::string::npos) << warning;
+      }
+    }
+    return all;
+  }
+};
+
+bool any_says(const std::vector<std::string>& sentences, const std::string& what) {
+  return std::any_of(sentences.begin(), sentences.end(),
+                     [&](const std::string& s) { return s.find(what) != std::string::npos; });
+}
+
+// ---- paths
+
+TEST_F(Usage, PathsAreThoseOfTheToolkitWithEveryOption) {
+  const ProcessOutcome text = palpate_command({"paths"}), run = palpate_command({"paths", "--json"});
+  ASSERT_EQ(text.exit_code, 0) << text.err;
+  const json list = json::parse(run.out);
+  const auto& generators = trace::path_generators();
+  ASSERT_EQ(list.size(), generators.size() + 2);
+  const auto check = [&](const json& entry, const std::vector<OptionSpec>& options) {
+    ASSERT_EQ(entry["options"].size(), options.size()) << entry["name"];
+    for (std::size_t i = 0; i < options.size(); ++i) {
+      EXPECT_EQ(entry["options"][i]["key"], options[i].key);
+      EXPECT_EQ(entry["options"][i]["default"], options[i].default_value);
+      EXPECT_NE(text.out.find(options[i].key + "=" + options[i].default_value + "  " + options[i].help),
+                std::string::npos)
+          << options[i].key;
+    }
+    EXPECT_FALSE(entry["models"].get<std::string>().empty());
+  };
+  for (std::size_t i = 0; i < generators.size(); ++i) {
+    EXPECT_EQ(list[i]["name"], generators[i].name);
+    check(list[i], generators[i].options);
+  }
+  check(list.back(), recording_columns());
+}
+
+TEST_F(Usage, OneOfAListIsShownAlone) {
+  for (const auto& [list, name, near] : {std::tuple{"paths", "tap", "tab"},
+                                         {"paths", "FILE.traj", "FILE.tray"},
+                                         {"renderers", "cloud", "cluod"}}) {
+    const ProcessOutcome one = palpate_command({list, name, "--json"});
+    ASSERT_EQ(one.exit_code, 0) << one.err;
+    const json shown = json::parse(one.out);
+    ASSERT_EQ(shown.size(), 1u);
+    EXPECT_EQ(shown[0]["name"], name);
+    const ProcessOutcome none = palpate_command({list, near});
+    EXPECT_EQ(none.exit_code, 2);
+    EXPECT_NE(none.err.find(fmt::format("did you mean '{}'?", name)), std::string::npos) << none.err;
+  }
+}
+
+TEST_F(Usage, EveryExampleOfAPathIsOne) {
+  const cloud::GeneratedModel model = cloud::generate(*parse_named_options("sphere:points=10000")).value();
+  trace::PathTarget target;
+  target.cloud = &model.cloud;
+  for (const bool formula : {true, false}) {
+    target.surface = formula ? model.surface.get() : nullptr;
+    for (const trace::PathGenerator& generator : trace::path_generators()) {
+      const auto path = trace::make_path(*parse_named_options(generator.example), target);
+      EXPECT_TRUE(path) << generator.example << ": " << (path ? "" : path.error().message());
+    }
+  }
+}
+
+TEST_F(Usage, EveryGeneratorRunsOnAFileOfPoints) {
+  std::vector<Vec3> bowl;
+  Random random(5);
+  for (int i = 0; i < 4000; ++i) {
+    const double x = random.uniform(-20, 20), y = random.uniform(-20, 20);
+    bowl.emplace_back(x, y, 0.01 * (x * x + y * y));
+  }
+  const std::string file = points("bowl.xyz", bowl);
+  for (const trace::PathGenerator& generator : trace::path_generators()) {
+    const ProcessOutcome run =
+        palpate_command({"replay", file, "--unit", "mm", "--renderer", "cloud", "--path",
+                         generator.name + ":frames=3000:depth_mm=0.5", "--out", in("out"), "--json"});
+    ASSERT_EQ(run.exit_code, 0) << generator.name << run.err;
+    EXPECT_GT(json::parse(run.out)["renderers"][0]["frame"]["contact_frames"], 500) << generator.name;
+  }
+}
+
+TEST_F(Usage, ColumnsOfARecordingFromTheCommandLine) {
+  std::string text = "# a robot's log\nn,time,px,py,pz\n";
+  for (int i = 0; i < 400; ++i)
+    text += fmt::format("{},{},0.001,0.002,{}\n", i, i, 0.001 * (0.4 - 0.005 * i));
+  write_text(folder_ / "log.csv", text);
+  const auto hash = [&](const std::vector<std::string>& path) {
+    std::vector<std::string> arguments = {"replay", kPlane,    "--renderer", "cloud",
+                                          "--out",  in("out"), "--json"};
+    arguments.insert(arguments.end(), path.begin(), path.end());
+    const ProcessOutcome run = palpate_command(arguments);
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+    return json::parse(run.out)["renderers"][0]["trace_hash"].get<std::string>();
+  };
+  std::vector<Vec3> straight;
+  for (int i = 0; i < 400; ++i) straight.emplace_back(1, 2, 1000 * (0.001 * (0.4 - 0.005 * i)));
+  const std::string csv = hash({"--path", path_at("same.csv", straight)});
+  EXPECT_EQ(
+      hash({"--path", in("log.csv"), "--traj-columns", "t=1,x=2,y=3,z=4,mm_per_unit=1000,s_per_unit=0.001"}),
+      csv);
+  std::filesystem::copy_file(folder_ / "log.csv", folder_ / "log.traj");
+  EXPECT_EQ(hash({"--path", in("log.traj") + ":t=1:x=2:y=3:z=4:mm_per_unit=1000:s_per_unit=0.001"}), csv);
+  EXPECT_EQ(hash({"--path", in("log.traj") + ":t=1:x=2:y=3:z=4", "--traj-columns",
+                  "mm_per_unit=1000,s_per_unit=0.001"}),
+            csv);
+  const auto refused = [&](const std::vector<std::string>& path, const std::string& says) {
+    std::vector<std::string> arguments = {"replay", kPlane, "--renderer", "cloud", "--out", in("no")};
+    arguments.insert(arguments.end(), path.begin(), path.end());
+    const ProcessOutcome run = palpate_command(arguments);
+    EXPECT_EQ(run.exit_code, 2) << path.back();
+    EXPECT_NE(run.err.find(says), std::string::npos) << run.err;
+  };
+  refused({"--path", "tap", "--traj-columns", "t=0"}, "is generated");
+  refused({"--path", in("log.traj") + ":t=1", "--traj-columns", "t=2"}, "given twice");
+  refused({"--path", in("log.csv"), "--traj-columns", "tt=2"}, "tt");
+  refused({"--path", in("log.csv"), "--traj-columns", "t=0,x=9"}, "too few");
+  refused({"--path", in("log.csv")}, "header");
+  refused({"--path", in("log.csv")}, "--traj-columns");
+  refused({"--path", "spirale"}, "did you mean 'spiral'?");
+}
+
+// ---- surfaces
+
+TEST_F(Usage, SurfacesFromTheCommandLineActAndSaySo) {
+  const auto largest = [&](const std::vector<std::string>& surface) {
+    std::vector<std::string> arguments = {
+        "replay", kPlane, "--renderer", "cloud", "--path", "tap:frames=500:depth_mm=1", "--out", in("out")};
+    arguments.insert(arguments.end(), surface.begin(), surface.end());
+    const ProcessOutcome run = palpate_command(arguments);
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+    if (!surface.empty()) {
+      EXPECT_NE(run.err.find("From the command line, for every model"), std::string::npos) << run.err;
+    }
+    double most = 0;
+    const auto read = trace::read_trace_csv(in("out/trace.csv"));
+    for (const render::Frame& frame : read->trace.frames) most = std::max(most, frame.force_n.norm());
+    return most;
+  };
+  EXPECT_NEAR(largest({}), 0.5, 1e-4);
+  EXPECT_NEAR(largest({"--stiffness", "0.8"}), 0.8, 1e-4);
+  EXPECT_NEAR(largest({"--stiffness", "0.8", "--deformation", "0.25"}), 0.6, 1e-4);
+  const ProcessOutcome plan = palpate_command({"plan", kPlane, "--friction", "0.7,0.5", "--json"});
+  ASSERT_EQ(plan.exit_code, 0) << plan.err;
+  EXPECT_NE(plan.out.find("friction 0.7 static, 0.5 dynamic"), std::string::npos) << plan.out;
+}
+
+TEST_F(Usage, SurfacesThatCannotBeAreRefused) {
+  for (const auto& [option, value] :
+       std::vector<std::pair<std::string, std::string>>{{"--stiffness", "0"},
+                                                        {"--stiffness", "-1"},
+                                                        {"--stiffness", "nan"},
+                                                        {"--stiffness", "inf"},
+                                                        {"--stiffness", "0.5 N"},
+                                                        {"--friction", "-0.1"},
+                                                        {"--friction", "0.5,0.7"},
+                                                        {"--friction", "1,2,3"},
+                                                        {"--friction", "0.5,"},
+                                                        {"--friction", "a"},
+                                                        {"--deformation", "1"},
+                                                        {"--deformation", "-0.1"},
+                                                        {"--deformation", "1e999"}}) {
+    const ProcessOutcome run = palpate_command({"plan", kPlane, option + "=" + value});
+    EXPECT_EQ(run.exit_code, 2) << option << ' ' << value;
+    EXPECT_NE(run.err.find(option), std::string::npos) << run.err;
+  }
+}
+
+TEST_F(Usage, SurfacesPointByPointAreNotPassedOverInSilence) {
+  const std::string model = "[[model]]\ngenerate = \"plane\"\npoints = 961\nextent_mm = 30\n";
+  write_text(folder_ / "region.toml", model + "[[model.region]]\nx_mm = [0, 10]\nfriction = 0.9\n");
+  const std::vector<std::string> region = warnings(
+      {"replay", in("region.toml"), "--friction", "0.2", "--renderer", "cloud", "--path", "tap:frames=500"});
+  EXPECT_TRUE(any_says(region, "--friction does not hold in a region of 'plane' (line 5)")) << json(region);
+  std::string ply = "x y z k\n";
+  for (int i = 0; i < 400; ++i) ply += fmt::format("{} {} 0 0.5\n", i % 20, i / 20);
+  write_text(folder_ / "k.csv", ply);
+  write_text(folder_ / "column.toml",
+             "[[model]]\ncloud = \"k.csv\"\nunit = \"mm\"\n[model.surface]\nstiffness_n_per_mm = { column = "
+             "\"k\" }\n");
+  const ProcessOutcome run = palpate_command({"plan", in("column.toml"), "--stiffness", "0.8"});
+  EXPECT_EQ(run.exit_code, 2) << run.out;
+  EXPECT_NE(run.err.find("point by point from the column 'k'"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("column.toml:4"), std::string::npos) << run.err;
+}
+
+// ---- scans by name
+
+TEST_F(Usage, EveryCommandThatTakesAModelTakesAScanByName) {
+  const Environment data("PALPATE_DATA", folder_.c_str());
+  const Environment cache("XDG_CACHE_HOME", in("cache").c_str());
+  const ProcessOutcome missing = palpate_command({"info", "stanford-bunny"});
+  EXPECT_EQ(missing.exit_code, 2);
+  EXPECT_NE(missing.err.find("palpate fetch stanford-bunny"), std::string::npos) << missing.err;
+  EXPECT_NE(palpate_command({"info", "stanford-buny"}).err.find("did you mean 'stanford-bunny'"),
+            std::string::npos);
+  ASSERT_EQ(palpate_command({"clean", "sphere:points=2000:scale=0.001", "--steps", "thin/cell=0.1", "--out",
+                             in("sphere.ply")})
+                .exit_code,
+            0);
+  std::filesystem::create_directories(folder_ / "stanford");
+  std::filesystem::rename(folder_ / "sphere.ply", folder_ / "stanford/bun_zipper.ply");
+  const ProcessOutcome info = palpate_command({"info", "stanford-bunny", "--json"});
+  ASSERT_EQ(info.exit_code, 0) << info.err;
+  EXPECT_EQ(json::parse(info.out)["unit"], "m");
+  EXPECT_EQ(palpate_command({"plan", "stanford-bunny"}).exit_code, 0);
+  EXPECT_EQ(
+      palpate_command({"clean", "stanford-bunny", "--steps", "thin", "--out", in("thin.ply")}).exit_code, 0);
+  for (const char* command : {"replay", "compare"}) {
+    const ProcessOutcome run = palpate_command(
+        {command, "stanford-bunny", command == std::string("replay") ? "--renderer" : "--renderers", "cloud",
+         "--path", "tap:frames=500", "--out", in(command)});
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+  }
+}
+
+// ---- what is not here
+
+TEST_F(Usage, TablesAreReproducedAsFarAsTheNetworkAllows) {
+  if (palpate_command({"renderers"}).out.find("mesh-godobject") == std::string::npos)
+    GTEST_SKIP() << "built without meshes";
+  std::filesystem::create_directories(folder_ / "empty");
+  const Environment data("PALPATE_DATA", in("empty").c_str()), cache("XDG_CACHE_HOME", in("cache").c_str());
+  // Nobody listens on the port that is to be discarded.
+  const char* const kNobody = "http://127.0.0.1:9";
+  const Environment http("http_proxy", kNobody), https("https_proxy", kNobody), all("all_proxy", kNobody),
+      npm("npm_config_registry", kNobody), none("no_proxy", nullptr), upper("NO_PROXY", nullptr);
+  const ProcessOutcome run =
+      palpate_command({"reproduce", "--tables", "3", "--mesh-limit", "2", "--out", in("out")});
+  EXPECT_EQ(run.exit_code, 0) << run.err << run.out;
+  EXPECT_NE(run.out.find("not done: table 3, bunny"), std::string::npos) << run.out;
+  EXPECT_NE(run.out.find("not done: table 3, dragon"), std::string::npos) << run.out;
+  EXPECT_NE(run.out.find("Reconstruction of the sinusoid"), std::string::npos) << run.out;
+  EXPECT_TRUE(std::filesystem::exists(in("out/report.html")));
+  // Where nothing comes of what was asked for, that is a failure.
+  EXPECT_EQ(palpate_command({"reproduce", "--tables", "9", "--out", in("nine")}).exit_code, 1);
+}
+
+// ---- models that are none
+
+TEST_F(Usage, PointsThatAreNoSurfaceAreRefused) {
+  std::vector<Vec3> line;
+  for (int i = 0; i < 50; ++i) line.emplace_back(1 + 0.3 * i, 2 + 0.7 * i, 3 - 0.1 * i);
+  const std::vector<std::pair<std::string, std::string>> clouds = {
+      {points("one.xyz", {{1, 2, 3}}), "it has one point"},
+      {points("same.xyz", std::vector<Vec3>(1000, Vec3(1, 2, 3))), "its 1000 points stand in one place"},
+      {points("two.xyz", {{1, 2, 3}, {4, 5, 6}, {1, 2, 3}}), "its 3 points stand in 2 places"},
+      {points("line.xyz", line), "its 50 points stand in one line"}};
+  const std::string path = path_at("p.csv", {{0, 0, 10}, {0, 0, 9}});
+  for (const auto& [file, says] : clouds) {
+    SCOPED_TRACE(file);
+    const ProcessOutcome info = palpate_command({"info", file, "--unit", "mm", "--json"});
+    EXPECT_EQ(info.exit_code, 0) << info.err;
+    EXPECT_TRUE(any_says(json::parse(info.out)["warnings"], says)) << info.out;
+    for (const std::vector<std::string>& command :
+         {std::vector<std::string>{"plan", file, "--unit", "mm"},
+          {"replay", file, "--unit", "mm", "--path", path, "--out", in("out")},
+          {"compare", file, "--unit", "mm", "--renderers", "cloud", "--path", path, "--out", in("out")}}) {
+      const ProcessOutcome run = palpate_command(command);
+      EXPECT_EQ(run.exit_code, 2) << command[0];
+      EXPECT_NE(run.err.find(says), std::string::npos) << run.err;
+      EXPECT_NE(run.err.find("at least 3 that are not in one line"), std::string::npos) << run.err;
+    }
+  }
+  const std::string three = points("three.xyz", {{0, 0, 0}, {10, 0, 0}, {0, 10, 0}});
+  EXPECT_EQ(palpate_command({"plan", three, "--unit", "mm"}).exit_code, 0) << "three places are a plane";
+}
+
+TEST_F(Usage, AFileInMetresReadAsMillimetresIsSaid) {
+  std::vector<Vec3> at;
+  for (int i = 0; i < 400; ++i) at.emplace_back(0.01 * (i % 20), 0.01 * (i / 20), 0);
+  const std::string file = points("metres.xyz", at);
+  const auto warned = [&](const char* unit) {
+    const ProcessOutcome run = palpate_command({"info", file, "--unit", unit, "--json"});
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+    return any_says(json::parse(run.out)["warnings"], "is its file in metres");
+  };
+  EXPECT_TRUE(warned("mm"));
+  EXPECT_FALSE(warned("m"));
+  EXPECT_FALSE(warned("um")) << "said on purpose";
+}
+
+// ---- paths, references and models that do not fit
+
+TEST_F(Usage, APathThatNeverTouchesIsSaidWithItsNearestApproach) {
+  const auto run = [&](const std::vector<Vec3>& at) {
+    return warnings({"compare", kPlane, "--renderers", "cloud,analytic", "--path", path_at("p.csv", at)});
+  };
+  // Above the plane, deepest in the middle, beside a point by (0.5, 0.5).
+  std::vector<Vec3> above;
+  for (int i = -50; i <= 50; ++i) above.emplace_back(0.5 + 0.001 * i, 0.5, 5 + 0.01 * std::abs(i));
+  std::vector<std::string> said = run(above);
+  ASSERT_EQ(said.size(), 1u) << json(said);
+  EXPECT_NE(said[0].find("The path never touches: its nearest approach is 5.05 mm"), std::string::npos)
+      << said[0];
+  EXPECT_NE(said[0].find("at 0.05 s"), std::string::npos) << said[0];
+  // A hundred models away, of its size.
+  std::vector<Vec3> away;
+  for (int i = 0; i < 100; ++i) away.emplace_back(3000 + 0.2 * i, 0, 1);
+  said = run(away);
+  EXPECT_TRUE(any_says(said, "in another frame or unit")) << json(said);
+  EXPECT_TRUE(any_says(said, "approach is 2,985 mm")) << json(said);
+  // The same shape in metres.
+  std::vector<Vec3> metres;
+  for (int i = 0; i < 100; ++i) metres.emplace_back(1e-4 * i, 0, 1e-3 * (5 - 0.03 * i));
+  said = run(metres);
+  EXPECT_TRUE(any_says(said, "in another unit")) << json(said);
+  // And one that does touch is left in peace.
+  EXPECT_TRUE(warnings({"compare", kPlane, "--renderers", "cloud", "--path", "tap:frames=500"}).empty());
+}
+
+TEST_F(Usage, ARendererThatFeelsNothingWhereTheTruthDoesIsSaid) {
+  // Boxes of a hundredth of a millimetre: the HIP falls between them.
+  const std::vector<std::string> said =
+      warnings({"compare", kPlane, "--renderers", "cloud-literal:box_mm=0.01,cloud", "--path",
+                "tap:frames=900:u=0.517:v=0.517"});
+  EXPECT_TRUE(any_says(said, "cloud-literal never feels the model; the truth does in")) << json(said);
+  EXPECT_FALSE(any_says(said, "never touches")) << json(said);
+}
+
+TEST_F(Usage, AReferenceElsewhereIsRefusedAndOneThatDoesNotFitSaid) {
+  if (palpate_command({"renderers"}).out.find("mesh-godobject") == std::string::npos)
+    GTEST_SKIP() << "built without the reference on meshes";
+  const auto mesh = [&](const char* name, double scale, const Vec3& at) {
+    std::string off = "OFF\n4 2 0\n";
+    for (const auto& [x, y] : {std::pair{-1.0, -1.0}, {1.0, -1.0}, {1.0, 1.0}, {-1.0, 1.0}})
+      off += fmt::format("{} {} {}\n", at.x() + 15 * scale * x, at.y() + 15 * scale * y, at.z());
+    write_text(folder_ / name, off + "3 0 1 2\n3 0 2 3\n");
+    return in(name);
+  };
+  const auto compare = [&](const std::string& reference) {
+    return std::vector<std::string>{"compare",     kPlane,
+                                    "--renderers", "cloud",
+                                    "--path",      path_at("p.csv", {{1, 2, 1}, {1, 2, 0.5}, {1, 2, -0.2}}),
+                                    "--reference", reference};
+  };
+  EXPECT_TRUE(warnings(compare(mesh("right.off", 1, Vec3::Zero()))).empty());
+  std::vector<std::string> elsewhere = compare(mesh("elsewhere.off", 1, Vec3(100, 0, 0)));
+  elsewhere.insert(elsewhere.end(), {"--out", in("no")});
+  const ProcessOutcome run = palpate_command(elsewhere);
+  EXPECT_EQ(run.exit_code, 2) << run.err;
+  EXPECT_NE(run.err.find("stands elsewhere than the model"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("(85, -15, 0) to (115, 15, 0)"), std::string::npos) << "both boxes: " << run.err;
+  EXPECT_NE(run.err.find("(-15, -15, 0) to (15, 15, 0)"), std::string::npos) << "both boxes: " << run.err;
+  const std::vector<std::string> small = warnings(compare(mesh("small.off", 1e-3, Vec3::Zero())));
+  EXPECT_TRUE(any_says(small, "metres and millimetres?")) << json(small);
+  const std::vector<std::string> aside = warnings(compare(mesh("aside.off", 1, Vec3(0, 0, 0.29))));
+  EXPECT_TRUE(aside.empty()) << json(aside) << " within the spacing";
+}
+
+TEST_F(Usage, ModelsFarApartAreSaid) {
+  const std::string first = "[[model]]\ngenerate = \"plane\"\npoints = 961\nextent_mm = 30\n";
+  const auto said = [&](const std::string& second) {
+    write_text(folder_ / "s.toml", first + first + second);
+    return warnings({"replay", in("s.toml"), "--renderer", "cloud", "--path", "tap:frames=500"});
+  };
+  EXPECT_TRUE(said("position_mm = [0, 0, -20]\n").empty());
+  EXPECT_TRUE(any_says(said("position_mm = [30000, 0, 0]\n"), "29,970 mm from the nearest other model"));
+  EXPECT_TRUE(any_says(said("scale = 0.001\n"), "metres and millimetres?"));
+}
+
+}  // namespace
+}  // namespace palpate::experiments

@@ -1,0 +1,110 @@
+// The trace hash of every registered renderer on small models and paths that are read from disk, against the
+// pinned list: the same in every build and for one and several threads of preparation. What moves a hash says
+// so by changing the list (tests/corpus/traces/README.md).
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <map>
+#include <memory>
+#include <set>
+#include <sstream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tests/house/all_renderers.h"
+#include "tests/house/corpus_scene.h"
+#include "toolkit/core/options.h"
+#include "toolkit/trace/replay.h"
+
+namespace palpate::house {
+namespace {
+
+constexpr const char* kRefused = "refused";  // stands in the list where a renderer refuses the scene
+
+/// Scenes with the path that is replayed over them.
+const std::vector<std::pair<std::string, std::string>> kStands = {
+    {"torus.toml", "torus.csv"}, {"ridge.toml", "ridge.csv"},   {"plate.toml", "plate.csv"},
+    {"dent.toml", "torus.csv"},  {"surface.toml", "ridge.csv"}, {"texture.toml", "ridge.csv"},
+    {"many.toml", "torus.csv"},  {"formula.toml", "plate.csv"},
+};
+
+/// Beside the defaults of every renderer: what changes the frame's code or what it walks over. Meshes are
+/// those of the files: reconstruction has its own tests.
+const std::vector<std::string> kFurther = {"cloud:shading=none", "cloud:neighbours=exact-knn",
+                                           "cloud:partition=octree", "cloud-literal:shading=area-raw"};
+
+NamedOptions with_own_mesh(NamedOptions named, const render::RendererInfo& info) {
+  for (const OptionSpec& option : info.options)
+    if (option.key == "mesh" && !named.options.has("mesh")) named.options.set("mesh", "original");
+  return named;
+}
+
+std::string hash_of(const render::Registry& registry, const NamedOptions& named, const CorpusScene& loaded,
+                    int threads) {
+  std::unique_ptr<render::HapticRenderer> renderer = registry.make(named.name, named.options).value();
+  if (!renderer->prepare(loaded.scene.input, {threads, nullptr})) return kRefused;
+  return trace::trace_hash(
+      trace::replay(*renderer, loaded.path, loaded.scene.input.simulation.get()).value());
+}
+
+using Pins = std::map<std::string, std::string>;
+
+Pins read_pins() {
+  Pins pins;
+  std::ifstream file(corpus_folder() + "hashes.txt");
+  for (std::string line; std::getline(file, line);) {
+    std::istringstream words(line);
+    std::string scene, path, renderer, hash;
+    if (words >> scene >> path >> renderer >> hash)
+      pins[fmt::format("{} {} {}", scene, path, renderer)] = hash;
+  }
+  return pins;
+}
+
+TEST(PinnedTraces, EveryRendererGivesThePinnedHash) {
+  render::Registry registry;
+  register_all_renderers(registry);
+  std::vector<std::string> wanted = kFurther;
+  for (const render::RendererInfo& info : registry.all()) wanted.push_back(info.name);
+  const char* const write = std::getenv("PALPATE_PIN_TRACES");
+  const Pins pins = read_pins();
+  Pins found;
+  std::set<std::string> hashed;  // names with at least one hash
+  for (const auto& [scene_file, path_file] : kStands) {
+    const CorpusScene loaded = load_corpus(scene_file, path_file);
+    for (const std::string& text : wanted) {
+      const NamedOptions plain = parse_named_options(text).value();
+      const render::RendererInfo* const info = registry.find(plain.name);
+      ASSERT_NE(info, nullptr) << text;
+      const NamedOptions named = with_own_mesh(plain, *info);
+      const std::string key = fmt::format("{} {} {}", scene_file, path_file, text);
+      const std::string hash = hash_of(registry, named, loaded, 1);
+      EXPECT_EQ(hash_of(registry, named, loaded, 3), hash) << key << ": three threads of preparation";
+      if (hash != kRefused) hashed.insert(plain.name);
+      found[key] = hash;
+      if (write != nullptr) continue;
+      const auto pin = pins.find(key);
+      if (pin == pins.end()) {
+        ADD_FAILURE() << key << " is not pinned; it gives " << hash;
+      } else {
+        EXPECT_EQ(hash, pin->second) << key;
+      }
+    }
+  }
+  for (const render::RendererInfo& info : registry.all())
+    EXPECT_EQ(hashed.count(info.name), 1u) << info.name << " is refused everywhere: nothing of it is pinned";
+  if (write != nullptr) {
+    std::ofstream file(write);
+    for (const auto& [key, hash] : found) file << key << ' ' << hash << '\n';
+    ASSERT_TRUE(file.good()) << write;
+  }
+#ifdef PALPATE_WITH_BASELINES
+  EXPECT_EQ(found.size(), write != nullptr ? found.size() : pins.size()) << "a line that nobody gives";
+#endif
+}
+
+}  // namespace
+}  // namespace palpate::house

@@ -1,0 +1,25 @@
+// Words that came from outside, in messages: shown in short, and what was probably meant by one that is not
+// known.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace palpate {
+
+/// A token for a message: in quotes, shortened, without control characters.
+[[nodiscard]] std::string shown(std::string_view token);
+
+/// "a, b, c".
+[[nodiscard]] std::string joined(const std::vector<std::string>& words);
+
+/// The name among `known` with the fewest edits to `wrong`, or empty where none is near (at most a third of
+/// its letters differ).
+[[nodiscard]] std::string nearest_name(std::string_view wrong, const std::vector<std::string>& known);
+
+/// "did you mean 'cloud'?", or where none is near `otherwise`.
+[[nodiscard]] std::string did_you_mean(std::string_view wrong, const std::vector<std::string>& known,
+                                       std::string_view otherwise);
+
+}  // namespace palpate

@@ -1,0 +1,147 @@
+#include "toolkit/trace/csv_rows.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "toolkit/core/options.h"
+#include "toolkit/core/words.h"
+
+namespace palpate::trace {
+
+namespace {
+
+constexpr std::string_view kGzip = "\x1f\x8b", kXz =
+                                                   "\xfd"
+                                                   "7zXZ";  // how compressed files begin
+
+}  // namespace
+
+LineReader::LineReader(InputFile file, std::uint64_t max_bytes)
+    : file_(std::move(file)),
+      max_bytes_(max_bytes),
+      buffer_(std::make_unique<std::array<char, kBufferBytes>>()) {}
+
+Result<LineReader> LineReader::open(const std::string& file, std::uint64_t max_bytes) {
+  Result<InputFile> opened = InputFile::open(file);
+  if (!opened) return std::move(opened).error();
+  return LineReader(*std::move(opened), max_bytes);
+}
+
+bool LineReader::next(std::string_view& line) {
+  while (next_any(line))
+    if (line.find_first_not_of(" \t") != std::string_view::npos) return true;
+  return false;
+}
+
+Error LineReader::error(std::string what, std::string remedy) const {
+  return Error{std::move(what), std::move(remedy), file_.path(), line_};
+}
+
+Status LineReader::fits(const ProbePath& path, std::size_t bytes_a_row) const {
+  if (path.size() < max_bytes_ / bytes_a_row) return Done{};
+  return over_memory_limit("what the file records", max_bytes_).in_file(file_.path(), line_);
+}
+
+bool LineReader::next_any(std::string_view& line) {
+  std::size_t end = end_of_line();
+  if (end == std::string_view::npos && !ended_) {
+    refill();
+    end = end_of_line();
+  }
+  if (failure() != nullptr || (ended_ && rest_.empty())) return false;
+  ++line_;
+  line = rest_.substr(0, end);
+  rest_.remove_prefix(std::min(rest_.size(), line.size() + 1));
+  if (line_ == 1 && !is_plain(line)) return false;
+  if (line.size() > kLongestLine) {
+    failure_ =
+        error(fmt::format("the line is longer than {} characters", kLongestLine), "is this the right file?");
+    return false;
+  }
+  if (line.ends_with('\r')) line.remove_suffix(1);
+  return line_ > 1 || without_mark(line);
+}
+
+/// What is left to the front, and more behind it.
+void LineReader::refill() {
+  std::copy(rest_.begin(), rest_.end(), buffer_->begin());
+  const Result<std::size_t> got =
+      file_.read(std::as_writable_bytes(std::span(*buffer_).subspan(rest_.size())));
+  if (!got) {
+    failure_ = got.error();
+    return;
+  }
+  ended_ = rest_.size() + *got < buffer_->size();
+  rest_ = {buffer_->data(), rest_.size() + *got};
+}
+
+bool LineReader::is_plain(std::string_view first_line) {
+  const bool plain = !first_line.starts_with(kGzip) && !first_line.starts_with(kXz);
+  if (!plain) failure_ = Error{"the file is compressed", "unpack it first", file_.path(), 0};
+  return plain;
+}
+
+bool LineReader::without_mark(std::string_view& first_line) {
+  const Result<std::size_t> mark = byte_order_mark(first_line);
+  if (!mark)
+    failure_ = error(mark.error().what, mark.error().remedy);
+  else
+    first_line.remove_prefix(*mark);
+  return mark.ok();
+}
+
+Status parse_row(const LineReader& reader, std::string_view line, std::span<double> values) {
+  std::size_t field = 0;
+  while (true) {
+    const std::size_t comma = line.find(',');
+    if (field == values.size())
+      return reader.error(fmt::format("the row has more than {} fields", values.size()),
+                          "remove what follows");
+    const std::string_view text = line.substr(0, comma);
+    const Result<double> value = parse_number(text);
+    if (!value || !std::isfinite(*value))
+      return reader.error(fmt::format("field {} {} is not a finite number", field + 1, shown(text)),
+                          "write numbers with a decimal point and no blanks");
+    values[field++] = *value;
+    if (comma == std::string_view::npos) break;
+    line.remove_prefix(comma + 1);
+  }
+  if (field != values.size())
+    return reader.error(fmt::format("the row has {} fields instead of {}", field, values.size()),
+                        "complete the row");
+  return Done{};
+}
+
+Status check_time(const LineReader& reader, const ProbePath& path, double t_s) {
+  if (path.t_s.empty() || t_s > path.t_s.back()) return Done{};
+  return reader.error(fmt::format("time goes from {} s to {} s", path.t_s.back(), t_s),
+                      "sort the rows so that time strictly increases");
+}
+
+Status read_rows(LineReader& reader, std::string_view header, std::string_view or_else,
+                 const std::function<Status(std::span<const double>)>& row) {
+  std::string_view line;
+  if (!reader.next(line))
+    return reader.failure()
+               ? *reader.failure()
+               : reader.error("the file is empty", fmt::format("begin with the header {}", header));
+  if (line != header)
+    return reader.error("the header is not that of such a file",
+                        fmt::format("the first line must be {}{}", header, or_else));
+  std::vector<double> values(1 + static_cast<std::size_t>(std::count(header.begin(), header.end(), ',')));
+  bool any = false;
+  while (reader.next(line)) {
+    if (Status parsed = parse_row(reader, line, values); !parsed) return parsed;
+    if (Status taken = row(values); !taken) return taken;
+    any = true;
+  }
+  if (reader.failure()) return *reader.failure();
+  if (!any) return reader.error("there is no row after the header", "record at least one position");
+  return Done{};
+}
+
+}  // namespace palpate::trace

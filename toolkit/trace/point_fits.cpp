@@ -1,0 +1,85 @@
+#include "toolkit/trace/point_fits.h"
+
+#include <Eigen/Eigenvalues>
+
+#include <cmath>
+#include <numbers>
+
+namespace palpate::trace {
+namespace {
+
+// A plane fit wants points all around: the radius is chosen so that the median ball holds between these many.
+constexpr std::size_t kMostInBall = 64;
+constexpr int kRadiusTrials = 24;
+constexpr double kRadiusFactor = 1.3;
+constexpr std::size_t kSampledBalls = 129;
+// Fewer than this many points, or a centroid farther off than this part of the radius (a straight border seen
+// from the border itself has it at 0.37), and the surface ends here.
+constexpr std::size_t kFewestFitted = 6;
+constexpr double kBorderOffset = 0.5;
+
+std::size_t median_in_ball(const cloud::Cloud& cloud, const PointGrid& grid, double radius) {
+  std::vector<std::size_t> counts;
+  for (std::size_t s = 0; s < kSampledBalls; ++s) {
+    const Vec3 p = cloud.local_mm(s * (cloud.size() - 1) / (kSampledBalls - 1));
+    std::size_t count = 0;
+    grid.around(p, [&](const Vec3& q) { count += (q - p).squaredNorm() < radius * radius; });
+    counts.push_back(count);
+  }
+  std::nth_element(counts.begin(), counts.begin() + kSampledBalls / 2, counts.end());
+  return counts[kSampledBalls / 2];
+}
+
+}  // namespace
+
+Fit fit_plane(const PointGrid& grid, const Vec3& p, double radius, const Vec3& side) {
+  double weights = 0.0;
+  std::size_t count = 0;
+  Vec3 sum = Vec3::Zero();
+  Mat3 products = Mat3::Zero();
+  grid.around(p, [&](const Vec3& q) {
+    const Vec3 offset = (q - p) / radius;
+    const double rest = 1.0 - offset.squaredNorm();
+    if (rest <= 0.0) return;
+    const double w = rest * rest;
+    weights += w;
+    sum += w * offset;
+    products += w * offset * offset.transpose();
+    ++count;
+  });
+  Fit fit;
+  if (count < kFewestFitted || !(weights > 0.0)) return fit;
+  const Vec3 mean = sum / weights;
+  Eigen::SelfAdjointEigenSolver<Mat3> solver;
+  solver.computeDirect(products / weights - mean * mean.transpose());
+  fit.normal = solver.eigenvectors().col(0).normalized();
+  if (!is_finite(fit.normal)) return fit;
+  if (fit.normal.dot(side) < 0.0) fit.normal = -fit.normal;
+  fit.height = radius * mean.dot(fit.normal);
+  fit.good = (mean - mean.dot(fit.normal) * fit.normal).norm() < kBorderOffset &&
+             std::abs(mean.dot(fit.normal)) < kBorderOffset;
+  return fit;
+}
+
+Result<Fitting> choose_radius(const cloud::Cloud& cloud, const geometry::Aabb& box) {
+  const Vec3 e = box.extent_mm();
+  // First guess: the points spread over the box's faces.
+  const double faces = e.x() * e.y() + e.y() * e.z() + e.z() * e.x();
+  Fitting fitting;
+  fitting.radius_mm = std::sqrt(static_cast<double>(kMostInBall) * faces /
+                                (std::numbers::pi * static_cast<double>(cloud.size())));
+  if (!(fitting.radius_mm > 0.0))
+    return Error{
+        "the points of the cloud stand in one line or place", "an exploration needs a surface", {}, 0};
+  for (int trial = 0; trial < kRadiusTrials; ++trial) {
+    fitting.grid = std::make_unique<PointGrid>(cloud, box, fitting.radius_mm);
+    const std::size_t median = median_in_ball(cloud, *fitting.grid, fitting.radius_mm);
+    if (median >= kFewestInBall && median <= kMostInBall) return fitting;
+    fitting.radius_mm *= median < kFewestInBall ? kRadiusFactor : 1.0 / kRadiusFactor;
+  }
+  fitting.grid =
+      std::make_unique<PointGrid>(cloud, box, fitting.radius_mm);  // uneven clouds: as good as it gets
+  return fitting;
+}
+
+}  // namespace palpate::trace
