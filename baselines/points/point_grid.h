@@ -11,7 +11,7 @@
 #include "toolkit/core/result.h"
 #include "toolkit/partition/cell_walk.h"
 #include "toolkit/partition/uniform_grid.h"
-#include "toolkit/render/point_model.h"
+#include "toolkit/points/point_model.h"
 #include "toolkit/render/renderer.h"
 #include "toolkit/surface/planes.h"
 

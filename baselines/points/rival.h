@@ -6,8 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "toolkit/render/frame_shell.h"
 #include "toolkit/render/registry.h"
+#include "toolkit/render/shell_renderer.h"
 #include "toolkit/render/surface_response.h"
 
 namespace palpate::baselines {
@@ -95,15 +95,22 @@ class LocalRival final : public Model {
 };
 
 template <class Model>
-class RivalRenderer final : public render::HapticRenderer {
- public:
-  explicit RivalRenderer(const Options& options) : options_(options) {}
+class RivalRenderer final : public render::ShellRenderer<LocalRival<Model>> {
+  using Shell = render::ShellRenderer<LocalRival<Model>>;
+  using Shell::models_;
+  using Shell::options_;
 
-  Result<render::PrepareReport> prepare(const render::SceneInput& scene,
-                                        const render::PrepareContext& context) override {
-    render::PrepareReport report;
-    if (scene.models.empty()) return Error{"the scene has no model", "add a [[model]]", {}, 0};
-    models_.clear();
+ public:
+  explicit RivalRenderer(const Options& options) : Shell(options) {}
+
+  render::Description describe() const override {
+    return {Model::kText.name, Model::kText.summary, Model::kText.source,
+            models_.size() > 0 ? models_[0].work_bound() : Model().work_bound(), options_};
+  }
+
+ private:
+  Status add_models(const render::SceneInput& scene, const render::PrepareContext& context,
+                    render::PrepareReport& report) override {
     for (const render::ModelInput& input : scene.models) {
       if (Status fit = check(input); !fit.ok()) return std::move(fit).error();
       auto model = std::make_unique<LocalRival<Model>>();
@@ -115,19 +122,8 @@ class RivalRenderer final : public render::HapticRenderer {
         return std::move(done).error();
       models_.add(std::move(model));
     }
-    models_.finish(scene.force_limit_n, render::Combine::kJoint, report);
-    return report;
+    return Done{};
   }
-  void restart(const Vec3& hip_mm, double t_s) noexcept override { models_.restart(hip_mm, t_s); }
-  void let_go(const Vec3& hip_mm) noexcept override { models_.let_go(hip_mm); }
-  render::Frame step(const Vec3& hip_mm, double t_s) noexcept override { return models_.step(hip_mm, t_s); }
-  render::FrameCounters counters() const noexcept override { return models_.counters(); }
-  render::Description describe() const override {
-    return {Model::kText.name, Model::kText.summary, Model::kText.source,
-            models_.size() > 0 ? models_[0].work_bound() : Model().work_bound(), options_};
-  }
-
- private:
   static Status check(const render::ModelInput& input) {
     if (input.cloud->empty())
       return Error{
@@ -139,9 +135,6 @@ class RivalRenderer final : public render::HapticRenderer {
                  {},
                  0};
   }
-
-  Options options_;
-  render::FrameShell<LocalRival<Model>> models_;
 };
 
 template <class Model>

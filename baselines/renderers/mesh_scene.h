@@ -9,14 +9,16 @@
 
 #include "baselines/mesh_holder.h"
 #include "baselines/renderers/mesh_slot.h"
-#include "toolkit/render/frame_shell.h"
-#include "toolkit/render/slow_phase.h"
+#include "toolkit/render/shell_renderer.h"
 
 namespace palpate::baselines {
 
 /// A mesh renderer of one kind of probe (see mesh_slot.h).
 template <class Probe>
-class MeshScene final : public render::HapticRenderer, public MeshHolder, public render::SlowPhase {
+class MeshScene final : public render::BoxedShellRenderer<MeshSlot<Probe>>, public MeshHolder {
+  using Shell = render::BoxedShellRenderer<MeshSlot<Probe>>;
+  using Shell::models_;
+
  public:
   using Slot = MeshSlot<Probe>;
   using Bodies = std::vector<std::unique_ptr<MeshBody>>;
@@ -25,16 +27,20 @@ class MeshScene final : public render::HapticRenderer, public MeshHolder, public
   using MakeProbe = std::function<Probe(const MeshBody&)>;
 
   MeshScene(render::Description described, bool needs_crossings, Survey survey, MakeProbe make_probe)
-      : described_(std::move(described)),
+      : Shell(described.options),
+        described_(std::move(described)),
         needs_crossings_(needs_crossings),
         survey_(std::move(survey)),
         make_probe_(std::move(make_probe)) {}
 
-  Result<render::PrepareReport> prepare(const render::SceneInput& scene,
-                                        const render::PrepareContext& context) override {
-    render::PrepareReport report;
-    if (scene.models.empty()) return Error{"the scene has no model", "add a [[model]]", {}, 0};
-    models_.clear();
+  render::Description describe() const override { return described_; }
+  const geometry::TriangleMesh* mesh(std::size_t model) const noexcept override {
+    return model < models_.size() ? models_[model].body->source.get() : nullptr;
+  }
+
+ private:
+  Status add_models(const render::SceneInput& scene, const render::PrepareContext& context,
+                    render::PrepareReport& report) override {
     const bool shaded = wants_shading(described_.options);
     Bodies bodies;
     for (const render::ModelInput& input : scene.models) {
@@ -48,34 +54,18 @@ class MeshScene final : public render::HapticRenderer, public MeshHolder, public
       Probe probe = make_probe_(*body);
       models_.add(std::make_unique<Slot>(std::move(body), std::move(probe)));
     }
-    models_.finish(
-        scene.force_limit_n,
-        described_.options.text("combine") == "sum" ? render::Combine::kSum : render::Combine::kJoint,
-        report);
     report.notes.push_back(shaded ? "shading by interpolated vertex normals (two passes, Ruspini 1997)"
                                   : "shading off");
-    return report;
+    return Done{};
+  }
+  [[nodiscard]] render::Combine combine() const override {
+    return described_.options.text("combine") == "sum" ? render::Combine::kSum : render::Combine::kJoint;
   }
 
-  void restart(const Vec3& hip_mm, double t_s) noexcept override { models_.restart(hip_mm, t_s); }
-  void let_go(const Vec3& hip_mm) noexcept override { models_.let_go(hip_mm); }
-  render::Frame step(const Vec3& hip_mm, double t_s) noexcept override { return models_.step(hip_mm, t_s); }
-  render::FrameCounters counters() const noexcept override { return models_.counters(); }
-  render::Description describe() const override { return described_; }
-  const geometry::TriangleMesh* mesh(std::size_t model) const noexcept override {
-    return model < models_.size() ? models_[model].body->source.get() : nullptr;
-  }
-  void run_slow_phase_elsewhere() noexcept override { models_.near().run_elsewhere(); }
-  void slow_phase(double t_s, const Vec3& from_mm, const Vec3& to_mm) noexcept override {
-    models_.near().slow_phase(t_s, from_mm, to_mm);
-  }
-
- private:
   render::Description described_;
   bool needs_crossings_;
   Survey survey_;
   MakeProbe make_probe_;
-  render::FrameShell<Slot> models_;
 };
 
 }  // namespace palpate::baselines

@@ -14,6 +14,7 @@
 #include "toolkit/cloud/generate.h"
 #include "toolkit/core/clock.h"
 #include "toolkit/render/registry.h"
+#include "toolkit/renderers/toolkit_renderers.h"
 #include "toolkit/trace/paths.h"
 
 namespace palpate {

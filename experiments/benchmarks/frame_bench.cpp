@@ -8,6 +8,7 @@
 #include "toolkit/cloud/generate.h"
 #include "toolkit/core/random.h"
 #include "toolkit/geometry/segment_box.h"
+#include "toolkit/renderers/toolkit_renderers.h"
 #include "toolkit/trace/paths.h"
 
 namespace palpate::benchmarks {

@@ -16,6 +16,7 @@
 #include "baselines/reference/rest.h"
 #include "baselines/register.h"
 #include "toolkit/cloud/generate.h"
+#include "toolkit/renderers/toolkit_renderers.h"
 #include "toolkit/trace/paths.h"
 #include "toolkit/trace/replay.h"
 

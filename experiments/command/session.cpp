@@ -14,6 +14,7 @@
 #include "toolkit/pcd/pcd_reader.h"
 #endif
 #ifdef PALPATE_WITH_VORONOI
+#include "toolkit/renderers/toolkit_renderers.h"
 #include "toolkit/voronoi/voronoi.h"
 #endif
 

@@ -14,9 +14,9 @@
 #include "toolkit/control/controlled_renderer.h"
 #include "toolkit/core/clock.h"
 #include "toolkit/core/parallel.h"
+#include "toolkit/deformation/editable.h"
 #include "toolkit/io/write_mesh.h"
 #include "toolkit/metrics/score_io.h"
-#include "toolkit/render/editable.h"
 #include "toolkit/trace/replay.h"
 #include "toolkit/trace/trace_io.h"
 

@@ -5,6 +5,7 @@
 #include "toolkit/cloud/generate.h"
 #include "toolkit/core/options.h"
 #include "toolkit/render/registry.h"
+#include "toolkit/renderers/toolkit_renderers.h"
 #ifdef CONSUMER_BASELINES
 #include "baselines/register.h"
 #endif

@@ -1,5 +1,7 @@
 #include "tests/house/all_renderers.h"
 
+#include "toolkit/renderers/toolkit_renderers.h"
+
 #ifdef PALPATE_WITH_BASELINES
 #include "baselines/register.h"
 #endif

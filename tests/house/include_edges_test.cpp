@@ -93,7 +93,7 @@ TEST(IncludeEdges, AllowedOnesPass) {
       {"experiments/command/a.cpp", "experiments/report/page.h"},
       {"experiments/a.cpp", "device/loop.h"},
       {"experiments/a.cpp", "nlohmann/json.hpp"},
-      {"tests/toolkit/render/a.cpp", "experiments/report.h"},
+      {"tests/toolkit/renderers/a.cpp", "experiments/report.h"},
       {"toolkit/core/a.h", "vector"},
       {"toolkit/core/a.h", "Eigen/Core"},
   };

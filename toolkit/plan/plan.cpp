@@ -10,7 +10,7 @@
 #include "toolkit/core/tolerances.h"
 #include "toolkit/neighbourhood/knn.h"
 #include "toolkit/neighbourhood/spacing.h"
-#include "toolkit/render/point_model.h"
+#include "toolkit/points/point_model.h"
 
 namespace palpate::plan {
 namespace {

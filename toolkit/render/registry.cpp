@@ -4,13 +4,6 @@
 
 #include <cassert>
 
-#include "toolkit/render/analytic_renderer.h"
-#include "toolkit/render/brute_force_renderer.h"
-#include "toolkit/render/cloud_literal_renderer.h"
-#include "toolkit/render/cloud_renderer.h"
-#include "toolkit/render/heightfield_literal_renderer.h"
-#include "toolkit/render/heightfield_renderer.h"
-
 namespace palpate::render {
 
 std::vector<std::string> left_out(const RendererInfo& info, const SceneInput& scene) {
@@ -57,15 +50,6 @@ Status Registry::check_supports(const RendererInfo& info, const SceneInput& scen
                             : "take it out of the scene, or choose from " + able,
                {},
                0};
-}
-
-void register_toolkit_renderers(Registry& registry) {
-  registry.add(cloud_literal_info());
-  registry.add(cloud_info());
-  registry.add(heightfield_literal_info());
-  registry.add(heightfield_info());
-  registry.add(analytic_renderer_info());
-  registry.add(brute_force_info());
 }
 
 }  // namespace palpate::render

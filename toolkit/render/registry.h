@@ -48,7 +48,4 @@ class Registry {
 /// all.
 [[nodiscard]] std::vector<std::string> left_out(const RendererInfo& info, const SceneInput& scene);
 
-/// Adds what the toolkit brings: cloud-literal, cloud, analytic, brute-force.
-void register_toolkit_renderers(Registry& registry);
-
 }  // namespace palpate::render

@@ -43,10 +43,6 @@ struct SceneInput {
   double force_limit_n = 0.0;  ///< magnitude limit applied by every renderer alike, direction kept; 0 = none
 };
 
-/// The only model of a scene, for renderers that take one; an Error where there are others, or none. Valid as
-/// long as the scene.
-[[nodiscard]] Result<const ModelInput*> only_model(const SceneInput& scene);
-
 struct PreparePhase {
   std::string name;
   double ms = 0.0;

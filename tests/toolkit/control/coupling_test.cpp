@@ -11,6 +11,7 @@
 #include "toolkit/control/virtual_coupling.h"
 #include "toolkit/core/random.h"
 #include "toolkit/render/registry.h"
+#include "toolkit/renderers/toolkit_renderers.h"
 
 namespace palpate::control {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/toolkit/render/scenes.h"
+#include "tests/toolkit/renderers/scenes.h"
 #include "toolkit/control/rates.h"
 #include "toolkit/core/handover.h"
 #include "toolkit/render/motion.h"

@@ -7,7 +7,7 @@
 #include <numbers>
 
 #include "tests/stepped.h"
-#include "tests/toolkit/render/scenes.h"
+#include "tests/toolkit/renderers/scenes.h"
 #include "toolkit/core/random.h"
 #include "toolkit/metrics/reference.h"
 #include "toolkit/plan/plan.h"

@@ -1,11 +1,12 @@
 // The plan decides as the renderers do.
 #include "toolkit/plan/plan.h"
+#include "toolkit/renderers/toolkit_renderers.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
-#include "tests/toolkit/render/scenes.h"
+#include "tests/toolkit/renderers/scenes.h"
 
 namespace palpate::plan {
 namespace {

@@ -1,0 +1,229 @@
+#include "toolkit/heightfield/heightfield_crossing.h"
+
+#include <algorithm>
+
+namespace palpate::render {
+namespace {
+
+constexpr std::int32_t kBlock = static_cast<std::int32_t>(cloud::HeightField::kBlock);
+constexpr double kNever = std::numeric_limits<double>::infinity();
+
+/// Height over the patch along a stretch, f0 + b u + a u^2 for u in [0, 1].
+struct Rise {
+  double f0 = 0.0, b = 0.0, a = 0.0;
+  [[nodiscard]] double end() const noexcept { return f0 + b + a; }
+  [[nodiscard]] Rise negated() const noexcept { return {-f0, -b, -a}; }
+  /// The rest of the stretch after the zero at u.
+  [[nodiscard]] Rise after_zero(double u) const noexcept {
+    const double rest = 1.0 - u;
+    return {0.0, (b + 2.0 * a * u) * rest, a * rest * rest};
+  }
+};
+
+/// The first u at which f, not below 0 at u = 0, falls below; kNever. Where the end is below 0 there always
+/// is one.
+double first_fall(const Rise& f) noexcept {
+  const bool ends_below = f.end() < 0.0;
+  if (!ends_below && !(f.a > 0.0 && f.b < 0.0 && -f.b < 2.0 * f.a)) return kNever;
+  const double disc = f.b * f.b - 4.0 * f.a * f.f0;
+  if (!(disc >= 0.0)) return ends_below ? 1.0 : kNever;
+  if (!ends_below && disc == 0.0) return kNever;  // it only touches
+  const double root = std::sqrt(disc);
+  // The two forms of the same root; each subtracts nothing.
+  const double u = f.b <= 0.0 ? 2.0 * f.f0 / (root - f.b) : -(f.b + root) / (2.0 * f.a);
+  return std::isfinite(u) ? std::clamp(u, 0.0, 1.0) : (f.f0 > 0.0 ? 1.0 : 0.0);
+}
+
+/// The part of a + t d over the field's rectangle; false where there is none.
+bool clip(const HeightSheet& sheet, const PlanPoint& a, const PlanPoint& d, double& t0, double& t1) noexcept {
+  const double at[2] = {a.x, a.y}, step[2] = {d.x, d.y};
+  const double last[2] = {static_cast<double>(sheet.columns - 1), static_cast<double>(sheet.rows - 1)};
+  for (int axis = 0; axis < 2; ++axis) {
+    if (step[axis] == 0.0) {
+      if (!(at[axis] >= 0.0 && at[axis] <= last[axis])) return false;
+      continue;
+    }
+    const double s = -at[axis] / step[axis], e = (last[axis] - at[axis]) / step[axis];
+    t0 = std::max(t0, std::min(s, e));
+    t1 = std::min(t1, std::max(s, e));
+  }
+  return t0 <= t1;
+}
+
+/// The segment on its way over the cells.
+struct Walk {
+  const HeightSheet& sheet;
+  PlanPoint a, d;
+  std::int32_t column = 0, row = 0;
+  double t = 0.0;
+
+  Walk(const HeightSheet& of, const PlanPoint& from, const PlanPoint& to) noexcept
+      : sheet(of), a(from), d{to.x - from.x, to.y - from.y, to.z - from.z} {}
+
+  [[nodiscard]] PlanPoint point(double at) const noexcept {
+    return {a.x + at * d.x, a.y + at * d.y, a.z + at * d.z};
+  }
+  void enter(double at) noexcept {
+    t = at;
+    const PlanPoint p = point(at);
+    column = static_cast<std::int32_t>(std::clamp(std::floor(p.x), 0.0, sheet.columns - 2.0));
+    row = static_cast<std::int32_t>(std::clamp(std::floor(p.y), 0.0, sheet.rows - 2.0));
+  }
+  /// Where the segment leaves the cells [low_x, high_x) x [low_y, high_y), if before `end`; `out_x`, `out_y`
+  /// say across which wall.
+  [[nodiscard]] double leaves(std::int32_t low_x, std::int32_t high_x, std::int32_t low_y,
+                              std::int32_t high_y, double end, int& out_x, int& out_y) const noexcept {
+    out_x = out_y = 0;
+    const double tx = d.x > 0.0 ? (high_x - a.x) / d.x : d.x < 0.0 ? (low_x - a.x) / d.x : kNever;
+    const double ty = d.y > 0.0 ? (high_y - a.y) / d.y : d.y < 0.0 ? (low_y - a.y) / d.y : kNever;
+    const double least = std::min(tx, ty);
+    if (!(least < end)) return end;
+    if (tx <= ty)
+      out_x = d.x > 0.0 ? 1 : -1;
+    else
+      out_y = d.y > 0.0 ? 1 : -1;
+    return std::max(t, least);
+  }
+};
+
+/// Height of the walk over a patch between t0 and t1.
+Rise rise_over(const Walk& walk, const Patch& patch, double t0, double t1) noexcept {
+  const PlanPoint p = walk.point(t0), q = walk.point(t1);
+  const double s0 = p.x - walk.column, u0 = p.y - walk.row;
+  const double s1 = q.x - walk.column, u1 = q.y - walk.row;
+  const double a = -patch.d * (s1 - s0) * (u1 - u0);
+  const double f0 = p.z - patch.height(s0, u0), f1 = q.z - patch.height(s1, u1);
+  return {f0, f1 - f0 - a, a};
+}
+
+/// The first stretch of a segment that leaves the sheet at `foot`: it starts at height 0, not falling.
+Rise rise_from_sheet(const Walk& walk, const Patch& patch, const Foot& foot, double t1) noexcept {
+  const double ds = t1 * walk.d.x, dt = t1 * walk.d.y;
+  const double s = foot.column + foot.s - walk.column, t = foot.row + foot.t - walk.row;
+  const double a = -patch.d * ds * dt;
+  const double b = t1 * walk.d.z - (patch.b + patch.d * t) * ds - (patch.c + patch.d * s) * dt;
+  return {0.0, std::max(0.0, b), a};
+}
+
+/// What a stretch over one cell does to the side; the place of a hit in [0, 1], or kNever.
+double pass(Rise rise, SheetSide& side, int& edges) noexcept {
+  if (side == SheetSide::kNowhere) {
+    side = rise.f0 >= 0.0 ? SheetSide::kAbove : SheetSide::kUnder;
+    edges += side == SheetSide::kUnder;
+  }
+  if (side == SheetSide::kAbove) {
+    // Above by what was known before: what is below now went through here.
+    rise.f0 = std::max(0.0, rise.f0);
+    return first_fall(rise);
+  }
+  Rise under = rise.negated();
+  under.f0 = std::max(0.0, under.f0);
+  const double out = first_fall(under);
+  if (out == kNever) return kNever;
+  side = SheetSide::kAbove;
+  const double again = first_fall(rise.after_zero(out));
+  return again == kNever ? kNever : out + again * (1.0 - out);
+}
+
+void set_hit(const Walk& walk, double at, Crossing& found) noexcept {
+  const PlanPoint p = walk.point(at);
+  found.hit = true;
+  found.foot = {walk.column, walk.row, std::clamp(p.x - walk.column, 0.0, 1.0),
+                std::clamp(p.y - walk.row, 0.0, 1.0)};
+  found.reached = p;
+  found.side = SheetSide::kAbove;
+}
+
+/// The block around the walk's cell lies below the segment: out of it in one step. False where it does not.
+bool skip_block(Walk& walk, double end, bool& done) noexcept {
+  const HeightSheet& sheet = walk.sheet;
+  const std::int32_t x = walk.column / kBlock, y = walk.row / kBlock;
+  const std::int32_t high_x = std::min((x + 1) * kBlock, sheet.columns - 1);
+  const std::int32_t high_y = std::min((y + 1) * kBlock, sheet.rows - 1);
+  int out_x = 0, out_y = 0;
+  const double leave = walk.leaves(x * kBlock, high_x, y * kBlock, high_y, end, out_x, out_y);
+  const double top = static_cast<double>(sheet.top[static_cast<std::ptrdiff_t>(y) * sheet.block_columns + x]);
+  if (!(std::min(walk.point(walk.t).z, walk.point(leave).z) > top)) return false;
+  walk.t = leave;
+  done = out_x == 0 && out_y == 0;
+  const PlanPoint p = walk.point(leave);
+  // The wall that is crossed is known exactly; along it the place is within the block.
+  walk.column = out_x > 0   ? high_x
+                : out_x < 0 ? x * kBlock - 1
+                            : static_cast<std::int32_t>(
+                                  std::clamp(std::floor(p.x), static_cast<double>(x * kBlock), high_x - 1.0));
+  walk.row = out_y > 0   ? high_y
+             : out_y < 0 ? y * kBlock - 1
+                         : static_cast<std::int32_t>(
+                               std::clamp(std::floor(p.y), static_cast<double>(y * kBlock), high_y - 1.0));
+  return true;
+}
+
+}  // namespace
+
+SheetSide side_of(const HeightSheet& sheet, const PlanPoint& p) noexcept {
+  if (!(p.x >= 0.0 && p.x <= sheet.columns - 1.0 && p.y >= 0.0 && p.y <= sheet.rows - 1.0))
+    return SheetSide::kNowhere;
+  Walk walk(sheet, p, p);
+  walk.enter(0.0);
+  const Patch patch = sheet.patch(walk.column, walk.row);
+  if (!patch.exists()) return SheetSide::kNowhere;
+  return p.z >= patch.height(p.x - walk.column, p.y - walk.row) ? SheetSide::kAbove : SheetSide::kUnder;
+}
+
+Crossing find_crossing(const HeightSheet& sheet, const PlanPoint& a, const PlanPoint& b, SheetSide side,
+                       const Foot* from_sheet, int& looks) noexcept {
+  Crossing found;
+  found.reached = b;
+  double t0 = 0.0, t1 = 1.0;
+  Walk walk(sheet, a, b);
+  if (std::min(a.z, b.z) > sheet.high_mm) {
+    found.side = SheetSide::kAbove;
+    return found;
+  }
+  if (!clip(sheet, a, walk.d, t0, t1)) return found;
+  if (t0 > 0.0) side = SheetSide::kNowhere;
+  walk.enter(t0);
+  if (from_sheet != nullptr) {
+    walk.column = from_sheet->column;
+    walk.row = from_sheet->row;
+  }
+  while (true) {
+    if (looks-- <= 0) {
+      found.cut = true;
+      found.reached = walk.point(walk.t);
+      found.side = side;
+      return found;
+    }
+    bool done = false;
+    // A foot between cells leaves the first of them at once.
+    const bool first = from_sheet != nullptr && walk.t == 0.0;
+    if (!first && skip_block(walk, t1, done)) {
+      side = SheetSide::kAbove;
+    } else {
+      int out_x = 0, out_y = 0;
+      const double leave =
+          walk.leaves(walk.column, walk.column + 1, walk.row, walk.row + 1, t1, out_x, out_y);
+      const Patch patch = sheet.patch(walk.column, walk.row);
+      if (!patch.exists()) {
+        side = SheetSide::kNowhere;
+      } else {
+        const Rise rise =
+            first ? rise_from_sheet(walk, patch, *from_sheet, leave) : rise_over(walk, patch, walk.t, leave);
+        if (const double at = pass(rise, side, found.edges); at != kNever) {
+          set_hit(walk, walk.t + at * (leave - walk.t), found);
+          return found;
+        }
+      }
+      walk.t = leave;
+      walk.column += out_x;
+      walk.row += out_y;
+      done = out_x == 0 && out_y == 0;
+    }
+    if (done || !sheet.has_cell(walk.column, walk.row)) break;
+  }
+  found.side = t1 < 1.0 ? SheetSide::kNowhere : side;
+  return found;
+}
+
+}  // namespace palpate::render

@@ -1,0 +1,124 @@
+#include "toolkit/heightfield/heightfield_model.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <utility>
+#include <vector>
+
+#include "toolkit/cloud/height_field_holes.h"
+#include "toolkit/render/prepare_phases.h"
+
+namespace palpate::render {
+namespace {
+
+/// The eight posts around each, itself beyond the border, and where the posts stand.
+void blend(HeightFieldModel& model, double blend_mm, PrepareReport& report) {
+  const cloud::HeightField& field = model.field;
+  std::vector<surface::SurfacePoint> points(field.posts());
+  std::vector<neighbourhood::Neighbours> around(field.posts());
+  const auto columns = static_cast<std::int64_t>(field.columns), rows = static_cast<std::int64_t>(field.rows);
+  for (std::int64_t row = 0; row < rows; ++row)
+    for (std::int64_t column = 0; column < columns; ++column) {
+      const auto place = static_cast<std::size_t>(row * columns + column);
+      points[place] = {static_cast<float>(static_cast<double>(column) * field.step_x_mm),
+                       static_cast<float>(static_cast<double>(row) * field.step_y_mm), field.height_mm[place],
+                       surface::kNoNormal};
+      std::size_t k = 0;
+      for (std::int64_t dy = -1; dy <= 1; ++dy)
+        for (std::int64_t dx = -1; dx <= 1; ++dx) {
+          if (dx == 0 && dy == 0) continue;
+          const bool inside = column + dx >= 0 && column + dx < columns && row + dy >= 0 && row + dy < rows;
+          around[place][k++] = static_cast<std::uint32_t>(inside ? (row + dy) * columns + column + dx
+                                                                 : row * columns + column);
+        }
+    }
+  const std::size_t softer = blend_stiffness(model.surface, points, around, blend_mm);
+  report.notes.push_back(
+      fmt::format("stiffness blended over {:.3g} mm: {} posts made softer", blend_mm, softer));
+}
+
+/// The surface of the model, its points' values moved to their posts.
+Status prepare_surface(const ModelInput& input, const std::vector<std::uint32_t>& point_of_post,
+                       HeightFieldModel& model, PrepareReport& report) {
+  std::vector<std::uint32_t> order(input.cloud->size());
+  std::iota(order.begin(), order.end(), 0u);
+  Result<SurfaceField> built = build_surface_field(input, order, report);
+  if (!built) return std::move(built).error();
+  model.surface = *std::move(built);
+  if (model.surface.of_place.empty()) return Done{};
+  LargeVector<PlaceSurface> of_post(point_of_post.size());
+  for (std::size_t post = 0; post < of_post.size(); ++post)
+    if (point_of_post[post] != cloud::kNoPoint)
+      of_post[post] = model.surface.of_place[point_of_post[post]];
+    else
+      of_post[post] = {static_cast<float>(model.surface.largest_stiffness_n_per_mm), 0.0f, 0.0f};
+  model.surface.of_place = std::move(of_post);
+  return Done{};
+}
+
+/// The lowest and the highest of its posts that have a height.
+std::pair<double, double> heights_of(const cloud::HeightField& field) {
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  for (const float height : field.height_mm) {
+    if (std::isnan(height)) continue;
+    low = std::min(low, static_cast<double>(height));
+    high = std::max(high, static_cast<double>(height));
+  }
+  return {low, high};
+}
+
+/// Where the HIP goes through the middle of the data.
+void warn_of_open_holes(const cloud::Holes& holes, bool fills_gaps, PreparePhases& phases) {
+  const std::size_t open = holes.voids + (fills_gaps ? 0 : holes.gaps);
+  if (open == 0) return;
+  phases.warn(fmt::format(
+      "Nothing is felt over {} posts without a point inside the data: the HIP goes through there.{}", open,
+      fills_gaps || holes.gaps == 0
+          ? ""
+          : fmt::format(" heightfield fills {} of them (holes=fill).", holes.gaps)));
+}
+
+}  // namespace
+
+Result<HeightFieldModel> build_height_field_model(const ModelInput& input, const HeightFieldBuild& build,
+                                                  const PrepareContext& context, PrepareReport& report) {
+  PreparePhases phases(report, context);
+  phases.begin("grid");
+  const bool varies = input.surface.per_point != nullptr;
+  std::vector<std::uint32_t> point_of_post;
+  Result<cloud::HeightField> field = cloud::height_field_of(*input.cloud, varies ? &point_of_post : nullptr);
+  if (!field) return std::move(field).error();
+  const cloud::Holes holes = cloud::find_holes(*field);
+  if (build.fills_gaps && holes.gaps > 0) {
+    phases.end();
+    phases.begin("gaps");
+    cloud::fill_gaps(*field, holes, varies ? &point_of_post : nullptr, context.threads);
+  }
+  HeightFieldModel model;
+  model.field = std::move(*field);
+  model.pose = ModelPose(input, model.field.origin_mm);
+  if (const Status done = prepare_surface(input, point_of_post, model, report); !done) return done.error();
+  if (build.blend_resolutions > 0.0 && (model.surface.features & kVaried) != 0)
+    blend(model, build.blend_resolutions * model.field.plan_resolution_mm(), report);
+  model.box_mm.add(Vec3::Zero());
+  model.box_mm.add(Vec3(static_cast<double>(model.field.columns - 1) * model.field.step_x_mm,
+                        static_cast<double>(model.field.rows - 1) * model.field.step_y_mm, 0.0));
+  const auto [low, high] = heights_of(model.field);
+  model.box_mm.low_mm.z() = low;
+  model.box_mm.high_mm.z() = high;
+  phases.end();
+  warn_of_open_holes(holes, build.fills_gaps, phases);
+  report.bytes += model.field.bytes() + model.surface.bytes();
+  report.notes.push_back(fmt::format("{}; {:.6g} x {:.6g} mm apart, resolution {:.6g} mm seen from above",
+                                     cloud::describe(model.field, holes, build.fills_gaps),
+                                     model.field.step_x_mm, model.field.step_y_mm,
+                                     model.field.plan_resolution_mm()));
+  return model;
+}
+
+}  // namespace palpate::render

@@ -1,0 +1,57 @@
+// A renderer that is the frame shell and a way to build its local models: what all of ours, the literal
+// forms, the oracles, the mesh renderers and the rivals are. What one adds is add_models() and describe().
+#pragma once
+
+#include <utility>
+
+#include "toolkit/render/frame_shell.h"
+#include "toolkit/render/renderer.h"
+#include "toolkit/render/slow_phase.h"
+
+namespace palpate::render {
+
+template <LocalModel Model>
+class ShellRenderer : public HapticRenderer {
+ public:
+  Result<PrepareReport> prepare(const SceneInput& scene, const PrepareContext& context) final {
+    PrepareReport report;
+    if (scene.models.empty()) return Error{"the scene has no model", "add a [[model]]", {}, 0};
+    models_.clear();
+    if (Status added = add_models(scene, context, report); !added.ok()) return std::move(added).error();
+    models_.finish(scene.force_limit_n, combine(), report);
+    return report;
+  }
+  void restart(const Vec3& hip_mm, double t_s) noexcept final { models_.restart(hip_mm, t_s); }
+  void let_go(const Vec3& hip_mm) noexcept final { models_.let_go(hip_mm); }
+  [[nodiscard]] Frame step(const Vec3& hip_mm, double t_s) noexcept final {
+    return models_.step(hip_mm, t_s);
+  }
+  [[nodiscard]] FrameCounters counters() const noexcept final { return models_.counters(); }
+
+ protected:
+  explicit ShellRenderer(Options options) : options_(std::move(options)) {}
+
+  /// Builds one local model for each of the scene's, of which there is at least one, and adds them in order.
+  [[nodiscard]] virtual Status add_models(const SceneInput& scene, const PrepareContext& context,
+                                          PrepareReport& report) = 0;
+  /// What becomes of several models touched at once.
+  [[nodiscard]] virtual Combine combine() const { return Combine::kJoint; }
+
+  Options options_;  ///< complete and validated
+  FrameShell<Model> models_;
+};
+
+/// The same for models with a box, which are looked for in a slow phase.
+template <LocalModel Model>
+class BoxedShellRenderer : public ShellRenderer<Model>, public SlowPhase {
+ public:
+  void run_slow_phase_elsewhere() noexcept final { this->models_.near().run_elsewhere(); }
+  void slow_phase(double t_s, const Vec3& from_mm, const Vec3& to_mm) noexcept final {
+    this->models_.near().slow_phase(t_s, from_mm, to_mm);
+  }
+
+ protected:
+  using ShellRenderer<Model>::ShellRenderer;
+};
+
+}  // namespace palpate::render

@@ -1,0 +1,154 @@
+#include "toolkit/renderers/analytic_renderer.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "toolkit/render/prepare_phases.h"
+
+namespace palpate::render {
+namespace {
+
+constexpr const char* kName = "analytic";
+constexpr const char* kSummary = "exact answer on surfaces known by formula: ground truth";
+constexpr const char* kSource =
+    "constrained god object of Zilles and Salisbury 1995, solved in closed form or by Newton";
+
+// The HIP is followed in steps of at most this part of the model's box: a hundredth of a wave where ten waves
+// span it, so that the god object cannot lose its valley.
+constexpr double kSubStepPerBox = 1e-3;
+// Sub-steps of one stretch of contact. Beyond it (a motion of a quarter of the box in one frame) they grow.
+constexpr int kMostSubSteps = 256;
+// Entries and releases in one frame. A segment has more only when it grazes many waves; the rest waits for
+// the next.
+constexpr int kMostEvents = 16;
+
+}  // namespace
+
+Status AnalyticRenderer::add_models(const SceneInput& scene, const PrepareContext& context,
+                                    PrepareReport& report) {
+  PreparePhases phases(report, context);
+  phases.begin("set up");
+  for (const ModelInput& input : scene.models) {
+    if (!input.analytic)
+      return Error{fmt::format("model '{}' has no formula", input.name),
+                   "use 'analytic' with generated models only",
+                   {},
+                   0};
+    models_.add(
+        std::make_unique<AnalyticModel>(input, kSubStepPerBox * input.analytic->box_mm().extent_mm().norm()));
+    phases.note(fmt::format("{}: {}", input.name, input.analytic->formula()));
+    report.bytes += sizeof(AnalyticModel);
+  }
+  phases.end();
+  return Done{};
+}
+
+AnalyticModel::AnalyticModel(const ModelInput& input, double sub_step_mm)
+    : surface_(input.analytic),
+      pose_(input, Vec3::Zero()),
+      stiffness_n_per_mm_(input.surface.stiffness_n_per_mm),
+      sub_step_mm_(sub_step_mm) {}
+
+void AnalyticModel::let_go(const Vec3& h) noexcept {
+  touching_ = false;
+  started_ = is_finite(h);
+  if (started_) reached_ = h;
+}
+
+bool AnalyticModel::stay_in_contact(const Vec3& h, FrameCounters& counters) noexcept {
+  const Vec3 start = reached_;
+  const Vec3 motion = h - start;
+  const double wanted = std::ceil(motion.norm() / sub_step_mm_);
+  const int steps = static_cast<int>(std::clamp(wanted, 1.0, static_cast<double>(kMostSubSteps)));
+  Vec3 before = start;
+  for (int i = 1; i <= steps; ++i) {
+    const Vec3 hip = i == steps ? h : Vec3(start + (static_cast<double>(i) / steps) * motion);
+    god_object_ = surface_->track(god_object_, hip);
+    ++counters.walk_steps;
+    if ((god_object_.point_mm - hip).dot(god_object_.normal) <= 0.0) {
+      // Out of this sheet. Where that led into another part of the inside (a narrow valley), the motion is
+      // searched again from the sub-step before, so that the crossing between is found.
+      reached_ = surface_->signed_distance_mm(hip) < 0.0 ? before : hip;
+      touching_ = false;
+      return false;
+    }
+    before = hip;
+  }
+  reached_ = h;
+  return true;
+}
+
+bool AnalyticModel::follow(const Vec3& h, FrameCounters& counters) noexcept {
+  for (int event = 0; event < kMostEvents; ++event) {
+    if (touching_) {
+      if (stay_in_contact(h, counters)) return true;
+      continue;
+    }
+    const std::optional<geometry::SurfacePoint> entry = surface_->first_entry(reached_, h);
+    if (!entry) {
+      reached_ = h;
+      return true;
+    }
+    touching_ = true;
+    god_object_ = *entry;
+    reached_ = entry->point_mm;
+  }
+  return false;
+}
+
+bool AnalyticModel::touch(const Vec3& /*goal*/, const Vec3& h, Memory& memory, SurfaceContact& contact,
+                          FrameStatus& status, FrameCounters& counters) noexcept {
+  if (!started_) reached_ = h;
+  started_ = true;
+  if (!follow(h, counters)) status = FrameStatus::kBoundHit;
+  if (!touching_) return false;
+  memory = god_object_;
+  contact.hip = h;
+  contact.pull = god_object_.point_mm - h;
+  contact.stiffness_n_per_mm = stiffness_n_per_mm_;
+  return true;
+}
+
+SurfaceAnswer AnalyticModel::respond(const SurfaceContact& contact) const noexcept {
+  // Not moved by other models: the point itself, without the rounding of the way there and back.
+  const bool alone = contact.pull == god_object_.point_mm - contact.hip;
+  return {stiffness_n_per_mm_ * contact.pull,
+          alone ? god_object_.point_mm : Vec3(contact.hip + contact.pull)};
+}
+
+/// The tangent plane where the surface is nearest to `at_world`, as tracked from the god object.
+void AnalyticModel::planes_near(const Memory& memory, const Vec3& at_world, JointPlanes& planes,
+                                FrameCounters& /*counters*/) const noexcept {
+  const geometry::SurfacePoint near = surface_->track(memory, pose_.to_local(at_world));
+  const Vec3 normal = pose_.direction_to_world(near.normal);
+  planes.add({normal, normal.dot(pose_.to_world(near.point_mm))});
+}
+
+Description AnalyticRenderer::describe() const {
+  Description description;
+  description.name = kName;
+  description.summary = kSummary;
+  description.source = kSource;
+  description.work_bound = fmt::format(
+      "per model and frame {} entries or releases of at most 4096 segment steps and {} sub-steps of at most "
+      "300 Newton "
+      "steps; not meant to be timed",
+      kMostEvents, kMostSubSteps);
+  return description;
+}
+
+RendererInfo analytic_renderer_info() {
+  RendererInfo info;
+  info.name = kName;
+  info.summary = kSummary;
+  info.source = kSource;
+  info.role = Role::kReference;
+  info.geometry = Geometry::kFormula;
+  info.supports = Feature::kMotion | Feature::kManyModels | Feature::kJointContact;
+  info.make = [](const Options&) { return std::make_unique<AnalyticRenderer>(); };
+  return info;
+}
+
+}  // namespace palpate::render

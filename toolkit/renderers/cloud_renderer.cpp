@@ -1,0 +1,156 @@
+#include "toolkit/renderers/cloud_renderer.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "toolkit/core/tolerances.h"
+#include "toolkit/deformation/editable.h"
+#include "toolkit/render/shell_renderer.h"
+#include "toolkit/renderers/cloud_model.h"
+
+namespace palpate::render {
+namespace {
+
+/// Points that a surface that gives way may gain by stretching, as a share of those it has, and at least.
+constexpr double kSpareShare = 0.125;
+constexpr std::size_t kLeastSpare = 256;
+/// Changes remembered for undo: some four thousand frames of a full dent, 32 MB.
+constexpr std::size_t kJournalPoints = std::size_t{1} << 19;
+
+class Cloud final : public BoxedShellRenderer<CloudModel>, public Editable {
+ public:
+  explicit Cloud(const Options& options) : BoxedShellRenderer(options) {}
+
+  bool undo(std::size_t model) noexcept override {
+    if (!gives_way(model)) return false;
+    CloudModel& cloud = models_[model];
+    bool any = false;
+    cloud.put_back(models_.counters(), [&](auto&& told) { any = cloud.deformer->undo(told); });
+    return any;
+  }
+  void restore(std::size_t model) noexcept override {
+    if (!gives_way(model)) return;
+    CloudModel& cloud = models_[model];
+    cloud.put_back(models_.counters(), [&](auto&& told) { cloud.deformer->reset(told); });
+  }
+  Result<cloud::Cloud> edited(std::size_t model) const override {
+    if (!gives_way(model))
+      return Error{"this model does not give way", "give it a [model.surface.dent]", {}, 0};
+    return models_[model].deformer->edited();
+  }
+  DeformCounters deform_counters(std::size_t model) const noexcept override {
+    return gives_way(model) ? models_[model].deformer->counters() : DeformCounters{};
+  }
+
+  Description describe() const override {
+    return {"cloud", "chapter 3 made right",
+            "El-Far, chapter 3; side, bounds, creases, friction cone and joint contact ours",
+            fmt::format("a model near the HIP: {} moves of the god object and {} along an edge, {} wider "
+                        "looks of 64 points, {} "
+                        "box tests, segments of {} cells, at a crease {} facets and as many lines a frame; "
+                        "what is left is done "
+                        "in the next; of models touched at once the {} deepest",
+                        kMaxWalkSteps, kMaxFaceMoves, kMaxRescues, kMaxBoxTests, kMaxSegmentCells,
+                        neighbourhood::kNeighbours, kMaxTouched),
+            options_};
+  }
+
+ private:
+  Status add_models(const SceneInput& scene, const PrepareContext& context, PrepareReport& report) override {
+    for (const ModelInput& input : scene.models)
+      if (const Status done = prepare_model(input, context, report); !done) return done.error();
+    return Done{};
+  }
+  [[nodiscard]] Combine combine() const override {
+    return options_.text("combine") == "sum" ? Combine::kSum : Combine::kJoint;
+  }
+
+  [[nodiscard]] bool gives_way(std::size_t model) const noexcept {
+    return model < models_.size() && models_[model].deformer != nullptr;
+  }
+
+  Status prepare_model(const ModelInput& input, const PrepareContext& context, PrepareReport& report) {
+    auto made = std::make_unique<CloudModel>();
+    PointModelOptions o = point_model_options(options_);
+    o.blend_resolutions = kBlendResolutions;
+    const bool gives = input.surface.dent.any() || input.moves != nullptr;
+    if (gives) {
+      o.moving = true;
+      o.spare_points =
+          static_cast<std::size_t>(kSpareShare * static_cast<double>(input.cloud->size())) + kLeastSpare;
+    }
+    Result<PointModel> built = build_point_model(input, o, context, report);
+    if (!built) return std::move(built).error();
+    made->points = std::move(*built);
+    choose_shading(*made, gives, report);
+    made->contact.attach(made->points);
+    for (const StoredPoint& p : made->points.points) made->prepared_box_mm.add(p.at());
+    made->prepared_box_mm.low_mm -= made->points.largest_half_box_mm;
+    made->prepared_box_mm.high_mm += made->points.largest_half_box_mm;
+    if (gives) {
+      Deformer::Options deform;
+      deform.spare_points = o.spare_points;
+      deform.journal_points = std::min(made->points.points.size() + o.spare_points, kJournalPoints);
+      made->deformer = std::make_unique<Deformer>(made->points, deform);
+      made->dent = input.surface.dent;
+      if (input.moves != nullptr) made->moves = input.moves->subscribe();
+      report.bytes += made->deformer->bytes();
+      report.notes.push_back(
+          fmt::format("deformation: up to {} points a frame, {} spare ones, {} changes undone",
+                      kMaxMovedPoints, deform.spare_points, deform.journal_points));
+    }
+    models_.add(std::move(made));
+    return Done{};
+  }
+
+  void choose_shading(CloudModel& model, bool gives, PrepareReport& report) const {
+    const std::string& shading = options_.text("shading");
+    if (shading != "auto") {
+      model.shading = parse_shading(shading);
+      return;
+    }
+    // Each change of point moves the force by stiffness x spacing; where no spacing is large enough, nothing
+    // is shaded and the frame is built without it.
+    const double stiffness = model.points.surface.largest_stiffness_n_per_mm;
+    const double largest = stiffness * model.points.max_spacing_mm;
+    model.by_spacing = largest > kFeltForceStepN || gives;  // stretching makes it larger
+    model.shading = model.by_spacing ? Shading::kFacet : Shading::kNone;
+    const double felt_mm = kFeltForceStepN / stiffness;
+    model.felt_spacing_sq_mm2 = felt_mm * felt_mm;
+    report.notes.push_back(fmt::format("shading: {}, stiffness x spacing is at most {:.3g} N ({} N is felt)",
+                                       model.by_spacing ? "facet where spacing asks for it" : "none", largest,
+                                       kFeltForceStepN));
+  }
+};
+
+}  // namespace
+
+RendererInfo cloud_info() {
+  RendererInfo info;
+  info.name = "cloud";
+  info.summary = "chapter 3 made right: a contact state with a side, shading by stiffness and spacing";
+  info.source = "El-Far, chapter 3; contact side, creases, friction cone, joint contact and bounds are ours";
+  info.role = Role::kOurs;
+  info.supports = kAllOfRigidSurfaces | Feature::kDent | Feature::kMovedPoints | Feature::kJointContact;
+  info.options = point_model_specs();
+  for (OptionSpec& spec : info.options) {
+    if (spec.key != "cell") continue;
+    spec.default_value = "0";
+    spec.only_with = {{"partition", {"grid"}}};  // the leaves of a tree choose their own sizes
+  }
+  for (OptionSpec& spec : box_test_specs()) info.options.push_back(std::move(spec));
+  info.options.push_back(partition_spec());
+  info.options.push_back(shading_spec("force shading; auto: facet where stiffness x local spacing is felt"));
+  info.options.push_back({"combine",
+                          OptionKind::kChoice,
+                          "joint",
+                          "several models touched at once: constrained jointly, or the sum of their forces",
+                          {"joint", "sum"}});
+  info.make = [](const Options& options) { return std::make_unique<Cloud>(options); };
+  return info;
+}
+
+}  // namespace palpate::render

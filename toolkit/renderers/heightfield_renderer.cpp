@@ -1,0 +1,337 @@
+#include "toolkit/renderers/heightfield_renderer.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "toolkit/cloud/height_field_holes.h"
+#include "toolkit/heightfield/heightfield_crossing.h"
+#include "toolkit/heightfield/heightfield_descent.h"
+#include "toolkit/heightfield/heightfield_model.h"
+#include "toolkit/render/shell_renderer.h"
+#include "toolkit/render/surface_response.h"
+
+namespace palpate::render {
+namespace {
+
+/// Newton steps of the short way; a cell without twist needs one, and one more where the guess was in the
+/// next cell.
+constexpr int kQuickSolves = 4;
+/// What the last Newton step may leave, as a share of a cell: with posts 0.1 mm apart 2e-8 mm, a hundredth of
+/// what single-precision heights of 10 mm are rounded by.
+constexpr double kQuickError = 0x1p-22;
+/// A step changes the Hessian by at most about so many times its twist.
+constexpr double kHessianChange = 4.0;
+/// The nearest point is never farther off than where it was before, but for rounding.
+constexpr double kNoFarther = 1.0 + 0x1p-40;
+/// Entries one frame follows: the HIP leaves one flank and meets the next. The rest waits.
+constexpr int kMaxEntries = 4;
+/// Nearer to the next post than to this one.
+constexpr double kMiddle = 0.5;
+/// A HIP farther off than so many posts, or than so many mm, is beside the field; its cell could not be
+/// counted.
+constexpr double kFarPosts = 0x1p40;
+constexpr double kFarMm = 1e150;
+
+bool is_near(const PlanPoint& p) noexcept {
+  return std::abs(p.x) < kFarPosts && std::abs(p.y) < kFarPosts && std::abs(p.z) < kFarMm;
+}
+
+bool is_beside(std::int32_t a, std::int32_t b) noexcept {
+  return static_cast<std::uint32_t>(a - b + 1) <= 2;
+}
+
+bool is_share(double s) noexcept {
+  return s >= 0.0 && s <= 1.0;
+}
+
+/// The local model of `heightfield`.
+class HeightFieldSurface {
+ public:
+  struct Memory {};
+  static constexpr bool kComposed = true;
+
+  HeightFieldSurface(HeightFieldModel model, bool nearest_post)
+      : model_(std::move(model)), sheet_(model_.field), nearest_post_(nearest_post) {}
+  HeightFieldSurface(const HeightFieldSurface&) = delete;  // the sheet points into the field
+  HeightFieldSurface& operator=(const HeightFieldSurface&) = delete;
+
+  [[nodiscard]] ModelPose& pose() noexcept { return model_.pose; }
+  [[nodiscard]] const ModelPose& pose() const noexcept { return model_.pose; }
+  [[nodiscard]] unsigned features() const noexcept { return model_.surface.features; }
+  [[nodiscard]] const geometry::Aabb& box_mm() const noexcept { return model_.box_mm; }
+  [[nodiscard]] bool touching() const noexcept { return contact_; }
+  void let_go(const Vec3& h) noexcept {
+    contact_ = false;
+    state_.release();
+    started_ = is_finite(h);
+    if (started_) start(sheet_.plan(h));
+  }
+  void release() noexcept { state_.release(); }
+
+  template <unsigned kFeatures>
+  [[nodiscard]] bool touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/, SurfaceContact& contact,
+                           FrameStatus& status, FrameCounters& counters) noexcept {
+    const PlanPoint plan = sheet_.plan(h);
+    if (!(contact_ && follow_quickly(plan, counters)) && !update(plan, status, counters)) return false;
+    contact = contact_at<kFeatures>(h);
+    return true;
+  }
+  template <unsigned kFeatures>
+  [[nodiscard]] SurfaceAnswer respond(const SurfaceContact& contact) noexcept {
+    return state_.respond<kFeatures>(contact, model_.surface.texture, model_.field.origin_mm);
+  }
+
+ private:
+  void start(const PlanPoint& h) noexcept {
+    tested_to_ = h;
+    side_ = is_near(h) ? side_of(sheet_, h) : SheetSide::kNowhere;
+  }
+
+  /// In contact, the way nearly all frames go: the god object moved as the HIP did, and one or two Newton
+  /// steps mend it. False, with nothing changed, where it left the cells around, is held by a crease or a
+  /// rim, is not below a convex distance, or came out.
+  [[gnu::always_inline]] bool follow_quickly(const PlanPoint& h, FrameCounters& counters) noexcept {
+    // The way from the HIP to the god object changes as it did from the last frame to this one.
+    double x = h.x + lead_x_ + turn_x_, y = h.y + lead_y_ + turn_y_;
+    const double enough = kQuickError * std::min(sheet_.x_sq, sheet_.y_sq);
+    std::int32_t last_column = -1, last_row = -1;
+    for (int solve = 0; solve < kQuickSolves; ++solve) {
+      if (!(x >= 0.0 && y >= 0.0 && x < sheet_.last_column && y < sheet_.last_row)) return false;
+      const auto column = static_cast<std::int32_t>(x), row = static_cast<std::int32_t>(y);
+      if (!is_beside(column, foot_.column) || !is_beside(row, foot_.row)) return false;
+      // To and fro: a crease holds the god object.
+      if (column == last_column && row == last_row) return false;
+      const Patch patch = sheet_.patch(column, row);
+      const double hs = h.x - column, ht = h.y - row;
+      double s = x - column, t = y - row;
+      const DistanceJet jet(sheet_, patch, s, t, hs, ht, h.z);
+      const double det = jet.determinant();
+      if (!(det > 0.0)) return false;  // holes too
+      const double scale = 1.0 / det;
+      const double ds = (jet.hst * jet.gt - jet.htt * jet.gs) * scale;
+      const double dt = (jet.hst * jet.gs - jet.hss * jet.gt) * scale;
+      s += ds;
+      t += dt;
+      if (is_share(s) && is_share(t)) {
+        // What the step leaves of the gradient is the twist's; the Hessian is at least about a step squared.
+        const double twist = std::abs(patch.d) * (std::abs(jet.zs) + std::abs(jet.zt));
+        const double size = std::abs(ds) + std::abs(dt);
+        if (twist * (size * size) <= enough) return accept({column, row, s, t}, patch, h, counters);
+        // Once more with the same Hessian, which the first step has changed by as little.
+        const DistanceJet now(sheet_, patch, s, t, hs, ht, h.z);
+        const double more_s = (jet.hst * now.gt - jet.htt * now.gs) * scale;
+        const double more_t = (jet.hst * now.gs - jet.hss * now.gt) * scale;
+        s += more_s;
+        t += more_t;
+        const double change = twist * size * (std::abs(more_s) + std::abs(more_t));
+        if (kHessianChange * change <= enough && is_share(s) && is_share(t))
+          return accept({column, row, s, t}, patch, h, counters);
+      } else {
+        last_column = column;
+        last_row = row;
+      }
+      x = column + s;
+      y = row + t;
+    }
+    return false;
+  }
+
+  [[gnu::always_inline]] bool accept(const Foot& foot, const Patch& patch, const PlanPoint& h,
+                                     FrameCounters& counters) noexcept {
+    const PlanPoint god{foot.column + foot.s, foot.row + foot.t, patch.height(foot.s, foot.t)};
+    if (!(h.z < god.z) || !(sheet_.distance_sq(god, h) <= sheet_.distance_sq(god_, h) * kNoFarther))
+      return false;
+    counters.walk_steps += foot.column != foot_.column || foot.row != foot_.row;
+    const double lead_x = lead_x_, lead_y = lead_y_;
+    set_god(foot, patch, god, h);
+    turn_x_ = lead_x_ - lead_x;
+    turn_y_ = lead_y_ - lead_y;
+    return true;
+  }
+
+  [[gnu::always_inline]] void set_god(const Foot& foot, const Patch& patch, const PlanPoint& god,
+                                      const PlanPoint& h) noexcept {
+    foot_ = foot;
+    god_ = god;
+    patch_ = patch;
+    lead_x_ = god.x - h.x;
+    lead_y_ = god.y - h.y;
+    turn_x_ = turn_y_ = 0.0;
+  }
+
+  /// Everything else: descent over cells, leaving, the free HIP's segment. Whether it ends in contact.
+  [[gnu::noinline]] bool update(const PlanPoint& h, FrameStatus& status, FrameCounters& counters) noexcept {
+    if (!is_near(h) || !started_) {
+      contact_ = false;
+      started_ = true;
+      start(h);
+      return false;
+    }
+    int moves = kMaxSheetMoves, looks = kMaxSegmentLooks;
+    bool from_sheet = contact_;
+    if (contact_ && stay(h, moves, status, counters)) return true;
+    for (int entry = 0; entry < kMaxEntries; ++entry) {
+      if (from_sheet && side_ == SheetSide::kNowhere) return false;  // past the rim
+      const Crossing crossing =
+          find_crossing(sheet_, tested_to_, h, side_, from_sheet ? &foot_ : nullptr, looks);
+      counters.edges += static_cast<std::uint64_t>(crossing.edges);
+      tested_to_ = crossing.reached;
+      side_ = crossing.side;
+      if (crossing.cut) status = FrameStatus::kBoundHit;
+      if (!crossing.hit) {
+        counters.cells_visited += static_cast<std::uint64_t>(kMaxSegmentLooks - looks);
+        return false;
+      }
+      foot_ = crossing.foot;
+      contact_ = true;
+      if (stay(h, moves, status, counters)) return true;
+      from_sheet = true;
+    }
+    status = FrameStatus::kBoundHit;
+    return false;
+  }
+
+  /// In contact: brings the god object to its minimum. False when the HIP came out there: above the sheet,
+  /// its way from the god object is still to be tested, or past the rim, and then it is nowhere.
+  bool stay(const PlanPoint& h, int& moves, FrameStatus& status, FrameCounters& counters) noexcept {
+    const int before = moves;
+    const Descent end = descend(sheet_, foot_, h, moves);
+    counters.walk_steps += static_cast<std::uint64_t>(before - moves);
+    set_god(foot_, sheet_.patch(foot_.column, foot_.row), sheet_.point(foot_), h);
+    if (!end.arrived) {
+      status = FrameStatus::kBoundHit;
+      return true;
+    }
+    if (!(h.z < god_.z)) {
+      contact_ = false;
+      tested_to_ = god_;
+      side_ = SheetSide::kAbove;
+      return false;
+    }
+    if (end.at_rim && side_of(sheet_, h) == SheetSide::kNowhere) {
+      contact_ = false;
+      tested_to_ = h;
+      side_ = SheetSide::kNowhere;
+      ++counters.edges;
+      return false;
+    }
+    return true;
+  }
+
+  /// The frictionless contact at the god object, local.
+  template <unsigned kFeatures>
+  SurfaceContact contact_at(const Vec3& local) const noexcept {
+    SurfaceContact contact;
+    contact.hip = local;
+    contact.pull = sheet_.local(god_) - local;
+    std::size_t post = 0;
+    if (nearest_post_ || kFeatures != 0) {
+      const std::int32_t column = foot_.column + (foot_.s > kMiddle), row = foot_.row + (foot_.t > kMiddle);
+      post = static_cast<std::size_t>(row) * static_cast<std::size_t>(sheet_.columns) +
+             static_cast<std::size_t>(column);
+      if (nearest_post_)
+        contact.pull =
+            Vec3(column * sheet_.step_x, row * sheet_.step_y, static_cast<double>(sheet_.height[post])) -
+            local;
+    }
+    if ((kFeatures & kVaried) != 0 && !model_.surface.of_place.empty()) {
+      read_stiffness(contact);
+      contact.static_friction = static_cast<double>(model_.surface.of_place[post].static_friction);
+      contact.dynamic_friction = static_cast<double>(model_.surface.of_place[post].dynamic_friction);
+    } else {
+      contact.stiffness_n_per_mm = model_.surface.stiffness_n_per_mm;
+      contact.static_friction = model_.surface.friction.static_coefficient;
+      contact.dynamic_friction = model_.surface.friction.dynamic_coefficient;
+    }
+    return contact;
+  }
+
+  /// Bilinear between the posts as the heights are, and its gradient along the surface.
+  void read_stiffness(SurfaceContact& contact) const noexcept {
+    const PlaceSurface* const low =
+        &model_.surface
+             .of_place[static_cast<std::size_t>(foot_.row) * static_cast<std::size_t>(sheet_.columns) +
+                       static_cast<std::size_t>(foot_.column)];
+    const PlaceSurface* const up = low + sheet_.columns;
+    const auto k = [](const PlaceSurface& place) { return static_cast<double>(place.stiffness_n_per_mm); };
+    const double a = k(low[0]), b = k(low[1]) - a, c = k(up[0]) - a, d = k(up[1]) - k(up[0]) - b;
+    contact.stiffness_n_per_mm = Patch{a, b, c, d}.height(foot_.s, foot_.t);
+    const Vec3 plan((b + d * foot_.t) * sheet_.inverse_x, (c + d * foot_.s) * sheet_.inverse_y, 0.0);
+    const Vec3 normal(-(patch_.b + patch_.d * foot_.t) * sheet_.inverse_x,
+                      -(patch_.c + patch_.d * foot_.s) * sheet_.inverse_y, 1.0);
+    // The tangent that does along the surface what the plan's gradient does in the plan.
+    contact.stiffness_gradient = plan - normal * (plan.dot(normal) / normal.squaredNorm());
+  }
+
+  HeightFieldModel model_;
+  HeightSheet sheet_;
+  bool nearest_post_;
+
+  SurfaceState state_;
+  bool started_ = false;
+  bool contact_ = false;
+  Foot foot_;                             ///< of the god object, in contact
+  PlanPoint god_;                         ///< the same as a point
+  Patch patch_;                           ///< of its cell
+  double lead_x_ = 0.0, lead_y_ = 0.0;    ///< from the HIP to the god object, posts
+  double turn_x_ = 0.0, turn_y_ = 0.0;    ///< by how much that changed in the last frame
+  PlanPoint tested_to_;                   ///< free: the path has been tested up to here
+  SheetSide side_ = SheetSide::kNowhere;  ///< of tested_to_
+};
+
+class HeightFieldRenderer final : public BoxedShellRenderer<HeightFieldSurface> {
+ public:
+  explicit HeightFieldRenderer(const Options& options) : BoxedShellRenderer(options) {}
+
+  Description describe() const override {
+    return {
+        "heightfield", "chapter 4 made right", "El-Far, chapter 4; bilinear surface and side ours",
+        fmt::format("a model near the HIP: {} moves of the god object over cells, {} cells or blocks of the "
+                    "HIP's segment, {} entries a frame; what is left is done in the next",
+                    kMaxSheetMoves, kMaxSegmentLooks, kMaxEntries),
+        options_};
+  }
+
+ private:
+  Status add_models(const SceneInput& scene, const PrepareContext& context, PrepareReport& report) override {
+    for (const ModelInput& input : scene.models) {
+      Result<HeightFieldModel> built = build_height_field_model(
+          input, {options_.text("holes") == "fill", kBlendResolutions}, context, report);
+      if (!built) return std::move(built).error();
+      models_.add(
+          std::make_unique<HeightFieldSurface>(*std::move(built), options_.text("shading") == "nearest"));
+    }
+    return Done{};
+  }
+};
+
+}  // namespace
+
+RendererInfo heightfield_info() {
+  RendererInfo info;
+  info.name = "heightfield";
+  info.summary = "chapter 4 made right: nearest point of the bilinear surface, no peak missed";
+  info.source = "El-Far, chapter 4; bilinear surface and side are ours";
+  info.role = Role::kOurs;
+  info.geometry = Geometry::kHeights;
+  info.supports = kAllOfRigidSurfaces | Feature::kJointContact;
+  info.options = {
+      {"shading",
+       OptionKind::kChoice,
+       "bilinear",
+       "god object: bilinear, the nearest point of the surface; nearest, the post next to it",
+       {"bilinear", "nearest"}},
+      {"holes",
+       OptionKind::kChoice,
+       "fill",
+       fmt::format("those narrower than {} posts: fill, the surface goes on as the points around say; open, "
+                   "as wider ones are",
+                   cloud::kGapPosts),
+       {"fill", "open"}}};
+  info.make = [](const Options& options) { return std::make_unique<HeightFieldRenderer>(options); };
+  return info;
+}
+
+}  // namespace palpate::render

@@ -1,0 +1,72 @@
+// One model of `cloud-literal`: figures 36 and 42 and section 3.5 to the letter, defects included. Internal
+// to render.
+#pragma once
+
+#include <cstdint>
+
+#include "toolkit/geometry/segment_box.h"
+#include "toolkit/points/point_model.h"
+#include "toolkit/points/point_walk.h"
+#include "toolkit/render/shading.h"
+#include "toolkit/render/surface_response.h"
+
+namespace palpate::render {
+
+/// Which cells a segment looks into.
+enum class CellRule : std::uint8_t {
+  kSampled,   ///< section 3.1.3 as printed: the cells of the sub-segments' starting points
+  kCrossed,   ///< every cell the segment crosses
+  kAdjacent,  ///< and those whose boxes can reach into it (3.1.4's first remedy)
+};
+
+struct LiteralOptions {
+  CellRule cells = CellRule::kSampled;
+  bool text_form = false;     ///< the exit test of 3.2.4's text instead of the figure's
+  bool count_missed = false;  ///< count the cells that the printed sampling skips
+};
+
+/// Belongs to one thread. Work per update as printed: cells crossed times points a cell, not bounded; walks
+/// of at most kMaxWalkSteps moves.
+class LiteralModel {
+ public:
+  LiteralModel(PointModel model, Shading shading, const LiteralOptions& options) noexcept
+      : model_(std::move(model)), shading_(shading), options_(options) {}
+
+  // A local model of the frame shell. The thesis does not say how several contacts combine.
+  struct Memory {};
+  static constexpr bool kSums = true;
+  [[nodiscard]] ModelPose& pose() noexcept { return model_.pose; }
+  [[nodiscard]] const ModelPose& pose() const noexcept { return model_.pose; }
+  void let_go(const Vec3& h) noexcept;
+  void release() noexcept {}  // friction rolls the god object back; what it remembers is the contact itself
+  [[nodiscard]] bool touch(const Vec3& goal, const Vec3& h, Memory& memory, SurfaceContact& contact,
+                           FrameStatus& status, FrameCounters& counters) noexcept;
+  [[nodiscard]] SurfaceAnswer respond(const SurfaceContact& /*contact*/) const noexcept { return answer_; }
+
+ private:
+  void answer(const Vec3& h, std::uint32_t from, FrameStatus& status, FrameCounters& counters) noexcept;
+  [[nodiscard]] double sphere_radius(std::uint32_t place) const noexcept;
+  template <class Test>
+  bool any_in_cells(const Vec3& a, const Vec3& b, FrameCounters& counters, Test&& test) const noexcept;
+  template <class Test>
+  bool any_sampled(const Vec3& a, const Vec3& b, Test&& test) const noexcept;
+  bool clip(const Vec3& a, const Vec3& d, double& t0, double& t1) const noexcept;
+  void count_missed(const Vec3& a, const Vec3& b, FrameCounters& counters) const noexcept;
+  [[nodiscard]] bool resting(const Vec3& a, const Vec3& b) const noexcept;
+  [[nodiscard]] bool touches(const geometry::SegmentProbe& probe, std::uint32_t place,
+                             FrameCounters& counters) const noexcept;
+  [[nodiscard]] bool crosses(const Vec3& a, Vec3 b, FrameCounters& counters) const noexcept;
+  [[nodiscard]] std::uint32_t nearest_crossed(const Vec3& h, const Vec3& before,
+                                              FrameCounters& counters) const noexcept;
+
+  PointModel model_;
+  Shading shading_;
+  LiteralOptions options_;
+  Vec3 previous_ = Vec3::Zero();
+  Vec3 last_direction_ = Vec3::UnitZ();
+  std::uint32_t god_ = 0;  ///< of the last contact frame, where friction left it
+  bool collided_ = false;
+  SurfaceAnswer answer_;  ///< of the last touch
+};
+
+}  // namespace palpate::render

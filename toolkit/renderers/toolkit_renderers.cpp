@@ -1,0 +1,21 @@
+#include "toolkit/renderers/toolkit_renderers.h"
+
+#include "toolkit/renderers/analytic_renderer.h"
+#include "toolkit/renderers/brute_force_renderer.h"
+#include "toolkit/renderers/cloud_literal_renderer.h"
+#include "toolkit/renderers/cloud_renderer.h"
+#include "toolkit/renderers/heightfield_literal_renderer.h"
+#include "toolkit/renderers/heightfield_renderer.h"
+
+namespace palpate::render {
+
+void register_toolkit_renderers(Registry& registry) {
+  registry.add(cloud_literal_info());
+  registry.add(cloud_info());
+  registry.add(heightfield_literal_info());
+  registry.add(heightfield_info());
+  registry.add(analytic_renderer_info());
+  registry.add(brute_force_info());
+}
+
+}  // namespace palpate::render
