@@ -39,7 +39,7 @@ Result<OrientedGrid> build_oriented_grid(const render::ModelInput& input, double
   options.cell_per_resolution = 1.0;
   // The rival reports what it keeps itself.
   const std::size_t bytes = report.bytes;
-  Result<render::PointModel> built = render::build_point_model(input, options, context, report);
+  Result<render::PointModel> built = render::build_point_model(*input.cloud, options, context, report);
   if (!built) return std::move(built).error();
   report.bytes = bytes;
   OrientedGrid made;

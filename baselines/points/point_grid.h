@@ -54,7 +54,6 @@ using PointGrid = PointsIn<partition::UniformGrid>;
 template <class Grid>
 [[nodiscard]] PointsIn<Grid> build_points_in(const cloud::Cloud& cloud,
                                              const partition::PartitionOptions& options, int threads) {
-  constexpr std::size_t kPointsPerChunk = 16384;
   PointsIn<Grid> made;
   made.grid = Grid::build(cloud, options, threads);
   const auto order = made.grid.order();

@@ -3,14 +3,17 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "baselines/mesh/mesh_report.h"
 #include "baselines/renderers/mesh_refine.h"
 #include "baselines/renderers/mesh_source.h"
 #include "baselines/renderers/vertex_normals.h"
+#include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/metrics/nearest_point.h"
+#include "toolkit/render/model_store.h"
 #include "toolkit/render/prepare_phases.h"
 
 namespace palpate::baselines {
@@ -18,6 +21,13 @@ namespace {
 
 /// Edges looked at for their median, at most, evenly spread.
 constexpr std::size_t kEdgeSample = 100'000;
+
+/// The options that say which mesh it is.
+std::vector<OptionSpec> mesh_specs() {
+  std::vector<OptionSpec> specs = mesh_source_specs();
+  for (OptionSpec& spec : mesh_refine_specs()) specs.push_back(std::move(spec));
+  return specs;
+}
 
 double median_edge(const SurfaceMesh& mesh) {
   const std::size_t facets = mesh.facets().size();
@@ -50,7 +60,7 @@ std::vector<std::uint32_t> points_of_vertices(const SurfaceMesh& mesh, const clo
 
 /// The stiffness rises no faster along the mesh than along points (see blend_stiffness).
 std::size_t blend(MeshBody& body) {
-  const SurfaceMesh& mesh = body.mesh;
+  const SurfaceMesh& mesh = body.mesh();
   std::vector<surface::SurfacePoint> points(mesh.vertices().size());
   std::vector<neighbourhood::Neighbours> around(points.size());
   for (std::uint32_t v = 0; v < points.size(); ++v) {
@@ -67,14 +77,14 @@ std::size_t blend(MeshBody& body) {
       }
   }
   return render::blend_stiffness(body.surface, points, around,
-                                 render::kBlendResolutions * body.median_edge_mm);
+                                 render::kBlendResolutions * body.geometry->median_edge_mm);
 }
 
 Status prepare_surface(const render::ModelInput& input, MeshBody& body, const render::PrepareContext& context,
                        render::PrepareReport& report) {
   std::vector<std::uint32_t> order;
   if (input.surface.per_point != nullptr)
-    order = points_of_vertices(body.mesh, *input.cloud, context.threads);
+    order = points_of_vertices(body.mesh(), *input.cloud, context.threads);
   Result<render::SurfaceField> surface = render::build_surface_field(input, order, report);
   if (!surface.ok()) return std::move(surface).error();
   body.surface = std::move(surface).value();
@@ -83,20 +93,19 @@ Status prepare_surface(const render::ModelInput& input, MeshBody& body, const re
   report.notes.push_back(
       fmt::format("properties: each vertex has those of the nearest point; stiffness blended over {:.3g} mm, "
                   "{} made softer",
-                  render::kBlendResolutions * body.median_edge_mm, softer));
+                  render::kBlendResolutions * body.geometry->median_edge_mm, softer));
   return Done{};
 }
 
 }  // namespace
 
-std::size_t MeshBody::bytes() const noexcept {
+std::size_t MeshGeometry::bytes() const noexcept {
   return source->bytes() + mesh.bytes() + index->bytes() + crossings.bytes() +
-         vertex_normals.capacity() * sizeof(Vec3f) + surface.bytes();
+         vertex_normals.capacity() * sizeof(Vec3f);
 }
 
 std::vector<OptionSpec> mesh_renderer_specs() {
-  std::vector<OptionSpec> specs = mesh_source_specs();
-  for (OptionSpec& spec : mesh_refine_specs()) specs.push_back(std::move(spec));
+  std::vector<OptionSpec> specs = mesh_specs();
   OptionSpec shading{"shading", OptionKind::kChoice, "none",
                      "force shading by interpolated vertex normals, or none"};
   shading.choices = {"none", "interpolated"};
@@ -113,52 +122,85 @@ bool wants_shading(const Options& options) {
   return options.text("shading") == "interpolated";
 }
 
-Result<std::unique_ptr<MeshBody>> prepare_body(const render::ModelInput& input, const Options& options,
-                                               const MeshBodyNeeds& needs,
-                                               const render::PrepareContext& context,
-                                               render::PrepareReport& report) {
+namespace {
+
+Result<std::shared_ptr<const MeshGeometry>> build_geometry(const render::ModelInput& input,
+                                                           const Options& options, const MeshBodyNeeds& needs,
+                                                           const render::PrepareContext& context,
+                                                           render::PrepareReport& report) {
   render::PreparePhases phases(report, context);
-  auto body = std::make_unique<MeshBody>();
+  auto made = std::make_shared<MeshGeometry>();
   auto source = mesh_of(input, options, context.threads, phases);
   if (!source.ok()) return std::move(source).error();
   source = refined(std::move(source).value(), input, options, context.threads, phases);
   if (!source.ok()) return std::move(source).error();
-  body->source = std::move(source).value();
+  made->source = std::move(source).value();
   phases.begin("connect facets");
-  auto mesh = SurfaceMesh::build(*body->source, context.threads);
+  auto mesh = SurfaceMesh::build(*made->source, context.threads);
   if (!mesh.ok()) return std::move(mesh).error();
-  body->mesh = std::move(mesh).value();
-  body->median_edge_mm = median_edge(body->mesh);
-  if (needs.normals) body->vertex_normals = interpolation_normals(body->mesh);
+  made->mesh = std::move(mesh).value();
+  made->median_edge_mm = median_edge(made->mesh);
+  if (needs.normals) made->vertex_normals = interpolation_normals(made->mesh);
   phases.end();
   phases.begin("check (OpenMesh)");
-  const MeshReport found = report_on(body->mesh);
-  for (std::string& line : describe(found, body->mesh.counts())) report.notes.push_back(std::move(line));
+  const MeshReport found = report_on(made->mesh);
+  for (std::string& line : describe(found, made->mesh.counts())) report.notes.push_back(std::move(line));
   phases.end();
   phases.begin("build tree (Embree)");
-  auto index = SegmentIndex::build(body->mesh, context.threads);
+  auto index = SegmentIndex::build(made->mesh, context.threads);
   if (!index.ok()) return std::move(index).error();
-  body->index = std::make_unique<SegmentIndex>(std::move(index).value());
+  made->index = std::make_unique<SegmentIndex>(std::move(index).value());
   phases.end();
   if (needs.crossings) {
     phases.begin("find crossing facets");
-    body->crossings = Crossings::find(body->mesh, *body->index, context.threads);
+    made->crossings = Crossings::find(made->mesh, *made->index, context.threads);
     phases.end();
-    if (body->crossings.any())
+    if (made->crossings.any())
       report.notes.push_back(
           fmt::format("mesh: {} facets cross others ({} pairs): they constrain the god object",
-                      body->crossings.facets(), body->crossings.pairs()));
+                      made->crossings.facets(), made->crossings.pairs()));
     // Of a point: a sphere rides over folds and gaps.
     for (std::string& line :
-         doubts(found, body->mesh.counts(), body->crossings.folded(), options.flag("repair")))
+         doubts(found, made->mesh.counts(), made->crossings.folded(), options.flag("repair")))
       phases.warn(std::move(line));
   }
-  body->pose = render::ModelPose(input, body->mesh.origin_mm());
+  report.bytes += made->bytes();
+  return std::shared_ptr<const MeshGeometry>(std::move(made));
+}
+
+/// All that the mesh of a model depends on.
+std::string key_of(const render::ModelInput& input, const Options& options, const MeshBodyNeeds& needs) {
+  ContentHash faces;
+  if (input.original_mesh != nullptr) {
+    for (const Vec3& vertex : input.original_mesh->vertices_mm)
+      for (int axis = 0; axis < 3; ++axis) faces.u64(std::bit_cast<std::uint64_t>(vertex[axis]));
+    faces.values(input.original_mesh->triangles);
+  }
+  return fmt::format("mesh {:016x} {} {:016x} '{}' {} {}{}", cloud::content_hash(*input.cloud),
+                     input.cloud->size(), faces.value(),
+                     input.analytic != nullptr ? input.analytic->formula() : "", needs.crossings,
+                     needs.normals, render::key_text(options, mesh_specs()));
+}
+
+}  // namespace
+
+Result<std::unique_ptr<MeshBody>> prepare_body(const render::ModelInput& input, const Options& options,
+                                               const MeshBodyNeeds& needs,
+                                               const render::PrepareContext& context,
+                                               render::PrepareReport& report) {
+  auto body = std::make_unique<MeshBody>();
+  Result<std::shared_ptr<const MeshGeometry>> geometry = render::held_or_made<MeshGeometry>(
+      context, report, [&] { return key_of(input, options, needs); },
+      [&](render::PrepareReport& to) { return build_geometry(input, options, needs, context, to); });
+  if (!geometry.ok()) return std::move(geometry).error();
+  body->geometry = std::move(geometry).value();
+  body->pose = render::ModelPose(input, body->mesh().origin_mm());
+  render::PreparePhases phases(report, context);
   if (input.surface.per_point != nullptr) phases.begin("surface of the vertices");
   if (Status done = prepare_surface(input, *body, context, report); !done.ok())
     return std::move(done).error();
   if (input.surface.per_point != nullptr) phases.end();
-  report.bytes += body->bytes();
+  report.bytes += body->surface.bytes();
   return body;
 }
 

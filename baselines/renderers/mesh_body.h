@@ -13,18 +13,26 @@
 
 namespace palpate::baselines {
 
-/// Not moved after building: the index holds its mesh's address.
-struct MeshBody {
+/// The mesh that frames read. Immutable and shared; not moved after building: the index holds its mesh's
+/// address.
+struct MeshGeometry {
   std::shared_ptr<const geometry::TriangleMesh> source;
   SurfaceMesh mesh;
   std::unique_ptr<SegmentIndex> index;
   Crossings crossings;                ///< only where asked for
   std::vector<Vec3f> vertex_normals;  ///< only with shading; see vertex_normals.h
   double median_edge_mm = 0.0;
-  render::ModelPose pose;
-  render::SurfaceField surface;
 
   [[nodiscard]] std::size_t bytes() const noexcept;
+};
+
+/// One model as one renderer holds it.
+struct MeshBody {
+  std::shared_ptr<const MeshGeometry> geometry;
+  render::ModelPose pose;
+  render::SurfaceField surface;  ///< by vertex
+
+  [[nodiscard]] const SurfaceMesh& mesh() const noexcept { return geometry->mesh; }
 };
 
 struct MeshBodyNeeds {
@@ -36,7 +44,8 @@ struct MeshBodyNeeds {
 [[nodiscard]] std::vector<OptionSpec> mesh_renderer_specs();
 [[nodiscard]] bool wants_shading(const Options& options);
 
-/// Everything from the model to what a frame reads, each step a phase of the report.
+/// Everything from the model to what a frame reads, each step a phase of the report. The mesh comes from the
+/// context's store where it has one.
 [[nodiscard]] Result<std::unique_ptr<MeshBody>> prepare_body(const render::ModelInput& input,
                                                              const Options& options,
                                                              const MeshBodyNeeds& needs,

@@ -23,7 +23,9 @@ std::unique_ptr<render::HapticRenderer> make_point_on_mesh(std::string name, std
       kMaxFlights, kMaxFacetsPerFrame, kMaxFan);
   return std::make_unique<MeshScene<MeshProbe>>(
       render::Description{std::move(name), std::move(summary), std::move(source), std::move(bound), options},
-      true, nullptr, [](const MeshBody& body) { return MeshProbe(body.mesh, *body.index, body.crossings); });
+      true, nullptr, [](const MeshBody& body) {
+        return MeshProbe(body.mesh(), *body.geometry->index, body.geometry->crossings);
+      });
 }
 
 render::RendererInfo mesh_godobject_info() {

@@ -30,8 +30,8 @@ Status choose_radius(const Options& options, const MeshScene<SphereProbe>::Bodie
                      render::PrepareReport& report) {
   double edge = std::numeric_limits<double>::infinity(), least = 0.0;
   for (const auto& body : bodies) {
-    edge = std::min(edge, body->median_edge_mm);
-    least = std::max(least, SphereProbe::least_radius_mm(body->mesh));
+    edge = std::min(edge, body->geometry->median_edge_mm);
+    least = std::max(least, SphereProbe::least_radius_mm(body->mesh()));
   }
   const double given = options.number("radius_mm");
   size.radius_mm = given > 0.0 ? given : options.number("radius") * edge;
@@ -59,7 +59,8 @@ std::unique_ptr<render::HapticRenderer> make_sphere(const Options& options) {
         return choose_radius(options, bodies, *size, report);
       },
       [tip, size](const MeshBody& body) {
-        return SphereProbe(body.mesh, *body.index, size->radius_mm, body.median_edge_mm, tip);
+        return SphereProbe(body.mesh(), *body.geometry->index, size->radius_mm, body.geometry->median_edge_mm,
+                           tip);
       });
 }
 

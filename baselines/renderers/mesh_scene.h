@@ -35,7 +35,7 @@ class MeshScene final : public render::BoxedShellRenderer<MeshSlot<Probe>>, publ
 
   render::Description describe() const override { return described_; }
   const geometry::TriangleMesh* mesh(std::size_t model) const noexcept override {
-    return model < models_.size() ? models_[model].body->source.get() : nullptr;
+    return model < models_.size() ? models_[model].body->geometry->source.get() : nullptr;
   }
 
  private:

@@ -27,7 +27,7 @@ struct MeshSlot {
   [[nodiscard]] render::ModelPose& pose() noexcept { return body->pose; }
   [[nodiscard]] const render::ModelPose& pose() const noexcept { return body->pose; }
   [[nodiscard]] geometry::Aabb box_mm() const noexcept {
-    return body->mesh.local_box_mm().grown(probe.reach_mm());
+    return body->mesh().local_box_mm().grown(probe.reach_mm());
   }
   [[nodiscard]] bool touching() const noexcept { return probe.contact(); }
   [[nodiscard]] bool felt(const Vec3& h) const noexcept { return probe.felt(h); }
@@ -56,7 +56,7 @@ struct MeshSlot {
   }
   /// The surface's own part: the same stage that the point renderers use, composed of what it asks for.
   [[nodiscard]] render::SurfaceAnswer respond(const render::SurfaceContact& contact) noexcept {
-    return render::respond_as_asked(state, body->surface, contact, body->mesh.origin_mm());
+    return render::respond_as_asked(state, body->surface, contact, body->mesh().origin_mm());
   }
   void planes_near(const Memory& /*memory*/, const Vec3& at_world, render::JointPlanes& planes,
                    render::FrameCounters& /*counters*/) noexcept {
@@ -69,7 +69,9 @@ struct MeshSlot {
     render::SurfaceContact contact;
     contact.hip = h;
     contact.pull =
-        (body->vertex_normals.empty() ? probe.target(h) : probe.shaded_target(h, body->vertex_normals)) - h;
+        (body->geometry->vertex_normals.empty() ? probe.target(h)
+                                                : probe.shaded_target(h, body->geometry->vertex_normals)) -
+        h;
     const render::SurfaceField& surface = body->surface;
     if ((surface.features & render::kVaried) != 0) {
       read_properties(contact);
@@ -84,7 +86,7 @@ struct MeshSlot {
   /// Interpolated over the facets that hold the probe, each by its share.
   void read_properties(render::SurfaceContact& contact) const noexcept {
     probe.places([&](std::uint32_t facet, const Vec3& point, double share) {
-      const Facet& f = body->mesh.facet(facet);
+      const Facet& f = body->mesh().facet(facet);
       std::array<render::PlaceSurface, 3> corner;
       for (std::size_t i = 0; i < 3; ++i) corner[i] = body->surface.of_place[f.vertex[i]];
       const render::FacetStiffness k = render::stiffness_on_facet(

@@ -2,7 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <bit>
 #include <cmath>
+
+#include "toolkit/core/hash.h"
 
 namespace palpate::cloud {
 
@@ -20,6 +23,24 @@ std::size_t Cloud::bytes() const noexcept {
   std::size_t total = (x_mm.capacity() + y_mm.capacity() + z_mm.capacity()) * sizeof(float);
   for (const Property& property : properties) total += property.values.capacity() * sizeof(float);
   return total;
+}
+
+std::uint64_t content_hash(const Cloud& cloud) noexcept {
+  ContentHash hash;
+  for (int axis = 0; axis < 3; ++axis) hash.u64(std::bit_cast<std::uint64_t>(cloud.origin_mm[axis]));
+  hash.values(cloud.x_mm);
+  hash.values(cloud.y_mm);
+  hash.values(cloud.z_mm);
+  for (const Property& property : cloud.properties) {
+    hash.text(property.name);
+    hash.values(property.values);
+  }
+  if (cloud.raster) {
+    hash.u64(std::uint64_t{cloud.raster->columns} << 32 | cloud.raster->rows);
+    hash.u64(static_cast<std::uint64_t>(cloud.raster->order) << 2 |
+             std::uint64_t{cloud.raster->columns_wrap} << 1 | std::uint64_t{cloud.raster->rows_wrap});
+  }
+  return hash.value();
 }
 
 Result<Cloud> build_cloud(std::span<const Vec3> points_mm, NonFinite non_finite, BuildReport* report) {

@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "toolkit/cloud/lattice.h"
+#include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/random.h"
 #include "toolkit/geometry/analytic_shapes.h"
@@ -55,8 +56,7 @@ struct Shift {
 };
 Shift shift_of(const Common& common, std::size_t index) {
   if (common.jitter == 0.0) return {};
-  constexpr std::uint64_t kGolden = 0x9E3779B97F4A7C15u;  // 2^64 / golden section: spreads neighbouring seeds
-  Random random(common.seed + kGolden * (index + 1));
+  Random random(common.seed + kGolden64 * (index + 1));
   const double u = random.uniform(-1.0, 1.0);
   return {common.jitter * u, common.jitter * random.uniform(-1.0, 1.0)};
 }

@@ -11,6 +11,10 @@
 
 namespace palpate {
 
+/// Points a chunk where a pass over all of them gives each little work: long enough to hide the hand-over of
+/// a chunk, short enough that a million make some sixty of them. It decides nothing about a result.
+inline constexpr std::size_t kPointsPerChunk = 16384;
+
 /// Calls body(begin, end) for consecutive chunks of at most `grain` covering [0, count), on up to `threads`
 /// threads (0 = all; never more than the machine has). Chunk borders depend on `grain` alone. Returns when
 /// all are done. body must not throw.

@@ -38,8 +38,8 @@ bool follow_point(PointModel& model, std::uint32_t place, const Vec3f& to_mm) no
 
 }  // namespace
 
-Deformer::Deformer(PointModel& model, const Options& options)
-    : model_(&model), built_(model.points.size()), used_(built_) {
+Deformer::Deformer(PointModel& model, SurfaceField& surface, const Options& options)
+    : model_(&model), surface_(&surface), built_(model.points.size()), used_(built_) {
   const std::size_t most = built_ + options.spare_points;
   first_points_ = model.points;
   first_links_ = model.neighbours;
@@ -50,7 +50,7 @@ Deformer::Deformer(PointModel& model, const Options& options)
   model.points.resize(most, spare);
   model.neighbours.resize(most, model.neighbours.front());
   if (!model.half_box_mm.empty()) model.half_box_mm.resize(most, model.half_box_mm.front());
-  if (!model.surface.of_place.empty()) model.surface.of_place.resize(most, model.surface.of_place.front());
+  if (!surface.of_place.empty()) surface.of_place.resize(most, surface.of_place.front());
   if (!model.closed_piece_of.empty()) model.closed_piece_of.resize(most, model.closed_piece_of.front());
   journal_.resize(options.journal_points);
   seen_.resize(most);
@@ -223,7 +223,7 @@ bool Deformer::infer_between(std::uint32_t a, std::uint32_t b) noexcept {
   if (!stored.allFinite() || with_moving(*model_, add) == partition::MoveStatus::kFull) return false;
   model_->points[place] = {stored.x(), stored.y(), stored.z(), ca};
   if (!model_->half_box_mm.empty()) model_->half_box_mm[place] = model_->half_box_mm[a];
-  if (!model_->surface.of_place.empty()) model_->surface.of_place[place] = model_->surface.of_place[a];
+  if (!surface_->of_place.empty()) surface_->of_place[place] = surface_->of_place[a];
   if (!model_->closed_piece_of.empty()) model_->closed_piece_of[place] = model_->closed_piece_of[a];
   ++used_;
   remember(place, false);
@@ -345,7 +345,7 @@ double Deformer::first_resolution_mm(std::uint32_t place) const noexcept {
 Result<cloud::Cloud> Deformer::edited() const {
   std::vector<Vec3> points;
   points.reserve(used_);
-  for (std::size_t i = 0; i < used_; ++i) points.push_back(model_->points[i].at() + model_->pose.origin_mm);
+  for (std::size_t i = 0; i < used_; ++i) points.push_back(model_->points[i].at() + model_->origin_mm);
   return cloud::build_cloud(points, cloud::NonFinite::kRefuse);
 }
 

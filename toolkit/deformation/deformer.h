@@ -46,9 +46,9 @@ class Deformer {
     std::size_t journal_points = 0;  ///< changes that can be undone; older strokes are forgotten
   };
 
-  /// `model` was built with PointModelOptions::moving and outlives this. Copies its points: 48 bytes each for
-  /// reset(), 60 for each journal entry.
-  Deformer(PointModel& model, const Options& options);
+  /// `model` was built with PointModelOptions::moving, `surface` is what it is made of; both outlive this.
+  /// Copies the points: 48 bytes each for reset(), 60 for each journal entry.
+  Deformer(PointModel& model, SurfaceField& surface, const Options& options);
 
   /// What is changed from now on is undone together.
   void begin_stroke() noexcept;
@@ -149,6 +149,7 @@ class Deformer {
   [[nodiscard]] std::size_t collect(std::uint32_t place, double radius_mm) noexcept;
 
   PointModel* model_;
+  SurfaceField* surface_;
   std::size_t built_;  ///< points at the start
   std::size_t used_;   ///< points now
   LargeVector<StoredPoint> first_points_;

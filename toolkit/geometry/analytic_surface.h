@@ -2,6 +2,7 @@
 // and the ground truth of the metrics share.
 #pragma once
 
+#include <cmath>
 #include <optional>
 #include <string>
 
@@ -15,6 +16,11 @@ struct SurfacePoint {
   Vec3 point_mm = Vec3::Zero();
   Vec3 normal = Vec3::UnitZ();
 };
+
+/// What a length of a surface must be.
+[[nodiscard]] inline bool is_length(double x) noexcept {
+  return std::isfinite(x) && x > 0.0;
+}
 
 /// A surface with an inside, in its model frame, mm. Immutable and safe to share between threads. The
 /// noexcept members allocate nothing and stop after a written number of iterations, so that a frame may call

@@ -18,13 +18,13 @@ namespace {
 
 constexpr double kTurn = 2.0 * std::numbers::pi;
 /// Waves: some four an octave from 200 mm down to 1 mm.
-constexpr int kWaves = 32;
+constexpr int kReliefWaves = 32;
 /// Starts a side of closest(): more than this no frame's worth of time is spent on; they are then farther
 /// apart than a quarter of the shortest wave.
 constexpr int kMostStarts = 33;
 constexpr double kStartsPerWave = 4.0;
 
-struct Wave {
+struct PlaneWave {
   double amplitude, wx, wy, phase;
 };
 
@@ -39,9 +39,9 @@ class Relief final : public HeightFieldSurface {
     Random random(seed);
     const double longest = std::max(extent_x_mm, extent_y_mm);
     // The mean square of a wave's slope along its way is half its largest one squared.
-    const double steepest = slope * std::sqrt(2.0 / kWaves);
-    for (int i = 0; i < kWaves; ++i) {
-      const double length = longest * std::pow(finest_mm / longest, i / (kWaves - 1.0));
+    const double steepest = slope * std::sqrt(2.0 / kReliefWaves);
+    for (int i = 0; i < kReliefWaves; ++i) {
+      const double length = longest * std::pow(finest_mm / longest, i / (kReliefWaves - 1.0));
       const double w = kTurn / length, way = random.uniform(0.0, kTurn);
       waves_.push_back({steepest / w, w * std::cos(way), w * std::sin(way), random.uniform(0.0, kTurn)});
       height_ += steepest / w;
@@ -50,8 +50,8 @@ class Relief final : public HeightFieldSurface {
   }
 
   [[nodiscard]] std::string formula() const override {
-    return fmt::format("z = sum of {} waves from {:.6g} to {:.6g} mm, mean slope {:.4g}, seed {}", kWaves,
-                       std::max(extent_mm(), extent_y_mm_), finest_mm_, slope_, seed_);
+    return fmt::format("z = sum of {} waves from {:.6g} to {:.6g} mm, mean slope {:.4g}, seed {}",
+                       kReliefWaves, std::max(extent_mm(), extent_y_mm_), finest_mm_, slope_, seed_);
   }
   [[nodiscard]] Aabb box_mm() const override {
     const double x = 0.5 * extent_mm(), y = 0.5 * extent_y_mm_;
@@ -65,7 +65,7 @@ class Relief final : public HeightFieldSurface {
  protected:
   [[nodiscard]] Jet jet(double x, double y) const noexcept override {
     Jet j;
-    for (const Wave& w : waves_) {
+    for (const PlaneWave& w : waves_) {
       const double angle = w.wx * x + w.wy * y + w.phase;
       const double c = w.amplitude * std::cos(angle), s = w.amplitude * std::sin(angle);
       j.f += c;
@@ -79,12 +79,12 @@ class Relief final : public HeightFieldSurface {
   }
   [[nodiscard]] double height(double x, double y) const noexcept {
     double z = 0.0;
-    for (const Wave& w : waves_) z += w.amplitude * std::cos(w.wx * x + w.wy * y + w.phase);
+    for (const PlaneWave& w : waves_) z += w.amplitude * std::cos(w.wx * x + w.wy * y + w.phase);
     return z;
   }
   [[nodiscard]] double rise_bound(double dx, double dy) const noexcept override {
     double sum = 0.0;
-    for (const Wave& w : waves_) {
+    for (const PlaneWave& w : waves_) {
       const double along = w.wx * dx + w.wy * dy;
       sum += w.amplitude * along * along;
     }
@@ -92,7 +92,8 @@ class Relief final : public HeightFieldSurface {
   }
   [[nodiscard]] double fall_bound(double dx, double dy) const noexcept override { return rise_bound(dx, dy); }
   [[nodiscard]] double rounding_mm(const Vec3& p) const noexcept override {
-    return gamma(kWaves + 8) * (std::abs(p.z()) + height_ + slope_sum_ * (std::abs(p.x()) + std::abs(p.y())));
+    return gamma(kReliefWaves + 8) *
+           (std::abs(p.z()) + height_ + slope_sum_ * (std::abs(p.x()) + std::abs(p.y())));
   }
   [[nodiscard]] double trust_mm() const noexcept override {
     return finest_mm_ / (4.0 * kTurn * std::max(1.0, slope_sum_));
@@ -101,7 +102,7 @@ class Relief final : public HeightFieldSurface {
  private:
   double extent_y_mm_, finest_mm_, slope_;
   std::uint64_t seed_;
-  std::vector<Wave> waves_;
+  std::vector<PlaneWave> waves_;
   double height_ = 0.0;     ///< bound on |f|
   double slope_sum_ = 0.0;  ///< bound on the slope
 };
@@ -143,10 +144,6 @@ SurfacePoint Relief::closest(const Vec3& p) const noexcept {
       }
     }
   return best;
-}
-
-bool is_length(double x) noexcept {
-  return std::isfinite(x) && x > 0.0;
 }
 
 }  // namespace

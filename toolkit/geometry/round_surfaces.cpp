@@ -11,10 +11,6 @@
 namespace palpate::geometry {
 namespace {
 
-bool is_length(double x) noexcept {
-  return std::isfinite(x) && x > 0.0;
-}
-
 /// The parameters at which a -> b is within the sphere of this radius about the origin, or none; within [0,
 /// 1].
 std::optional<std::pair<double, double>> within_sphere(const Vec3& a, const Vec3& d, double radius) noexcept {

@@ -12,10 +12,6 @@
 namespace palpate::geometry {
 namespace {
 
-bool is_length(double x) noexcept {
-  return std::isfinite(x) && x > 0.0;
-}
-
 class Plane final : public HeightFieldSurface {
  public:
   using HeightFieldSurface::HeightFieldSurface;

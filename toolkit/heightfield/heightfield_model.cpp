@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "toolkit/cloud/height_field_holes.h"
+#include "toolkit/render/model_store.h"
 #include "toolkit/render/prepare_phases.h"
 
 namespace palpate::render {
@@ -18,7 +19,7 @@ namespace {
 
 /// The eight posts around each, itself beyond the border, and where the posts stand.
 void blend(HeightFieldModel& model, double blend_mm, PrepareReport& report) {
-  const cloud::HeightField& field = model.field;
+  const cloud::HeightField& field = model.field();
   std::vector<surface::SurfacePoint> points(field.posts());
   std::vector<neighbourhood::Neighbours> around(field.posts());
   const auto columns = static_cast<std::int64_t>(field.columns), rows = static_cast<std::int64_t>(field.rows);
@@ -43,8 +44,8 @@ void blend(HeightFieldModel& model, double blend_mm, PrepareReport& report) {
 }
 
 /// The surface of the model, its points' values moved to their posts.
-Status prepare_surface(const ModelInput& input, const std::vector<std::uint32_t>& point_of_post,
-                       HeightFieldModel& model, PrepareReport& report) {
+Status prepare_surface(const ModelInput& input, HeightFieldModel& model, PrepareReport& report) {
+  const std::vector<std::uint32_t>& point_of_post = model.grid->point_of_post;
   std::vector<std::uint32_t> order(input.cloud->size());
   std::iota(order.begin(), order.end(), 0u);
   Result<SurfaceField> built = build_surface_field(input, order, report);
@@ -83,41 +84,58 @@ void warn_of_open_holes(const cloud::Holes& holes, bool fills_gaps, PreparePhase
           : fmt::format(" heightfield fills {} of them (holes=fill).", holes.gaps)));
 }
 
+Result<std::shared_ptr<const HeightFieldGrid>> build_grid(const cloud::Cloud& cloud, bool fills_gaps,
+                                                          bool keeps_points, const PrepareContext& context,
+                                                          PrepareReport& report) {
+  PreparePhases phases(report, context);
+  phases.begin("grid");
+  auto grid = std::make_shared<HeightFieldGrid>();
+  std::vector<std::uint32_t>* const points = keeps_points ? &grid->point_of_post : nullptr;
+  Result<cloud::HeightField> field = cloud::height_field_of(cloud, points);
+  if (!field) return std::move(field).error();
+  const cloud::Holes holes = cloud::find_holes(*field);
+  if (fills_gaps && holes.gaps > 0) {
+    phases.end();
+    phases.begin("gaps");
+    cloud::fill_gaps(*field, holes, points, context.threads);
+  }
+  grid->field = std::move(*field);
+  grid->box_mm.add(Vec3::Zero());
+  grid->box_mm.add(Vec3(static_cast<double>(grid->field.columns - 1) * grid->field.step_x_mm,
+                        static_cast<double>(grid->field.rows - 1) * grid->field.step_y_mm, 0.0));
+  const auto [low, high] = heights_of(grid->field);
+  grid->box_mm.low_mm.z() = low;
+  grid->box_mm.high_mm.z() = high;
+  phases.end();
+  warn_of_open_holes(holes, fills_gaps, phases);
+  report.bytes += grid->field.bytes() + grid->point_of_post.capacity() * sizeof(std::uint32_t);
+  phases.note(fmt::format("{}; {:.6g} x {:.6g} mm apart, resolution {:.6g} mm seen from above",
+                          cloud::describe(grid->field, holes, fills_gaps), grid->field.step_x_mm,
+                          grid->field.step_y_mm, grid->field.plan_resolution_mm()));
+  return std::shared_ptr<const HeightFieldGrid>(std::move(grid));
+}
+
 }  // namespace
 
 Result<HeightFieldModel> build_height_field_model(const ModelInput& input, const HeightFieldBuild& build,
                                                   const PrepareContext& context, PrepareReport& report) {
-  PreparePhases phases(report, context);
-  phases.begin("grid");
+  const cloud::Cloud& cloud = *input.cloud;
   const bool varies = input.surface.per_point != nullptr;
-  std::vector<std::uint32_t> point_of_post;
-  Result<cloud::HeightField> field = cloud::height_field_of(*input.cloud, varies ? &point_of_post : nullptr);
-  if (!field) return std::move(field).error();
-  const cloud::Holes holes = cloud::find_holes(*field);
-  if (build.fills_gaps && holes.gaps > 0) {
-    phases.end();
-    phases.begin("gaps");
-    cloud::fill_gaps(*field, holes, varies ? &point_of_post : nullptr, context.threads);
-  }
   HeightFieldModel model;
-  model.field = std::move(*field);
-  model.pose = ModelPose(input, model.field.origin_mm);
-  if (const Status done = prepare_surface(input, point_of_post, model, report); !done) return done.error();
+  Result<std::shared_ptr<const HeightFieldGrid>> grid = held_or_made<HeightFieldGrid>(
+      context, report,
+      [&] {
+        return fmt::format("height field {:016x} {} {} {}", cloud::content_hash(cloud), cloud.size(),
+                           build.fills_gaps, varies);
+      },
+      [&](PrepareReport& to) { return build_grid(cloud, build.fills_gaps, varies, context, to); });
+  if (!grid) return std::move(grid).error();
+  model.grid = *std::move(grid);
+  model.pose = ModelPose(input, model.field().origin_mm);
+  if (const Status done = prepare_surface(input, model, report); !done) return done.error();
   if (build.blend_resolutions > 0.0 && (model.surface.features & kVaried) != 0)
-    blend(model, build.blend_resolutions * model.field.plan_resolution_mm(), report);
-  model.box_mm.add(Vec3::Zero());
-  model.box_mm.add(Vec3(static_cast<double>(model.field.columns - 1) * model.field.step_x_mm,
-                        static_cast<double>(model.field.rows - 1) * model.field.step_y_mm, 0.0));
-  const auto [low, high] = heights_of(model.field);
-  model.box_mm.low_mm.z() = low;
-  model.box_mm.high_mm.z() = high;
-  phases.end();
-  warn_of_open_holes(holes, build.fills_gaps, phases);
-  report.bytes += model.field.bytes() + model.surface.bytes();
-  report.notes.push_back(fmt::format("{}; {:.6g} x {:.6g} mm apart, resolution {:.6g} mm seen from above",
-                                     cloud::describe(model.field, holes, build.fills_gaps),
-                                     model.field.step_x_mm, model.field.step_y_mm,
-                                     model.field.plan_resolution_mm()));
+    blend(model, build.blend_resolutions * model.field().plan_resolution_mm(), report);
+  report.bytes += model.surface.bytes();
   return model;
 }
 

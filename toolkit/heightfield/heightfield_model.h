@@ -1,6 +1,10 @@
 // What both height-field renderers prepare: a model as a regular grid, and its pose.
 #pragma once
 
+#include <cstdint>
+#include <memory>
+#include <vector>
+
 #include "toolkit/cloud/height_field.h"
 #include "toolkit/core/result.h"
 #include "toolkit/geometry/aabb.h"
@@ -9,12 +13,21 @@
 
 namespace palpate::render {
 
-/// Ready for frames. Immutable after build.
-struct HeightFieldModel {
+/// The grid that frames read. Immutable and shared.
+struct HeightFieldGrid {
   cloud::HeightField field;
-  ModelPose pose;
-  SurfaceField surface;   ///< places are posts
   geometry::Aabb box_mm;  ///< of the posts, local
+  std::vector<std::uint32_t>
+      point_of_post;  ///< where the cloud's points differ in their properties; else empty
+};
+
+/// One model as one renderer holds it.
+struct HeightFieldModel {
+  std::shared_ptr<const HeightFieldGrid> grid;
+  ModelPose pose;
+  SurfaceField surface;  ///< places are posts
+
+  [[nodiscard]] const cloud::HeightField& field() const noexcept { return grid->field; }
 };
 
 struct HeightFieldBuild {
@@ -22,8 +35,8 @@ struct HeightFieldBuild {
   double blend_resolutions = 0.0;  ///< above 0 a stiffness that varies is blended over as many
 };
 
-/// Prepares one model of a scene. Errors: no stiffness, a cloud that is no height field on a regular grid.
-/// Phases, notes and bytes go to `report`.
+/// Prepares one model of a scene; its grid comes from the context's store where it has one. Errors: no
+/// stiffness, a cloud that is no height field on a regular grid. Phases, notes and bytes go to `report`.
 [[nodiscard]] Result<HeightFieldModel> build_height_field_model(const ModelInput& input,
                                                                 const HeightFieldBuild& build,
                                                                 const PrepareContext& context,

@@ -13,7 +13,6 @@
 namespace palpate::neighbourhood {
 namespace {
 
-constexpr std::size_t kPointsPerChunk = 16384;
 /// "The fourth of their own": half of eight.
 constexpr std::size_t kHalf = kNeighbours / 2;
 constexpr std::size_t kNoSlot = kNeighbours;

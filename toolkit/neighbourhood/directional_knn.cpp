@@ -12,8 +12,6 @@
 namespace palpate::neighbourhood {
 namespace {
 
-/// The next point's limit is guessed from this one's, with an eighth of the distance to spare.
-constexpr double kGuessRoom = 1.125 * 1.125;
 /// tan(22.5 degrees), the border between a main direction and the next diagonal.
 constexpr double kTanBorder = std::numbers::sqrt2 - 1.0;
 /// Eight points stand in one line where the scatter's second eigenvalue is this small a share of the first:
@@ -104,7 +102,7 @@ struct Directions {
 };
 
 /// Places in Scratch::sums.
-enum Sum : std::size_t { kAllEight, kEmpty, kNoPlane };
+enum DirectionalSum : std::size_t { kAllEight, kEmpty, kNoPlane };
 
 class Chooser {
  public:

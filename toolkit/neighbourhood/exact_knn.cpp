@@ -2,13 +2,7 @@
 #include "toolkit/neighbourhood/knn_engine.h"
 
 namespace palpate::neighbourhood {
-namespace {
-
-/// The eighth neighbour's squared distance is guessed from the point before, with an eighth of the distance
-/// to spare.
-constexpr double kGuessRoom = 1.125 * 1.125;
-
-}  // namespace
+namespace {}  // namespace
 
 NeighbourTable exact_knn(const cloud::Cloud& cloud, int threads) {
   const KnnEngine engine(cloud, threads);

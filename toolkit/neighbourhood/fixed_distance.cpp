@@ -9,7 +9,7 @@ namespace {
 constexpr double kDefaultSpacings = 1.681792830507429;
 
 /// Places in Scratch::sums.
-enum Sum : std::size_t { kMore, kFewer, kWithin };
+enum WithinSum : std::size_t { kMoreThanEight, kFewerThanEight, kWithin };
 
 }  // namespace
 
@@ -34,13 +34,13 @@ NeighbourTable fixed_distance(const cloud::Cloud& cloud, const FixedDistanceOpti
           within += static_cast<std::uint64_t>(in && scratch.index[k] != self);
         }
         kernel.choose_eight(self, scratch, out);
-        scratch.sums[kMore] += within > kNeighbours;
-        scratch.sums[kFewer] += within < kNeighbours;
+        scratch.sums[kMoreThanEight] += within > kNeighbours;
+        scratch.sums[kFewerThanEight] += within < kNeighbours;
         scratch.sums[kWithin] += within;
         return true;
       },
       table);
-  if (report != nullptr) *report = {distance_mm, sums[kMore], sums[kFewer], sums[kWithin]};
+  if (report != nullptr) *report = {distance_mm, sums[kMoreThanEight], sums[kFewerThanEight], sums[kWithin]};
   return table;
 }
 

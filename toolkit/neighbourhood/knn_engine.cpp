@@ -9,6 +9,7 @@
 #include <nanoflann.hpp>
 #include <numeric>
 
+#include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
 
 namespace palpate::neighbourhood {
@@ -141,7 +142,7 @@ struct KnnEngine::Level {
     }
   }
   [[nodiscard]] std::size_t slot(std::uint64_t code) const noexcept {
-    return (code * 0x9E3779B97F4A7C15u) >> hash_shift;
+    return (code * kGolden64) >> hash_shift;
   }
   /// Null where no family has that code.
   [[nodiscard]] const Family* find(std::uint64_t code) const noexcept {

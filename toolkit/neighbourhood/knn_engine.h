@@ -17,6 +17,8 @@
 
 namespace palpate::neighbourhood {
 
+/// A point's squared limit is guessed from that of the point before, with an eighth of the distance to spare.
+inline constexpr double kGuessRoom = 1.125 * 1.125;
 /// The next guess of a squared distance where one was too small: half as far again; from 0 (piles)
 /// everything.
 [[nodiscard]] inline double larger_guess(double guess) noexcept {

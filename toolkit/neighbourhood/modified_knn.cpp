@@ -69,7 +69,7 @@ void store_within(const Kernels& kernel, double half_mm, std::uint32_t self, Nei
 }
 
 /// Places in Scratch::sums.
-enum Sum : std::size_t { kAtNine, kAtLimit, kFewer };
+enum BlockSum : std::size_t { kAtNine, kAtLimit, kFewer };
 
 }  // namespace
 

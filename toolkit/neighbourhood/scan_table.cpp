@@ -7,17 +7,15 @@
 #include <bit>
 #include <cmath>
 
+#include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/neighbourhood/knn_kernels.h"
 
 namespace palpate::neighbourhood {
 namespace {
 
-constexpr std::size_t kPointsPerChunk = 16384;
 /// Whole numbers up to here are exact in a float.
 constexpr float kLargestWhole = 16777216.0F;
-/// Below three the next and the last before are one.
-constexpr std::uint32_t kLeastRound = 3;
 constexpr std::uint32_t kNobody = ~0u;
 
 /// Rows and columns a step in each of figure 39's directions takes.
@@ -48,9 +46,8 @@ class Positions {
   /// Eight columns of a row stand side by side, so that a look to the left and right is mostly one line of
   /// cache; longer runs would run into one another.
   [[nodiscard]] std::size_t slot(const ScanPosition& p) const noexcept {
-    constexpr std::uint64_t kGolden = 0x9E3779B97F4A7C15u;  // 2^64 / golden section: spreads neighbours
-    std::uint64_t line = (std::uint64_t{p.scan} << 32 | p.row) * kGolden;
-    line = ((line ^ line >> 32) + p.column / kRun) * kGolden;
+    std::uint64_t line = (std::uint64_t{p.scan} << 32 | p.row) * kGolden64;
+    line = ((line ^ line >> 32) + p.column / kRun) * kGolden64;
     return static_cast<std::size_t>((line >> 32) * kRun + p.column % kRun) & (slots_.size() - 1);
   }
   static constexpr std::uint32_t kRun = 8;

@@ -11,6 +11,9 @@
 
 namespace palpate::neighbourhood {
 
+/// Rows or columns of a whole turn, at least: below three the next and the last before are one.
+inline constexpr std::uint32_t kLeastRound = 3;
+
 struct ScanPosition {
   std::uint32_t scan = 0, row = 0, column = 0;
   friend bool operator==(const ScanPosition&, const ScanPosition&) = default;

@@ -4,14 +4,12 @@
 #include "toolkit/core/parallel.h"
 #include "toolkit/neighbourhood/knn.h"
 #include "toolkit/neighbourhood/knn_engine.h"
+#include "toolkit/neighbourhood/scan_table.h"
 
 namespace palpate::neighbourhood {
 namespace {
 
 constexpr std::size_t kRowsPerChunk = 64;
-constexpr std::size_t kPointsPerChunk = 65536;
-/// Below three the next and the last before are one.
-constexpr std::size_t kLeastRound = 3;
 
 /// A row (or column) with those on both sides of it.
 struct Range {

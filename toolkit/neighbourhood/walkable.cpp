@@ -11,7 +11,6 @@
 namespace palpate::neighbourhood {
 namespace {
 
-constexpr std::size_t kPointsPerChunk = 16384;
 /// Nearest points that eight are chosen from: with scan lines r samples apart some 2 r points are nearer than
 /// the next line, so 24 see lines ten samples apart.
 constexpr std::size_t kConsidered = 24;
@@ -21,7 +20,7 @@ constexpr double kInARow = 7.0;
 /// The length of the sum of eight directions: 0 spread evenly, 5.1 over a half plane, the mean of both.
 constexpr double kToOneSide = 2.5;
 /// The 24th distance is guessed from the point before, with a quarter to spare.
-constexpr double kGuessRoom = 1.25 * 1.25;
+constexpr double kWideGuessRoom = 1.25 * 1.25;
 
 struct Missing {
   std::uint32_t at, to;
@@ -111,7 +110,7 @@ std::size_t spread_uneven(const cloud::Cloud& cloud, NeighbourTable& table, int 
           std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(n), near.end());
           const double last = n < kConsidered ? kEverything : near[n - 1].square;
           if (!all && !(last <= guess)) continue;
-          scratch.guess = kGuessRoom * last;
+          scratch.guess = kWideGuessRoom * last;
           if (!(last < covered) && radius_mm != kEverything) return false;
           choose(cloud, self, std::span(near).first(n), out);
           return true;

@@ -4,14 +4,15 @@
 #include <bit>
 #include <cmath>
 
+#include "toolkit/core/hash.h"
+
 namespace palpate::partition {
 namespace {
 
 /// Cells this far from the first box are too far: their coordinates are stored in 32 bits.
 constexpr std::int64_t kFarCell = (std::int64_t{1} << 31) - 1;
 
-/// Fibonacci hashing, as the grid's own; two more odd constants mix the axes (Steele, Lea and Flood 2014).
-constexpr std::uint64_t kGolden = 0x9E3779B97F4A7C15u;
+/// Fibonacci hashing for x; two more odd constants mix the axes (Steele, Lea and Flood 2014).
 constexpr std::uint64_t kMixY = 0xBF58476D1CE4E5B9u;
 constexpr std::uint64_t kMixZ = 0x94D049BB133111EBu;
 
@@ -60,9 +61,9 @@ LeafStatistics DynamicGrid::statistics() const noexcept {
 }
 
 std::size_t DynamicGrid::first_slot(std::int64_t x, std::int64_t y, std::int64_t z) const noexcept {
-  const auto key = static_cast<std::uint64_t>(x) * kGolden ^ static_cast<std::uint64_t>(y) * kMixY ^
+  const auto key = static_cast<std::uint64_t>(x) * kGolden64 ^ static_cast<std::uint64_t>(y) * kMixY ^
                    static_cast<std::uint64_t>(z) * kMixZ;
-  return (key * kGolden) >> shift_;
+  return (key * kGolden64) >> shift_;
 }
 
 std::size_t DynamicGrid::find_spare(const Cell& cell) const noexcept {

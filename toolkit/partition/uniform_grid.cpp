@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <bit>
 
+#include "toolkit/core/hash.h"
+
 namespace palpate::partition {
 namespace {
 
@@ -23,9 +25,6 @@ std::uint64_t packed(std::uint64_t x, std::uint64_t y, std::uint64_t z) noexcept
   return x | y << kMortonBits | z << (2 * kMortonBits);
 }
 
-/// Fibonacci hashing: the golden section spreads consecutive keys.
-constexpr std::uint64_t kGolden = 0x9E3779B97F4A7C15u;
-
 }  // namespace
 
 std::size_t UniformGrid::slot_of(const Cell& cell) const noexcept {
@@ -37,7 +36,7 @@ std::size_t UniformGrid::slot_of(const Cell& cell) const noexcept {
   const std::uint64_t key = packed(static_cast<std::uint64_t>(cell.x), static_cast<std::uint64_t>(cell.y),
                                    static_cast<std::uint64_t>(cell.z));
   const std::size_t mask = slots_.size() - 1;
-  std::size_t at = (key * kGolden) >> shift_;
+  std::size_t at = (key * kGolden64) >> shift_;
   while (slots_[at].key != kNoKey) {  // ends: half of the slots are free
     if (slots_[at].key == key) return at;
     at = (at + 1) & mask;
@@ -52,7 +51,7 @@ PlaceRange UniformGrid::find(const Cell& cell) const noexcept {
 
 void UniformGrid::insert(std::uint64_t key, PlaceRange places) noexcept {
   const std::size_t mask = slots_.size() - 1;
-  std::size_t at = (key * kGolden) >> shift_;
+  std::size_t at = (key * kGolden64) >> shift_;
   std::uint32_t probes = 1;
   for (; slots_[at].key != kNoKey; at = (at + 1) & mask) ++probes;
   slots_[at] = {key, places};

@@ -10,12 +10,12 @@
 #include "toolkit/core/tolerances.h"
 #include "toolkit/neighbourhood/builders.h"
 #include "toolkit/neighbourhood/walkable.h"
+#include "toolkit/render/model_store.h"
 #include "toolkit/render/prepare_phases.h"
 
 namespace palpate::render {
 namespace {
 
-constexpr std::size_t kPointsPerChunk = 16384;
 /// Enough for a median that is right to some percent.
 constexpr std::size_t kSampledPoints = 4096;
 /// The thesis's rule of thumb (below figure 36): a cell is five resolutions long.
@@ -262,9 +262,8 @@ PointModelOptions point_model_options(const Options& options) {
   return o;
 }
 
-Result<PointModel> build_point_model(const ModelInput& input, const PointModelOptions& options,
+Result<PointModel> build_point_model(const cloud::Cloud& cloud, const PointModelOptions& options,
                                      const PrepareContext& context, PrepareReport& report) {
-  const cloud::Cloud& cloud = *input.cloud;
   if (cloud.empty()) return Error{"the cloud has no points", "give a file with at least one point", {}, 0};
 
   PreparePhases phases(report, context);
@@ -275,7 +274,7 @@ Result<PointModel> build_point_model(const ModelInput& input, const PointModelOp
   phases.begin("resolution");
 
   PointModel model;
-  model.pose = ModelPose(input, cloud.origin_mm);
+  model.origin_mm = cloud.origin_mm;
   model.max_spacing_mm = worst_resolution(cloud, *table, context.threads);
   model.resolution_mm = options.resolution_mm > 0.0 ? options.resolution_mm : model.max_spacing_mm;
   if (!(model.resolution_mm > 0.0)) {
@@ -303,10 +302,7 @@ Result<PointModel> build_point_model(const ModelInput& input, const PointModelOp
 
   phases.begin("store");
   fill_points(cloud, *table, options, context.threads, model);
-  Result<SurfaceField> field = build_surface_field(input, order_of(model), report);
-  if (!field) return std::move(field).error();
-  model.surface = *std::move(field);
-  with_partition(model, [](auto& p) { p.drop_order(); });
+  if (!options.keep_order) with_partition(model, [](auto& p) { p.drop_order(); });
   const double edge = options.box_mm > 0.0 ? options.box_mm : model.resolution_mm;
   model.global_half_box_mm = Vec3::Constant(0.5 * edge);
   model.largest_half_box_mm = model.global_half_box_mm;
@@ -331,19 +327,67 @@ Result<PointModel> build_point_model(const ModelInput& input, const PointModelOp
                     sides.pieces, sides.closed_pieces, sides.one_sided_points));
     phases.end();
   }
-  phases.begin("blend");
-  if (const std::size_t softer = blend_stiffness(model.surface, model.points, model.neighbours,
-                                                 options.blend_resolutions * model.resolution_mm);
-      softer > 0) {
-    phases.end();
-    report.notes.push_back(fmt::format("stiffness blended over {:.3g} mm: {} points made softer",
-                                       options.blend_resolutions * model.resolution_mm, softer));
-  }
   report.bytes += model.bytes();
   report.notes.push_back(fmt::format("resolution {:.6g} mm, cell {:.6g} mm, box {:.6g} mm, {}",
                                      model.resolution_mm, model.cell_mm, edge,
                                      shape_note(model, options.partition)));
   return model;
+}
+
+namespace {
+
+/// All that the points of a model depend on.
+std::string key_of(const cloud::Cloud& cloud, const PointModelOptions& o) {
+  return fmt::format("points {:016x} {} {} {} {} {:a} {:a} {:a} {} {} {} {:a} {} {} {}",
+                     cloud::content_hash(cloud), cloud.size(), o.neighbours, o.complete_to_eight,
+                     static_cast<int>(o.box), o.box_mm, o.resolution_mm, o.cell_per_resolution,
+                     static_cast<int>(o.partition), o.moving, o.swept_sphere, o.sphere_mm, o.normals,
+                     o.spare_points, o.keep_order);
+}
+
+/// What this renderer's surface is at each place.
+Status prepare_surface(const ModelInput& input, const PointModelOptions& options, PointBody& body,
+                       PrepareReport& report) {
+  const PointModel& points = *body.points;
+  Result<SurfaceField> field = build_surface_field(input, order_of(points), report);
+  if (!field) return std::move(field).error();
+  body.surface = *std::move(field);
+  const double blend_mm = options.blend_resolutions * points.resolution_mm;
+  if (const std::size_t softer = blend_stiffness(body.surface, points.points, points.neighbours, blend_mm);
+      softer > 0)
+    report.notes.push_back(
+        fmt::format("stiffness blended over {:.3g} mm: {} points made softer", blend_mm, softer));
+  report.bytes += body.surface.bytes();
+  return Done{};
+}
+
+}  // namespace
+
+Result<PointBody> build_point_body(const ModelInput& input, const PointModelOptions& options,
+                                   const PrepareContext& context, PrepareReport& report) {
+  PointModelOptions o = options;
+  o.keep_order = input.surface.per_point != nullptr;
+  PointBody body;
+  std::shared_ptr<PointModel> own;  // nobody else's, and not in the store
+  const bool shared = context.store != nullptr && !o.moving;
+  PrepareContext from = context;
+  if (!shared) from.store = nullptr;
+  Result<std::shared_ptr<const PointModel>> points = held_or_made<PointModel>(
+      from, report, [&] { return key_of(*input.cloud, o); },
+      [&](PrepareReport& to) -> Result<std::shared_ptr<const PointModel>> {
+        Result<PointModel> built = build_point_model(*input.cloud, o, context, to);
+        if (!built) return std::move(built).error();
+        auto made = std::make_shared<PointModel>(*std::move(built));
+        if (!shared) own = made;
+        return std::shared_ptr<const PointModel>(std::move(made));
+      });
+  if (!points) return std::move(points).error();
+  body.points = *std::move(points);
+  body.pose = ModelPose(input, body.points->origin_mm);
+  if (const Status done = prepare_surface(input, o, body, report); !done) return done.error();
+  if (own != nullptr && o.keep_order) with_partition(*own, [](auto& p) { p.drop_order(); });
+  if (o.moving) body.moving = std::move(own);
+  return body;
 }
 
 }  // namespace palpate::render

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <variant>
 #include <vector>
@@ -47,12 +48,13 @@ struct PointModelOptions {
       true;  ///< local planes with a side; and links back, so that a walk cannot be caught in a clump
   std::size_t spare_points = 0;    ///< where they move: points that may be added
   double blend_resolutions = 0.0;  ///< stiffness rises over at least so many resolutions; 0 = as given
+  bool keep_order = false;         ///< the partition goes on to know which of the cloud's points stands where
 };
 
-/// Ready for frames. Places are indices in the partition's order. Immutable after build.
+/// What frames read of the points; nothing of a renderer's own. Places are indices in the partition's order.
+/// Immutable after build and shared, but where points move.
 struct PointModel {
-  ModelPose pose;
-  SurfaceField surface;
+  Vec3 origin_mm = Vec3::Zero();  ///< of the local coordinates, in the model frame
   LargeVector<StoredPoint> points;
   LargeVector<neighbourhood::Neighbours> neighbours;
   LargeVector<Vec3f> half_box_mm;  ///< per place; empty when the box is global
@@ -78,15 +80,29 @@ struct PointModel {
   [[nodiscard]] std::size_t bytes() const noexcept {
     return points.capacity() * sizeof(StoredPoint) +
            neighbours.capacity() * sizeof(neighbourhood::Neighbours) +
-           half_box_mm.capacity() * sizeof(Vec3f) + partition_bytes() + surface.bytes() +
+           half_box_mm.capacity() * sizeof(Vec3f) + partition_bytes() +
            (place_of.capacity() + closed_piece_of.capacity()) * sizeof(std::uint32_t);
   }
   [[nodiscard]] std::size_t partition_bytes() const noexcept;
 };
 
-/// Prepares one model. Phases, notes and bytes are added to `report`. The options that read themselves from a
-/// renderer's Options are point_model_specs().
-[[nodiscard]] Result<PointModel> build_point_model(const ModelInput& input, const PointModelOptions& options,
+/// One model as one renderer holds it.
+struct PointBody {
+  std::shared_ptr<const PointModel> points;
+  std::shared_ptr<PointModel> moving;  ///< where points may move: the same, this renderer's own
+  ModelPose pose;
+  SurfaceField surface;  ///< by place
+};
+
+/// Prepares one model. Its points come from the context's store where it has one and they do not move.
+/// Phases, notes and bytes are added to `report`. The options that read themselves from a renderer's Options
+/// are point_model_specs().
+[[nodiscard]] Result<PointBody> build_point_body(const ModelInput& input, const PointModelOptions& options,
+                                                 const PrepareContext& context, PrepareReport& report);
+
+/// The points alone, for this renderer alone.
+[[nodiscard]] Result<PointModel> build_point_model(const cloud::Cloud& cloud,
+                                                   const PointModelOptions& options,
                                                    const PrepareContext& context, PrepareReport& report);
 
 /// use(partition) for the one that a model has. Not std::visit, which may throw.

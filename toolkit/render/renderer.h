@@ -53,15 +53,20 @@ struct PrepareReport {
   double total_ms = 0.0;
   std::vector<PreparePhase> phases;  ///< in order, their sum is about total_ms
   std::size_t bytes = 0;           ///< held by the renderer after preparation; what it shares is counted too
+  std::size_t shared_bytes = 0;    ///< of those, what another renderer or model of the store held already
   std::vector<std::string> notes;  ///< decisions and findings a person should know ("shading off: ...")
   /// What makes the answers doubtful, with a remedy, whole sentences: shown first, on the terminal and in the
   /// report.
   std::vector<std::string> warnings{};
 };
 
+class ModelStore;  // model_store.h
+
 struct PrepareContext {
   int threads = 0;               ///< 0 = all
   Progress* progress = nullptr;  ///< may be null
+  ModelStore* store =
+      nullptr;  ///< geometry is taken from here and kept here; null: each renderer builds its own
 };
 
 enum class FrameStatus : std::uint8_t {

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "toolkit/render/frame_shell.h"
+#include "toolkit/render/model_store.h"
 #include "toolkit/render/renderer.h"
 #include "toolkit/render/slow_phase.h"
 
@@ -17,7 +18,11 @@ class ShellRenderer : public HapticRenderer {
     PrepareReport report;
     if (scene.models.empty()) return Error{"the scene has no model", "add a [[model]]", {}, 0};
     models_.clear();
-    if (Status added = add_models(scene, context, report); !added.ok()) return std::move(added).error();
+    // Models of one scene that are made of the same are held once.
+    ModelStore own;
+    PrepareContext with = context;
+    if (with.store == nullptr && scene.models.size() > 1) with.store = &own;
+    if (Status added = add_models(scene, with, report); !added.ok()) return std::move(added).error();
     models_.finish(scene.force_limit_n, combine(), report);
     return report;
   }

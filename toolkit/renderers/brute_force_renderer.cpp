@@ -23,13 +23,14 @@ namespace {
 /// texture and deformation answer as in `cloud`, with the properties of that point.
 class BruteModel {
  public:
-  BruteModel(PointModel model, Shading shading) : model_(std::move(model)), shading_(shading) {
+  BruteModel(PointBody body, Shading shading)
+      : body_(std::move(body)), model_(*body_.points), shading_(shading) {
     sides_.attach(model_);
   }
 
   struct Memory {};
-  [[nodiscard]] ModelPose& pose() noexcept { return model_.pose; }
-  [[nodiscard]] const ModelPose& pose() const noexcept { return model_.pose; }
+  [[nodiscard]] ModelPose& pose() noexcept { return body_.pose; }
+  [[nodiscard]] const ModelPose& pose() const noexcept { return body_.pose; }
   void release() noexcept { state_.release(); }
 
   void let_go(const Vec3& h) noexcept {
@@ -62,7 +63,7 @@ class BruteModel {
     return near_ && contact_;
   }
   [[nodiscard]] SurfaceAnswer respond(const SurfaceContact& contact) noexcept {
-    SurfaceAnswer answer = respond_as_asked(state_, model_.surface, contact, model_.pose.origin_mm);
+    SurfaceAnswer answer = respond_as_asked(state_, body_.surface, contact, body_.pose.origin_mm);
     // The point itself, moved by what friction and texture move it aside.
     if (contact.pull == pull_) answer.god_object_mm = god_ + (answer.god_object_mm - (contact.hip + pull_));
     return answer;
@@ -102,7 +103,7 @@ class BruteModel {
     return false;
   }
   SurfaceContact contact_at(const Vec3& h, std::uint32_t place) noexcept {
-    const SurfaceField& surface = model_.surface;
+    const SurfaceField& surface = body_.surface;
     god_ = model_.points[place].at();
     pull_ = god_ - h;
     if (shading_ != Shading::kNone) {
@@ -122,7 +123,8 @@ class BruteModel {
     return contact;
   }
 
-  PointModel model_;
+  PointBody body_;
+  const PointModel& model_;
   Shading shading_;
   SurfaceState state_;
   Vec3 god_ = Vec3::Zero(), pull_ = Vec3::Zero();  ///< of the last touch
@@ -147,7 +149,7 @@ class BruteForce final : public ShellRenderer<BruteModel> {
     const PointModelOptions o = point_model_options(options_);
     const std::string& shading = options_.text("shading");
     for (const ModelInput& input : scene.models) {
-      Result<PointModel> built = build_point_model(input, o, context, report);
+      Result<PointBody> built = build_point_body(input, o, context, report);
       if (!built) return std::move(built).error();
       models_.add(std::make_unique<BruteModel>(std::move(*built),
                                                shading == "auto" ? Shading::kNone : parse_shading(shading)));

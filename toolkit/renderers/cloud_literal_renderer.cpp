@@ -35,9 +35,9 @@ class CloudLiteral final : public ShellRenderer<LiteralModel> {
       report.notes.push_back(
           "cells: all that the swept sphere crosses, which no sampling of a segment finds");
     for (const ModelInput& input : scene.models) {
-      Result<PointModel> built = build_point_model(input, o, context, report);
+      Result<PointBody> built = build_point_body(input, o, context, report);
       if (!built) return std::move(built).error();
-      const Shading shading = literal_shading(options_.text("shading"), built->resolution_mm, report);
+      const Shading shading = literal_shading(options_.text("shading"), built->points->resolution_mm, report);
       models_.add(std::make_unique<LiteralModel>(std::move(*built), shading, literal));
     }
     return Done{};

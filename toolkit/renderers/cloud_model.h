@@ -24,9 +24,9 @@ class CloudModel {
   using Memory = WalkEnd;
   static constexpr bool kComposed = true;
 
-  [[nodiscard]] ModelPose& pose() noexcept { return points.pose; }
-  [[nodiscard]] const ModelPose& pose() const noexcept { return points.pose; }
-  [[nodiscard]] unsigned features() const noexcept { return points.surface.features; }
+  [[nodiscard]] ModelPose& pose() noexcept { return body.pose; }
+  [[nodiscard]] const ModelPose& pose() const noexcept { return body.pose; }
+  [[nodiscard]] unsigned features() const noexcept { return body.surface.features; }
   [[nodiscard]] bool changes() const noexcept { return deformer != nullptr; }
   [[nodiscard]] bool moves_by_itself() const noexcept { return moves != nullptr; }
   [[nodiscard]] const geometry::Aabb& box_mm() const noexcept { return prepared_box_mm; }
@@ -56,11 +56,11 @@ class CloudModel {
   }
   template <unsigned kFeatures>
   [[nodiscard]] SurfaceAnswer respond(const SurfaceContact& at) noexcept {
-    return state.respond<kFeatures>(at, points.surface.texture, points.pose.origin_mm);
+    return state.respond<kFeatures>(at, body.surface.texture, body.pose.origin_mm);
   }
   void planes_near(const WalkEnd& end, const Vec3& at_world, JointPlanes& planes,
                    FrameCounters& counters) const noexcept {
-    planes.add(plane_near(end.place, points.pose.to_local(at_world), counters));
+    planes.add(plane_near(end.place, body.pose.to_local(at_world), counters));
   }
   void before_frame(FrameCounters& counters) noexcept { take_moves(counters); }
   [[nodiscard]] bool after_frame(const SurfaceContact& at, double dt_s) noexcept {
@@ -78,7 +78,7 @@ class CloudModel {
     state.release();
   }
 
-  PointModel points;
+  PointBody body;
   PointContact contact;
   SurfaceState state;
   std::unique_ptr<Deformer> deformer;  ///< null: the geometry stays
@@ -138,13 +138,13 @@ inline bool CloudModel::give_way(const SurfaceContact& at, double dt_s) noexcept
 /// The frictionless contact at the walk's end, local.
 template <unsigned kFeatures>
 inline SurfaceContact CloudModel::contact_at(const WalkEnd& end, const Vec3& h) const noexcept {
-  const PointModel& model = points;
+  const PointModel& model = *body.points;
   const Vec3 g = model.points[end.place].at();
   SurfaceContact at;
   at.hip = h;
   at.pull = g - h;
   NearestTwo two{end.place, end.place};
-  const bool varied = (kFeatures & kVaried) != 0 && !model.surface.of_place.empty();
+  const bool varied = (kFeatures & kVaried) != 0 && !body.surface.of_place.empty();
   if (shading != Shading::kNone || varied) {
     two = shading == Shading::kFacet || varied ? enclosing_two(model, end, contact.outward(), h)
                                                : nearest_two(model, end);
@@ -166,9 +166,9 @@ inline SurfaceContact CloudModel::contact_at(const WalkEnd& end, const Vec3& h) 
     }
   }
   if (varied) {
-    const PlaceSurface& here = model.surface.of_place[end.place];
+    const PlaceSurface& here = body.surface.of_place[end.place];
     const auto stiffness = [&](std::uint32_t place) {
-      return static_cast<double>(model.surface.of_place[place].stiffness_n_per_mm);
+      return static_cast<double>(body.surface.of_place[place].stiffness_n_per_mm);
     };
     const FacetStiffness k =
         stiffness_on_facet(g, model.points[two.first].at(), model.points[two.second].at(),
@@ -179,9 +179,9 @@ inline SurfaceContact CloudModel::contact_at(const WalkEnd& end, const Vec3& h) 
     at.static_friction = static_cast<double>(here.static_friction);
     at.dynamic_friction = static_cast<double>(here.dynamic_friction);
   } else {
-    at.stiffness_n_per_mm = model.surface.stiffness_n_per_mm;
-    at.static_friction = model.surface.friction.static_coefficient;
-    at.dynamic_friction = model.surface.friction.dynamic_coefficient;
+    at.stiffness_n_per_mm = body.surface.stiffness_n_per_mm;
+    at.static_friction = body.surface.friction.static_coefficient;
+    at.dynamic_friction = body.surface.friction.dynamic_coefficient;
   }
   return at;
 }
@@ -190,7 +190,7 @@ inline SurfaceContact CloudModel::contact_at(const WalkEnd& end, const Vec3& h) 
 /// the world.
 inline geometry::HalfSpace CloudModel::plane_near(std::uint32_t start, const Vec3& at,
                                                   FrameCounters& counters) const noexcept {
-  const PointModel& model = points;
+  const PointModel& model = *body.points;
   Sheet sheet = contact.sheet();
   sheet.place = start;
   int steps = kMaxWalkSteps;
@@ -203,8 +203,8 @@ inline geometry::HalfSpace CloudModel::plane_near(std::uint32_t start, const Vec
     if (plane.usable)
       normal = plane.scaled_normal.normalized() * (plane.scaled_normal.dot(sheet.outward) < 0.0 ? -1.0 : 1.0);
   }
-  const Vec3 n = model.pose.direction_to_world(normal);
-  return {n, n.dot(model.pose.to_world(g))};
+  const Vec3 n = body.pose.direction_to_world(normal);
+  return {n, n.dot(body.pose.to_world(g))};
 }
 
 }  // namespace palpate::render

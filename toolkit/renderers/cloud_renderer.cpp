@@ -82,19 +82,20 @@ class Cloud final : public BoxedShellRenderer<CloudModel>, public Editable {
       o.spare_points =
           static_cast<std::size_t>(kSpareShare * static_cast<double>(input.cloud->size())) + kLeastSpare;
     }
-    Result<PointModel> built = build_point_model(input, o, context, report);
+    Result<PointBody> built = build_point_body(input, o, context, report);
     if (!built) return std::move(built).error();
-    made->points = std::move(*built);
+    made->body = std::move(*built);
+    const PointModel& points = *made->body.points;
     choose_shading(*made, gives, report);
-    made->contact.attach(made->points);
-    for (const StoredPoint& p : made->points.points) made->prepared_box_mm.add(p.at());
-    made->prepared_box_mm.low_mm -= made->points.largest_half_box_mm;
-    made->prepared_box_mm.high_mm += made->points.largest_half_box_mm;
+    made->contact.attach(points);
+    for (const StoredPoint& p : points.points) made->prepared_box_mm.add(p.at());
+    made->prepared_box_mm.low_mm -= points.largest_half_box_mm;
+    made->prepared_box_mm.high_mm += points.largest_half_box_mm;
     if (gives) {
       Deformer::Options deform;
       deform.spare_points = o.spare_points;
-      deform.journal_points = std::min(made->points.points.size() + o.spare_points, kJournalPoints);
-      made->deformer = std::make_unique<Deformer>(made->points, deform);
+      deform.journal_points = std::min(points.points.size() + o.spare_points, kJournalPoints);
+      made->deformer = std::make_unique<Deformer>(*made->body.moving, made->body.surface, deform);
       made->dent = input.surface.dent;
       if (input.moves != nullptr) made->moves = input.moves->subscribe();
       report.bytes += made->deformer->bytes();
@@ -114,8 +115,8 @@ class Cloud final : public BoxedShellRenderer<CloudModel>, public Editable {
     }
     // Each change of point moves the force by stiffness x spacing; where no spacing is large enough, nothing
     // is shaded and the frame is built without it.
-    const double stiffness = model.points.surface.largest_stiffness_n_per_mm;
-    const double largest = stiffness * model.points.max_spacing_mm;
+    const double stiffness = model.body.surface.largest_stiffness_n_per_mm;
+    const double largest = stiffness * model.body.points->max_spacing_mm;
     model.by_spacing = largest > kFeltForceStepN || gives;  // stretching makes it larger
     model.shading = model.by_spacing ? Shading::kFacet : Shading::kNone;
     const double felt_mm = kFeltForceStepN / stiffness;

@@ -34,15 +34,16 @@ class LiteralHeightField {
 
   LiteralHeightField(HeightFieldModel model, bool walks, Shading shading)
       : model_(std::move(model)),
-        columns_(static_cast<std::int32_t>(model_.field.columns)),
-        rows_(static_cast<std::int32_t>(model_.field.rows)),
+        field_(model_.field()),
+        columns_(static_cast<std::int32_t>(field_.columns)),
+        rows_(static_cast<std::int32_t>(field_.rows)),
         end_x_(columns_),
         end_y_(rows_),
-        inverse_x_(1.0 / model_.field.step_x_mm),
-        inverse_y_(1.0 / model_.field.step_y_mm),
+        inverse_x_(1.0 / field_.step_x_mm),
+        inverse_y_(1.0 / field_.step_y_mm),
         shading_(shading),
         walks_(walks),
-        has_holes_(model_.field.holes > 0),
+        has_holes_(field_.holes > 0),
         look_up_alone_(!walks && !has_holes_) {}
 
   [[nodiscard]] ModelPose& pose() noexcept { return model_.pose; }
@@ -66,7 +67,7 @@ class LiteralHeightField {
     const double x = h.x() * inverse_x_ + 0.5, y = h.y() * inverse_y_ + 0.5;
     if (x >= 0.0 && y >= 0.0 && x < end_x_ && y < end_y_ && h.z() >= kLowest) {  // never what is no number
       const Post post{static_cast<std::int32_t>(x), static_cast<std::int32_t>(y)};
-      const auto top = static_cast<double>(model_.field.height_mm[place(post)]);
+      const auto top = static_cast<double>(field_.height_mm[place(post)]);
       if (h.z() < top) {  // never in a hole
         if constexpr (kWalks) {
           if (!collided_) {
@@ -98,7 +99,7 @@ class LiteralHeightField {
   /// there when it is lower than one of the posts around.
   void count_hole(const Post& post, const Vec3& h, FrameCounters& counters) noexcept {
     bool under = false;
-    if (std::isnan(model_.field.height_mm[place(post)]))
+    if (std::isnan(field_.height_mm[place(post)]))
       around(post, [&](const Post& next) { under |= h.z() < at(next).z(); });
     counters.edges += under && !in_hole_;
     in_hole_ = under;
@@ -110,8 +111,8 @@ class LiteralHeightField {
   }
   /// Local; not a number in z over a hole.
   Vec3 at(const Post& post) const noexcept {
-    return {post.column * model_.field.step_x_mm, post.row * model_.field.step_y_mm,
-            static_cast<double>(model_.field.height_mm[place(post)])};
+    return {post.column * field_.step_x_mm, post.row * field_.step_y_mm,
+            static_cast<double>(field_.height_mm[place(post)])};
   }
   bool has(const Post& post) const noexcept {
     return static_cast<std::uint32_t>(post.column) < static_cast<std::uint32_t>(columns_) &&
@@ -188,6 +189,7 @@ class LiteralHeightField {
   }
 
   HeightFieldModel model_;
+  const cloud::HeightField& field_;
   std::int32_t columns_, rows_;
   double end_x_, end_y_;  ///< columns and rows
   double inverse_x_, inverse_y_;
@@ -223,7 +225,7 @@ class HeightFieldLiteral final : public ShellRenderer<LiteralHeightField> {
       Result<HeightFieldModel> built = build_height_field_model(input, {}, context, report);
       if (!built) return std::move(built).error();
       const Shading shading =
-          walks() ? literal_shading(options_.text("shading"), built->field.plan_resolution_mm(), report)
+          walks() ? literal_shading(options_.text("shading"), built->field().plan_resolution_mm(), report)
                   : Shading::kNone;
       models_.add(std::make_unique<LiteralHeightField>(*std::move(built), walks(), shading));
     }

@@ -53,14 +53,14 @@ class HeightFieldSurface {
   static constexpr bool kComposed = true;
 
   HeightFieldSurface(HeightFieldModel model, bool nearest_post)
-      : model_(std::move(model)), sheet_(model_.field), nearest_post_(nearest_post) {}
+      : model_(std::move(model)), sheet_(model_.field()), nearest_post_(nearest_post) {}
   HeightFieldSurface(const HeightFieldSurface&) = delete;  // the sheet points into the field
   HeightFieldSurface& operator=(const HeightFieldSurface&) = delete;
 
   [[nodiscard]] ModelPose& pose() noexcept { return model_.pose; }
   [[nodiscard]] const ModelPose& pose() const noexcept { return model_.pose; }
   [[nodiscard]] unsigned features() const noexcept { return model_.surface.features; }
-  [[nodiscard]] const geometry::Aabb& box_mm() const noexcept { return model_.box_mm; }
+  [[nodiscard]] const geometry::Aabb& box_mm() const noexcept { return model_.grid->box_mm; }
   [[nodiscard]] bool touching() const noexcept { return contact_; }
   void let_go(const Vec3& h) noexcept {
     contact_ = false;
@@ -80,7 +80,7 @@ class HeightFieldSurface {
   }
   template <unsigned kFeatures>
   [[nodiscard]] SurfaceAnswer respond(const SurfaceContact& contact) noexcept {
-    return state_.respond<kFeatures>(contact, model_.surface.texture, model_.field.origin_mm);
+    return state_.respond<kFeatures>(contact, model_.surface.texture, model_.field().origin_mm);
   }
 
  private:

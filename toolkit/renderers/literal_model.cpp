@@ -68,9 +68,9 @@ void LiteralModel::answer(const Vec3& h, std::uint32_t from, FrameStatus& status
   // Section 3.5.2, then 3.4, then figure 46: friction moves the god object, shading reads the points around
   // it, deformation scales the force of the rigid surface there. There is one god object, the moved one: the
   // next frame's walk starts from it, and the sphere shares its point.
-  if (collided_ && (model_.surface.features & kFriction) != 0) {
+  if (collided_ && (body_.surface.features & kFriction) != 0) {
     const std::uint32_t rolled = roll_back(
-        end.place, god_, h, model_.surface.static_friction(god_), kMaxWalkSteps,
+        end.place, god_, h, body_.surface.static_friction(god_), kMaxWalkSteps,
         [this](std::uint32_t p) { return model_.points[p].at(); },
         [this](std::uint32_t p, auto&& use) {
           for (const std::uint32_t other : model_.neighbours[p]) use(other);
@@ -91,9 +91,9 @@ void LiteralModel::answer(const Vec3& h, std::uint32_t from, FrameStatus& status
     const NearestTwo two = nearest_two(model_, end);
     pull = shaded_vector(shading_, h, g, model_.points[two.first].at(), model_.points[two.second].at());
   }
-  const double stiffness = (model_.surface.features & kVaried) != 0
-                               ? static_cast<double>(model_.surface.of_place[god_].stiffness_n_per_mm)
-                               : model_.surface.stiffness_n_per_mm;
+  const double stiffness = (body_.surface.features & kVaried) != 0
+                               ? static_cast<double>(body_.surface.of_place[god_].stiffness_n_per_mm)
+                               : body_.surface.stiffness_n_per_mm;
   answer_ = {stiffness * pull, g};
 }
 

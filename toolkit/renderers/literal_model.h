@@ -29,14 +29,14 @@ struct LiteralOptions {
 /// of at most kMaxWalkSteps moves.
 class LiteralModel {
  public:
-  LiteralModel(PointModel model, Shading shading, const LiteralOptions& options) noexcept
-      : model_(std::move(model)), shading_(shading), options_(options) {}
+  LiteralModel(PointBody body, Shading shading, const LiteralOptions& options) noexcept
+      : body_(std::move(body)), model_(*body_.points), shading_(shading), options_(options) {}
 
   // A local model of the frame shell. The thesis does not say how several contacts combine.
   struct Memory {};
   static constexpr bool kSums = true;
-  [[nodiscard]] ModelPose& pose() noexcept { return model_.pose; }
-  [[nodiscard]] const ModelPose& pose() const noexcept { return model_.pose; }
+  [[nodiscard]] ModelPose& pose() noexcept { return body_.pose; }
+  [[nodiscard]] const ModelPose& pose() const noexcept { return body_.pose; }
   void let_go(const Vec3& h) noexcept;
   void release() noexcept {}  // friction rolls the god object back; what it remembers is the contact itself
   [[nodiscard]] bool touch(const Vec3& goal, const Vec3& h, Memory& memory, SurfaceContact& contact,
@@ -59,7 +59,8 @@ class LiteralModel {
   [[nodiscard]] std::uint32_t nearest_crossed(const Vec3& h, const Vec3& before,
                                               FrameCounters& counters) const noexcept;
 
-  PointModel model_;
+  PointBody body_;
+  const PointModel& model_;
   Shading shading_;
   LiteralOptions options_;
   Vec3 previous_ = Vec3::Zero();

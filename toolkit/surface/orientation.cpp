@@ -11,7 +11,7 @@ namespace palpate::surface {
 namespace {
 
 /// Points a chunk of the first round: its borders decide the order of joining, so it is fixed.
-constexpr std::size_t kPointsPerChunk = std::size_t{1} << 16;
+constexpr std::size_t kFirstRoundPoints = std::size_t{1} << 16;
 /// Confidence is 1 on a flat surface, 0 where the link or the reflected normal stands square to what it
 /// should be along; five classes.
 constexpr int kClasses = 5;
@@ -128,7 +128,7 @@ namespace {
 
 std::vector<Vec3f> decode_all(std::span<const SurfacePoint> points, int threads) {
   std::vector<Vec3f> normals(points.size());
-  parallel_chunks(points.size(), kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+  parallel_chunks(points.size(), kFirstRoundPoints, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
       normals[i] = points[i].normal == kNoNormal ? Vec3f(Vec3f::Zero())
                                                  : Vec3f(decode_normal(points[i].normal).cast<float>());
@@ -144,9 +144,9 @@ Pieces join_pieces(std::span<const SurfacePoint> points, std::span<const Neighbo
   const std::vector<Vec3f> normals = decode_all(points, threads);
   const auto place = [&](std::uint32_t i) { return Vec3f(points[i].x_mm, points[i].y_mm, points[i].z_mm); };
   Pieces pieces(n);
-  std::vector<std::array<std::vector<Link>, kClasses>> later((n + kPointsPerChunk - 1) / kPointsPerChunk);
-  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    auto& mine = later[begin / kPointsPerChunk];
+  std::vector<std::array<std::vector<Link>, kClasses>> later((n + kFirstRoundPoints - 1) / kFirstRoundPoints);
+  parallel_chunks(n, kFirstRoundPoints, threads, [&](std::size_t begin, std::size_t end) {
+    auto& mine = later[begin / kFirstRoundPoints];
     for (std::size_t at = begin; at < end; ++at) {
       const auto i = static_cast<std::uint32_t>(at);
       if (points[i].normal == kNoNormal) continue;
@@ -187,9 +187,9 @@ OrientReport orient_planes(std::span<SurfacePoint> points, std::span<const Neigh
   const Pieces pieces = join_pieces(points, neighbours, threads);
 
   // Turn, and sum up by piece: runs of one piece within a chunk, then all runs in order.
-  std::vector<std::vector<PieceSums>> runs((n + kPointsPerChunk - 1) / kPointsPerChunk);
-  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    auto& mine = runs[begin / kPointsPerChunk];
+  std::vector<std::vector<PieceSums>> runs((n + kFirstRoundPoints - 1) / kFirstRoundPoints);
+  parallel_chunks(n, kFirstRoundPoints, threads, [&](std::size_t begin, std::size_t end) {
+    auto& mine = runs[begin / kFirstRoundPoints];
     for (std::size_t i = begin; i < end; ++i) {
       if (points[i].normal == kNoNormal) continue;
       const std::uint32_t at = pieces.look(static_cast<std::uint32_t>(i));
@@ -221,7 +221,7 @@ OrientReport orient_planes(std::span<SurfacePoint> points, std::span<const Neigh
   report.closed_pieces = closed_roots.size();
   if (report.closed_pieces > 1) report.closed_piece_of.resize(n);
   std::vector<std::size_t> one_sided(runs.size(), 0);
-  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+  parallel_chunks(n, kFirstRoundPoints, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       if (points[i].normal == kNoNormal) continue;
       const std::uint32_t root = pieces.look(static_cast<std::uint32_t>(i)) >> 1;
@@ -232,7 +232,7 @@ OrientReport orient_planes(std::span<SurfacePoint> points, std::span<const Neigh
             std::lower_bound(closed_roots.begin(), closed_roots.end(), root) - closed_roots.begin());
       if ((how & kInward) != 0) points[i].normal = opposite(points[i].normal);
       points[i].normal |= kOneSided;
-      ++one_sided[begin / kPointsPerChunk];
+      ++one_sided[begin / kFirstRoundPoints];
     }
   });
   for (const std::size_t count : one_sided) report.one_sided_points += count;

@@ -7,7 +7,6 @@
 namespace palpate::surface {
 namespace {
 
-constexpr std::size_t kPointsPerChunk = 8192;
 /// A plane turned by more than 45 degrees from the facets around its point is not theirs.
 constexpr double kFoldedCosine = 0.7071;
 

@@ -10,10 +10,6 @@
 namespace palpate::trace {
 namespace {
 
-// Two places of the surface belong together if one stands above the other by no more than this many times
-// their distance in the plan: 76 degrees, as in is_single_valued(). Beyond that there is an edge between
-// them.
-constexpr double kSteepest = 4.0;
 // The surface is looked at so often along its smallest detail, and at least once in two steps of the HIP.
 constexpr double kLooksPerDetail = 4.0, kLooksPerStep = 0.5;
 // Towards an end of the surface the HIP is no deeper than its distance from there times this: 45 degrees.

@@ -17,8 +17,6 @@ namespace {
 
 // An open sheet's area vector keeps a good part of its area, a closed surface's vanishes.
 constexpr double kOpenShare = 0.1;
-// A plane steeper than this to the line of sight is an edge: four, 76 degrees, as in is_single_valued().
-constexpr double kSteepest = 4.0;
 // Putting a point onto the plane fitted around it, again and again: each time what is left is a curvature's
 // worth smaller.
 constexpr int kPlacements = 4;

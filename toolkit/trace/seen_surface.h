@@ -20,6 +20,10 @@ namespace palpate::trace {
 /// the model is closed, or its points do not say.
 [[nodiscard]] std::optional<Vec3> open_side(const PathTarget& target);
 
+/// A rise steeper than this many times the way in the plan is an edge between two surfaces: 76 degrees, as in
+/// cloud::is_single_valued().
+inline constexpr double kSteepest = 4.0;
+
 /// Cell coordinates beyond this are one: far fewer than a 64-bit number holds, far more than a model has.
 inline constexpr double kLastCell = 0x1p40;
 

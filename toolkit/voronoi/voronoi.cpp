@@ -27,7 +27,6 @@ using Cell = CGAL::Delaunay_triangulation_cell_base_3<Kernel>;
 using Triangulation =
     CGAL::Delaunay_triangulation_3<Kernel, CGAL::Triangulation_data_structure_3<Vertex, Cell>>;
 
-constexpr std::size_t kPointsPerChunk = 16384;
 /// Of one place no point needs more than itself and eight others.
 constexpr std::size_t kOfOnePlace = kNeighbours + 1;
 

@@ -25,7 +25,7 @@ PointModel moving_model(const Scene& scene, std::size_t spare, PartitionKind kin
   o.moving = true;
   o.spare_points = spare;
   PrepareReport report;
-  return build_point_model(scene.input.models[0], o, {1, nullptr}, report).value();
+  return build_point_model(*scene.input.models[0].cloud, o, {1, nullptr}, report).value();
 }
 
 /// Every place below `used` is found exactly once where it is, and no other place anywhere.
@@ -62,7 +62,8 @@ std::uint32_t middle_place(const PointModel& model) {
 TEST(Deformer, ADentHasItsProfileAndEverythingFollows) {
   const Scene scene = generated("plane:extent_mm=20:spacing_mm=0.5");
   PointModel model = moving_model(scene, 1000);
-  Deformer deformer(model, {1000, 10000});
+  SurfaceField surface;  // the same everywhere: no value for each point
+  Deformer deformer(model, surface, {1000, 10000});
   const std::uint32_t middle = middle_place(model);
   const std::size_t moved = deformer.press(middle, Vec3::UnitZ(), 0.3, 2.0);
   EXPECT_GT(moved, 40u);
@@ -89,9 +90,10 @@ void expect_undone(PartitionKind kind) {
   SCOPED_TRACE(static_cast<int>(kind));
   const Scene scene = generated("plane:extent_mm=20:spacing_mm=0.5:jitter=0.2");
   PointModel model = moving_model(scene, 2000, kind);
+  SurfaceField surface;  // the same everywhere: no value for each point
   const auto points = model.points;
   const auto links = model.neighbours;
-  Deformer deformer(model, {2000, 100000});
+  Deformer deformer(model, surface, {2000, 100000});
   Random random(5);
   const auto stroke = [&] {
     deformer.begin_stroke();
@@ -132,7 +134,8 @@ TEST(Deformer, UndoGivesBackEveryBit) {
 TEST(Deformer, OldStrokesAreForgottenNotDamaged) {
   const Scene scene = generated("plane:extent_mm=20:spacing_mm=0.5");
   PointModel model = moving_model(scene, 0);
-  Deformer deformer(model, {0, 150});  // room for about two dents
+  SurfaceField surface;                         // the same everywhere: no value for each point
+  Deformer deformer(model, surface, {0, 150});  // room for about two dents
   for (int stroke = 0; stroke < 6; ++stroke) {
     deformer.begin_stroke();
     (void)deformer.press(middle_place(model), Vec3::UnitZ(), 0.01, 2.0);
@@ -149,7 +152,8 @@ TEST(Deformer, OldStrokesAreForgottenNotDamaged) {
 TEST(Deformer, StretchedSurfacesKeepTheirBoxesTouching) {
   const Scene scene = generated("plane:extent_mm=20:spacing_mm=0.5");
   PointModel model = moving_model(scene, 20000);
-  Deformer deformer(model, {20000, 0});
+  SurfaceField surface;  // the same everywhere: no value for each point
+  Deformer deformer(model, surface, {20000, 0});
   const std::uint32_t middle = middle_place(model);
   for (int i = 0; i < 400; ++i) (void)deformer.press(middle, Vec3::UnitZ(), 0.02, 3.0);  // 8 mm deep
   EXPECT_GT(deformer.counters().inferred, 50u);
@@ -169,7 +173,8 @@ TEST(Deformer, StretchedSurfacesKeepTheirBoxesTouching) {
 TEST(Deformer, PointsLeaveTheGridsFirstBox) {
   const Scene scene = generated("plane:extent_mm=10:spacing_mm=0.5");
   PointModel model = moving_model(scene, 4000);
-  Deformer deformer(model, {4000, 0});
+  SurfaceField surface;  // the same everywhere: no value for each point
+  Deformer deformer(model, surface, {4000, 0});
   const std::uint32_t middle = middle_place(model);
   for (int i = 0; i < 300; ++i) (void)deformer.press(middle, Vec3::UnitZ(), 0.1, 2.0);
   double lowest = 0.0;
@@ -181,8 +186,9 @@ TEST(Deformer, PointsLeaveTheGridsFirstBox) {
 TEST(Deformer, HostileCallsChangeNothing) {
   const Scene scene = generated("plane:extent_mm=10:spacing_mm=1");
   PointModel model = moving_model(scene, 10);
+  SurfaceField surface;  // the same everywhere: no value for each point
   const auto points = model.points;
-  Deformer deformer(model, {10, 10});
+  Deformer deformer(model, surface, {10, 10});
   EXPECT_EQ(deformer.press(1u << 30, Vec3::UnitZ(), 1.0, 1.0), 0u);
   EXPECT_EQ(deformer.press(0, Vec3::UnitZ(), std::nan(""), 1.0), 0u);
   EXPECT_EQ(deformer.press(0, Vec3(std::nan(""), 0, 0), 1.0, 1.0), 0u);
