@@ -3,12 +3,14 @@
 #include <nlohmann/json.hpp>
 
 #include "experiments/command/catalogue.h"
-#include "experiments/command/session.h"
+#include "experiments/command/common_options.h"
+#include "experiments/command/subcommands.h"
 #include "experiments/data/scene_scans.h"
 #include "experiments/report/tables.h"
 #include "experiments/run/cleaning.h"
 #include "experiments/run/output_file.h"
 #include "experiments/run/stage.h"
+#include "experiments/session/session.h"
 #include "toolkit/core/at_stop.h"
 #include "toolkit/io/write_mesh.h"
 
@@ -37,7 +39,24 @@ void print_json(std::size_t before, std::size_t after, const std::vector<render:
       nlohmann::ordered_json{{"points_before", before}, {"points_after", after}, {"steps", steps}}.dump(2));
 }
 
-}  // namespace
+struct CleanArguments {
+  std::string model;  ///< empty: list the steps
+  std::string steps;
+  std::string out;
+  ModelArguments load;
+  bool force = false;  ///< --out may replace what it did not write, or what is read
+  bool json = false;
+};
+
+void declare_clean(const Declaration& declare, CleanArguments& a) {
+  declare.text("MODEL", a.model, kSceneHelp);
+  declare.text("--steps", a.steps,
+               "STEP[/option=value..] joined by +; without it and a MODEL: the list of steps");
+  declare.text("--out", a.out, "the file to write: .ply, or text as .xyz, .txt, .asc, .csv");
+  declare.flag("--force", a.force, kForceHelp);
+  declare.flag("--json", a.json, "print JSON");
+  declare_model(declare, a.load);
+}
 
 int run_clean(const CleanArguments& arguments, Context& context) {
   if (arguments.model.empty() && arguments.steps.empty() && arguments.out.empty())
@@ -90,6 +109,16 @@ int run_clean(const CleanArguments& arguments, Context& context) {
     fmt::print("{:>10}  {}\n", duration_text(cleaned->phases[i].ms), cleaned->notes[i]);
   fmt::print("{} points written to {}\n", cleaned->cloud.size(), arguments.out);
   return kExitOk;
+}
+
+}  // namespace
+
+Subcommand clean_subcommand() {
+  return subcommand(
+      "clean", "cleans a raw scan step by step: outliers, smooth, thin, upsample, fill-holes",
+      {"palpate clean",
+       "palpate clean scan.ply --unit m --steps outliers+smooth/neighbours=12 --out cleaned.ply"},
+      declare_clean, run_clean);
 }
 
 }  // namespace palpate::experiments

@@ -1,5 +1,6 @@
 #include "experiments/command/cli.h"
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <string_view>
 #include <vector>
@@ -10,9 +11,9 @@ namespace palpate::experiments {
 namespace {
 
 template <class T>
-CLI::Option* add_read(CLI::App& command, const std::string& name, const std::function<void(T)>& take,
-                      const NumberRange& range, const std::string& help,
-                      Result<T> (*read)(std::string_view, const NumberRange&), const std::string& kind) {
+void add_read(CLI::App& command, const std::string& name, const std::function<void(T)>& take,
+              const NumberRange& range, const std::string& help,
+              Result<T> (*read)(std::string_view, const NumberRange&), const std::string& kind) {
   CLI::Option* option = command.add_option_function<std::string>(
       name,
       [take, range, name, read](const std::string& text) {
@@ -22,7 +23,7 @@ CLI::Option* add_read(CLI::App& command, const std::string& name, const std::fun
       },
       help);
   const std::string where = text_of(range);
-  return option->type_name(where.empty() ? kind : kind + " " + where);
+  option->type_name(where.empty() ? kind : kind + " " + where);
 }
 
 /// The letter or the word behind the dashes, without a value; empty where the argument is no option.
@@ -45,14 +46,46 @@ Error not_known(const CLI::App& command, std::string_view name) {
 
 }  // namespace
 
-CLI::Option* add_number_option(CLI::App& command, const std::string& name, const TakeNumber& take,
-                               const NumberRange& range, const std::string& help) {
-  return add_read<double>(command, name, take, range, help, read_number, "NUMBER");
+void Declaration::text(const std::string& name, std::string& value, const std::string& help) const {
+  command_.add_option(name, value, help);
 }
 
-CLI::Option* add_integer_option(CLI::App& command, const std::string& name, const TakeInteger& take,
-                                const NumberRange& range, const std::string& help) {
-  return add_read<long long>(command, name, take, range, help, read_integer, "INTEGER");
+void Declaration::required(const std::string& name, std::string& value, const std::string& help) const {
+  command_.add_option(name, value, help)->required();
+}
+
+void Declaration::choice(const std::string& name, std::string& value, const std::vector<std::string>& choices,
+                         const std::string& help) const {
+  command_.add_option(name, value, help)->check(CLI::IsMember(choices));
+}
+
+void Declaration::flag(const std::string& name, bool& value, const std::string& help) const {
+  command_.add_flag(name, value, help);
+}
+
+void Declaration::number(const std::string& name, double& value, const NumberRange& range,
+                         const std::string& help) const {
+  add_read<double>(
+      command_, name, [&value](double given) { value = given; }, range, help, read_number, "NUMBER");
+}
+
+void Declaration::take_integer(const std::string& name, const std::function<void(long long)>& take,
+                               const NumberRange& range, const std::string& help) const {
+  add_read<long long>(command_, name, take, range, help, read_integer, "INTEGER");
+}
+
+void Declaration::excludes(const std::string& one, const std::string& other) const {
+  command_.get_option(one)->excludes(command_.get_option(other));
+}
+
+void declare(CLI::App& app, const std::vector<Subcommand>& subcommands, Runs& runs) {
+  for (const Subcommand& subcommand : subcommands) {
+    CLI::App* command = app.add_subcommand(subcommand.name, subcommand.summary);
+    runs[subcommand.name] = subcommand.declare(Declaration(*command));
+    std::string footer = "Examples:";
+    for (const std::string& example : subcommand.examples) footer += "\n  " + example;
+    command->footer(footer);
+  }
 }
 
 std::optional<Error> unknown_option(const CLI::App& app, int argc, const char* const* argv) {

@@ -5,9 +5,11 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "experiments/command/session.h"
+#include "experiments/command/common_options.h"
+#include "experiments/command/subcommands.h"
 #include "experiments/data/fetch.h"
 #include "experiments/data/scene_scans.h"
+#include "experiments/session/session.h"
 #include "toolkit/core/at_stop.h"
 
 namespace palpate::experiments {
@@ -76,7 +78,23 @@ Result<BroughtScan> fetch_from(const Scan& scan, const FetchOptions& options, Pr
   return BroughtScan{*std::move(got), true, {}};
 }
 
-}  // namespace
+struct FetchArguments {
+  std::string name;            ///< empty: list
+  std::string source;          ///< an address to take it from instead
+  double size_limit_gb = 0.0;  ///< of the download; 0: kDownloadLimitBytes
+  bool force = false;          ///< fetched though it is here
+  bool json = false;
+};
+
+void declare_fetch(const Declaration& declare, FetchArguments& a) {
+  declare.text("NAME", a.name, "the scan; without it: the list");
+  declare.text("--source", a.source, "take it from this address (http, https, file) instead");
+  declare.flag("--force", a.force, "fetch it though it is here, and keep what differs from an earlier fetch");
+  declare.number("--size-limit-gb", a.size_limit_gb, kGigabytes,
+                 fmt::format("a download, and what is unpacked of it, may be so large (default: {:.3g})",
+                             static_cast<double>(kDownloadLimitBytes) / kBytesPerGb));
+  declare.flag("--json", a.json, "print JSON");
+}
 
 int run_fetch(const FetchArguments& arguments, Context& context) {
   const bool of_download = !arguments.source.empty() || arguments.force || arguments.size_limit_gb > 0.0;
@@ -124,6 +142,15 @@ int run_fetch(const FetchArguments& arguments, Context& context) {
   else
     fmt::print("stored, checksum right: {}\n", got->file.string());
   return kExitOk;
+}
+
+}  // namespace
+
+Subcommand fetch_subcommand() {
+  return subcommand(
+      "fetch", "lists the scans known by name, or downloads one, checked, into the cache",
+      {"palpate fetch", "palpate fetch stanford-dragon", "palpate fetch stanford-dragon --force"},
+      declare_fetch, run_fetch);
 }
 
 }  // namespace palpate::experiments

@@ -2,10 +2,11 @@
 
 #include <nlohmann/json.hpp>
 
-#include "experiments/command/commands.h"
-#include "experiments/command/session.h"
+#include "experiments/command/common_options.h"
+#include "experiments/command/subcommands.h"
 #include "experiments/data/scene_scans.h"
 #include "experiments/run/doubts.h"
+#include "experiments/session/session.h"
 #include "toolkit/cloud/height_field_holes.h"
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/core/tolerances.h"
@@ -161,7 +162,17 @@ void print_text(const Info& info) {
   for (const std::string& warning : info.warnings) fmt::print("  warning: {}\n", warning);
 }
 
-}  // namespace
+struct InfoArguments {
+  std::string model;
+  ModelArguments load;
+  bool json = false;
+};
+
+void declare_info(const Declaration& declare, InfoArguments& a) {
+  declare.required("MODEL", a.model, kSceneHelp);
+  declare.flag("--json", a.json, "print JSON");
+  declare_model(declare, a.load);
+}
 
 int run_info(const InfoArguments& arguments, Context& context) {
   const Result<scene::LoadOptions> options = load_options(arguments.load);
@@ -184,6 +195,15 @@ int run_info(const InfoArguments& arguments, Context& context) {
     fmt::print(stderr, "palpate: warning: {}\n", doubt);
   if (arguments.json) fmt::print("{}\n", (list.size() == 1 ? list.front() : list).dump(2));
   return kExitOk;
+}
+
+}  // namespace
+
+Subcommand info_subcommand() {
+  return subcommand("info", "what a model holds: points, box, resolution, density, spacing, defects",
+                    {"palpate info scan.ply --unit m --scale 1.025", "palpate info stanford-bunny",
+                     "palpate info sinusoid:points=1002001 --json"},
+                    declare_info, run_info);
 }
 
 }  // namespace palpate::experiments

@@ -1,7 +1,7 @@
 #include <fmt/format.h>
 
 #include "experiments/command/catalogue.h"
-#include "experiments/command/commands.h"
+#include "experiments/command/subcommands.h"
 #include "experiments/run/arguments.h"
 #include "toolkit/trace/paths.h"
 #include "toolkit/trace/trace_io.h"
@@ -18,9 +18,17 @@ CatalogueEntry entry(const std::string& name, const std::string& summary, std::s
   return made;
 }
 
-}  // namespace
+struct PathsArguments {
+  std::string name;  ///< empty: all
+  bool json = false;
+};
 
-int run_paths(const PathsArguments& arguments) {
+void declare_paths(const Declaration& declare, PathsArguments& a) {
+  declare.text("NAME", a.name, "show this one alone (default: all)");
+  declare.flag("--json", a.json, "print JSON");
+}
+
+int run_paths(const PathsArguments& arguments, Context& /*context*/) {
   std::vector<CatalogueEntry> entries;
   for (const trace::PathGenerator& g : trace::path_generators())
     entries.push_back(entry(g.name, g.summary, g.options, g.models, g.example));
@@ -40,6 +48,17 @@ int run_paths(const PathsArguments& arguments) {
         "--traj-columns\n"
         "t=0,x=1,y=2,z=3. Lengths are in mm of the model's frame; docs/paths.md says more.\n");
   return kExitOk;
+}
+
+}  // namespace
+
+Subcommand paths_subcommand() {
+  return subcommand("paths",
+                    "the probe paths that --path takes: generators with their options, and recorded files",
+                    {"palpate paths", "palpate paths tap",
+                     "palpate replay sinusoid:points=10201 --renderer cloud --path "
+                     "raster:lines=8:speed_mm_s=100 --out out/raster"},
+                    declare_paths, run_paths);
 }
 
 }  // namespace palpate::experiments

@@ -4,11 +4,13 @@
 
 #include <nlohmann/json.hpp>
 
-#include "experiments/command/session.h"
+#include "experiments/command/common_options.h"
+#include "experiments/command/subcommands.h"
 #include "experiments/data/scene_scans.h"
 #include "experiments/run/arguments.h"
 #include "experiments/run/cleaning.h"
 #include "experiments/run/doubts.h"
+#include "experiments/session/session.h"
 
 namespace palpate::experiments {
 namespace {
@@ -36,7 +38,21 @@ nlohmann::ordered_json json(const plan::Plan& plan) {
            {{"frame_us", plan.frame_us}, {"prepare_ms", plan.prepare_ms}, {"on", plan::kPlanHardware}}}};
 }
 
-}  // namespace
+struct PlanArguments {
+  std::string scene;
+  std::string renderer;  ///< empty: the scene's, or the plan's own choice
+  ModelArguments load;
+  SurfaceArguments surface;
+  bool json = false;
+};
+
+void declare_plan(const Declaration& declare, PlanArguments& a) {
+  declare.required("SCENE", a.scene, kSceneHelp);
+  declare.text("--renderer", a.renderer, "NAME[:option=value...]; default: the scene's, or the plan's own");
+  declare.flag("--json", a.json, "print JSON");
+  declare_surface(declare, a.surface);
+  declare_model(declare, a.load);
+}
 
 int run_plan(const PlanArguments& arguments, Context& context) {
   const Result<scene::LoadOptions> options = load_options(arguments.load);
@@ -89,6 +105,15 @@ int run_plan(const PlanArguments& arguments, Context& context) {
   for (const std::string& warning : warnings) fmt::print(stderr, "palpate: warning: {}\n", warning);
   for (const std::string& note : surfaces->notes) fmt::print(stderr, "palpate: note: {}\n", note);
   return kExitOk;
+}
+
+}  // namespace
+
+Subcommand plan_subcommand() {
+  return subcommand("plan",
+                    "what will be built for a scene and why, with bytes and expected cost; nothing is run",
+                    {"palpate plan sinusoid:points=101761", "palpate plan scan.toml --renderer cloud --json"},
+                    declare_plan, run_plan);
 }
 
 }  // namespace palpate::experiments

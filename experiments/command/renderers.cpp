@@ -1,12 +1,24 @@
 #include <fmt/format.h>
 
 #include "experiments/command/catalogue.h"
-#include "experiments/command/commands.h"
-#include "experiments/command/session.h"
+#include "experiments/command/subcommands.h"
+#include "experiments/session/session.h"
 
 namespace palpate::experiments {
 
-int run_renderers(const RenderersArguments& arguments) {
+namespace {
+
+struct RenderersArguments {
+  std::string name;  ///< empty: all
+  bool json = false;
+};
+
+void declare_renderers(const Declaration& declare, RenderersArguments& a) {
+  declare.text("NAME", a.name, "show this one alone (default: all)");
+  declare.flag("--json", a.json, "print JSON");
+}
+
+int run_renderers(const RenderersArguments& arguments, Context& /*context*/) {
   const render::Registry registry = all_renderers();
   std::vector<CatalogueEntry> entries;
   for (const render::RendererInfo& info : registry.all())
@@ -20,6 +32,13 @@ int run_renderers(const RenderersArguments& arguments) {
         "Options follow the name after colons, as in cloud:shading=none; label=TEXT names one used twice;\n"
         "clean=STEP+STEP cleans the points before (`palpate clean` lists the steps).\n");
   return kExitOk;
+}
+
+}  // namespace
+
+Subcommand renderers_subcommand() {
+  return subcommand("renderers", "the renderers with their options, defaults and sources",
+                    {"palpate renderers", "palpate renderers cloud"}, declare_renderers, run_renderers);
 }
 
 }  // namespace palpate::experiments

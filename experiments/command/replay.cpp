@@ -1,9 +1,19 @@
 #include <fmt/format.h>
 
-#include "experiments/command/commands.h"
-#include "experiments/command/study_run.h"
+#include "experiments/command/common_options.h"
+#include "experiments/command/subcommands.h"
 
 namespace palpate::experiments {
+namespace {
+
+void declare_replay(const Declaration& declare, RunArguments& a) {
+  declare.text("--renderer", a.renderers,
+               "NAME[:option=value...]; default: the scene's, or what `palpate plan` chooses");
+  declare_run(declare, a);
+  declare.text("--save-edited", a.save_edited,
+               "write the first model as the path left it to this file (.ply, .xyz, .txt, .asc, .csv; "
+               "scenes with dents)");
+}
 
 int run_replay(const RunArguments& arguments, Context& context) {
   if (arguments.renderers.find(',') != std::string::npos)
@@ -12,6 +22,19 @@ int run_replay(const RunArguments& arguments, Context& context) {
                    [](const OutputFolder& folder) -> Result<std::string> {
                      return fmt::format("results: {}\n", folder.path().string());
                    });
+}
+
+}  // namespace
+
+Subcommand replay_subcommand() {
+  return subcommand(
+      "replay", "one renderer along one probe path: trace.csv and result.json",
+      {"palpate replay scan.ply --unit m",
+       "palpate replay sinusoid:points=1002001 --renderer cloud --path weave:frames=50000 --out out/weave",
+       "palpate replay scan.toml --renderer cloud:shading=none --path probe.csv --out out/probe --paced 5000",
+       "palpate replay scan.ply --unit m --friction 0.7,0.5 --path recorded.txt --traj-columns "
+       "t=0,x=1,y=2,z=3,mm_per_unit=1000 --out out/recorded"},
+      declare_replay, run_replay);
 }
 
 }  // namespace palpate::experiments

@@ -1,11 +1,22 @@
 #include <fmt/format.h>
 
-#include "experiments/command/commands.h"
+#include "experiments/command/common_options.h"
+#include "experiments/command/subcommands.h"
 #include "experiments/report/page.h"
 
 namespace palpate::experiments {
 
-int run_report(const StudyArguments& arguments, Context& context) {
+namespace {
+
+struct ReportArguments {
+  std::string folder;
+};
+
+void declare_report(const Declaration& declare, ReportArguments& a) {
+  declare.required("DIR", a.folder, kStudyFolderHelp);
+}
+
+int run_report(const ReportArguments& arguments, Context& context) {
   // What is wrong with the folder as a study is said before what is wrong with it as a place to write.
   if (const Result<Study> study = read_study(arguments.folder); !study)
     return fail(study.error(), kExitBadInput, &context.progress);
@@ -17,6 +28,14 @@ int run_report(const StudyArguments& arguments, Context& context) {
   if (!drawn) return fail(drawn.error(), kExitFellShort);
   fmt::print("report: {}\n", std::filesystem::absolute(folder->file(kReportFile)).string());
   return kExitOk;
+}
+
+}  // namespace
+
+Subcommand report_subcommand() {
+  return subcommand("report", "draws report.html of a study again, from the files in its folder alone",
+                    {"palpate report out/ab", "palpate report out/reproduce/table7"}, declare_report,
+                    run_report);
 }
 
 }  // namespace palpate::experiments

@@ -3,11 +3,12 @@
 
 #include <algorithm>
 
-#include "experiments/command/commands.h"
-#include "experiments/command/terminal.h"
-#include "experiments/command/version.h"
+#include "experiments/command/common_options.h"
+#include "experiments/command/subcommands.h"
 #include "experiments/report/findings.h"
 #include "experiments/report/tables.h"
+#include "experiments/session/terminal.h"
+#include "experiments/session/version.h"
 #include "experiments/study/scoring.h"
 #include "toolkit/metrics/score_io.h"
 
@@ -35,9 +36,17 @@ void note_program(metrics::ResultDocument& document) {
     document.notes.push_back(note);
 }
 
-}  // namespace
+struct ScoreArguments {
+  std::string folder;
+  bool json = false;
+};
 
-int run_score(const StudyArguments& arguments, Context& context) {
+void declare_score(const Declaration& declare, ScoreArguments& a) {
+  declare.required("DIR", a.folder, kStudyFolderHelp);
+  declare.flag("--json", a.json, "print the result as JSON");
+}
+
+int run_score(const ScoreArguments& arguments, Context& context) {
   context.progress.report("reading the study", -1.0);
   Result<Study> study = read_study(arguments.folder);
   if (!study) return fail(study.error(), kExitBadInput, &context.progress);
@@ -60,6 +69,13 @@ int run_score(const StudyArguments& arguments, Context& context) {
     fmt::print("`palpate report {}` draws the report again\n", arguments.folder);
   fmt::print(stderr, "{}", findings_text(study->document));
   return kExitOk;
+}
+
+}  // namespace
+
+Subcommand score_subcommand() {
+  return subcommand("score", "scores a study again, from its traces and its truth; no renderer is run",
+                    {"palpate score out/ab", "palpate score out/ab --json"}, declare_score, run_score);
 }
 
 }  // namespace palpate::experiments

@@ -1,123 +1,167 @@
 #include "experiments/tables/manifest.h"
 
 #include <fmt/format.h>
-#include <toml++/toml.h>
 
 #include <algorithm>
+#include <tuple>
 
+#include "toolkit/core/input_file.h"
 #include "toolkit/core/options.h"
+#include "toolkit/scene/toml_fields.h"
 
 namespace palpate::experiments {
 namespace {
 
-std::string text_of(const toml::table& table, const char* key) {
-  const toml::node* node = table.get(key);
-  return node == nullptr ? std::string() : node->value_or(std::string());
+using scene::Field;
+using scene::field;
+using Fields = std::vector<Field>;
+
+template <class T>
+Field tables(const std::string& key, std::vector<T>& into, const std::string& kind);
+
+constexpr const char* kKinds[] = {"frames", "neighbours", "methods", "meshes", "growth", "behaviours"};
+
+Fields fields_of(ManifestModel& m, const std::string& /*kind*/) {
+  return {field("name", m.name).must(),
+          field("scene", m.scene),
+          field("generate", m.generate),
+          field("scan", m.scan),
+          field("stand_in", m.stand_in),
+          field("quick", m.quick),
+          field("unit", m.unit),
+          field("scale", m.scale),
+          field("path", m.path).of({"methods"}),
+          field("full", m.full).of({"methods"}),
+          field("if_room", m.if_room).of({"growth"}),
+          field("printed_min", m.printed_min).of({"neighbours"}),
+          field("slow", m.slow).of({"neighbours"}),
+          field("in_time", m.in_time).of({"meshes"}),
+          field("points_in_time", m.points_in_time).of({"meshes"})};
 }
 
-double number_of(const toml::table& table, const char* key, double otherwise) {
-  const toml::node* node = table.get(key);
-  return node == nullptr ? otherwise : node->value_or(otherwise);
+Fields fields_of(ManifestMethod::Published& p, const std::string& /*kind*/) {
+  return {field("points", p.points).must(), field("us", p.us).must()};
 }
 
-/// The tables of an array of tables; none where the key is missing.
-std::vector<const toml::table*> tables_of(const toml::table& root, const char* key) {
-  std::vector<const toml::table*> found;
-  const toml::array* array = root.get(key) == nullptr ? nullptr : root.get(key)->as_array();
-  if (array == nullptr) return found;
-  for (const toml::node& node : *array)
-    if (node.is_table()) found.push_back(node.as_table());
-  return found;
+Fields fields_of(ManifestMethod& m, const std::string& kind) {
+  return {field("renderer", m.renderer).must(),
+          field("label", m.label),
+          field("kin", m.kin),
+          field("preparation", m.preparation),
+          field("broad", m.broad),
+          field("narrow", m.narrow),
+          field("response", m.response),
+          tables<ManifestMethod::Published>("published", m.published, kind)};
 }
 
-void read_printed(const toml::table& root, Manifest& manifest) {
-  const toml::node* node = root.get("printed");
-  if (node == nullptr || !node->is_table()) return;
-  const toml::table& printed = *node->as_table();
-  manifest.hardware = text_of(printed, "hardware");
-  manifest.printed_points = static_cast<std::uint64_t>(number_of(printed, "points", 0.0));
-  manifest.printed_frames = static_cast<std::uint64_t>(number_of(printed, "frames", 0.0));
-  manifest.printed_min_ms = number_of(printed, "min_ms", 0.0);
-  manifest.printed_max_ms = number_of(printed, "max_ms", 0.0);
-  manifest.printed_mean_ms = number_of(printed, "mean_ms", 0.0);
+Fields fields_of(PrintedMesh& p, const std::string& /*kind*/) {
+  return {field("method", p.method).must(),
+          field("model", p.model),
+          field("time", p.time),
+          field("minutes", p.minutes),
+          field("machine", p.machine),
+          field("kin", p.kin),
+          field("ours", p.ours)};
 }
 
-Manifest from_table(const toml::table& root) {
-  Manifest manifest;
-  manifest.table = static_cast<int>(number_of(root, "table", 0.0));
-  const std::string kind = text_of(root, "kind");
-  manifest.kind = kind == "neighbours" ? Manifest::Kind::kNeighbours
-                  : kind == "methods"  ? Manifest::Kind::kMethods
-                  : kind == "meshes"   ? Manifest::Kind::kMeshes
-                                       : Manifest::Kind::kFrames;
-  manifest.title = text_of(root, "title");
-  manifest.text = text_of(root, "text");
-  if (const toml::array* notes = root.get("notes") == nullptr ? nullptr : root.get("notes")->as_array())
-    for (const toml::node& note : *notes) manifest.notes.push_back(note.value_or(std::string()));
-  if (const toml::array* walls = root.get("walls") == nullptr ? nullptr : root.get("walls")->as_array())
-    for (const toml::node& wall : *walls)
-      if (const double spacings = wall.value_or(0.0); spacings > 0.0)
-        manifest.wall_spacings.push_back(spacings);
-  if (const toml::node* paced = root.get("paced")) manifest.paced = paced->value_or(true);
-  read_printed(root, manifest);
-  for (const toml::table* t : tables_of(root, "model")) {
-    ManifestModel model;
-    model.name = text_of(*t, "name");
-    model.scene = text_of(*t, "scene");
-    model.generate = text_of(*t, "generate");
-    model.scan = text_of(*t, "scan");
-    model.stand_in = text_of(*t, "stand_in");
-    model.quick = text_of(*t, "quick");
-    model.unit = text_of(*t, "unit");
-    model.scale = number_of(*t, "scale", 1.0);
-    model.path = text_of(*t, "path");
-    if (const toml::node* full = t->get("full")) model.full = full->value_or(false);
-    if (const toml::array* slow = t->get("slow") == nullptr ? nullptr : t->get("slow")->as_array())
-      for (const toml::node& builder : *slow) model.slow.push_back(builder.value_or(std::string()));
-    model.in_time = text_of(*t, "in_time");
-    model.points_in_time = static_cast<std::uint64_t>(number_of(*t, "points_in_time", 0.0));
-    if (t->get("printed_min") != nullptr) model.printed_min = number_of(*t, "printed_min", 0.0);
-    manifest.models.push_back(std::move(model));
-  }
-  if (const toml::node* node = root.get("path"); node != nullptr && node->is_table()) {
-    manifest.path = text_of(*node->as_table(), "spec");
-    manifest.quick_path = text_of(*node->as_table(), "quick");
-    manifest.scan_path = text_of(*node->as_table(), "scan");
-    manifest.contact_frames = static_cast<std::uint64_t>(number_of(*node->as_table(), "contact_frames", 0.0));
-  }
-  for (const toml::table* t : tables_of(root, "method")) {
-    ManifestMethod method;
-    method.renderer = text_of(*t, "renderer");
-    method.label = text_of(*t, "label");
-    method.kin = text_of(*t, "kin");
-    method.preparation = text_of(*t, "preparation");
-    method.broad = text_of(*t, "broad");
-    method.narrow = text_of(*t, "narrow");
-    method.response = text_of(*t, "response");
-    for (const toml::table* p : tables_of(*t, "published"))
-      method.published.push_back({number_of(*p, "points", 0.0), number_of(*p, "us", 0.0)});
-    manifest.methods.push_back(std::move(method));
-  }
-  for (const toml::table* t : tables_of(root, "printed_mesh")) {
-    PrintedMesh row{
-        text_of(*t, "method"), text_of(*t, "model"), text_of(*t, "time"), text_of(*t, "machine"), {},
-        text_of(*t, "kin"),    text_of(*t, "ours")};
-    if (const toml::array* minutes = t->get("minutes") == nullptr ? nullptr : t->get("minutes")->as_array())
-      for (const toml::node& m : *minutes) row.minutes.push_back(m.value_or(0.0));
-    manifest.printed_meshes.push_back(std::move(row));
-  }
-  for (const toml::table* t : tables_of(root, "run"))
-    manifest.runs.push_back({text_of(*t, "renderer"), text_of(*t, "quick")});
-  return manifest;
+Fields fields_of(ManifestRun& r, const std::string& /*kind*/) {
+  return {field("renderer", r.renderer).must(), field("quick", r.quick)};
+}
+
+Fields fields_of(Manifest& m, const std::string& kind) {
+  const std::vector<std::string> printed = {"frames", "neighbours", "methods", "meshes"};
+  const std::vector<std::string> on_models = {"frames", "neighbours", "methods", "meshes", "growth"};
+  const std::vector<std::string> along = {"frames", "methods", "growth"};
+  std::string& read_before = m.kind_name;
+  return {field("kind", read_before).must(),
+          field("table", m.table).must().of(printed),
+          field("title", m.title).must(),
+          field("text", m.text),
+          field("notes", m.notes),
+          field("walls", m.wall_spacings).of({"neighbours"}),
+          field("paced", m.paced).of({"frames"}),
+          scene::inner("printed",
+                       {field("hardware", m.hardware), field("points", m.printed_points).of({"frames"}),
+                        field("frames", m.printed_frames).of({"frames"}),
+                        field("min_ms", m.printed_min_ms).of({"frames"}),
+                        field("max_ms", m.printed_max_ms).of({"frames"}),
+                        field("mean_ms", m.printed_mean_ms).of({"frames"})},
+                       kind)
+              .of(printed),
+          scene::inner("path",
+                       {field("spec", m.path).must(), field("quick", m.quick_path),
+                        field("scan", m.scan_path).of({"frames"}),
+                        field("contact_frames", m.contact_frames).of({"frames"})},
+                       kind)
+              .of(along),
+          tables<ManifestModel>("model", m.models, kind).must().of(on_models),
+          tables<ManifestMethod>("method", m.methods, kind).must().of({"methods"}),
+          tables<PrintedMesh>("printed_mesh", m.printed_meshes, kind).of({"meshes"}),
+          tables<ManifestRun>("run", m.runs, kind).of({"frames", "growth", "behaviours"})};
+}
+
+template <class T>
+Field tables(const std::string& key, std::vector<T>& into, const std::string& kind) {
+  return scene::list<T>(
+      key, into, [](T& one, const std::string& its_kind) { return fields_of(one, its_kind); }, kind);
+}
+
+/// Which kind a manifest is of decides what else it may hold.
+Result<Manifest::Kind> read_kind(const toml::table& root, const scene::InFile& in_file) {
+  const toml::node* node = root.get("kind");
+  if (node == nullptr)
+    return in_file.at(root.source(), "a manifest needs 'kind'",
+                      fmt::format("it is one of {}", fmt::join(kKinds, ", ")));
+  const std::string kind = node->value_or(std::string());
+  const auto* const found = std::find(std::begin(kKinds), std::end(kKinds), kind);
+  if (found != std::end(kKinds)) return static_cast<Manifest::Kind>(found - std::begin(kKinds));
+  return in_file.at(*node, "there is no kind " + shown(kind),
+                    did_you_mean(kind, {std::begin(kKinds), std::end(kKinds)},
+                                 fmt::format("it is one of {}", fmt::join(kKinds, ", "))));
+}
+
+/// A manifest that a user has written, by the name of its file.
+Result<Manifest> manifest_of_file(const std::string& file) {
+  Result<std::string> text = read_file(file, kMemoryLimitBytes);
+  if (!text) return std::move(text).error();
+  return parse_manifest(*text, file);
+}
+
+Result<Manifest> find_manifest(const std::vector<Manifest>& all, const std::string& item) {
+  if (item.ends_with(".toml")) return manifest_of_file(item);
+  const auto found = std::find_if(all.begin(), all.end(), [&](const Manifest& m) {
+    return m.id() == item || (m.table > 0 && fmt::format("{}", m.table) == item);
+  });
+  if (found != all.end()) return *found;
+  std::string known;
+  for (const Manifest& m : all)
+    known += (known.empty() ? "" : ", ") + (m.table > 0 ? fmt::format("{}", m.table) : m.id());
+  return Error{fmt::format("there is no table '{}' in this version", item),
+               "choose from " + known + ", or name a manifest (.toml)",
+               {},
+               0};
 }
 
 }  // namespace
 
+std::string Manifest::id() const {
+  return table > 0 ? fmt::format("table{}", table) : kind_name;
+}
+
 Result<Manifest> parse_manifest(std::string_view text, const std::string& name) {
   try {
-    Manifest manifest = from_table(toml::parse(text, name));
-    if (manifest.table <= 0 || manifest.models.empty())
-      return Error{"a manifest needs 'table' and at least one [[model]]", {}, name, 1};
+    const toml::table root = toml::parse(text, name);
+    const scene::InFile in_file{name};
+    const Result<Manifest::Kind> kind = read_kind(root, in_file);
+    if (!kind) return kind.error();
+    Manifest manifest;
+    manifest.kind = *kind;
+    manifest.source = text;
+    const std::string word = kKinds[static_cast<std::size_t>(*kind)];
+    if (Status read = scene::read_fields(root, fields_of(manifest, word), "a manifest", word, in_file); !read)
+      return std::move(read).error();
+    if (const toml::node* number = root.get("table"); number != nullptr && manifest.table == 0)
+      return in_file.at(*number, "'table' must be 1 or more");
     return manifest;
   } catch (const toml::parse_error& error) {
     return Error{std::string(error.description()), "a manifest is TOML", name,
@@ -127,26 +171,27 @@ Result<Manifest> parse_manifest(std::string_view text, const std::string& name) 
 
 Result<std::vector<Manifest>> manifests_for(const std::string& tables) {
   std::vector<Manifest> all;
-  std::string known;
   for (const EmbeddedManifest& embedded : embedded_manifests()) {
     Result<Manifest> manifest = parse_manifest(embedded.text, embedded.name);
     if (!manifest) return std::move(manifest).error();
     all.push_back(*std::move(manifest));
   }
-  std::sort(all.begin(), all.end(), [](const Manifest& a, const Manifest& b) { return a.table < b.table; });
+  // What is no table comes last, by name.
+  std::sort(all.begin(), all.end(), [](const Manifest& a, const Manifest& b) {
+    return std::tuple(a.table == 0, a.table, a.id()) < std::tuple(b.table == 0, b.table, b.id());
+  });
   if (tables.empty()) return all;
-  for (const Manifest& m : all) known += (known.empty() ? "" : ", ") + fmt::format("{}", m.table);
   std::vector<Manifest> chosen;
   for (const std::string& item : split_list(tables)) {
-    const Result<long long> number = parse_integer(item);
-    const auto found =
-        std::find_if(all.begin(), all.end(), [&](const Manifest& m) { return number && m.table == *number; });
-    if (found == all.end())
+    Result<Manifest> found = find_manifest(all, item);
+    if (!found) return std::move(found).error();
+    const auto same =
+        std::find_if(chosen.begin(), chosen.end(), [&](const Manifest& m) { return m.id() == found->id(); });
+    if (same == chosen.end())
+      chosen.push_back(*std::move(found));
+    else if (same->source != found->source)
       return Error{
-          fmt::format("there is no table '{}' in this version", item), "choose from " + known, {}, 0};
-    const bool twice =
-        std::any_of(chosen.begin(), chosen.end(), [&](const Manifest& m) { return m.table == found->table; });
-    if (!twice) chosen.push_back(*found);
+          fmt::format("two manifests are of {}", found->id()), "run them one after the other", {}, 0};
   }
   return chosen;
 }

@@ -30,6 +30,7 @@ struct ManifestModel {
   std::string quick;     ///< the generator of a quick trial; empty: the same
   std::string unit;
   double scale = 1.0;
+  bool if_room = false;               ///< growth: without --full only where the ten minutes leave room
   std::optional<double> printed_min;  ///< table 6: minutes
   std::string path;                   ///< table 11: instead of the manifest's
   bool full = false;                  ///< table 11: with --full only
@@ -64,9 +65,11 @@ struct ManifestRun {
 };
 
 struct Manifest {
-  int table = 0;
-  enum class Kind { kFrames, kNeighbours, kMethods, kMeshes };
+  int table = 0;  ///< 0: none of the thesis's
+  enum class Kind { kFrames, kNeighbours, kMethods, kMeshes, kGrowth, kBehaviours };
   Kind kind = Kind::kFrames;
+  std::string kind_name;
+  std::string source;  ///< the text that it was read from
   std::string title, text;
   std::vector<std::string> notes;
   std::string hardware;  ///< of the printed values
@@ -81,12 +84,16 @@ struct Manifest {
   std::vector<ManifestMethod> methods;
   bool paced = true;  ///< frames are timed at 1 kHz too; false: with --full only
   std::vector<PrintedMesh> printed_meshes;
+
+  /// "table7", "growth": its folder, its section, its step.
+  [[nodiscard]] std::string id() const;
 };
 
+/// Strict: a key that is not known, or does nothing for the kind, is an Error with its line.
 [[nodiscard]] Result<Manifest> parse_manifest(std::string_view text, const std::string& name);
 
-/// The built-in manifests of the tables asked for ("6,7"; empty: all), in order. An unknown table is an Error
-/// that names those there are.
+/// Those asked for: tables by number, "growth", and files by name ("6,7,mine.toml"); empty: all that are
+/// built in, in order. An Error for one that is not known names those there are.
 [[nodiscard]] Result<std::vector<Manifest>> manifests_for(const std::string& tables);
 
 }  // namespace palpate::experiments

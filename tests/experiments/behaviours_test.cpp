@@ -5,7 +5,7 @@
 #include <stdexcept>
 
 #include "experiments/behaviours/matrix.h"
-#include "experiments/command/session.h"
+#include "experiments/session/session.h"
 
 namespace palpate::experiments {
 namespace {

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "experiments/command/session.h"
+#include "experiments/session/session.h"
 #include "experiments/study/output_folder.h"
 #include "tests/experiments/program.h"
 #include "toolkit/cloud/generate.h"

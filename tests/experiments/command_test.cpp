@@ -6,7 +6,7 @@
 #include <set>
 #include <sstream>
 
-#include "experiments/command/session.h"
+#include "experiments/session/session.h"
 #include "tests/experiments/program.h"
 #include "tests/json_schema.h"
 
@@ -283,6 +283,37 @@ TEST_F(Command, ReproduceQuickPrintsPrintedValuesBesideOurs) {
   EXPECT_NE(run.out.find("report.html"), std::string::npos);
   EXPECT_TRUE(std::filesystem::exists(in("out/report.html")));
   EXPECT_TRUE(std::filesystem::exists(in("out/table7/result.json")));
+}
+
+TEST_F(Command, ReproduceTakesAManifestOfOnesOwn) {
+  const std::string text =
+      "table = 42\nkind = \"frames\"\ntitle = \"Table 42: mine\"\n[printed]\nhardware = \"none\"\n"
+      "[[model]]\nname = \"plane\"\ngenerate = \"plane:points=900\"\n"
+      "[path]\nspec = \"tap:frames=500\"\n[[run]]\nrenderer = \"cloud\"\n";
+  write_text(folder_ / "mine.toml", text);
+  const ProcessOutcome run = palpate_command({"reproduce", "--tables", in("mine.toml"), "--out", in("out")});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_NE(run.out.find("Table 42: mine"), std::string::npos) << run.out;
+  EXPECT_TRUE(std::filesystem::exists(in("out/table42/result.json")));
+  write_text(folder_ / "mine.toml", text + "quik = \"cloud\"\n");
+  const ProcessOutcome wrong =
+      palpate_command({"reproduce", "--tables", in("mine.toml"), "--out", in("wrong")});
+  EXPECT_EQ(wrong.exit_code, 2);
+  EXPECT_NE(wrong.err.find("mine.toml:13: "), std::string::npos) << wrong.err;
+  EXPECT_NE(wrong.err.find("did you mean 'quick'?"), std::string::npos) << wrong.err;
+  EXPECT_FALSE(std::filesystem::exists(in("wrong")));
+}
+
+TEST_F(Command, GrowthIsATableOfItsOwn) {
+  if (all_renderers().find("mesh-godobject") == nullptr) GTEST_SKIP() << "built without the baselines";
+  const ProcessOutcome run =
+      palpate_command({"reproduce", "--tables", "growth", "--quick", "--out", in("out")});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const json document = json::parse(file_text(in("out/growth/result.json")));
+  ASSERT_EQ(document["renderers"].size(), 8u);
+  EXPECT_EQ(document["renderers"][0]["label"], "cloud-900");
+  EXPECT_EQ(document["renderers"][7]["label"], "mesh-godobject-22500");
+  EXPECT_NE(run.out.find("22,500"), std::string::npos) << run.out;
 }
 
 TEST_F(Command, NeighboursOfTable6AreADocumentOfTheirOwn) {

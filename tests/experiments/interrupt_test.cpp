@@ -6,7 +6,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
-#include "experiments/command/session.h"
+#include "experiments/session/session.h"
 #include "tests/experiments/program.h"
 #include "tests/json_schema.h"
 

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <functional>
 
-#include "experiments/command/session.h"
 #include "experiments/run/cleaning.h"
+#include "experiments/session/session.h"
 #include "toolkit/cloud/generate.h"
 #include "toolkit/trace/paths.h"
 

@@ -3,7 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "experiments/command/session.h"
+#include "experiments/session/session.h"
 #include "experiments/study/output_folder.h"
 #include "tests/experiments/program.h"
 

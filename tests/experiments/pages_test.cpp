@@ -31,8 +31,8 @@ struct Help {
 
 std::vector<Help> helps() {
   CLI::App app;
-  Arguments arguments;
-  declare(app, arguments);
+  Runs runs;
+  declare(app, runs);
   std::vector<Help> all;
   for (const CLI::App* command : app.get_subcommands(nullptr)) {
     all.push_back(

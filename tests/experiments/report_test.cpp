@@ -6,12 +6,12 @@
 #include <cmath>
 #include <limits>
 
-#include "experiments/command/reproduction.h"
 #include "experiments/report/figures.h"
 #include "experiments/report/findings.h"
 #include "experiments/report/model_picture.h"
 #include "experiments/report/page.h"
 #include "experiments/tables/manifest.h"
+#include "experiments/tables/reproduction.h"
 #include "tests/experiments/program.h"
 
 namespace palpate::experiments {
@@ -437,6 +437,55 @@ TEST(Manifests, HoldThePrintedValues) {
   const auto chosen = manifests_for("9,7,9");
   ASSERT_TRUE(chosen.ok());
   EXPECT_EQ(chosen->size(), 2u);
+}
+
+TEST(Manifests, AreStrict) {
+  const std::string begin = "table = 7\nkind = \"frames\"\ntitle = \"t\"\n";
+  const std::string model = "[[model]]\nname = \"m\"\ngenerate = \"plane\"\n";
+  ASSERT_TRUE(parse_manifest(begin + model, "good.toml").ok());
+  struct Case {
+    std::string text;
+    std::int64_t line;
+    const char* what;
+    const char* remedy;
+  };
+  const Case cases[] = {
+      {begin + "nots = [\"n\"]\n" + model, 4, "nots", "did you mean 'notes'?"},
+      {begin + model + "quik = \"plane\"\n", 7, "quik", "did you mean 'quick'?"},
+      {begin + model + "[path]\nspec = \"tap\"\ncontact_frame = 5\n", 9, "contact_frame",
+       "did you mean 'contact_frames'?"},
+      {begin + "walls = [1.0]\n" + model, 4, "does nothing", "neighbours"},
+      {begin + model + "full = true\n", 7, "does nothing", "methods"},
+      {begin + model + "scale = \"two\"\n", 7, "number", ""},
+      {begin + "paced = 1\n" + model, 4, "true or false", ""},
+      {begin + model + "[path]\nspec = \"tap\"\ncontact_frames = -1\n", 9, "whole number", ""},
+      {begin + "[model]\nname = \"m\"\n", 4, "list of tables", "[[model]]"},
+      {begin, 1, "needs 'model'", ""},
+      {begin + "[[model]]\ngenerate = \"plane\"\n", 4, "needs 'name'", ""},
+      {"table = 0\n" + begin.substr(begin.find('\n') + 1) + model, 1, "1 or more", ""},
+      {"table = 7\nkind = \"fames\"\n", 2, "fames", "did you mean 'frames'?"},
+      {"table = 7\n", 1, "needs 'kind'", "frames"},
+      {"table = = 7\n", 1, "", "TOML"},
+  };
+  for (const Case& c : cases) {
+    const auto manifest = parse_manifest(c.text, "mine.toml");
+    ASSERT_FALSE(manifest.ok()) << c.text;
+    const Error& error = manifest.error();
+    EXPECT_EQ(error.file, "mine.toml") << c.text;
+    EXPECT_EQ(error.line, c.line) << c.text << error.message();
+    EXPECT_NE(error.what.find(c.what), std::string::npos) << error.message();
+    EXPECT_NE(error.remedy.find(c.remedy), std::string::npos) << error.message();
+  }
+}
+
+TEST(Manifests, TablesComeFirstAndAreChosenByNumberOrName) {
+  const auto all = manifests_for("");
+  ASSERT_TRUE(all.ok());
+  EXPECT_EQ(all->front().id(), "table3");
+  EXPECT_EQ((*all)[all->size() - 2].id(), "behaviours");
+  EXPECT_EQ(all->back().id(), "growth");
+  EXPECT_EQ(manifests_for("growth,7").value().front().id(), "growth");
+  EXPECT_FALSE(manifests_for("0").ok());
 }
 
 TEST(FramesTable, StandsBesideTheThesis) {

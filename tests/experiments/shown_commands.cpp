@@ -7,10 +7,10 @@
 #include <set>
 
 #include "experiments/command/command_line.h"
-#include "experiments/command/session.h"
 #include "experiments/data/locate.h"
 #include "experiments/run/arguments.h"
 #include "experiments/run/cleaning.h"
+#include "experiments/session/session.h"
 #include "experiments/tables/manifest.h"
 #include "tests/house/source_tree.h"
 #include "toolkit/core/words.h"
@@ -132,14 +132,6 @@ std::string path_problem(const std::string& path, const std::string& columns) {
   return good ? "" : good.error().message();
 }
 
-/// Names and options in what a study is made of; files need not be there.
-std::string run_problem(const RunArguments& a, const render::Registry& registry) {
-  if (!a.renderers.empty())
-    if (const auto renderers = parse_renderers(a.renderers, registry); !renderers)
-      return renderers.error().message();
-  return a.path.empty() ? "" : path_problem(a.path, a.traj_columns);
-}
-
 std::string model_problem(const std::string& model) {
   if (fs::path(model).has_extension() && model.find(':') == std::string::npos) return {};
   if (find_scan(model) != nullptr) return {};
@@ -149,33 +141,36 @@ std::string model_problem(const std::string& model) {
 
 std::string palpate_problem(const ShownCommand& command) {
   CLI::App app;
-  Arguments a;
-  declare(app, a);
+  Runs runs;
+  declare(app, runs);
   std::vector<const char*> argv = {"palpate"};
   for (std::size_t i = 1; i < command.words.size(); ++i) argv.push_back(command.words[i].c_str());
   bool answered = false;
   if (const Status good = parse(app, static_cast<int>(argv.size()), argv.data(), answered); !good)
     return good.error().message();
   if (answered) return {};
+  const CLI::App& named = *app.get_subcommands().front();
+  const std::string name = named.get_name();
+  const auto given = [&](const char* option) {
+    const CLI::Option* found = named.get_option_no_throw(option);
+    return found == nullptr || found->count() == 0 ? std::string() : found->as<std::string>();
+  };
   const render::Registry registry = all_renderers();
-  const std::string name = app.get_subcommands().front()->get_name();
-  if (name == "fetch")
-    return a.fetch.name.empty() || find_scan(a.fetch.name) != nullptr ? "" : "no scan " + a.fetch.name;
-  if (name == "reproduce") {
-    const auto tables = manifests_for(a.reproduce.tables);
-    return tables ? "" : tables.error().message();
-  }
-  if (name == "clean" && !a.clean.steps.empty())
-    if (const auto steps = all_cleaning().parse(a.clean.steps); !steps) return steps.error().message();
-  if (name == "behaviours" && !a.behaviours.renderers.empty())
-    if (const auto renderers = parse_renderers(a.behaviours.renderers, registry); !renderers)
-      return renderers.error().message();
-  for (const RunArguments* run : {&a.replay, &a.compare})
-    if (const std::string problem = run_problem(*run, registry); !problem.empty()) return problem;
-  for (const std::string& model :
-       {a.info.model, a.plan.scene, a.clean.model, a.replay.scene, a.compare.scene})
-    if (!model.empty())
-      if (const std::string problem = model_problem(model); !problem.empty()) return problem;
+  if (const std::string scan = given("NAME"); name == "fetch")
+    return scan.empty() || find_scan(scan) != nullptr ? "" : "no scan " + scan;
+  if (const std::string tables = given("--tables"); !tables.empty())
+    if (const auto manifests = manifests_for(tables); !manifests) return manifests.error().message();
+  if (const std::string steps = given("--steps"); !steps.empty())
+    if (const auto parsed = all_cleaning().parse(steps); !parsed) return parsed.error().message();
+  for (const char* option : {"--renderer", "--renderers"})
+    if (const std::string renderers = given(option); !renderers.empty())
+      if (const auto parsed = parse_renderers(renderers, registry); !parsed) return parsed.error().message();
+  if (const std::string path = given("--path"); !path.empty())
+    if (const std::string problem = path_problem(path, given("--traj-columns")); !problem.empty())
+      return problem;
+  for (const char* model : {"MODEL", "SCENE"})
+    if (const std::string scene = given(model); !scene.empty())
+      if (const std::string problem = model_problem(scene); !problem.empty()) return problem;
   return {};
 }
 
@@ -260,8 +255,8 @@ std::string problem_of(const ShownCommand& command) {
 std::string problem_in_prose(const ShownCommand& command) {
   if (command.program() != "palpate") return script_problem(command);
   CLI::App app;
-  Arguments a;
-  declare(app, a);
+  Runs runs;
+  declare(app, runs);
   const std::vector<std::string>& words = command.words;
   CLI::App* named = nullptr;
   if (words.size() > 1 && !words[1].starts_with("-") && !is_name(words[1])) {

@@ -6,9 +6,9 @@
 #include <cstdlib>
 #include <limits>
 
-#include "experiments/command/terminal.h"
 #include "experiments/report/page.h"
 #include "experiments/report/tables.h"
+#include "experiments/session/terminal.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::experiments {

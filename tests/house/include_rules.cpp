@@ -22,12 +22,18 @@ const std::map<std::string, std::set<std::string>> kTopLevel = {
     {"tests", {"toolkit", "baselines", "device", "experiments", "tests"}},
 };
 
-// Rooms of experiments that may not see others: a page is made of the files of a study, and nothing that runs
-// or measures is at hand where it is drawn.
-const std::map<std::string, std::set<std::string>> kNotInExperiments = {
-    {"study", {"run", "report", "command"}},
-    {"report", {"run", "command"}},
-    {"run", {"report", "command"}},
+// What each room of experiments may include of the others: a page is made of the files of a study, and nothing
+// that runs or measures is at hand where it is drawn; nobody needs the command line.
+const std::map<std::string, std::set<std::string>> kInExperiments = {
+    {"study", {"study"}},
+    {"run", {"study", "run"}},
+    {"data", {"run", "data"}},
+    {"report", {"study", "data", "report"}},
+    {"session", {"study", "run", "data", "report", "session"}},
+    {"behaviours", {"study", "run", "report", "session", "behaviours"}},
+    {"tables", {"study", "run", "data", "report", "session", "behaviours", "tables"}},
+    {"command", {"study", "run", "data", "report", "session", "behaviours", "tables", "command"}},
+    {"benchmarks", {"benchmarks"}},
 };
 
 // The line of modules inside toolkit: each sees itself and those before it.
@@ -126,9 +132,11 @@ std::string forbidden(const std::string& file, const std::string& path) {
   if (kTopLevel.count(to) != 0) {
     if (rule->second.count(to) == 0) return from + " may not include " + to;
     if (from == "experiments" && to == "experiments") {
-      const auto closed = kNotInExperiments.find(second_folder(file));
-      if (closed != kNotInExperiments.end() && closed->second.count(second_folder(path)) != 0)
-        return "experiments/" + second_folder(file) + " may not include experiments/" + second_folder(path);
+      const auto room = kInExperiments.find(second_folder(file));
+      if (room == kInExperiments.end())
+        return "experiments/" + second_folder(file) + " is no room that the arrows know";
+      if (room->second.count(second_folder(path)) == 0)
+        return room->first + " may not include experiments/" + second_folder(path);
     }
     if (from == "toolkit") return forbidden_in_line(second_folder(file), second_folder(path));
     return {};

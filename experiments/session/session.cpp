@@ -1,12 +1,12 @@
-#include "experiments/command/session.h"
+#include "experiments/session/session.h"
 
 #include <fmt/format.h>
 
 #ifdef PALPATE_WITH_BASELINES
 #include "baselines/register.h"
 #endif
-#include "experiments/command/version.h"
 #include "experiments/run/cleaning.h"
+#include "experiments/session/version.h"
 #ifdef PALPATE_WITH_DEM
 #include "toolkit/dem/dem_reader.h"
 #endif

@@ -1,19 +1,19 @@
-#include "experiments/command/study_run.h"
+#include "experiments/session/study_run.h"
 
 #include <fmt/format.h>
 #include <unistd.h>
 
 #include <map>
 
-#include "experiments/command/run_key.h"
-#include "experiments/command/session.h"
-#include "experiments/command/terminal.h"
 #include "experiments/data/locate.h"
 #include "experiments/data/scene_scans.h"
 #include "experiments/report/findings.h"
 #include "experiments/report/tables.h"
 #include "experiments/run/choices.h"
 #include "experiments/run/output_file.h"
+#include "experiments/session/run_key.h"
+#include "experiments/session/session.h"
+#include "experiments/session/terminal.h"
 #include "toolkit/core/at_stop.h"
 #include "toolkit/io/write_mesh.h"
 

@@ -1,4 +1,4 @@
-#include "experiments/command/version.h"
+#include "experiments/session/version.h"
 
 namespace palpate::experiments {
 

@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "experiments/command/reproduction.h"
+#include "experiments/tables/reproduction.h"
 
 namespace palpate::experiments {
 namespace {
@@ -75,8 +75,9 @@ bool add_kept(const std::string& text, Reproduction& r) {
 
 }  // namespace
 
-void do_step(Reproduction& r, const std::string& name, const std::function<void()>& work) {
-  if (r.folder.take_over(name, {}, [&](const std::string& text) { return add_kept(text, r); })) return;
+void do_step(Reproduction& r, const std::string& name, const std::string& key,
+             const std::function<void()>& work) {
+  if (r.folder.take_over(name, key, [&](const std::string& text) { return add_kept(text, r); })) return;
   const std::size_t known = r.page.known.size(), headlines = r.page.headlines.size(),
                     sections = r.page.sections.size(), tables = r.tables.size(), missing = r.missing.size(),
                     stand_ins = r.stand_ins.size();
@@ -94,7 +95,7 @@ void do_step(Reproduction& r, const std::string& name, const std::function<void(
   if (step.sections.empty()) return;  // nothing came of it: the next run tries again
   const std::string text =
       nlohmann::json(step).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
-  if (const Status kept = r.folder.keep(name, {}, text); !kept) give_up(r, name, kept.error());
+  if (const Status kept = r.folder.keep(name, key, text); !kept) give_up(r, name, kept.error());
 }
 
 }  // namespace palpate::experiments

@@ -6,7 +6,7 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 
-#include "experiments/command/reproduction.h"
+#include "experiments/tables/reproduction.h"
 #include "toolkit/neighbourhood/builders.h"
 #include "toolkit/neighbourhood/compare.h"
 #include "toolkit/neighbourhood/knn.h"

@@ -5,13 +5,26 @@
 #include <map>
 #include <memory>
 
-#include "experiments/command/session.h"
 #include "experiments/report/page.h"
 #include "experiments/run/run.h"
+#include "experiments/session/session.h"
 #include "experiments/tables/manifest.h"
 #include "toolkit/core/clock.h"
 
 namespace palpate::experiments {
+
+struct ReproduceArguments {
+  std::string tables;  ///< "6,7,mine.toml"; empty: all there are
+  std::string out;
+  int threads = 0;
+  bool full = false;
+  bool no_cache = false;     ///< reconstructions are made anew, and not kept
+  double mesh_limit_s = -1;  ///< of one reconstruction; 0: none; negative: 120, and none with --full
+  bool quick = false;        ///< small models and short paths: a trial of the machinery, no measurement
+};
+
+/// The tables, one after the other, and the page of them all. The exit status.
+int reproduce(const ReproduceArguments& arguments, Context& context);
 
 /// What the parts share.
 struct Reproduction {
@@ -36,8 +49,9 @@ struct Reproduction {
 /// The same for a renderer that reconstructs; any other stays as it is.
 void limit_reconstruction(RendererRequest& request, const Reproduction& r);
 
-/// Does a part of the work, or takes over what an interrupted run has kept of it.
-void do_step(Reproduction& r, const std::string& name, const std::function<void()>& work);
+/// Does a part of the work, or takes over what an interrupted run has kept of it under the same key.
+void do_step(Reproduction& r, const std::string& name, const std::string& key,
+             const std::function<void()>& work);
 
 /// What was doubtful in loading a model goes with the results, under the model's name.
 void add_warnings(std::vector<std::string>& warnings, const std::string& model,
@@ -59,7 +73,7 @@ void reproduce_frames(const Manifest& manifest, Reproduction& r);
 /// Table 11: every method at the sizes at which they were published.
 void reproduce_methods(const Manifest& manifest, Reproduction& r);
 /// Mean frame and preparation from ten thousand to ten million points.
-void measure_growth(Reproduction& r);
+void reproduce_growth(const Manifest& manifest, Reproduction& r);
 
 /// The thesis's column beside ours. A pure function of manifest and results.
 [[nodiscard]] Table frames_table(const Manifest& manifest, const metrics::ResultDocument& document);

@@ -1,32 +1,28 @@
 #include <fmt/format.h>
 
-#include "experiments/command/reproduction.h"
+#include "experiments/tables/reproduction.h"
 
 namespace palpate::experiments {
 namespace {
 
-// One surface of 100 x 100 mm and one path; 101, 319, 1001 and 3163 points squared.
-constexpr std::uint64_t kSizes[] = {10201, 101761, 1002001, 10004569};
-constexpr std::uint64_t kLargestInTime = 1002001;  // the next one needs minutes of its own
-constexpr const char* kPath = "weave:frames=20000:rate_hz=1000:speed_mm_s=50:depth_mm=2:seed=1";
-// Without --full the ten-million row starts only where the ten minutes of the default run leave room for it.
+// Without --full the largest model starts only where the ten minutes of the default run leave room for it.
 constexpr double kRoomForLargestMs = 330'000.0;
 constexpr double kPrepareLimitS = 900.0;
-constexpr const char* kRenderers[] = {"cloud", "mesh-godobject:mesh=original"};
+constexpr double kMsPerSecond = 1000.0;
 
 struct Row {
   std::uint64_t points;
   std::vector<metrics::RendererResult> results;
 };
 
-Result<Row> measure(std::uint64_t points, Reproduction& r, metrics::ResultDocument& document) {
-  const std::string spec = fmt::format("sinusoid:points={}", points);
-  Result<scene::SceneFile> scene = scene::open_scene(spec);
+Result<Row> measure(const Manifest& manifest, const ManifestModel& model, Reproduction& r,
+                    metrics::ResultDocument& document) {
+  Result<scene::SceneFile> scene = scene_of(model, r);
   if (!scene) return std::move(scene).error();
   StageRequest request;
-  request.scene_name = spec;
+  request.scene_name = scene->path;
   request.scene = *std::move(scene);
-  request.path = kPath;
+  request.path = r.arguments.quick ? manifest.quick_path : manifest.path;
   request.reference = ReferenceChoice::kNone;
   request.threads = r.arguments.threads;
   const Result<Stage> stage = set_up(request, r.readers, r.context.progress);
@@ -36,21 +32,27 @@ Result<Row> measure(std::uint64_t points, Reproduction& r, metrics::ResultDocume
   RunOptions options;
   options.threads = r.arguments.threads;
   options.prepare_limit_s = kPrepareLimitS;
-  for (const char* name : kRenderers) {
-    Result<std::vector<RendererRequest>> requests = parse_renderers(name, r.registry);
+  for (const ManifestRun& wanted : manifest.runs) {
+    Result<std::vector<RendererRequest>> requests = parse_renderers(wanted.renderer, r.registry);
     if (!requests) return requests.error();
     limit_reconstruction(requests->front(), r);
     Result<Run> run = run_renderer(*stage, requests->front(), r.registry, options, r.context.progress);
     if (!run) return std::move(run).error();
-    run->result.label = fmt::format("{}-{}", run->result.label, row.points);
-    document.renderers.push_back(run->result);
+    metrics::RendererResult named = run->result;
+    named.label = fmt::format("{}-{}", named.label, row.points);
+    document.renderers.push_back(std::move(named));
     row.results.push_back(std::move(run->result));
   }
   return row;
 }
 
-constexpr const char* kLabels[] = {"cloud", "mesh-godobject"};
-constexpr double kMsPerSecond = 1000.0;
+/// The renderers, one line of each figure.
+std::vector<std::string> labels_of(const std::vector<Row>& rows) {
+  std::vector<std::string> labels;
+  if (!rows.empty())
+    for (const metrics::RendererResult& result : rows.front().results) labels.push_back(result.label);
+  return labels;
+}
 
 /// `value` of one renderer, over all rows.
 std::vector<std::optional<double>> column(const std::vector<Row>& rows, std::size_t renderer,
@@ -77,14 +79,16 @@ std::optional<double> prepare_s(const metrics::RendererResult& r) {
 }
 
 /// A column a size, a group of rows a renderer.
-Table growth_table(const std::vector<Row>& rows, const metrics::ResultDocument& document) {
+Table growth_table(const Manifest& manifest, const std::vector<Row>& rows,
+                   const metrics::ResultDocument& document) {
   Table table;
-  table.title = "Growth with the number of points, one surface and one path";
+  table.title = manifest.title;
   table.columns = {"points"};
   for (const Row& row : rows) table.columns.push_back(count_text(row.points));
   const std::string frames = frames_text(document);
-  for (std::size_t i = 0; i < std::size(kLabels); ++i) {
-    table.rows.push_back({{kLabels[i], false, false}});
+  const std::vector<std::string> labels = labels_of(rows);
+  for (std::size_t i = 0; i < labels.size(); ++i) {
+    table.rows.push_back({{labels[i], false, false}});
     for (const auto& [name, value] :
          {std::pair{"frames in contact" + (frames.empty() ? "" : ", " + frames), &contact_frames},
           {"mean frame without the clock, µs", &mean_us},
@@ -100,9 +104,7 @@ Table growth_table(const std::vector<Row>& rows, const metrics::ResultDocument& 
     }
   }
   table.bad_means = "did not run to its end";
-  table.caption =
-      "The mesh is the regular triangulation that the surface was generated with, so its preparation has no "
-      "reconstruction in it.";
+  for (const std::string& note : manifest.notes) table.notes.push_back(note);
   return table;
 }
 
@@ -119,9 +121,10 @@ Chart growth_chart(const std::vector<Row>& rows, const char* name, const char* t
   chart.extra =
       "set xtics ('10^4' 1e4, '10^5' 1e5, '10^6' 1e6, '10^7' 1e7)\nset yrange [*:*]\n"
       "set offsets graph 0.03, graph 0.03, graph 0.05, graph 0.05\n";
-  const std::vector<Look> looks = looks_of({std::begin(kLabels), std::end(kLabels)});
-  for (std::size_t i = 0; i < std::size(kLabels); ++i) {
-    Series series{kLabels[i], looks[i].colour, {}, {}, looks[i].dash};
+  const std::vector<std::string> labels = labels_of(rows);
+  const std::vector<Look> looks = looks_of(labels);
+  for (std::size_t i = 0; i < labels.size(); ++i) {
+    Series series{labels[i], looks[i].colour, {}, {}, looks[i].dash};
     const std::vector<std::optional<double>> values = column(rows, i, value);
     for (std::size_t k = 0; k < rows.size(); ++k) {
       if (!values[k]) continue;
@@ -137,44 +140,46 @@ Chart growth_chart(const std::vector<Row>& rows, const char* name, const char* t
 std::vector<Headline> growth_headlines(const std::vector<Row>& rows) {
   std::vector<Headline> lines;
   if (rows.size() < 2) return lines;
-  for (std::size_t i = 0; i < std::size(kLabels); ++i) {
+  const std::vector<std::string> labels = labels_of(rows);
+  for (std::size_t i = 0; i < labels.size(); ++i) {
     const auto mean = column(rows, i, &mean_us), prepare = column(rows, i, &prepare_s);
     if (!mean.front() || !mean.back() || !prepare.front() || !prepare.back()) continue;
     lines.push_back(
-        {kLabels[i], fmt::format("mean frame {} times, from {} to {} µs; preparation {} times, from {} to {}",
-                                 short_number(*mean.back() / *mean.front()), short_number(mean.front()),
-                                 short_number(mean.back()), short_number(*prepare.back() / *prepare.front()),
-                                 duration_text(*prepare.front() * kMsPerSecond),
-                                 duration_text(*prepare.back() * kMsPerSecond))});
+        {labels[i], fmt::format("mean frame {} times, from {} to {} µs; preparation {} times, from {} to {}",
+                                short_number(*mean.back() / *mean.front()), short_number(mean.front()),
+                                short_number(mean.back()), short_number(*prepare.back() / *prepare.front()),
+                                duration_text(*prepare.front() * kMsPerSecond),
+                                duration_text(*prepare.back() * kMsPerSecond))});
   }
   return lines;
 }
 
 }  // namespace
 
-void measure_growth(Reproduction& r) {
+void reproduce_growth(const Manifest& manifest, Reproduction& r) {
   metrics::ResultDocument document = new_document(r.context.command_line);
+  document.title = manifest.title;
   document.scene = "sinusoid over 100 x 100 mm, by number of points";
   std::vector<Row> rows;
-  for (const std::uint64_t points : kSizes) {
-    if (points > kLargestInTime && !r.arguments.full && r.watch.ms() > kRoomForLargestMs) {
-      r.missing.push_back(fmt::format("growth at {} points: no room within ten minutes; run with --full",
-                                      count_text(points)));
+  for (const ManifestModel& model : manifest.models) {
+    if (model.if_room && !r.arguments.full && r.watch.ms() > kRoomForLargestMs) {
+      r.missing.push_back(
+          fmt::format("growth at {} points: no room within ten minutes; run with --full", model.name));
       break;
     }
-    Result<Row> row = measure(points, r, document);
+    Result<Row> row = measure(manifest, model, r, document);
     if (!row) {
-      r.missing.push_back(fmt::format("growth at {} points: {}", count_text(points), row.error().message()));
+      r.missing.push_back(fmt::format("growth at {} points: {}", model.name, row.error().message()));
       break;
     }
     rows.push_back(*std::move(row));
   }
-  if (const Result<OutputFolder> folder = r.folder.inside("growth"))
+  if (const Result<OutputFolder> folder = r.folder.inside(manifest.id()))
     if (const Status written = folder->write("result.json", metrics::to_json(document)); !written)
       r.missing.push_back("growth/result.json: " + written.error().message());
   add_known(r.page, known_of("Growth", document));
-  Table table = growth_table(rows, document);
-  Section section{"growth", "Growth with the number of points", {}, {}, {table}, {}, {}};
+  Table table = growth_table(manifest, rows, document);
+  Section section{manifest.id(), "Growth with the number of points", {}, {manifest.text}, {table}, {}, {}};
   if (const Result<OutputFolder> figures = r.folder.inside("figures")) {
     section.figures.push_back(
         draw(growth_chart(rows, "growth", "Mean frame by number of points", "mean frame, µs", &mean_us),

@@ -1,4 +1,4 @@
-#include "experiments/command/run_key.h"
+#include "experiments/session/run_key.h"
 
 #include <sys/stat.h>
 
@@ -6,8 +6,8 @@
 #include <span>
 #include <vector>
 
-#include "experiments/command/version.h"
 #include "experiments/run/cleaning.h"
+#include "experiments/session/version.h"
 #include "toolkit/core/input_file.h"
 #include "toolkit/metrics/machine_info.h"
 

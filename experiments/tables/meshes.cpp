@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "experiments/command/reproduction.h"
+#include "experiments/tables/reproduction.h"
 #ifdef PALPATE_WITH_BASELINES
 #include "baselines/reconstruct/oriented_normals.h"
 #include "baselines/reconstruct/reconstruct.h"

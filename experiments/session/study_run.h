@@ -3,10 +3,27 @@
 
 #include <functional>
 
-#include "experiments/command/commands.h"
 #include "experiments/run/run.h"
+#include "experiments/session/session.h"
 
 namespace palpate::experiments {
+
+struct RunArguments {
+  std::string scene;
+  std::string renderers;  ///< one for replay, separated by commas for compare
+  std::string path;
+  std::string traj_columns;  ///< of a recorded path; empty: as `path` says
+  std::string out;
+  ModelArguments load;
+  SurfaceArguments surface;
+  std::string reference = "auto";
+  std::uint64_t paced = 0;
+  std::string save_mesh;
+  std::string save_edited;
+  bool force = false;          ///< of the two files above
+  bool allow_missing = false;  ///< renderers that lack what the scene asks for run too, and are marked
+  bool json = false;
+};
 
 /// Called when all files of the study are written: makes more files, returns what to print.
 using AfterStudy = std::function<Result<std::string>(const OutputFolder& folder)>;

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "experiments/command/reproduction.h"
+#include "experiments/tables/reproduction.h"
 
 namespace palpate::experiments {
 namespace {

@@ -1,4 +1,4 @@
-#include "experiments/command/progress_bar.h"
+#include "experiments/session/progress_bar.h"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "experiments/command/terminal.h"
+#include "experiments/session/terminal.h"
 #include "toolkit/core/clock.h"
 
 namespace palpate::experiments {

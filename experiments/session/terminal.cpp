@@ -1,4 +1,4 @@
-#include "experiments/command/terminal.h"
+#include "experiments/session/terminal.h"
 
 #include <sys/ioctl.h>
 

@@ -1,0 +1,28 @@
+// Options that several subcommands take.
+#pragma once
+
+#include "experiments/command/subcommand.h"
+#include "experiments/session/study_run.h"
+
+namespace palpate::experiments {
+
+inline constexpr NumberRange kAboveZero{0.0, 1e300, true};
+inline constexpr NumberRange kThreads{0, 4096};       ///< more than any machine has
+inline constexpr NumberRange kGigabytes{0.001, 1e6};  ///< a petabyte: beyond every machine
+
+inline constexpr const char* kForceHelp =
+    "files to be written may replace those that are read, or that Palpate did not write";
+inline constexpr const char* kStudyFolderHelp =
+    "the folder of a study: what replay or compare wrote with --out, or a table's folder in what reproduce "
+    "wrote";
+inline constexpr const char* kSceneHelp =
+    "a scene (.toml), a model file, a scan by name (`palpate fetch` lists them), or a generator such as "
+    "sinusoid:points=10201";
+
+void declare_threads(const Declaration& declare, int& threads);
+void declare_model(const Declaration& declare, ModelArguments& load);
+void declare_surface(const Declaration& declare, SurfaceArguments& surface);
+/// Those of replay and compare.
+void declare_run(const Declaration& declare, RunArguments& run);
+
+}  // namespace palpate::experiments

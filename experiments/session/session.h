@@ -1,0 +1,52 @@
+// What the rooms that do a whole command share: exit statuses, registries filled with everything there is,
+// arguments turned into options, the head of every document.
+#pragma once
+
+#include <string>
+
+#include "experiments/session/progress_bar.h"
+#include "experiments/study/output_folder.h"
+#include "toolkit/io/read_model.h"
+#include "toolkit/metrics/result_json.h"
+#include "toolkit/render/registry.h"
+#include "toolkit/scene/scene.h"
+
+namespace palpate::experiments {
+
+inline constexpr int kExitOk = 0;
+inline constexpr int kExitFellShort = 1;  ///< ran, and failed or fell short
+inline constexpr int kExitBadInput = 2;   ///< bad arguments or input
+
+/// What every command gets.
+struct Context {
+  ProgressBar& progress;
+  std::string command_line;  ///< as typed, quoted where needed
+};
+
+/// Prints "palpate: error: ..." and returns `status`.
+int fail(const Error& error, int status, ProgressBar* progress = nullptr);
+
+/// What all commands that load a model take.
+struct ModelArguments {
+  std::string unit;              ///< empty: as the file says
+  double scale = 0.0;            ///< 0: as the scene says
+  double post_mm = 0.0;          ///< height grids: distance of posts; 0: as the file says
+  double vertical_mm = 0.0;      ///< height grids: mm of 1; 0: the unit
+  std::string non_finite;        ///< drop, refuse; empty: drop
+  double memory_limit_gb = 0.0;  ///< of reading one file; 0: kMemoryLimitBytes
+  int threads = 0;               ///< 0 = all
+};
+
+[[nodiscard]] render::Registry all_renderers();
+[[nodiscard]] io::Readers all_readers();
+[[nodiscard]] Result<scene::LoadOptions> load_options(const ModelArguments& arguments);
+
+/// Begins a run in `folder`, and says where it goes on from an interrupted one, or drops one.
+[[nodiscard]] Status begin_run(const OutputFolder& folder, const std::string& key, Context& context);
+
+/// Everything about program, machine and time.
+[[nodiscard]] metrics::DocumentHead new_head(const std::string& command_line);
+/// A document with this head.
+[[nodiscard]] metrics::ResultDocument new_document(const std::string& command_line);
+
+}  // namespace palpate::experiments
