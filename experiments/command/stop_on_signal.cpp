@@ -12,11 +12,11 @@
 
 #include "toolkit/core/at_stop.h"
 #include "toolkit/core/clock.h"
+#include "toolkit/core/process.h"
 
 namespace palpate::experiments {
 namespace {
 
-constexpr int kSignalBase = 128;  // the shells' convention for "ended by a signal"
 // Some send a signal twice at once, to the process and to its group. A person's second Ctrl-C comes later.
 constexpr std::int64_t kSameSignalNs = 200'000'000;
 

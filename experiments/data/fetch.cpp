@@ -7,12 +7,12 @@
 #include <limits>
 #include <optional>
 
-#include "experiments/data/process.h"
 #include "experiments/data/sha256.h"
 #include "toolkit/core/atomic_file.h"
 #include "toolkit/core/input_file.h"
 #include "toolkit/core/locked_file.h"
 #include "toolkit/core/options.h"
+#include "toolkit/core/process.h"
 #include "toolkit/io/text.h"
 
 namespace palpate::experiments {
@@ -87,7 +87,8 @@ Result<std::optional<std::uint64_t>> announced_bytes(const std::string& address,
   }
   std::vector<std::string> arguments = curl(options);
   arguments.insert(arguments.end(), {"--head", "--", address});
-  const Result<ProcessOutcome> run = run_process(arguments, options.connect_limit_s + options.stall_limit_s);
+  const Result<ProcessOutcome> run =
+      run_process(arguments, {.time_limit_s = options.connect_limit_s + options.stall_limit_s});
   if (!run) return run.error();
   if (run->exit_code == kCurlHttpError) return std::optional<std::uint64_t>();  // it may answer GET alone
   if (run->exit_code != 0) return Error{run->timed_out ? "nobody answers" : last_line(run->err), {}, {}, 0};
@@ -162,15 +163,27 @@ Error sends_more(std::uint64_t bytes) {
                0};
 }
 
+ProcessOptions within(double time_limit_s, std::uint64_t file_limit_bytes, std::function<bool()> tick) {
+  ProcessOptions options;
+  options.time_limit_s = time_limit_s;
+  options.file_limit_bytes = file_limit_bytes;
+  options.tick = std::move(tick);
+  return options;
+}
+
 Status download(const std::string& address, const fs::path& to, std::uint64_t most_bytes,
                 const FetchOptions& options, Progress& progress) {
-  const auto tick = [&] { progress.report("downloading (" + size_text(size_or_none(to)) + ")", -1.0); };
+  const auto tick = [&] {
+    progress.report("downloading (" + size_text(size_or_none(to)) + ")", -1.0);
+    return true;
+  };
   std::error_code code;
   if (size_or_none(to) > most_bytes) fs::remove(to, code);  // of another source, or spoiled
   for (int attempt = 0; attempt < 2; ++attempt) {
     std::vector<std::string> arguments = curl(options);
     arguments.insert(arguments.end(), {"--continue-at", "-", "--output", to.string(), "--", address});
-    const Result<ProcessOutcome> run = run_process(arguments, options.total_limit_s, tick, {}, most_bytes);
+    const Result<ProcessOutcome> run =
+        run_process(arguments, within(options.total_limit_s, most_bytes, tick));
     if (!run) return run.error();
     if (run->exit_code == 0) return Done{};
     if (run->exit_code == kTooLargeFile) {
@@ -193,7 +206,10 @@ Status download(const std::string& address, const fs::path& to, std::uint64_t mo
 Status npm_pack(const std::string& package, const fs::path& to, const fs::path& work,
                 std::uint64_t most_bytes, const FetchOptions& options, Progress& progress) {
   if (!program_exists("npm")) return Error{"the program 'npm' is not installed", {}, {}, 0};
-  const auto tick = [&] { progress.report("downloading through npm", -1.0); };
+  const auto tick = [&] {
+    progress.report("downloading through npm", -1.0);
+    return true;
+  };
   const fs::path folder = work / "npm";
   std::error_code code;
   fs::remove_all(folder, code);
@@ -202,7 +218,7 @@ Status npm_pack(const std::string& package, const fs::path& to, const fs::path& 
       {"npm", "pack", package, "--pack-destination", folder.string(), "--ignore-scripts", "--fetch-retries=1",
        fmt::format("--fetch-retry-mintimeout={:.0f}", options.connect_limit_s * 100.0),
        fmt::format("--fetch-timeout={:.0f}", options.total_limit_s * 1000.0), "--silent"},
-      options.total_limit_s, tick, {}, most_bytes);
+      within(options.total_limit_s, most_bytes, tick));
   if (!run) return run.error();
   if (run->exit_code == kTooLargeFile) return sends_more(most_bytes);
   if (run->exit_code != 0)
@@ -228,9 +244,12 @@ Result<fs::path> unpack(const fs::path& archive, const ScanSource& source, const
   std::error_code code;
   fs::remove_all(folder, code);
   fs::create_directories(folder, code);
-  const Result<ProcessOutcome> run = run_process(
-      {"tar", "-xzf", archive.string(), "-C", folder.string(), "--", source.member}, kUnpackLimitS,
-      [&] { progress.report("unpacking", -1.0); }, {}, most_bytes);
+  const Result<ProcessOutcome> run =
+      run_process({"tar", "-xzf", archive.string(), "-C", folder.string(), "--", source.member},
+                  within(kUnpackLimitS, most_bytes, [&] {
+                    progress.report("unpacking", -1.0);
+                    return true;
+                  }));
   if (!run) return run.error();
   if (run->exit_code != 0)
     return Error{run->exit_code == kTooLargeFile ? fmt::format("{} in the archive is larger than {}",

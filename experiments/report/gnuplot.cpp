@@ -7,10 +7,10 @@
 #include <limits>
 #include <sstream>
 
-#include "experiments/data/process.h"
 #include "experiments/report/figures.h"
 #include "experiments/report/tables.h"
 #include "toolkit/core/input_file.h"
+#include "toolkit/core/process.h"
 
 namespace palpate::experiments {
 namespace {
@@ -279,8 +279,8 @@ Figure draw(const Chart& chart, const OutputFolder& folder) {
     return give_up(s.error().message());
   if (const Result<std::string> s = folder.claim(chart.name + ".svg"); !s)
     return give_up(s.error().message());
-  const Result<ProcessOutcome> run =
-      run_process({"gnuplot", chart.name + ".gp"}, kGnuplotLimitS, {}, folder.path().string());
+  const Result<ProcessOutcome> run = run_process(
+      {"gnuplot", chart.name + ".gp"}, {.time_limit_s = kGnuplotLimitS, .folder = folder.path().string()});
   if (!run) return give_up(run.error().message());
   if (run->exit_code != 0) return give_up(run->err.empty() ? "gnuplot failed" : run->err);
   const Result<std::string> svg = read_file(folder.file(chart.name + ".svg").string(), kMemoryLimitBytes);

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <regex>
 
-#include "experiments/data/process.h"
+#include "toolkit/core/process.h"
 
 namespace palpate::experiments {
 namespace {
@@ -17,7 +17,7 @@ long long counted(const std::string& features, const std::string& repeats) {
   const Result<ProcessOutcome> run =
       run_process({"valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", PALPATE_FEATURE_COST,
                    features, repeats},
-                  kLimitS);
+                  {.time_limit_s = kLimitS});
   std::smatch found;
   if (!run || run->exit_code != 0 ||
       !std::regex_search(run->err, found, std::regex("Collected : ([0-9]+)"))) {

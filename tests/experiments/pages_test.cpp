@@ -102,7 +102,8 @@ class Shown : public InFolder {
     }
     words.front() = PALPATE_PROGRAM;
     constexpr double kLimitS = 120.0;
-    const Result<ProcessOutcome> done = run_process(words, kLimitS, {}, folder_.string());
+    const Result<ProcessOutcome> done =
+        run_process(words, {.time_limit_s = kLimitS, .folder = folder_.string()});
     if (!done) return done.error().message();
     return done->exit_code == 0 ? "" : fmt::format("exit {}: {}", done->exit_code, done->err);
   }

@@ -16,8 +16,8 @@
 #include <string>
 #include <vector>
 
-#include "experiments/data/process.h"
 #include "tests/in_folder.h"
+#include "toolkit/core/process.h"
 
 namespace palpate::experiments {
 
@@ -136,7 +136,7 @@ class Started {
 inline ProcessOutcome palpate_command(std::vector<std::string> arguments) {
   arguments.insert(arguments.begin(), PALPATE_PROGRAM);
   constexpr double kLimitS = 120.0;
-  Result<ProcessOutcome> run = run_process(arguments, kLimitS);
+  Result<ProcessOutcome> run = run_process(arguments, {.time_limit_s = kLimitS});
   if (!run) {
     ADD_FAILURE() << run.error().message();
     return {};

@@ -22,13 +22,13 @@ const std::map<std::string, std::set<std::string>> kTopLevel = {
     {"tests", {"toolkit", "baselines", "device", "experiments", "tests"}},
 };
 
-// What each room of experiments may include of the others: a page is made of the files of a study, and nothing
-// that runs or measures is at hand where it is drawn; nobody needs the command line.
+// What each room of experiments may include of the others: a page is made of the files of a study, and
+// nothing that runs or measures is at hand where it is drawn; nobody needs the command line.
 const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"study", {"study"}},
     {"run", {"study", "run"}},
     {"data", {"run", "data"}},
-    {"report", {"study", "data", "report"}},
+    {"report", {"study", "report"}},
     {"session", {"study", "run", "data", "report", "session"}},
     {"behaviours", {"study", "run", "report", "session", "behaviours"}},
     {"tables", {"study", "run", "data", "report", "session", "behaviours", "tables"}},
