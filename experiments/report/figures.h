@@ -23,8 +23,9 @@ struct Look {
   std::string dash;  ///< of gnuplot's `dt`; empty: solid
 };
 /// One look for each label, no two alike: colours that the colour-blind tell apart (Okabe and Ito's palette
-/// and a few more), then the same in dashes. The best known renderers have the same colour in every study.
-/// The truth is grey and not among them.
+/// and a few more), then the same in dashes. It is chosen by the label, whatever the order and whoever else is
+/// there (but for two labels that would share one: the later in the alphabet takes the next). The truth is
+/// grey and not among them.
 [[nodiscard]] std::vector<Look> looks_of(const std::vector<std::string>& labels);
 
 /// One line of a chart.
@@ -66,6 +67,9 @@ struct Chart {
 /// Writes data and script into `folder` and runs gnuplot there. Failing leaves Figure::svg empty and says why
 /// in the caption: a report without one picture is better than none.
 [[nodiscard]] Figure draw(const Chart& chart, const OutputFolder& folder);
+
+/// The same figure, its script run again; an empty Figure::svg and a caption that says why where that fails.
+[[nodiscard]] Figure drawn_again(Figure figure, const OutputFolder& folder);
 
 /// All figures of a study; `prefix` begins their names.
 [[nodiscard]] std::vector<Figure> draw_study(const Study& study, const std::string& prefix,

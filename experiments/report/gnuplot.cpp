@@ -5,16 +5,21 @@
 #include <cmath>
 #include <fstream>
 #include <limits>
+#include <map>
+#include <set>
+#include <span>
 #include <sstream>
 
 #include "experiments/report/figures.h"
 #include "experiments/report/tables.h"
+#include "toolkit/core/hash.h"
 #include "toolkit/core/input_file.h"
 #include "toolkit/core/process.h"
 
 namespace palpate::experiments {
 namespace {
 
+const std::string kNotDrawn = "This figure could not be drawn: ";
 constexpr double kGnuplotLimitS = 60.0;
 constexpr int kHeight = 360, kWidth = 560,
               kWideWidth = 1120;  // shown at nearly these sizes: letters stay legible
@@ -218,34 +223,69 @@ std::string for_page(std::string svg, const std::string& name) {
   return svg;
 }
 
+/// The renderers' own names: the best known in solid lines.
+const std::map<std::string, Look>& known_looks() {
+  static const std::map<std::string, Look> known = {{"cloud", {"#0072b2", ""}},
+                                                    {"cloud-literal", {"#d55e00", ""}},
+                                                    {"mesh-godobject", {"#009e73", ""}},
+                                                    {"brute-force", {"#cc79a7", ""}},
+                                                    {"analytic", {"#56b4e9", ""}},
+                                                    {"heightfield", {"#e69f00", ""}},
+                                                    {"mls-proxy", {"#7f3fbf", ""}},
+                                                    {"mesh-proxy", {"#8c6d31", ""}},
+                                                    {"sphere-proxy", {"#222222", ""}},
+                                                    {"heightfield-literal", {"#e69f00", "(10,5)"}},
+                                                    {"mls-penalty", {"#7f3fbf", "(10,5)"}},
+                                                    {"penalty-grid", {"#d55e00", "(10,5)"}},
+                                                    {"stream-proxy", {"#56b4e9", "(10,5)"}},
+                                                    {"vector-field", {"#cc79a7", "(10,5)"}},
+                                                    {"vgraph", {"#009e73", "(10,5)"}}};
+  return known;
+}
+
+/// What is left for other labels: the colours in dashes that no known renderer has.
+const std::vector<Look>& other_looks() {
+  static const std::vector<Look> others = [] {
+    std::vector<Look> all;
+    for (const char* dash : {"(10,5)", "(3,4)", "(12,4,3,4)", "(6,3,2,3,2,3)"})
+      for (const char* colour : {"#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f3fbf",
+                                 "#8c6d31", "#222222"})
+        if (std::none_of(known_looks().begin(), known_looks().end(), [&](const auto& known) {
+              return known.second.colour == colour && known.second.dash == dash;
+            }))
+          all.push_back({colour, dash});
+    return all;
+  }();
+  return others;
+}
+
 }  // namespace
 
 std::vector<Look> looks_of(const std::vector<std::string>& labels) {
-  static const std::vector<std::pair<std::string, Look>> known = {{"cloud", {"#0072b2", ""}},
-                                                                  {"cloud-literal", {"#d55e00", ""}},
-                                                                  {"mesh-godobject", {"#009e73", "(8,6)"}},
-                                                                  {"brute-force", {"#cc79a7", ""}},
-                                                                  {"analytic", {"#56b4e9", ""}}};
-  static const std::vector<std::string> colours = {"#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00",
-                                                   "#56b4e9", "#7f3fbf", "#8c6d31", "#222222"};
-  static const std::vector<std::string> dashes = {"", "(10,5)", "(3,4)", "(12,4,3,4)"};
-  std::vector<Look> looks(labels.size());
-  std::vector<std::string> taken;  // colours, of solid lines
-  for (std::size_t i = 0; i < labels.size(); ++i)
-    for (const auto& [name, look] : known)
-      if (name == labels[i]) {
-        looks[i] = look;
-        taken.push_back(look.colour);
-      }
-  std::size_t next = 0;
-  for (Look& look : looks) {
-    if (!look.colour.empty()) continue;
-    // The first round leaves out what is taken; the dashed ones are all free.
-    while (next < colours.size() && std::find(taken.begin(), taken.end(), colours[next]) != taken.end())
-      ++next;
-    look = {colours[next % colours.size()], dashes[next / colours.size() % dashes.size()]};
-    ++next;
+  const auto& known = known_looks();
+  const std::vector<Look>& others = other_looks();
+  // In the order of the labels' letters, so that theirs in the document changes nothing.
+  std::set<std::string> sorted;
+  for (const std::string& label : labels)
+    if (!known.contains(label)) sorted.insert(label);
+  std::map<std::string, Look> given = known;
+  std::vector<bool> taken(others.size());
+  std::size_t left = others.size();
+  for (const std::string& label : sorted) {
+    if (left == 0) {  // more than there are looks: some are alike
+      taken.assign(others.size(), false);
+      left = others.size();
+    }
+    Hash64 hash;
+    hash.bytes(std::as_bytes(std::span(label)));
+    std::size_t at = hash.value() % others.size();
+    while (taken[at]) at = (at + 1) % others.size();
+    taken[at] = true;
+    --left;
+    given[label] = others[at];
   }
+  std::vector<Look> looks;
+  for (const std::string& label : labels) looks.push_back(given.at(label));
   return looks;
 }
 
@@ -266,7 +306,7 @@ Figure draw(const Chart& chart, const OutputFolder& folder) {
   Figure figure{chart.name, chart.title, chart.caption, {}, chart.wide};
   if (leaves(chart)) figure.caption += " What leaves a panel runs along its edge.";
   const auto give_up = [&](const std::string& why) {
-    figure.caption = "This figure could not be drawn: " + why;
+    figure.caption = kNotDrawn + why;
     return figure;
   };
   if (!has_points(chart)) {
@@ -277,15 +317,24 @@ Figure draw(const Chart& chart, const OutputFolder& folder) {
     return give_up(s.error().message());
   if (const Status s = folder.write(chart.name + ".gp", script_text(chart)); !s)
     return give_up(s.error().message());
-  if (const Result<std::string> s = folder.claim(chart.name + ".svg"); !s)
+  return drawn_again(std::move(figure), folder);
+}
+
+Figure drawn_again(Figure figure, const OutputFolder& folder) {
+  figure.svg.clear();
+  const auto give_up = [&](const std::string& why) {
+    figure.caption = kNotDrawn + why;
+    return figure;
+  };
+  if (const Result<std::string> s = folder.claim(figure.name + ".svg"); !s)
     return give_up(s.error().message());
   const Result<ProcessOutcome> run = run_process(
-      {"gnuplot", chart.name + ".gp"}, {.time_limit_s = kGnuplotLimitS, .folder = folder.path().string()});
+      {"gnuplot", figure.name + ".gp"}, {.time_limit_s = kGnuplotLimitS, .folder = folder.path().string()});
   if (!run) return give_up(run.error().message());
   if (run->exit_code != 0) return give_up(run->err.empty() ? "gnuplot failed" : run->err);
-  const Result<std::string> svg = read_file(folder.file(chart.name + ".svg").string(), kMemoryLimitBytes);
+  const Result<std::string> svg = read_file(folder.file(figure.name + ".svg").string(), kMemoryLimitBytes);
   if (!svg) return give_up(svg.error().message());
-  figure.svg = for_page(*svg, chart.name);
+  figure.svg = for_page(*svg, figure.name);
   return figure.svg.empty() ? give_up("gnuplot wrote no picture") : figure;
 }
 

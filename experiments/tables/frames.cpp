@@ -138,6 +138,18 @@ Table frames_table(const Manifest& manifest, const metrics::ResultDocument& docu
   return table;
 }
 
+Table add_frames(Page& page, const Manifest& manifest, const Study& study, const OutputFolder& folder) {
+  add_study(page, study, manifest.id(),
+            fmt::format("Table {} ({})", manifest.table, manifest.models.front().name), folder);
+  page.headlines.back().lines.push_back(
+      {"The thesis", fmt::format("mean frame in contact {} µs, on a {}",
+                                 short_number(manifest.printed_mean_ms * kUsPerMs), manifest.hardware)});
+  Table table = frames_table(manifest, study.document);
+  Section& section = page.sections.back();
+  section.tables.insert(section.tables.begin(), table);
+  return table;
+}
+
 void reproduce_frames(const Manifest& manifest, Reproduction& r) {
   const std::string what = fmt::format("table {}", manifest.table);
   const bool quick = r.arguments.quick;
@@ -189,7 +201,7 @@ void reproduce_frames(const Manifest& manifest, Reproduction& r) {
     }
     study.runs.push_back(*std::move(run));
   }
-  const Result<OutputFolder> folder = r.folder.inside(fmt::format("table{}", manifest.table));
+  const Result<OutputFolder> folder = r.folder.inside(manifest.id());
   const Status written = folder ? write_study(study, *folder) : Status(folder.error());
   const Result<Study> whole = written ? read_study(folder->path()) : Result<Study>(written.error());
   if (!whole) {
@@ -197,15 +209,7 @@ void reproduce_frames(const Manifest& manifest, Reproduction& r) {
     return give_up(r, what, whole.error());
   }
   r.context.progress.report("drawing the figures", -1.0);
-  add_study(r.page, *whole, fmt::format("table{}", manifest.table),
-            fmt::format("Table {} ({})", manifest.table, model.name), r.folder);
-  r.page.headlines.back().lines.push_back(
-      {"The thesis", fmt::format("mean frame in contact {} µs, on a {}",
-                                 short_number(manifest.printed_mean_ms * kUsPerMs), manifest.hardware)});
-  Table table = frames_table(manifest, whole->document);
-  Section& section = r.page.sections.back();
-  section.tables.insert(section.tables.begin(), table);
-  r.tables.push_back(std::move(table));
+  r.tables.push_back(add_frames(r.page, manifest, *whole, r.folder));
 }
 
 }  // namespace palpate::experiments

@@ -21,11 +21,9 @@ std::filesystem::path whole_path(const std::filesystem::path& path) {
 void finish(Reproduction& r) {
   r.context.progress.set_prefix("");
   r.context.progress.report("writing the report", -1.0);
-  HeadlineGroup missing{"Not done", {}};
-  for (const std::string& what : r.missing) missing.lines.push_back({"", what});
-  if (!missing.lines.empty()) r.page.headlines.push_back(std::move(missing));
-  r.page.commands.push_back("palpate reproduce --help    # shorter and longer runs");
-  Status written = write_page(r.page, r.folder);
+  finish_page(r.page, r.missing);
+  Status written = r.folder.write(kReproductionFile, reproduction_json(r.page.title, r.page.about, r.steps));
+  if (written) written = write_page(r.page, r.folder);
   if (written) written = r.folder.complete();
   if (!written) {
     fail(written.error(), kExitFellShort, &r.context.progress);
@@ -222,7 +220,7 @@ int reproduce(const ReproduceArguments& arguments, Context& context) {
     context.progress.set_prefix(
         fmt::format("[{}/{}] {}: ", ++step, manifests->size(),
                     manifest.table > 0 ? fmt::format("table {}", manifest.table) : manifest.id()));
-    do_step(r, manifest.id(), RunKey().add(manifest.source).word(), [&] { reproduce_part(manifest, r); });
+    do_step(r, manifest, [&] { reproduce_part(manifest, r); });
   }
   finish(r);
   return r.fell_short ? kExitFellShort : kExitOk;

@@ -26,6 +26,21 @@ struct ReproduceArguments {
 /// The tables, one after the other, and the page of them all. The exit status.
 int reproduce(const ReproduceArguments& arguments, Context& context);
 
+/// What one step has put on the page.
+struct Yield {
+  std::vector<Known> known;
+  std::vector<HeadlineGroup> headlines;
+  std::vector<Section> sections;
+  std::vector<Table> tables;
+  std::vector<std::string> missing, stand_ins;
+  bool fell_short = false;
+};
+
+struct Step {
+  Manifest manifest;
+  Yield yield;
+};
+
 /// What the parts share.
 struct Reproduction {
   const ReproduceArguments& arguments;
@@ -39,6 +54,7 @@ struct Reproduction {
   std::vector<std::string> stand_ins;  ///< models that ran as stand-ins, and why
   bool fell_short = false;             ///< something that was asked for failed
   Stopwatch watch;
+  std::vector<Step> steps{};  ///< that are done
 };
 
 /// The scene of a manifest's model: generated, or a scan found or fetched.
@@ -50,8 +66,17 @@ struct Reproduction {
 void limit_reconstruction(RendererRequest& request, const Reproduction& r);
 
 /// Does a part of the work, or takes over what an interrupted run has kept of it under the same key.
-void do_step(Reproduction& r, const std::string& name, const std::string& key,
-             const std::function<void()>& work);
+void do_step(Reproduction& r, const Manifest& manifest, const std::function<void()>& work);
+
+/// All that is on the page and does not stand in the folder as a study: what report.html is drawn from.
+inline constexpr const char* kReproductionFile = "reproduction.json";
+[[nodiscard]] std::string reproduction_json(const std::string& title, const metrics::DocumentHead& head,
+                                            const std::vector<Step>& steps);
+/// report.html of a folder that `palpate reproduce` has written, drawn from it and put into it. What is wrong
+/// with the folder is an Error that names the file.
+[[nodiscard]] Status draw_reproduction(const OutputFolder& folder);
+/// The same page, before it is drawn.
+void finish_page(Page& page, const std::vector<std::string>& missing);
 
 /// What was doubtful in loading a model goes with the results, under the model's name.
 void add_warnings(std::vector<std::string>& warnings, const std::string& model,
@@ -70,6 +95,8 @@ void reproduce_neighbours(const Manifest& manifest, Reproduction& r);
 void reproduce_meshes(const Manifest& manifest, Reproduction& r);
 /// Tables 7 and 9, each with its comparison.
 void reproduce_frames(const Manifest& manifest, Reproduction& r);
+/// What the study in the folder puts on the page; the table beside the thesis's is the answer.
+Table add_frames(Page& page, const Manifest& manifest, const Study& study, const OutputFolder& folder);
 /// Table 11: every method at the sizes at which they were published.
 void reproduce_methods(const Manifest& manifest, Reproduction& r);
 /// Mean frame and preparation from ten thousand to ten million points.

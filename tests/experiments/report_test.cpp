@@ -371,9 +371,30 @@ TEST(Looks, NoTwoRenderersLookAlike) {
     for (std::size_t k = 0; k < i; ++k)
       EXPECT_FALSE(looks[i].colour == looks[k].colour && looks[i].dash == looks[k].dash)
           << labels[i] << " and " << labels[k];
-  // The best known have the same colour in every study.
-  EXPECT_EQ(looks[2].colour, looks_of({"mls-proxy", "cloud"})[1].colour);
   EXPECT_EQ(looks_of({"cloud"})[0].dash, "");
+  // Whatever the order, a label has one look.
+  std::vector<std::string> turned(labels.rbegin(), labels.rend());
+  const std::vector<Look> again = looks_of(turned);
+  for (std::size_t i = 0; i < looks.size(); ++i) {
+    EXPECT_EQ(again[looks.size() - 1 - i].colour, looks[i].colour) << labels[i];
+    EXPECT_EQ(again[looks.size() - 1 - i].dash, looks[i].dash) << labels[i];
+  }
+}
+
+TEST(Looks, StayTheSameBesideOthers) {
+  for (const char* label : {"cloud", "mls-proxy", "vgraph", "cloud-literal-bare", "bare"}) {
+    const Look alone = looks_of({label})[0];
+    for (const std::vector<std::string>& others :
+         {std::vector<std::string>{"analytic", "mesh-godobject", label},
+          {label, "cloud-literal", "heightfield"},
+          {"penalty-grid", label, "penalty-grid-mended"}}) {
+      const auto at =
+          static_cast<std::size_t>(std::find(others.begin(), others.end(), label) - others.begin());
+      const Look beside = looks_of(others)[at];
+      EXPECT_EQ(beside.colour, alone.colour) << label;
+      EXPECT_EQ(beside.dash, alone.dash) << label;
+    }
+  }
 }
 
 TEST(Manifests, HoldThePrintedValues) {

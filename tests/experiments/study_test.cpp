@@ -5,6 +5,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "experiments/session/session.h"
 #include "tests/experiments/program.h"
 #include "tests/json_schema.h"
 
@@ -120,7 +121,43 @@ TEST_F(StudyFolder, ATableOfTheThesisIsAStudy) {
   ASSERT_EQ(palpate_command({"score", in("out/table8")}).exit_code, 0);
   EXPECT_EQ(file_text(in("out/table8/result.json")), text);
   EXPECT_TRUE(file_text(in("out/report.html")) == page) << "the whole report stays";
-  expect_refused("out", {"is no study", in("out/table8")});
+  const ProcessOutcome score = palpate_command({"score", in("out")});
+  EXPECT_EQ(score.exit_code, 2);
+  EXPECT_NE(score.err.find("is no study"), std::string::npos) << score.err;
+}
+
+TEST_F(StudyFolder, TheWholeReportIsDrawnAgainFromItsFolderByteByByte) {
+  const ProcessOutcome run =
+      palpate_command({"reproduce", "--tables", "6,8,growth", "--quick", "--out", in("out")});
+  ASSERT_EQ(run.exit_code, all_renderers().find("mesh-godobject") != nullptr ? 0 : 1) << run.err;
+  const std::string first = file_text(in("out/report.html"));
+  ASSERT_GT(first.size(), 50000u);
+  EXPECT_EQ(schema_violations(schema("reproduction"), file_text(in("out/reproduction.json"))), "");
+  // The folder alone: elsewhere, without the page and without any picture.
+  fs::copy(in("out"), in("elsewhere"), fs::copy_options::recursive);
+  fs::remove(in("elsewhere/report.html"));
+  for (const auto& entry : fs::directory_iterator(in("elsewhere/figures")))
+    if (entry.path().extension() == ".svg") fs::remove(entry.path());
+  const ProcessOutcome again = palpate_command({"report", in("elsewhere")});
+  ASSERT_EQ(again.exit_code, 0) << again.err;
+  EXPECT_TRUE(file_text(in("elsewhere/report.html")) == first) << "another page";
+  // The tables are drawn from their studies: what stands there is what is shown.
+  std::string table = file_text(in("elsewhere/table8/result.json"));
+  const std::string title = "Table 8: test 2, friction and deformation";
+  for (std::size_t at = table.find(title); at != std::string::npos; at = table.find(title))
+    table.replace(at, title.size(), "Table 8: another title");
+  write_text(in("elsewhere/table8/result.json"), table);
+  ASSERT_EQ(palpate_command({"report", in("elsewhere")}).exit_code, 0);
+  EXPECT_NE(file_text(in("elsewhere/report.html")).find("Table 8: another title"), std::string::npos);
+  // What is missing or spoiled is named.
+  fs::remove(in("elsewhere/table8/result.json"));
+  const ProcessOutcome missing = palpate_command({"report", in("elsewhere")});
+  EXPECT_EQ(missing.exit_code, 2);
+  EXPECT_NE(missing.err.find("table8"), std::string::npos) << missing.err;
+  write_text(in("elsewhere/reproduction.json"), "{}");
+  const ProcessOutcome spoiled = palpate_command({"report", in("elsewhere")});
+  EXPECT_EQ(spoiled.exit_code, 2);
+  EXPECT_NE(spoiled.err.find("reproduction.json"), std::string::npos) << spoiled.err;
 }
 
 TEST_F(StudyFolder, WhatIsNoStudyIsRefused) {
