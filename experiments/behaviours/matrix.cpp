@@ -106,7 +106,9 @@ Result<BehaviourMatrix> run_behaviours(std::vector<Behaviour> behaviours,
                                        std::vector<RendererRequest> renderers,
                                        const render::Registry& registry, int threads, Progress& progress,
                                        const KeptRows* kept) {
-  BehaviourMatrix matrix{std::move(behaviours), std::move(renderers), {}};
+  BehaviourMatrix matrix{std::move(behaviours), std::move(renderers), {}, {}};
+  for (const RendererRequest& request : matrix.renderers)
+    matrix.roles.push_back(registry.find(request.name)->role);
   for (const RendererRequest& request : matrix.renderers) {
     KeptRows::Row& row = matrix.outcomes.emplace_back();
     if (kept != nullptr && kept->find(request, row)) continue;
@@ -141,11 +143,12 @@ Table matrix_table(const BehaviourMatrix& matrix) {
       "scene.";
   table.best_means = "nothing went wrong";
   table.bad_means = "more than 1 % of what there is";
-  table.columns = {"renderer"};
+  table.columns = {"renderer", "role"};
   for (const Behaviour& behaviour : matrix.behaviours)
     table.columns.push_back(fmt::format("{}, of {}", behaviour.title, count_text(whole_of(behaviour))));
   for (std::size_t r = 0; r < matrix.outcomes.size(); ++r) {
-    std::vector<Cell> row = {{matrix.renderers[r].label, false, false}};
+    std::vector<Cell> row = {{matrix.renderers[r].label, false, false},
+                             {std::string(name_of(matrix.roles[r])), false, false}};
     for (const BehaviourOutcome& outcome : matrix.outcomes[r])
       row.push_back({outcome.failure.empty() ? count_text(outcome.wrong) : kNoNumber,
                      outcome.failure.empty() && outcome.wrong == 0, falls_short(outcome)});
@@ -158,7 +161,9 @@ Table matrix_table(const BehaviourMatrix& matrix) {
 std::string matrix_json(const BehaviourMatrix& matrix) {
   nlohmann::ordered_json root = {{"schema", "palpate-behaviours-1"}};
   for (std::size_t r = 0; r < matrix.outcomes.size(); ++r) {
-    nlohmann::ordered_json row = {{"label", matrix.renderers[r].label}, {"name", matrix.renderers[r].name}};
+    nlohmann::ordered_json row = {{"label", matrix.renderers[r].label},
+                                  {"name", matrix.renderers[r].name},
+                                  {"role", name_of(matrix.roles[r])}};
     for (std::size_t b = 0; b < matrix.outcomes[r].size(); ++b) {
       const BehaviourOutcome& outcome = matrix.outcomes[r][b];
       nlohmann::ordered_json one = {{"id", matrix.behaviours[b].id},

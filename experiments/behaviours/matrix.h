@@ -13,6 +13,7 @@ struct BehaviourMatrix {
   std::vector<Behaviour> behaviours;
   std::vector<RendererRequest> renderers;
   std::vector<std::vector<BehaviourOutcome>> outcomes;  ///< by renderer, then behaviour
+  std::vector<render::Role> roles{};                    ///< by renderer
 };
 
 /// Every renderer that is one of the methods: all of the registry but the truth and the oracle of tests.
@@ -35,7 +36,7 @@ struct KeptRows {
 [[nodiscard]] std::string to_text(const KeptRows::Row& row);
 [[nodiscard]] bool from_text(const std::string& text, KeptRows::Row& row);
 
-/// One row a renderer, one column a behaviour: "wrong of all".
+/// One row a renderer, with its role, and one column a behaviour: "wrong of all".
 [[nodiscard]] Table matrix_table(const BehaviourMatrix& matrix);
 [[nodiscard]] std::string matrix_json(const BehaviourMatrix& matrix);
 /// One section with the matrix and the pictures, drawn into `folder`/figures.
