@@ -3,6 +3,7 @@
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
 #include "experiments/report/page.h"
+#include "experiments/report/page_figures.h"
 #include "experiments/tables/reproduction.h"
 
 namespace palpate::experiments {
@@ -11,13 +12,35 @@ namespace {
 
 struct ReportArguments {
   std::string folder;
+  std::string docs;  ///< a checkout whose pages are written; empty: none
 };
 
 void declare_report(const Declaration& declare, ReportArguments& a) {
-  declare.required("DIR", a.folder, kStudyFolderHelp);
+  declare.text("DIR", a.folder, kStudyFolderHelp);
+  declare.text("--docs", a.docs,
+               "a checkout of Palpate: writes the figures of its pages from docs/figures, and with DIR takes "
+               "them from what reproduce wrote there first");
+}
+
+/// The run that the pages show.
+constexpr const char* kShownRun = "one-run.json";
+
+int write_docs(const ReportArguments& arguments) {
+  if (!arguments.folder.empty())
+    if (const Status taken = take_page_figures(arguments.docs, kShownRun, arguments.folder); !taken)
+      return fail(taken.error(), kExitBadInput);
+  const Result<std::vector<std::string>> written = write_page_figures(arguments.docs);
+  if (!written) return fail(written.error(), kExitBadInput);
+  for (const std::string& page : *written) fmt::print("written: {}\n", page);
+  if (written->empty()) fmt::print("every page shows what docs/figures holds\n");
+  return kExitOk;
 }
 
 int run_report(const ReportArguments& arguments, Context& context) {
+  if (!arguments.docs.empty()) return write_docs(arguments);
+  if (arguments.folder.empty())
+    return fail({"DIR is required", "name the folder of a study, or a checkout with --docs", {}, 0},
+                kExitBadInput);
   const bool whole = std::filesystem::exists(std::filesystem::path(arguments.folder) / kReproductionFile);
   // What is wrong with the folder as a study is said before what is wrong with it as a place to write.
   if (!whole)
@@ -39,7 +62,8 @@ int run_report(const ReportArguments& arguments, Context& context) {
 Subcommand report_subcommand() {
   return subcommand(
       "report", "draws report.html of a study, or of all that reproduce wrote, again, from the folder alone",
-      {"palpate report out/ab", "palpate report out/reproduce", "palpate report out/reproduce/table7"},
+      {"palpate report out/ab", "palpate report out/reproduce", "palpate report out/reproduce/table7",
+       "palpate report --docs ."},
       declare_report, run_report);
 }
 

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "experiments/command/command_line.h"
+#include "experiments/report/page_figures.h"
 #include "tests/experiments/program.h"
 #include "tests/experiments/shown_commands.h"
 #include "tests/house/source_tree.h"
@@ -192,6 +193,51 @@ TEST(Pages, ScenesOnPagesAreScenes) {
       EXPECT_TRUE(scene) << block.where << ": " << (scene ? "" : scene.error().message());
     }
   EXPECT_GE(seen, 3u);
+}
+
+TEST(Pages, FiguresAreWhatTheResultsSay) {
+  const auto pages = pages_with_figures(PALPATE_SOURCE_ROOT);
+  ASSERT_TRUE(pages) << pages.error().message();
+  std::size_t blocks = 0;
+  for (const PageWithFigures& page : *pages) {
+    blocks += page.blocks;
+    EXPECT_EQ(page.after, page.before) << page.file << ": `palpate report --docs .` writes its figures";
+  }
+  EXPECT_GE(blocks, 4u);
+}
+
+TEST_F(Shown, FiguresAreWrittenFromARun) {
+  const auto put = [&](const std::string& file, const std::string& text) {
+    std::filesystem::create_directories((folder_ / file).parent_path());
+    write_text(folder_ / file, text);
+  };
+  put("README.md", "# Page\n<!-- figures: a -->\nold\n<!-- end of figures -->\nrest\n");
+  put("docs/other.md", "no figures\n");
+  put("docs/figures/a.txt",
+      "<!-- from one-run.json -->\n{table7 cloud frame.mean_us µs}, {table7 cloud prepare.total_ms s}, "
+      "{table7 cloud n} of {table6/neighbours.json modified_knn[dragon].points}, commit {commit}\n");
+  put("run/table7/result.json",
+      R"({"commit": "abc", "started_utc": "2026-01-02T03:04:05Z", "machine": {"cpu": "a cpu"}, "renderers": [)"
+      R"({"label": "other", "n": 1}, {"label": "cloud", "n": 12345, "frame": {"mean_us": 0.23456},)"
+      R"( "prepare": {"total_ms": 46012.5, "phases": []}}]})");
+  put("run/table6/neighbours.json", R"({"modified_knn": [{"model": "dragon", "points": 437645}]})");
+  const ProcessOutcome run = palpate_command({"report", in("run"), "--docs", folder_.string()});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_NE(run.out.find("README.md"), std::string::npos) << run.out;
+  EXPECT_EQ(file_text(in("README.md")),
+            "# Page\n<!-- figures: a -->\n0.235 µs, 46 s, 12,345 of 437,645, commit abc\n<!-- end of figures "
+            "-->\nrest\n");
+  EXPECT_EQ(file_text(in("docs/figures/one-run.json")).find("phases"), std::string::npos) << "what is shown";
+  // Again, from what was kept: nothing changes.
+  const ProcessOutcome again = palpate_command({"report", "--docs", folder_.string()});
+  ASSERT_EQ(again.exit_code, 0) << again.err;
+  EXPECT_EQ(again.out.find("README.md"), std::string::npos) << again.out;
+  // A value that is not there is named with its template and line.
+  put("docs/figures/a.txt", "<!-- from one-run.json -->\nfirst\n{table7 cloud frame.max_us µs}\n");
+  const ProcessOutcome missing = palpate_command({"report", "--docs", folder_.string()});
+  EXPECT_EQ(missing.exit_code, 2);
+  EXPECT_NE(missing.err.find("a.txt:3: "), std::string::npos) << missing.err;
+  EXPECT_NE(missing.err.find("frame.max_us"), std::string::npos) << missing.err;
 }
 
 TEST(Pages, WrongCommandsAreFound) {

@@ -279,7 +279,9 @@ std::string why_not_run(const ShownCommand& command) {
     if (command.words.size() > 1 && command.words[1] == slow)
       return "takes minutes, and has tests of its own";
   for (const std::string& word : command.words)
-    if (word.starts_with("out/reproduce/")) return "reads what a run of minutes has written";
+    if (word == "--docs") return "writes the pages themselves";
+  for (const std::string& word : command.words)
+    if (word.starts_with("out/reproduce")) return "reads what a run of minutes has written";
   for (const std::string& word : command.words)
     if (find_scan(word) != nullptr) return "needs a scan, or the network to fetch it";
   return {};
