@@ -3,25 +3,30 @@
 
 #include "experiments/command/subcommand.h"
 
+#define PALPATE_SUBCOMMANDS(DO) \
+  DO(info)                      \
+  DO(plan)                      \
+  DO(clean)                     \
+  DO(renderers)                 \
+  DO(paths)                     \
+  DO(replay)                    \
+  DO(compare)                   \
+  DO(report)                    \
+  DO(score)                     \
+  DO(reproduce)                 \
+  DO(behaviours)                \
+  DO(fetch)
+
 namespace palpate::experiments {
 
-Subcommand info_subcommand();
-Subcommand plan_subcommand();
-Subcommand clean_subcommand();
-Subcommand renderers_subcommand();
-Subcommand paths_subcommand();
-Subcommand replay_subcommand();
-Subcommand compare_subcommand();
-Subcommand report_subcommand();
-Subcommand score_subcommand();
-Subcommand reproduce_subcommand();
-Subcommand behaviours_subcommand();
-Subcommand fetch_subcommand();
+#define PALPATE_DECLARE(name) Subcommand name##_subcommand();
+PALPATE_SUBCOMMANDS(PALPATE_DECLARE)
+#undef PALPATE_DECLARE
 
 inline std::vector<Subcommand> all_subcommands() {
-  return {info_subcommand(),  plan_subcommand(),      clean_subcommand(),      renderers_subcommand(),
-          paths_subcommand(), replay_subcommand(),    compare_subcommand(),    report_subcommand(),
-          score_subcommand(), reproduce_subcommand(), behaviours_subcommand(), fetch_subcommand()};
+#define PALPATE_LIST(name) name##_subcommand(),
+  return {PALPATE_SUBCOMMANDS(PALPATE_LIST)};
+#undef PALPATE_LIST
 }
 
 }  // namespace palpate::experiments

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "experiments/command/command_line.h"
+#include "experiments/command/subcommands.h"
 #include "experiments/report/page_figures.h"
 #include "tests/experiments/program.h"
 #include "tests/experiments/shown_commands.h"
@@ -150,6 +151,25 @@ TEST(HelpTexts, EveryCommandAndOptionIsDocumented) {
     }
   }
   EXPECT_GE(names.size(), 10u);
+}
+
+TEST(HelpTexts, EverySubcommandIsListedAndExplainsItself) {
+  std::size_t defined = 0;
+  for (const std::string& file : house::project_files())
+    if (file.starts_with("experiments/command/") && file.ends_with(".cpp"))
+      for (const std::string& line : house::lines_of(file)) defined += line.ends_with("_subcommand() {");
+  const std::vector<Subcommand> all = all_subcommands();
+  EXPECT_EQ(all.size(), defined) << "a subcommand is missing in subcommands.h";
+  for (const Subcommand& one : all) {
+    EXPECT_FALSE(one.examples.empty()) << one.name;
+    const ProcessOutcome help = palpate_command({one.name, "--help"});
+    EXPECT_EQ(help.exit_code, 0) << one.name << help.err;
+    EXPECT_EQ(help.err, "") << one.name;
+    EXPECT_NE(help.out.find(one.summary.substr(0, one.summary.find(' '))), std::string::npos) << help.out;
+    for (const std::string& example : one.examples) {
+      EXPECT_NE(help.out.find(example), std::string::npos) << one.name << ": " << help.out;
+    }
+  }
 }
 
 TEST(HelpTexts, EveryCommandIsOnSomePage) {
