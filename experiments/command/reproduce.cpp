@@ -7,7 +7,8 @@ namespace {
 
 void declare_reproduce(const Declaration& declare, ReproduceArguments& a) {
   constexpr NumberRange kSeconds{0.0, 1e9};  // thirty years
-  declare.text("--tables", a.tables, "which tables, separated by commas (default: all)");
+  declare.text("--tables", a.tables,
+               "which tables, or manifests of your own (.toml), separated by commas (default: all)");
   declare.required("--out", a.out, "folder for the results");
   declare.flag("--full", a.full,
                "longer runs too: growth with the number of points to ten million; whole models; no "
