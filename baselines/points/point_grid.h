@@ -9,7 +9,7 @@
 #include "toolkit/core/large_pages.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/result.h"
-#include "toolkit/partition/cell_walk.h"
+#include "toolkit/partition/point_search.h"
 #include "toolkit/partition/uniform_grid.h"
 #include "toolkit/points/point_model.h"
 #include "toolkit/render/renderer.h"
@@ -26,18 +26,11 @@ struct PointsIn {
   LargeVector<surface::SurfacePoint> points;
   Grid grid;
 
-  /// Calls visit(place, distance_sq) for every point within `radius_mm` of `at`, in the grid's order.
-  /// Allocates nothing. O(points in the cells that the cube around it touches).
+  /// partition::visit_within over these points.
   template <class Visit>
   void within(const Vec3& at, double radius_mm, Visit&& visit) const {
-    const double most_sq = radius_mm * radius_mm;
-    partition::visit_ranges(grid, at, at, Vec3::Constant(radius_mm), [&](partition::PlaceRange range) {
-      for (std::uint32_t place = range.begin; place < range.end; ++place) {
-        const double sq = (points[place].at() - at).squaredNorm();
-        if (sq <= most_sq) visit(place, sq);
-      }
-      return true;
-    });
+    const auto position = [this](std::uint32_t place) { return points[place].at(); };
+    partition::visit_within(grid, position, at, radius_mm, visit);
   }
   [[nodiscard]] double cell_mm() const noexcept { return grid.cell_mm(); }
   [[nodiscard]] std::size_t bytes() const noexcept {

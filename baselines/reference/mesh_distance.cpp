@@ -7,7 +7,7 @@
 #include "baselines/reference/facet_tree.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/random.h"
-#include "toolkit/metrics/nearest_point.h"
+#include "toolkit/partition/point_search.h"
 
 namespace palpate::baselines {
 namespace {
@@ -69,9 +69,9 @@ Result<MeshDistance> mesh_distance(const geometry::TriangleMesh& mesh, const clo
     return (tree.closest(p).point.point - p).norm();
   });
   const std::vector<Vec3> places = places_on(mesh, d.samples);
-  const metrics::NearestPoint nearest(cloud);
+  const partition::PointSearch points(cloud);
   std::tie(d.mesh_rms_mm, d.mesh_max_mm) = summary(d.samples, threads, [&](std::size_t i) {
-    return (cloud.point_mm(nearest.find(places[i])) - places[i]).norm();
+    return (cloud.point_mm(points.nearest(places[i])) - places[i]).norm();
   });
   return d;
 }

@@ -12,7 +12,7 @@
 #include "baselines/renderers/vertex_normals.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
-#include "toolkit/metrics/nearest_point.h"
+#include "toolkit/partition/point_search.h"
 #include "toolkit/render/model_store.h"
 #include "toolkit/render/prepare_phases.h"
 
@@ -49,11 +49,11 @@ constexpr std::size_t kChunk = 4096;
 /// For every vertex the cloud's nearest point: the vertex's own where the mesh goes through the points.
 std::vector<std::uint32_t> points_of_vertices(const SurfaceMesh& mesh, const cloud::Cloud& cloud,
                                               int threads) {
-  const metrics::NearestPoint points(cloud);
+  const partition::PointSearch points(cloud);
   std::vector<std::uint32_t> nearest(mesh.vertices().size());
   parallel_chunks(nearest.size(), kChunk, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v)
-      nearest[v] = static_cast<std::uint32_t>(points.find(mesh.vertices()[v] + mesh.origin_mm()));
+      nearest[v] = static_cast<std::uint32_t>(points.nearest(mesh.vertices()[v] + mesh.origin_mm()));
   });
   return nearest;
 }

@@ -8,8 +8,8 @@
 
 #include "toolkit/cloud/generate.h"
 #include "toolkit/core/random.h"
-#include "toolkit/metrics/nearest_point.h"
 #include "toolkit/neighbourhood/knn.h"
+#include "toolkit/partition/point_search.h"
 
 namespace palpate::baselines {
 namespace {
@@ -132,10 +132,10 @@ TEST(Thin, EveryCellKeepsAPoint) {
   const double cell = 3.0 * neighbourhood::mean_spacing_mm(cloud);
   const scene::CleanedCloud made = clean(cloud, "thin/cell=3");
   EXPECT_LT(made.cloud.size(), cloud.size() / 3);
-  const metrics::NearestPoint kept(made.cloud);
+  const partition::PointSearch kept(made.cloud);
   for (std::size_t i = 0; i < cloud.size(); ++i) {
     const Vec3 p = cloud.point_mm(i);
-    ASSERT_LE((made.cloud.point_mm(kept.find(p)) - p).norm(), 1.001 * std::sqrt(3.0) * cell);
+    ASSERT_LE((made.cloud.point_mm(kept.nearest(p)) - p).norm(), 1.001 * std::sqrt(3.0) * cell);
   }
   for (std::size_t i = 0; i < made.cloud.size(); ++i)
     ASSERT_LT((made.cloud.point_mm(i) - cloud.point_mm(made.from[i])).norm(), 1e-5);

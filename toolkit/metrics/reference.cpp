@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "toolkit/core/tolerances.h"
-#include "toolkit/metrics/nearest_point.h"
+#include "toolkit/partition/point_search.h"
 
 namespace palpate::metrics {
 namespace {
@@ -173,7 +173,7 @@ Status fill_local_resolution(trace::ReferenceTrace& reference, const trace::Prob
     return Error{"the reference and the path differ in length", "", path.name, 0};
   if (cloud.empty() || neighbours.size() != cloud.size())
     return Error{"the neighbour table does not belong to the cloud", "build it from this cloud", "", 0};
-  const NearestPoint nearest(cloud);
+  const partition::PointSearch points(cloud);
   const geometry::RigidTransform model_from_world = world_from_model.inverse();
   for (std::size_t i = 0; i < path.size(); ++i) {
     trace::TruthFrame& frame = reference.frames[i];
@@ -181,7 +181,7 @@ Status fill_local_resolution(trace::ReferenceTrace& reference, const trace::Prob
                               ? frame.frame.god_object_mm
                               : Vec3(path.hip_mm[i] - frame.signed_distance_mm * frame.normal);
     if (!is_finite(place_mm)) return Error{"the reference is not finite", "", path.name, 0};
-    const std::size_t point = nearest.find(model_from_world * place_mm);
+    const std::size_t point = points.nearest(model_from_world * place_mm);
     double last_mm = 0.0;
     for (const std::uint32_t other : neighbours.of[point]) {
       last_mm = std::max(last_mm, (cloud.local_mm(other) - cloud.local_mm(point)).norm());

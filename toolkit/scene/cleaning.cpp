@@ -7,8 +7,8 @@
 #include <numeric>
 
 #include "toolkit/core/clock.h"
-#include "toolkit/metrics/nearest_point.h"
 #include "toolkit/neighbourhood/knn.h"
+#include "toolkit/partition/point_search.h"
 #include "toolkit/scene/scene.h"
 
 namespace palpate::scene {
@@ -26,11 +26,11 @@ void find_sources(const cloud::Cloud& cloud, StepOutput& output) {
   if (std::find(output.from.begin() + static_cast<std::ptrdiff_t>(first), output.from.end(), kFromNearest) ==
       output.from.end())
     return;
-  const metrics::NearestPoint nearest(cloud);
+  const partition::PointSearch points(cloud);
   for (std::size_t i = first; i < output.from.size(); ++i)
     if (output.from[i] == kFromNearest)
       output.from[i] =
-          static_cast<std::uint32_t>(nearest.find(cloud.origin_mm + output.placed_mm[i - first]));
+          static_cast<std::uint32_t>(points.nearest(cloud.origin_mm + output.placed_mm[i - first]));
 }
 
 bool is_in_order(const std::vector<std::uint32_t>& from, std::size_t input) {

@@ -54,7 +54,7 @@ struct Walk {
 /// turns.
 void take_step(Walk& walk, const Fitting& fitting, double length, double turn, Random& random) {
   const Vec3 next = walk.on_surface + length * walk.heading;
-  const Fit fit = fit_plane(*fitting.grid, next, fitting.radius_mm, walk.normal);
+  const Fit fit = fit_plane(*fitting.points, next, fitting.radius_mm, walk.normal);
   // A fold: the fitted plane jumps to another sheet. The walk turns back as at a border.
   const double most = kSharpestBend * length / fitting.radius_mm;
   const bool jumps =
@@ -81,8 +81,8 @@ double give_way(const Walk& walk, const Fitting& fitting, double depth_mm) {
     const Vec3 hip = walk.on_surface - depth_mm * walk.normal;
     const double near = kClearOfOthers * depth_mm;
     bool clear = true;
-    fitting.grid->around(hip,
-                         [&](const Vec3& q) { clear = clear && (q - hip).squaredNorm() >= near * near; });
+    fitting.points->around(hip, kMostFitted,
+                           [&](const Vec3& q) { clear = clear && (q - hip).squaredNorm() >= near * near; });
     if (clear) return depth_mm;
   }
   return 0.0;
@@ -102,13 +102,13 @@ std::optional<Walk> outermost(const cloud::Cloud& cloud, const Fitting& fitting,
   for (auto end = order.end(); end != order.begin(); --end) {
     std::pop_heap(order.begin(), end, std::greater<>());
     const Vec3 at = cloud.local_mm(std::prev(end)->second);
-    const Fit fit = fit_plane(*fitting.grid, at, fitting.radius_mm, outward);
+    const Fit fit = fit_plane(*fitting.points, at, fitting.radius_mm, outward);
     if (!fit.good) continue;
     const Vec3 hip = at + clearance_mm * outward;
     const double near = kClearOfOthers * clearance_mm;
     bool clear = true;
-    fitting.grid->around(hip,
-                         [&](const Vec3& q) { clear = clear && (q - hip).squaredNorm() >= near * near; });
+    fitting.points->around(hip, kMostFitted,
+                           [&](const Vec3& q) { clear = clear && (q - hip).squaredNorm() >= near * near; });
     if (clear) return Walk{at, fit.normal, Vec3::Zero()};
   }
   return std::nullopt;

@@ -2,8 +2,10 @@
 
 #include <Eigen/Eigenvalues>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <vector>
 
 namespace palpate::trace {
 namespace {
@@ -18,12 +20,12 @@ constexpr std::size_t kSampledBalls = 129;
 constexpr std::size_t kFewestFitted = 6;
 constexpr double kBorderOffset = 0.5;
 
-std::size_t median_in_ball(const cloud::Cloud& cloud, const PointGrid& grid, double radius) {
+std::size_t median_in_ball(const cloud::Cloud& cloud, const partition::PointSearch& points, double radius) {
   std::vector<std::size_t> counts;
   for (std::size_t s = 0; s < kSampledBalls; ++s) {
     const Vec3 p = cloud.local_mm(s * (cloud.size() - 1) / (kSampledBalls - 1));
     std::size_t count = 0;
-    grid.around(p, [&](const Vec3& q) { count += (q - p).squaredNorm() < radius * radius; });
+    points.around(p, kMostFitted, [&](const Vec3& q) { count += (q - p).squaredNorm() < radius * radius; });
     counts.push_back(count);
   }
   std::nth_element(counts.begin(), counts.begin() + kSampledBalls / 2, counts.end());
@@ -32,12 +34,12 @@ std::size_t median_in_ball(const cloud::Cloud& cloud, const PointGrid& grid, dou
 
 }  // namespace
 
-Fit fit_plane(const PointGrid& grid, const Vec3& p, double radius, const Vec3& side) {
+Fit fit_plane(const partition::PointSearch& points, const Vec3& p, double radius, const Vec3& side) {
   double weights = 0.0;
   std::size_t count = 0;
   Vec3 sum = Vec3::Zero();
   Mat3 products = Mat3::Zero();
-  grid.around(p, [&](const Vec3& q) {
+  points.around(p, kMostFitted, [&](const Vec3& q) {
     const Vec3 offset = (q - p) / radius;
     const double rest = 1.0 - offset.squaredNorm();
     if (rest <= 0.0) return;
@@ -72,13 +74,13 @@ Result<Fitting> choose_radius(const cloud::Cloud& cloud, const geometry::Aabb& b
     return Error{
         "the points of the cloud stand in one line or place", "an exploration needs a surface", {}, 0};
   for (int trial = 0; trial < kRadiusTrials; ++trial) {
-    fitting.grid = std::make_unique<PointGrid>(cloud, box, fitting.radius_mm);
-    const std::size_t median = median_in_ball(cloud, *fitting.grid, fitting.radius_mm);
+    fitting.points = std::make_unique<partition::PointSearch>(cloud, fitting.radius_mm);
+    const std::size_t median = median_in_ball(cloud, *fitting.points, fitting.radius_mm);
     if (median >= kFewestInBall && median <= kMostInBall) return fitting;
     fitting.radius_mm *= median < kFewestInBall ? kRadiusFactor : 1.0 / kRadiusFactor;
   }
-  fitting.grid =
-      std::make_unique<PointGrid>(cloud, box, fitting.radius_mm);  // uneven clouds: as good as it gets
+  fitting.points = std::make_unique<partition::PointSearch>(
+      cloud, fitting.radius_mm);  // uneven clouds: as good as it gets
   return fitting;
 }
 

@@ -108,7 +108,7 @@ class SeenPoints final : public SeenSurface {
     Vec3 p = plan + *top * view().towards_eye;
     Fit fit;
     for (int i = 0; i < kPlacements; ++i) {
-      fit = fit_plane(*fitting_.grid, p, fitting_.radius_mm, view().towards_eye);
+      fit = fit_plane(*fitting_.points, p, fitting_.radius_mm, view().towards_eye);
       const double facing = fit.normal.dot(view().towards_eye);
       if (!fit.good || facing * std::sqrt(1.0 + kSteepest * kSteepest) < 1.0) return std::nullopt;
       p += (fit.height / facing) * view().towards_eye;

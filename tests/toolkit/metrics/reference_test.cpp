@@ -8,7 +8,6 @@
 #include "toolkit/core/random.h"
 #include "toolkit/geometry/analytic_shapes.h"
 #include "toolkit/metrics/accuracy.h"
-#include "toolkit/metrics/nearest_point.h"
 #include "toolkit/metrics/truth.h"
 
 namespace palpate::metrics {
@@ -135,49 +134,6 @@ cloud::Cloud cloud_of(const std::vector<Vec3>& points) {
   auto made = cloud::build_cloud(points, cloud::NonFinite::kRefuse);
   EXPECT_TRUE(made.ok());
   return std::move(made).value();
-}
-
-std::size_t brute(const cloud::Cloud& cloud, const Vec3& p) {
-  std::size_t best = 0;
-  for (std::size_t i = 1; i < cloud.size(); ++i) {
-    const Vec3 local = p - cloud.origin_mm;
-    if ((cloud.local_mm(i) - local).squaredNorm() < (cloud.local_mm(best) - local).squaredNorm()) best = i;
-  }
-  return best;
-}
-
-TEST(NearestPoint, AgreesWithLookingAtAll) {
-  constexpr std::uint64_t kSeed = 11;
-  SCOPED_TRACE(kSeed);
-  Random random(kSeed);
-  for (const double scale : {1e-3, 1.0, 1e6}) {
-    for (const double far : {0.0, 1e3}) {
-      std::vector<Vec3> points;
-      const Vec3 centre = far * scale * Vec3(1.0, -2.0, 3.0);
-      for (int i = 0; i < 400; ++i) {
-        const double x = random.uniform(-1, 1), y = random.uniform(-1, 1);
-        points.push_back(centre + scale * Vec3(x, y, 0.2 * x * y));
-      }
-      points.push_back(points.front());  // a duplicate: the first index wins
-      const cloud::Cloud cloud = cloud_of(points);
-      const NearestPoint nearest(cloud);
-      for (int i = 0; i < 200; ++i) {
-        const double reach = i % 4 == 0 ? 30.0 : 1.2;  // some far outside
-        const Vec3 p = centre + scale * Vec3(random.uniform(-reach, reach), random.uniform(-reach, reach),
-                                             random.uniform(-reach, reach));
-        ASSERT_EQ(nearest.find(p), brute(cloud, p)) << "scale " << scale << " far " << far << " query " << i;
-      }
-    }
-  }
-}
-
-TEST(NearestPoint, LinesAndSinglePlaces) {
-  std::vector<Vec3> line;
-  for (int i = 0; i < 100; ++i) line.emplace_back(i, 0.0, 0.0);
-  const cloud::Cloud row = cloud_of(line);
-  EXPECT_EQ(NearestPoint(row).find({41.4, 3.0, 0.0}), 41u);
-  const cloud::Cloud one = cloud_of({{5, 5, 5}, {5, 5, 5}});
-  EXPECT_EQ(NearestPoint(one).find({1e9, 0, 0}), 0u);
 }
 
 TEST(LocalResolution, DistanceToTheLastNeighbourThere) {
