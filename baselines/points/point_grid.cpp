@@ -2,25 +2,17 @@
 
 #include <utility>
 
+#include "toolkit/cloud/statistics.h"
 #include "toolkit/neighbourhood/knn.h"
 
 namespace palpate::baselines {
-namespace {
-
-/// A cloud whose points all coincide has no spacing: it gets this share of the coordinates' size, or 1 mm at
-/// the origin, as in `cloud`.
-constexpr double kPointlessShare = 1e-6;
-
-}  // namespace
-
 double natural_spacing_mm(const cloud::Cloud& cloud, int threads) {
   const geometry::Aabb box = partition::local_box(cloud, threads);
   if (box.extent_mm().maxCoeff() > 0.0) {
     const double spacing = neighbourhood::mean_spacing_mm(cloud);
     if (spacing > 0.0) return spacing;
   }
-  const double size = cloud.origin_mm.cwiseAbs().maxCoeff();
-  return size > 0.0 ? kPointlessShare * size : 1.0;
+  return cloud::stand_in_spacing_mm(cloud);
 }
 
 PointGrid build_point_grid(const cloud::Cloud& cloud, double cell_mm, int threads) {

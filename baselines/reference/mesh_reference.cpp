@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "baselines/reference/facet_tree.h"
+#include "toolkit/core/nearest_rank.h"
 
 namespace palpate::baselines {
 namespace {
@@ -152,9 +153,7 @@ double median_edge_mm(const SurfaceMesh& mesh) {
   std::vector<double> lengths;
   lengths.reserve(mesh.facets().size());
   for (const Facet& f : mesh.facets()) lengths.push_back((f.corner[1] - f.corner[0]).norm());
-  const auto middle = lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2);
-  std::nth_element(lengths.begin(), middle, lengths.end());
-  return *middle;
+  return upper_median(std::move(lengths));
 }
 
 std::string exactness(const Tally& t, double edge_mm, const MeshReferenceOptions& o, double rounding_mm) {

@@ -11,6 +11,7 @@
 #include "baselines/renderers/mesh_source.h"
 #include "baselines/renderers/vertex_normals.h"
 #include "toolkit/core/hash.h"
+#include "toolkit/core/nearest_rank.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/partition/point_search.h"
 #include "toolkit/render/model_store.h"
@@ -38,9 +39,7 @@ double median_edge(const SurfaceMesh& mesh) {
     const Facet& f = mesh.facets()[i];
     for (std::uint32_t e = 0; e < 3; ++e) lengths.push_back((f.corner[after(e)] - f.corner[e]).norm());
   }
-  const auto middle = lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2);
-  std::nth_element(lengths.begin(), middle, lengths.end());
-  return *middle;
+  return upper_median(std::move(lengths));
 }
 
 /// Vertices a chunk, for parallel work; decides nothing about the result.

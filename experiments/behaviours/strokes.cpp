@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "toolkit/cloud/generate.h"
+#include "toolkit/core/tolerances.h"
 #include "toolkit/metrics/accuracy.h"
 #include "toolkit/metrics/reference.h"
 
@@ -12,8 +13,6 @@ namespace palpate::experiments {
 namespace {
 
 constexpr double kRateHz = 1000.0;
-/// The just noticeable difference of a force's size, Pang, Tan and Durlach 1991.
-constexpr double kNoticeable = 0.07;
 constexpr double kFloorN = kBehaviourStiffness * metrics::kOmniResolutionMm;
 
 BehaviourScene with_model(render::ModelInput model,
@@ -89,7 +88,7 @@ double scattered(std::size_t i, double low, double high) noexcept {
 }
 
 bool out_of_band(const render::Frame& frame, const trace::TruthFrame& truth) noexcept {
-  const double allowed = std::max(kNoticeable * truth.frame.force_n.norm(), kFloorN);
+  const double allowed = std::max(kForceJnd * truth.frame.force_n.norm(), kFloorN);
   return (frame.force_n - truth.frame.force_n).norm() > allowed;
 }
 

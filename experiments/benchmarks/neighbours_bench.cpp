@@ -7,6 +7,7 @@
 
 #include "experiments/benchmarks/rivals.h"
 #include "toolkit/cloud/generate.h"
+#include "toolkit/core/tolerances.h"
 #include "toolkit/neighbourhood/knn.h"
 #include "toolkit/partition/uniform_grid.h"
 
@@ -57,7 +58,7 @@ void pcl(benchmark::State& state) {
 void grid_build(benchmark::State& state) {
   over(state, [](const auto& c) {
     const double spacing = 100.0 / std::sqrt(static_cast<double>(c.size()));
-    return partition::UniformGrid::build(c, 5.0 * spacing, 1);
+    return partition::UniformGrid::build(c, kCellPerResolution * spacing, 1);
   });
 }
 

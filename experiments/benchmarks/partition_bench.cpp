@@ -8,6 +8,7 @@
 
 #include "toolkit/cloud/generate.h"
 #include "toolkit/core/random.h"
+#include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/swept_sphere.h"
 #include "toolkit/partition/corner_test.h"
 #include "toolkit/partition/dynamic_grid.h"
@@ -43,7 +44,6 @@ double resolution_mm(const Model& model) {
 
 template <class P>
 P built(const Model& model) {
-  constexpr double kCellPerResolution = 5.0;
   PartitionOptions options;
   options.cell_mm = kCellPerResolution * resolution_mm(model);
   return P::build(model.cloud, options, 1);

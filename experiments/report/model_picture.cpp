@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "toolkit/core/nearest_rank.h"
 #include "toolkit/neighbourhood/knn.h"
 #include "toolkit/surface/planes.h"
 
@@ -63,9 +64,8 @@ void draw_model(const cloud::Cloud& points, const ModelView& view, GreyImage& im
   std::vector<double> reach;
   for (std::size_t i = 0; i < points.size(); ++i)
     reach.push_back((points.local_mm(table.of[i].back()) - points.local_mm(i)).norm());
-  const auto middle = reach.begin() + static_cast<std::ptrdiff_t>(reach.size() / 2);
-  std::nth_element(reach.begin(), middle, reach.end());
-  const double radius = std::clamp(kDiscPerEighth * *middle * view.pixels_per_mm(), kLeastDisc, kMostDisc);
+  const double radius = std::clamp(kDiscPerEighth * upper_median(std::move(reach)) * view.pixels_per_mm(),
+                                   kLeastDisc, kMostDisc);
   for (std::size_t i = 0; i < points.size(); ++i) {
     Vec3& normal = normals[i];
     if (normal == Vec3::Zero()) normal = view.towards();

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "toolkit/cloud/spread.h"
+#include "toolkit/core/nearest_rank.h"
 #include "toolkit/core/numbers.h"
 #include "toolkit/metrics/approach.h"
 
@@ -165,8 +166,7 @@ std::vector<std::string> doubts_about_alignment(const Stage& stage) {
     const Vec3 p = model.world_from_model * cloud.point_mm(k * (cloud.size() - 1) / (kAsked - 1));
     off_mm.push_back((stage.truth->closest(p).point_mm - p).norm());
   }
-  std::nth_element(off_mm.begin(), off_mm.begin() + kAsked / 2, off_mm.end());
-  const double median = off_mm[kAsked / 2], spacing = stage.spacing.eighth_mm.p50;
+  const double median = upper_median(std::move(off_mm)), spacing = stage.spacing.eighth_mm.p50;
   if (!(median > kOffReference * spacing)) return {};
   return {
       fmt::format("The model's points lie {} mm (median) off the reference, {} times the distance to their "

@@ -199,6 +199,12 @@ double stored_rounding_mm(const Cloud& cloud) {
   return cloud.size() == 0 ? 0.0 : kUnitRoundoffFloat * 0.5 * cloud.box_mm().extent_mm().norm();
 }
 
+double stand_in_spacing_mm(const Cloud& cloud) noexcept {
+  constexpr double kShare = 1e-6;  // far above the coordinates' rounding, far below what is looked at
+  const double size = cloud.origin_mm.cwiseAbs().maxCoeff();
+  return size > 0.0 ? kShare * size : 1.0;
+}
+
 Cloud flattened(const Cloud& cloud) {
   Cloud flat;
   flat.origin_mm = {cloud.origin_mm.x(), cloud.origin_mm.y(), 0.0};

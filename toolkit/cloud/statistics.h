@@ -42,6 +42,10 @@ struct Statistics {
 /// the last place of the half extent.
 [[nodiscard]] double stored_rounding_mm(const Cloud& cloud);
 
+/// A cloud whose points all coincide has no spacing: it gets a millionth of the coordinates' size, or 1 mm at
+/// the origin, so that it is still there to be touched.
+[[nodiscard]] double stand_in_spacing_mm(const Cloud& cloud) noexcept;
+
 /// The cloud seen from above: the same points with z = 0.
 [[nodiscard]] Cloud flattened(const Cloud& cloud);
 

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "toolkit/control/passivity.h"
+#include "toolkit/core/nearest_rank.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/metrics/pop_through.h"
 #include "toolkit/metrics/reference.h"
@@ -107,7 +108,7 @@ void score_direction(const Input& in, Accuracy& a) {
   if (angles.empty()) return;
   std::sort(angles.begin(), angles.end());
   a.direction_mean_deg = sum / static_cast<double>(angles.size());
-  a.direction_p99_deg = angles[trace::nearest_rank_index(angles.size(), kDirectionPercentile)];
+  a.direction_p99_deg = nearest_rank(angles, kDirectionPercentile);
   a.direction_max_deg = angles.back();
 }
 

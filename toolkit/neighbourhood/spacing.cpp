@@ -3,21 +3,16 @@
 #include <algorithm>
 #include <cmath>
 
+#include "toolkit/core/nearest_rank.h"
 #include "toolkit/core/tolerances.h"
 
 namespace palpate::neighbourhood {
 namespace {
 
-/// The smallest value that at least `share` of the sorted values do not exceed.
-double nearest_rank(const std::vector<double>& sorted, double share) {
-  const auto rank = static_cast<std::size_t>(std::ceil(share * static_cast<double>(sorted.size())));
-  return sorted[std::clamp<std::size_t>(rank, 1, sorted.size()) - 1];
-}
-
 Percentiles percentiles(std::vector<double> values) {
   if (values.empty()) return {};
   std::sort(values.begin(), values.end());
-  return {values.front(), nearest_rank(values, 0.5), nearest_rank(values, 0.99), nearest_rank(values, 0.999),
+  return {values.front(), nearest_rank(values, 50.0), nearest_rank(values, 99.0), nearest_rank(values, 99.9),
           values.back()};
 }
 

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <span>
 
+#include "toolkit/cloud/statistics.h"
+#include "toolkit/core/nearest_rank.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/neighbourhood/builders.h"
@@ -18,13 +20,8 @@ namespace {
 
 /// Enough for a median that is right to some percent.
 constexpr std::size_t kSampledPoints = 4096;
-/// The thesis's rule of thumb (below figure 36): a cell is five resolutions long.
-constexpr double kCellPerResolution = 5.0;
 /// A box is as long as the cloud's resolution: in smaller cells it would reach beyond the cells around.
 constexpr double kLeastCellPerResolution = 0.5;
-/// A cloud whose points all coincide has no spacing; its boxes get this share of the coordinates' size, or 1
-/// mm at the origin, so that it is still there to be touched.
-constexpr double kPointlessShare = 1e-6;
 
 /// The builder that the options mean.
 std::string builder_name(const cloud::Cloud& cloud, const PointModelOptions& options) {
@@ -76,8 +73,7 @@ double median_local_resolution(const cloud::Cloud& cloud, const neighbourhood::N
     for (const std::uint32_t other : table.of[i])
       square[k] = std::max(square[k], (cloud.local_mm(other) - cloud.local_mm(i)).squaredNorm());
   }
-  std::nth_element(square.begin(), square.begin() + static_cast<std::ptrdiff_t>(count / 2), square.end());
-  return std::sqrt(square[count / 2]);
+  return std::sqrt(upper_median(std::move(square)));
 }
 
 /// The thesis sizes cells by the resolution, which is that of the cloud's sparsest place. Where points
@@ -278,8 +274,7 @@ Result<PointModel> build_point_model(const cloud::Cloud& cloud, const PointModel
   model.max_spacing_mm = worst_resolution(cloud, *table, context.threads);
   model.resolution_mm = options.resolution_mm > 0.0 ? options.resolution_mm : model.max_spacing_mm;
   if (!(model.resolution_mm > 0.0)) {
-    const double size = cloud.origin_mm.cwiseAbs().maxCoeff();
-    model.resolution_mm = size > 0.0 ? kPointlessShare * size : 1.0;
+    model.resolution_mm = cloud::stand_in_spacing_mm(cloud);
     report.notes.push_back("all points coincide: the resolution is a stand-in");
   }
   phases.end();

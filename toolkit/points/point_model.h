@@ -10,6 +10,7 @@
 
 #include "toolkit/core/large_pages.h"
 #include "toolkit/core/result.h"
+#include "toolkit/core/tolerances.h"
 #include "toolkit/core/vec.h"
 #include "toolkit/neighbourhood/neighbour_table.h"
 #include "toolkit/partition/dynamic_grid.h"
@@ -37,9 +38,10 @@ struct PointModelOptions {
   std::string neighbours = "auto";  ///< auto, or one of neighbourhood::builders()
   bool complete_to_eight = true;    ///< of modified kNN
   BoxSize box = BoxSize::kGlobal;
-  double box_mm = 0.0;               ///< edge of the global cube; 0 = the resolution
-  double resolution_mm = 0.0;        ///< 0 = measured
-  double cell_per_resolution = 5.0;  ///< 0 = five times the median local resolution: see point_model_specs()
+  double box_mm = 0.0;         ///< edge of the global cube; 0 = the resolution
+  double resolution_mm = 0.0;  ///< 0 = measured
+  /// 0 = five times the median local resolution: see point_model_specs().
+  double cell_per_resolution = kCellPerResolution;
   PartitionKind partition = PartitionKind::kGrid;
   bool moving = false;        ///< points may move (Deformer): the partition follows
   bool swept_sphere = false;  ///< test boxes with a swept sphere instead of a segment (section 3.1.4)

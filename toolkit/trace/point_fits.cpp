@@ -7,6 +7,8 @@
 #include <numbers>
 #include <vector>
 
+#include "toolkit/core/nearest_rank.h"
+
 namespace palpate::trace {
 namespace {
 
@@ -28,8 +30,7 @@ std::size_t median_in_ball(const cloud::Cloud& cloud, const partition::PointSear
     points.around(p, kMostFitted, [&](const Vec3& q) { count += (q - p).squaredNorm() < radius * radius; });
     counts.push_back(count);
   }
-  std::nth_element(counts.begin(), counts.begin() + kSampledBalls / 2, counts.end());
-  return counts[kSampledBalls / 2];
+  return upper_median(std::move(counts));
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "toolkit/core/clock.h"
+#include "toolkit/core/nearest_rank.h"
 
 namespace palpate::trace {
 namespace {
@@ -22,9 +23,6 @@ constexpr std::size_t kEvictedBytes = std::size_t{64} * 1024 * 1024;  // design.
 constexpr std::size_t kCacheLineBytes = 64;                           // x86-64 and most ARM cores
 constexpr std::int64_t kPacedPeriodNs = 1'000'000;                    // the 1 kHz tick
 constexpr std::size_t kClockPairs = 4096;  // enough for a stable median, well under a millisecond
-// Relative error of percent * n / 100: a product, a quotient and the percentage itself, each half an epsilon;
-// doubled.
-constexpr double kRankSlack = 4.0 * std::numeric_limits<double>::epsilon();
 constexpr double kUsPerNs = 1e-3;
 constexpr std::size_t kProgressEveryFrames = 256;  // paced frames are long: a report about 4 times a second
 
@@ -297,19 +295,6 @@ Status time_passes(Course& course, const ProbePath& path, ReplayReport& report) 
 
 }  // namespace
 
-std::size_t nearest_rank_index(std::size_t n, double percent) noexcept {
-  const double count = static_cast<double>(n);
-  // 99.9 / 100 x 1000 is a little over 999 in floating point: without the slack the rank would be one too
-  // high.
-  const double exact = percent * count / 100.0;
-  const double rank = std::ceil(exact - exact * kRankSlack);
-  return static_cast<std::size_t>(std::clamp(rank, 1.0, count)) - 1;
-}
-
-std::int64_t percentile_nearest_rank(std::span<const std::int64_t> sorted, double percent) noexcept {
-  return sorted[nearest_rank_index(sorted.size(), percent)];
-}
-
 FrameStatistics frame_statistics(std::vector<std::int64_t> times, std::span<const RunTime> runs,
                                  double clock_overhead_ns) {
   FrameStatistics s;
@@ -318,7 +303,7 @@ FrameStatistics frame_statistics(std::vector<std::int64_t> times, std::span<cons
   if (times.empty()) return s;
   std::sort(times.begin(), times.end());
   const auto us = [&](double percent) {
-    return static_cast<double>(percentile_nearest_rank(times, percent)) * kUsPerNs;
+    return static_cast<double>(nearest_rank(times, percent)) * kUsPerNs;
   };
   s.min_us = us(0.0);
   s.p50_us = us(50.0);
@@ -349,7 +334,7 @@ double measure_clock_overhead_ns() {
     pair = monotonic_ns() - start_ns;
   }
   std::sort(pairs.begin(), pairs.end());
-  return static_cast<double>(percentile_nearest_rank(pairs, 50.0));
+  return static_cast<double>(nearest_rank(pairs, 50.0));
 }
 
 std::size_t densest_contact_stretch(const ForceTrace& trace, std::size_t frames) {

@@ -35,15 +35,6 @@ namespace palpate::trace {
 /// A frame that takes longer than this misses the deadline of the classic 1 kHz haptic loop.
 inline constexpr std::int64_t kDeadline1KhzNs = 1'000'000;
 
-/// Where the p-th percentile by nearest rank stands among n sorted samples, counted from 0: rank ceil(p / 100
-/// * n) counted from 1; p = 0 is the smallest. Always one of the samples, nothing is interpolated. n > 0, 0
-/// <= percent <= 100.
-[[nodiscard]] std::size_t nearest_rank_index(std::size_t n, double percent) noexcept;
-
-/// The sample there. `sorted` must not be empty.
-[[nodiscard]] std::int64_t percentile_nearest_rank(std::span<const std::int64_t> sorted,
-                                                   double percent) noexcept;
-
 /// Times of one set of frames. With no frame in the set every time is nothing.
 struct FrameStatistics {
   std::uint64_t frames = 0;          ///< frames of the path (or of the paced stretch)

@@ -8,6 +8,8 @@
 #include <limits>
 #include <vector>
 
+#include "toolkit/core/nearest_rank.h"
+
 namespace palpate::trace {
 namespace {
 
@@ -145,9 +147,7 @@ double median_edge(const geometry::TriangleMesh& mesh) {
     const Vec3 &a = mesh.vertices_mm[t[0]], &b = mesh.vertices_mm[t[1]], &c = mesh.vertices_mm[t[2]];
     edges.push_back(std::max({(b - a).norm(), (c - b).norm(), (a - c).norm()}));
   }
-  const auto middle = edges.begin() + static_cast<std::ptrdiff_t>(edges.size() / 2);
-  std::nth_element(edges.begin(), middle, edges.end());
-  return *middle;
+  return upper_median(std::move(edges));
 }
 
 }  // namespace

@@ -64,29 +64,6 @@ ProbePath path_of(std::vector<double> z_mm) {
   return path;
 }
 
-TEST(Percentile, IsTheNearestRank) {
-  const std::vector<std::int64_t> nine{1, 2, 3, 4, 5, 6, 7, 8, 9};
-  EXPECT_EQ(percentile_nearest_rank(nine, 0.0), 1);
-  EXPECT_EQ(percentile_nearest_rank(nine, 50.0), 5);  // rank ceil(4.5) = 5
-  EXPECT_EQ(percentile_nearest_rank(nine, 99.0), 9);  // rank ceil(8.91) = 9
-  EXPECT_EQ(percentile_nearest_rank(nine, 100.0), 9);
-  const std::vector<std::int64_t> four{10, 20, 30, 40};
-  EXPECT_EQ(percentile_nearest_rank(four, 25.0), 10);  // rank exactly 1
-  EXPECT_EQ(percentile_nearest_rank(four, 25.1), 20);
-  EXPECT_EQ(percentile_nearest_rank(four, 50.0), 20);
-  const std::vector<std::int64_t> one{7};
-  for (const double p : {0.0, 50.0, 99.9, 100.0}) EXPECT_EQ(percentile_nearest_rank(one, p), 7);
-}
-
-TEST(Percentile, ExactRanksAreNotRoundedUp) {
-  for (const std::size_t n : {1000u, 10000u, 50000u, 54000u}) {
-    std::vector<std::int64_t> values(n);
-    std::iota(values.begin(), values.end(), 1);
-    EXPECT_EQ(percentile_nearest_rank(values, 99.9), static_cast<std::int64_t>(n / 1000 * 999)) << n;
-    EXPECT_EQ(percentile_nearest_rank(values, 99.0), static_cast<std::int64_t>(n / 100 * 99)) << n;
-  }
-}
-
 // What stands side by side is comparable, whatever the clock read in either pass.
 void expect_in_order(const FrameStatistics& s) {
   EXPECT_LE(*s.min_us, *s.p50_us);
