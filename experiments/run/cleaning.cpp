@@ -2,9 +2,7 @@
 
 #include <fmt/format.h>
 
-#ifdef PALPATE_WITH_BASELINES
 #include "baselines/cleaning/cleaning.h"
-#endif
 
 namespace palpate::experiments {
 namespace {
@@ -28,9 +26,7 @@ std::shared_ptr<const surface::PointProperties> follow(const surface::PointPrope
 const scene::Cleaning& all_cleaning() {
   static const scene::Cleaning cleaning = [] {
     scene::Cleaning all;
-#ifdef PALPATE_WITH_BASELINES
     baselines::register_cleaning(all);
-#endif
     return all;
   }();
   return cleaning;

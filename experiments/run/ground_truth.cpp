@@ -1,12 +1,9 @@
 #include "experiments/run/ground_truth.h"
 
-#ifdef PALPATE_WITH_BASELINES
 #include "baselines/reference/mesh_reference.h"
-#endif
 
 namespace palpate::experiments {
 
-#ifdef PALPATE_WITH_BASELINES
 Result<GroundTruth> ground_truth_on_mesh(const render::ModelInput& model, const trace::ProbePath& path,
                                          double force_limit_n, Progress& progress) {
   auto truth = baselines::MeshTruth::build(*model.original_mesh, model.world_from_model);
@@ -16,12 +13,5 @@ Result<GroundTruth> ground_truth_on_mesh(const render::ModelInput& model, const 
   if (!reference) return std::move(reference).error();
   return GroundTruth{std::move(*reference), std::move(*truth)};
 }
-#else
-Result<GroundTruth> ground_truth_on_mesh(const render::ModelInput&, const trace::ProbePath&, double,
-                                         Progress&) {
-  return Error{
-      "this build has no baselines, so there is no reference on a mesh", "use --reference none", {}, 0};
-}
-#endif
 
 }  // namespace palpate::experiments

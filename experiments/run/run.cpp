@@ -4,9 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#ifdef PALPATE_WITH_BASELINES
 #include "baselines/mesh_holder.h"
-#endif
 #include "experiments/run/cleaning.h"
 #include "experiments/run/doubts.h"
 #include "experiments/study/scoring.h"
@@ -65,16 +63,12 @@ void put_before(const std::vector<render::PreparePhase>& phases, const std::vect
 }
 
 Status save_mesh(const render::HapticRenderer& renderer, const std::string& file, bool& saved) {
-#ifdef PALPATE_WITH_BASELINES
   const auto* holder = dynamic_cast<const baselines::MeshHolder*>(&renderer);
   const geometry::TriangleMesh* mesh = holder == nullptr ? nullptr : holder->mesh(0);
   if (mesh != nullptr) {
     saved = true;
     return io::write_mesh_ply(file, *mesh);
   }
-#else
-  (void)renderer, (void)file;
-#endif
   saved = false;
   return Done{};
 }

@@ -2,9 +2,7 @@
 
 #include <fmt/format.h>
 
-#ifdef PALPATE_WITH_BASELINES
 #include "baselines/register.h"
-#endif
 #include "experiments/run/cleaning.h"
 #include "experiments/session/version.h"
 #ifdef PALPATE_WITH_DEM
@@ -13,22 +11,16 @@
 #ifdef PALPATE_WITH_PCD
 #include "toolkit/pcd/pcd_reader.h"
 #endif
-#ifdef PALPATE_WITH_VORONOI
 #include "toolkit/renderers/toolkit_renderers.h"
 #include "toolkit/voronoi/voronoi.h"
-#endif
 
 namespace palpate::experiments {
 
 render::Registry all_renderers() {
-#ifdef PALPATE_WITH_VORONOI
   voronoi::register_voronoi();  // first: renderers list the builders of neighbours as they are registered
-#endif
   render::Registry registry;
   render::register_toolkit_renderers(registry);
-#ifdef PALPATE_WITH_BASELINES
   baselines::register_baseline_renderers(registry);
-#endif
   return registry;
 }
 

@@ -5,25 +5,14 @@
 #include <nlohmann/json.hpp>
 
 #include "experiments/tables/reproduction.h"
-#ifdef PALPATE_WITH_BASELINES
 #include "baselines/reconstruct/oriented_normals.h"
 #include "baselines/reconstruct/reconstruct.h"
 #include "baselines/reference/mesh_distance.h"
-#endif
 #include "toolkit/cloud/sample.h"
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/neighbourhood/knn.h"
 
 namespace palpate::experiments {
-
-#ifndef PALPATE_WITH_BASELINES
-
-void reproduce_meshes(const Manifest& manifest, Reproduction& r) {
-  give_up(r, fmt::format("table {}", manifest.table),
-          {"built without the baselines", "configure with -DPALPATE_BUILD_BASELINES=ON", {}, 0});
-}
-
-#else
 
 namespace {
 
@@ -271,7 +260,5 @@ void reproduce_meshes(const Manifest& manifest, Reproduction& r) {
   r.page.sections.push_back(std::move(section));
   std::move(tables.begin(), tables.end(), std::back_inserter(r.tables));
 }
-
-#endif
 
 }  // namespace palpate::experiments
