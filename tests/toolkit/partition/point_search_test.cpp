@@ -38,7 +38,9 @@ TEST(PointSearch, NearestAgreesWithLookingAtAll) {
       const Vec3 p = some_place(cloud, one.step_mm, i, random);
       const std::size_t wanted = nearest_of_all(cloud, p);
       ASSERT_EQ(usual.nearest(p), wanted) << one.name << " query " << i;
-      if (i % 8 < 2) ASSERT_EQ(fine.nearest(p), wanted) << one.name << " query " << i;
+      if (i % 8 < 2) {  // far places cost it many rings
+        ASSERT_EQ(fine.nearest(p), wanted) << one.name << " query " << i;
+      }
       ASSERT_EQ(coarse.nearest(p), wanted) << one.name << " query " << i;
     }
   }
