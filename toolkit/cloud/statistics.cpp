@@ -205,14 +205,4 @@ double stand_in_spacing_mm(const Cloud& cloud) noexcept {
   return size > 0.0 ? kShare * size : 1.0;
 }
 
-Cloud flattened(const Cloud& cloud) {
-  Cloud flat;
-  flat.origin_mm = {cloud.origin_mm.x(), cloud.origin_mm.y(), 0.0};
-  flat.x_mm = cloud.x_mm;
-  flat.y_mm = cloud.y_mm;
-  flat.z_mm.assign(cloud.size(), 0.0f);
-  flat.raster = cloud.raster;
-  return flat;
-}
-
 }  // namespace palpate::cloud

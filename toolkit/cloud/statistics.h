@@ -46,7 +46,4 @@ struct Statistics {
 /// the origin, so that it is still there to be touched.
 [[nodiscard]] double stand_in_spacing_mm(const Cloud& cloud) noexcept;
 
-/// The cloud seen from above: the same points with z = 0.
-[[nodiscard]] Cloud flattened(const Cloud& cloud);
-
 }  // namespace palpate::cloud
