@@ -67,4 +67,20 @@ inline trace::ProbePath path_over(const Scene& scene, const std::string& spec) {
   return std::move(*path);
 }
 
+/// A plane of 40 x 40 mm, z = 0 in its middle, put at `at`.
+inline ModelInput plane_at(const Vec3& at, double spacing_mm = 0.5) {
+  Scene scene = generated("plane:extent_mm=40:spacing_mm=" + std::to_string(spacing_mm));
+  ModelInput input = scene.input.models[0];
+  const geometry::Aabb box = input.cloud->box_mm();
+  input.world_from_model.translation_mm = at - 0.5 * (box.low_mm + box.high_mm);
+  return input;
+}
+
+/// The renderer on the scene's own clock.
+inline test::Stepped on_clock(const SceneInput& scene, const std::string& spec) {
+  test::Stepped renderer = prepared(scene, spec);
+  renderer->drive(scene.simulation);
+  return renderer;
+}
+
 }  // namespace palpate::render
