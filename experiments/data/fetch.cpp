@@ -13,6 +13,7 @@
 #include "toolkit/core/locked_file.h"
 #include "toolkit/core/options.h"
 #include "toolkit/core/process.h"
+#include "toolkit/core/try.h"
 #include "toolkit/io/text.h"
 
 namespace palpate::experiments {
@@ -81,20 +82,18 @@ std::optional<std::string> local_path(std::string_view address) {
 Result<std::optional<std::uint64_t>> announced_bytes(const std::string& address,
                                                      const FetchOptions& options) {
   if (const std::optional<std::string> path = local_path(address)) {
-    const Result<InputFile> file = InputFile::open(*path);
-    if (!file) return file.error();
-    return std::optional<std::uint64_t>(file->size());
+    PALPATE_ASSIGN(const InputFile file, InputFile::open(*path));
+    return std::optional<std::uint64_t>(file.size());
   }
   std::vector<std::string> arguments = curl(options);
   arguments.insert(arguments.end(), {"--head", "--", address});
-  const Result<ProcessOutcome> run =
-      run_process(arguments, {.time_limit_s = options.connect_limit_s + options.stall_limit_s});
-  if (!run) return run.error();
-  if (run->exit_code == kCurlHttpError) return std::optional<std::uint64_t>();  // it may answer GET alone
-  if (run->exit_code != 0) return Error{run->timed_out ? "nobody answers" : last_line(run->err), {}, {}, 0};
+  PALPATE_ASSIGN(const ProcessOutcome run,
+                 run_process(arguments, {.time_limit_s = options.connect_limit_s + options.stall_limit_s}));
+  if (run.exit_code == kCurlHttpError) return std::optional<std::uint64_t>();  // it may answer GET alone
+  if (run.exit_code != 0) return Error{run.timed_out ? "nobody answers" : last_line(run.err), {}, {}, 0};
   // The last of several, where there were redirections.
   std::optional<std::uint64_t> bytes;
-  for (const std::string& line : split_list(run->out, '\n')) {
+  for (const std::string& line : split_list(run.out, '\n')) {
     const std::string lower = io::lower_case(line);
     constexpr std::string_view kKey = "content-length:";
     if (lower.starts_with("http/")) bytes.reset();
@@ -128,9 +127,8 @@ Result<Bounds> bounds_of(const ScanSource& source, std::uint64_t have, const Fet
   std::uint64_t comes = 0;  // 0: not known
   const bool packed = !source.member.empty();
   if (source.kind == ScanSource::Kind::kAddress) {
-    const Result<std::optional<std::uint64_t>> said = announced_bytes(source.address, options);
-    if (!said) return said.error();
-    comes = said->value_or(packed ? 0 : source.bytes);
+    PALPATE_ASSIGN(const std::optional<std::uint64_t> said, announced_bytes(source.address, options));
+    comes = said.value_or(packed ? 0 : source.bytes);
     if (comes > limit) return too_large("the source announces", comes, options);
     if (comes > 0 && !packed && source.bytes > 0 && comes != source.bytes)
       return Error{fmt::format("the source announces {} bytes, the scan has {}", comes, source.bytes),
@@ -182,20 +180,19 @@ Status download(const std::string& address, const fs::path& to, std::uint64_t mo
   for (int attempt = 0; attempt < 2; ++attempt) {
     std::vector<std::string> arguments = curl(options);
     arguments.insert(arguments.end(), {"--continue-at", "-", "--output", to.string(), "--", address});
-    const Result<ProcessOutcome> run =
-        run_process(arguments, within(options.total_limit_s, most_bytes, tick));
-    if (!run) return run.error();
-    if (run->exit_code == 0) return Done{};
-    if (run->exit_code == kTooLargeFile) {
+    PALPATE_ASSIGN(const ProcessOutcome run,
+                   run_process(arguments, within(options.total_limit_s, most_bytes, tick)));
+    if (run.exit_code == 0) return Done{};
+    if (run.exit_code == kTooLargeFile) {
       fs::remove(to, code);  // it would be "resumed" for ever
       return sends_more(most_bytes);
     }
-    if (run->exit_code == kCurlCannotResume && attempt == 0) {
+    if (run.exit_code == kCurlCannotResume && attempt == 0) {
       fs::remove(to, code);
       continue;
     }
-    return Error{run->timed_out ? fmt::format("the time limit of {} s was reached", options.total_limit_s)
-                                : last_line(run->err),
+    return Error{run.timed_out ? fmt::format("the time limit of {} s was reached", options.total_limit_s)
+                               : last_line(run.err),
                  {},
                  {},
                  0};
@@ -214,17 +211,18 @@ Status npm_pack(const std::string& package, const fs::path& to, const fs::path& 
   std::error_code code;
   fs::remove_all(folder, code);
   fs::create_directories(folder, code);
-  const Result<ProcessOutcome> run = run_process(
-      {"npm", "pack", package, "--pack-destination", folder.string(), "--ignore-scripts", "--fetch-retries=1",
-       fmt::format("--fetch-retry-mintimeout={:.0f}", options.connect_limit_s * 100.0),
-       fmt::format("--fetch-timeout={:.0f}", options.total_limit_s * 1000.0), "--silent"},
-      within(options.total_limit_s, most_bytes, tick));
-  if (!run) return run.error();
-  if (run->exit_code == kTooLargeFile) return sends_more(most_bytes);
-  if (run->exit_code != 0)
-    return Error{run->timed_out
+  PALPATE_ASSIGN(
+      const ProcessOutcome run,
+      run_process({"npm", "pack", package, "--pack-destination", folder.string(), "--ignore-scripts",
+                   "--fetch-retries=1",
+                   fmt::format("--fetch-retry-mintimeout={:.0f}", options.connect_limit_s * 100.0),
+                   fmt::format("--fetch-timeout={:.0f}", options.total_limit_s * 1000.0), "--silent"},
+                  within(options.total_limit_s, most_bytes, tick)));
+  if (run.exit_code == kTooLargeFile) return sends_more(most_bytes);
+  if (run.exit_code != 0)
+    return Error{run.timed_out
                      ? fmt::format("npm did not finish within {} s", options.total_limit_s)
-                     : fmt::format("npm failed with status {}: {}", run->exit_code, last_line(run->err)),
+                     : fmt::format("npm failed with status {}: {}", run.exit_code, last_line(run.err)),
                  {},
                  {},
                  0};
@@ -282,11 +280,10 @@ Status check_content(const Scan& scan, const ScanSource& source, const fs::path&
                      const FetchOptions& options, Progress& progress) {
   if (options.readers == nullptr) return Error{"no checksum is known, and nothing reads it", {}, {}, 0};
   progress.report("reading what came", -1.0);
-  Result<std::unique_ptr<io::ByteSource>> bytes = io::open_file(file.string());
-  if (!bytes) return std::move(bytes).error();
+  PALPATE_ASSIGN(std::unique_ptr<io::ByteSource> bytes, io::open_file(file.string()));
   io::ReadOptions read;
   read.unit = io::Unit::kMillimetre;  // whatever it is: the shape does not matter here
-  const Result<io::ReadModel> model = options.readers->read(std::move(*bytes), source.file, read);
+  const Result<io::ReadModel> model = options.readers->read(std::move(bytes), source.file, read);
   if (!model)
     return Error{"what came is not the scan: " + model.error().message(), "take another source", {}, 0};
   if (scan.points > 0 && model->file_points != scan.points && !options.force)
@@ -301,20 +298,19 @@ Status check_content(const Scan& scan, const ScanSource& source, const fs::path&
 Status check_download(const Scan& scan, const ScanSource& source, const fs::path& file,
                       const fs::path& target, const FetchOptions& options, Progress& progress) {
   progress.report("checking the checksum", -1.0);
-  const Result<std::string> sum = sha256_of_file(file.string());
-  if (!sum) return sum.error();
+  PALPATE_ASSIGN(const std::string sum, sha256_of_file(file.string()));
   const bool listed = !source.sha256.empty();
   const std::string expected = listed ? source.sha256 : recorded(target);
-  if (*sum == expected) return Done{};
+  if (sum == expected) return Done{};
   if (!expected.empty() && (listed || !options.force)) {
-    Error error = wrong_sum(expected, *sum);
+    Error error = wrong_sum(expected, sum);
     error.remedy = listed
                        ? "the download was deleted; try again or take another source"
                        : "that of an earlier fetch was another; the download was deleted; --force keeps it";
     return error;
   }
   if (const Status right = check_content(scan, source, file, options, progress); !right) return right;
-  return write_file(checksum_record(target).string(), *sum + "\n");
+  return write_file(checksum_record(target).string(), sum + "\n");
 }
 
 Result<fs::path> fetch_from(const Scan& scan, const ScanSource& source, const FetchOptions& options,
@@ -324,13 +320,11 @@ Result<fs::path> fetch_from(const Scan& scan, const ScanSource& source, const Fe
   if (!npm && !program_exists("curl"))
     return Error{"the program 'curl' is not installed", "install it with: apt-get install curl", {}, 0};
   const fs::path archive = work / (scan.name + (npm ? ".npm.download" : ".download"));
-  const Result<Bounds> bounds = bounds_of(source, npm ? 0 : size_or_none(archive), options);
-  if (!bounds) return bounds.error();
-  const Status got = npm ? npm_pack(source.address, archive, work, bounds->download, options, progress)
-                         : download(source.address, archive, bounds->download, options, progress);
-  if (!got) return got.error();
+  PALPATE_ASSIGN(const Bounds bounds, bounds_of(source, npm ? 0 : size_or_none(archive), options));
+  PALPATE_TRY(npm ? npm_pack(source.address, archive, work, bounds.download, options, progress)
+                  : download(source.address, archive, bounds.download, options, progress));
   std::error_code code;
-  Result<fs::path> file = unpack(archive, source, work, bounds->stored, progress);
+  Result<fs::path> file = unpack(archive, source, work, bounds.stored, progress);
   if (!file) {
     fs::remove(archive, code);  // a damaged archive would be "resumed" for ever
     return std::move(file).error();
@@ -362,9 +356,8 @@ Result<fs::path> fetch_scan(const Scan& scan, const FetchOptions& options, Progr
   if (code)
     return Error{"the cache folder cannot be made: " + code.message(),
                  "set XDG_CACHE_HOME to a folder you may write", options.cache.string(), 0};
-  const Result<LockedFile> lock = LockedFile::open((options.cache / "partial" / "lock").string());
-  if (!lock) return lock.error();
-  if (!lock->held())
+  PALPATE_ASSIGN(const LockedFile lock, LockedFile::open((options.cache / "partial" / "lock").string()));
+  if (!lock.held())
     return Error{"another fetch is using this cache", "wait for it to end", options.cache.string(), 0};
   std::string tried;
   for (const ScanSource& source : scan.sources) {
@@ -390,10 +383,9 @@ Status check_stored(const Scan& scan, const fs::path& file) {
   for (const ScanSource& source : scan.sources)
     if (!source.sha256.empty() && file.string().ends_with("/" + source.file)) expected = source.sha256;
   if (expected.empty()) return Done{};
-  const Result<std::string> sum = sha256_of_file(file.string());
-  if (!sum) return sum.error();
-  if (*sum == expected) return Done{};
-  return wrong_sum(expected, *sum).in_file(file.string());
+  PALPATE_ASSIGN(const std::string sum, sha256_of_file(file.string()));
+  if (sum == expected) return Done{};
+  return wrong_sum(expected, sum).in_file(file.string());
 }
 
 Result<BroughtScan> bring_scan(const Scan& scan, const FetchOptions& options, Progress& progress) {
@@ -409,9 +401,8 @@ Result<BroughtScan> bring_scan(const Scan& scan, const FetchOptions& options, Pr
                    "replace or remove it by hand: $PALPATE_DATA comes before the cache", here->string(), 0};
     if (!right) brought.note = fmt::format("{}. It is fetched again.", right.error().message());
   }
-  Result<fs::path> got = fetch_scan(scan, options, progress);
-  if (!got) return std::move(got).error();
-  brought.file = *std::move(got);
+  PALPATE_ASSIGN(fs::path got, fetch_scan(scan, options, progress));
+  brought.file = std::move(got);
   brought.fetched = true;
   return brought;
 }

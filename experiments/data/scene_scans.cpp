@@ -4,6 +4,7 @@
 
 #include "experiments/data/locate.h"
 #include "experiments/run/arguments.h"
+#include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
 
 namespace palpate::experiments {
@@ -29,10 +30,9 @@ Result<std::filesystem::path> file_of(const std::string& name, const FetchOption
   const Scan* scan = find_scan(name);
   if (scan == nullptr) return no_such_scan(name);
   if (fetch != nullptr) {
-    Result<BroughtScan> brought = bring_scan(*scan, *fetch, progress);
-    if (!brought) return std::move(brought).error();
-    if (!brought->note.empty()) notes.push_back(brought->note);
-    return brought->file;
+    PALPATE_ASSIGN(BroughtScan brought, bring_scan(*scan, *fetch, progress));
+    if (!brought.note.empty()) notes.push_back(brought.note);
+    return brought.file;
   }
   if (std::optional<std::filesystem::path> here = locate_scan(*scan)) return *here;
   return Error{fmt::format("the scan '{}' is not here", name),
@@ -58,9 +58,8 @@ Status find_scans(scene::SceneFile& scene, const FetchOptions* fetch, Progress& 
     if (!file) return Error(file.error()).in_file(scene.path, model.line);
     model.cloud = file->string();
     if (model.unit) continue;
-    const Result<io::Unit> unit = io::parse_unit(find_scan(model.scan)->unit);
-    if (!unit) return unit.error();
-    model.unit = *unit;
+    PALPATE_ASSIGN(const io::Unit unit, io::parse_unit(find_scan(model.scan)->unit));
+    model.unit = unit;
   }
   return Done{};
 }
@@ -80,7 +79,7 @@ Result<scene::SceneFile> open_scene(const std::string& argument, const render::R
     if (const Result<RendererRequest> request = request_of(*scene->renderer, registry); !request)
       return Error(request.error()).in_file(scene->path, scene->renderer_line);
   std::vector<std::string> notes;
-  if (const Status found = find_scans(*scene, nullptr, progress, notes); !found) return found.error();
+  PALPATE_TRY(find_scans(*scene, nullptr, progress, notes));
   return scene;
 }
 

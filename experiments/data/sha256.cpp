@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "toolkit/core/input_file.h"
+#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
@@ -78,15 +79,13 @@ std::string Sha256::finish() noexcept {
 }
 
 Result<std::string> sha256_of_file(const std::string& path) {
-  Result<InputFile> file = InputFile::open(path);
-  if (!file) return std::move(file).error();
+  PALPATE_ASSIGN(InputFile file, InputFile::open(path));
   Sha256 hash;
   std::vector<std::byte> piece(1u << 20);
   while (true) {
-    const Result<std::size_t> got = file->read(piece);
-    if (!got) return got.error();
-    if (*got == 0) return hash.finish();
-    hash.bytes(std::span(piece).first(*got));
+    PALPATE_ASSIGN(const std::size_t got, file.read(piece));
+    if (got == 0) return hash.finish();
+    hash.bytes(std::span(piece).first(got));
   }
 }
 

@@ -5,6 +5,7 @@
 #include <functional>
 
 #include "experiments/report/page.h"
+#include "toolkit/core/words.h"
 
 namespace palpate::experiments {
 namespace {
@@ -12,12 +13,6 @@ namespace {
 using metrics::RendererResult;
 using Value = std::function<std::optional<double>(const RendererResult&)>;
 using Show = std::function<std::string(double)>;
-
-std::string joined(const std::vector<std::string>& items, const char* between) {
-  std::string text;
-  for (const std::string& item : items) text += (text.empty() ? "" : between) + item;
-  return text;
-}
 
 /// "a", "a and b", "a, b and c".
 std::string listed(const std::vector<std::string>& items) {

@@ -6,6 +6,7 @@
 
 #include "experiments/report/findings.h"
 #include "experiments/report/model_picture.h"
+#include "toolkit/core/words.h"
 
 namespace palpate::experiments {
 namespace {
@@ -123,9 +124,7 @@ Fact fact_of(const metrics::RendererResult& r) {
     fact.sentences.push_back(fmt::format("prepared on {} thread{} in {}{}", r.threads,
                                          r.threads == 1 ? "" : "s", duration_text(r.prepare->total_ms),
                                          phases.empty() ? "" : ": " + phases));
-    std::string notes;
-    for (const std::string& note : r.prepare->notes) notes += (notes.empty() ? "" : "; ") + note;
-    if (!notes.empty()) fact.sentences.push_back(notes);
+    if (!r.prepare->notes.empty()) fact.sentences.push_back(joined(r.prepare->notes, "; "));
     for (const std::string& warning : r.prepare->warnings) fact.sentences.push_back("Warning: " + warning);
   }
   if (!r.trace_hash.empty()) fact.sentences.push_back("trace hash " + r.trace_hash);

@@ -16,6 +16,8 @@
 #include "toolkit/core/hash.h"
 #include "toolkit/core/input_file.h"
 #include "toolkit/core/locked_file.h"
+#include "toolkit/core/try.h"
+#include "toolkit/core/words.h"
 
 namespace palpate::experiments {
 
@@ -102,10 +104,8 @@ struct OutputFolder::State {
       return fmt::format("nothing was changed in {}", root.string());
     }
     if (parts.empty()) return fmt::format("nothing is complete yet in {}", root.string());
-    std::string all;
-    for (const std::string& part : parts) all += (all.empty() ? "" : ", ") + part;
     return fmt::format("complete and kept in {}: {}; the same command goes on from there", root.string(),
-                       all);
+                       joined({parts.begin(), parts.end()}));
   }
 
   Error wrong(std::string what, std::string remedy = "give --out a place you may write") const {
@@ -193,9 +193,9 @@ Result<OutputFolder> OutputFolder::open(const std::string& folder) {
   if (state->made_mark && !fs::is_empty(root, code))
     return state->wrong("the folder holds files that are not results of Palpate",
                         "give --out a new or an empty folder");
-  if (const Status locked = state->lock(); !locked) return locked.error();
+  PALPATE_TRY(state->lock());
   state->read_mark();
-  if (const Status marked = state->write_mark(); !marked) return marked.error();
+  PALPATE_TRY(state->write_mark());
   state->at_stop = AtStop([s = state.get()] { return s->say_stopped(); });
   return OutputFolder(std::move(state), {});
 }
@@ -243,7 +243,7 @@ Result<OutputFolder::Begun> OutputFolder::begin(const std::string& key) const {
     s.parts.clear();
   }
   s.unfinished = key;
-  if (const Status marked = s.write_mark(); !marked) return marked.error();
+  PALPATE_TRY(s.write_mark());
   return begun;
 }
 
@@ -309,7 +309,7 @@ Result<std::string> OutputFolder::claim(const std::string& name) const {
     if (!s.no_list && fs::exists(fs::symlink_status(s.root / own, code)))
       return Error{"is there already, and Palpate did not write it",
                    "move it away, or give --out another folder", (s.root / own).string(), 0};
-    if (const Status listed = s.append(kFile + own); !listed) return listed.error();
+    PALPATE_TRY(s.append(kFile + own));
     s.ours.insert(own);
   }
   if (s.claimed.insert(own).second) s.since.push_back(own);
@@ -317,9 +317,8 @@ Result<std::string> OutputFolder::claim(const std::string& name) const {
 }
 
 Status OutputFolder::write(const std::string& name, std::string_view text) const {
-  const Result<std::string> path = claim(name);
-  if (!path) return path.error();
-  return palpate::write_file(*path, text);
+  PALPATE_ASSIGN(const std::string path, claim(name));
+  return palpate::write_file(path, text);
 }
 
 Result<OutputFolder> OutputFolder::inside(const std::string& name) const {

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "toolkit/core/try.h"
+
 namespace palpate::experiments {
 namespace {
 
@@ -15,17 +17,16 @@ Status score_run(Study& study, std::size_t i) {
   StudyRun& run = study.runs[i];
   if (run.trace.frames.empty()) return Done{};
   if (!basis.felt_stiffness_n_per_mm.empty() && all_alike(basis.felt_stiffness_n_per_mm)) {
-    const Result<metrics::Energy> energy =
-        metrics::observe_energy(study.path, run.trace, basis.felt_stiffness_n_per_mm);
-    if (!energy) return energy.error();
-    result.energy = *energy;
+    PALPATE_ASSIGN(const metrics::Energy energy,
+                   metrics::observe_energy(study.path, run.trace, basis.felt_stiffness_n_per_mm));
+    result.energy = energy;
   }
   if (!study.reference) return Done{};
   const std::optional<metrics::SurfaceAnswers> answers = run.per_frame.surface;
-  const Result<metrics::Accuracy> accuracy = metrics::score_again(study.path, run.trace, *study.reference,
-                                                                  answers, options_of(basis), &run.per_frame);
-  if (!accuracy) return accuracy.error();
-  result.accuracy = *accuracy;
+  PALPATE_ASSIGN(const metrics::Accuracy accuracy,
+                 metrics::score_again(study.path, run.trace, *study.reference, answers, options_of(basis),
+                                      &run.per_frame));
+  result.accuracy = accuracy;
   if (!basis.forces_comparable) metrics::keep_contact_scores(*result.accuracy, run.per_frame);
   return Done{};
 }

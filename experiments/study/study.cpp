@@ -9,6 +9,7 @@
 
 #include "toolkit/cloud/sample.h"
 #include "toolkit/core/input_file.h"
+#include "toolkit/core/try.h"
 #include "toolkit/metrics/score_io.h"
 #include "toolkit/trace/csv_rows.h"
 #include "toolkit/trace/trace_io.h"
@@ -34,29 +35,25 @@ class Reading {
 
   Status truth() {
     if (!study_.document.truth) return Done{};
-    const Result<std::string> file = named(study_.document.truth->file);
-    if (!file) return file.error();
-    Result<trace::PathAndReference> read = trace::read_reference_csv(*file);
-    if (!read) return std::move(read).error();
-    study_.reference = std::move(read->reference);
+    PALPATE_ASSIGN(const std::string file, named(study_.document.truth->file));
+    PALPATE_ASSIGN(trace::PathAndReference read, trace::read_reference_csv(file));
+    study_.reference = std::move(read.reference);
     study_.reference->name = study_.document.truth->name;
     study_.reference->exactness = study_.document.truth->exactness;
-    return take_path(std::move(read->path), *file);
+    return take_path(std::move(read.path), file);
   }
 
   Status run(const metrics::RendererResult& result) {
     StudyRun& run = study_.runs.emplace_back();
     if (result.trace_file.empty()) return Done{};
-    const Result<std::string> file = named(result.trace_file);
-    if (!file) return file.error();
-    Result<trace::PathAndTrace> read = trace::read_trace_csv(*file);
-    if (!read) return std::move(read).error();
-    run.trace = std::move(read->trace);
+    PALPATE_ASSIGN(const std::string file, named(result.trace_file));
+    PALPATE_ASSIGN(trace::PathAndTrace read, trace::read_trace_csv(file));
+    run.trace = std::move(read.trace);
     run.trace.label = result.label;
     if (trace::trace_hash(run.trace) != result.trace_hash)
       return Error{fmt::format("is not the trace of {}, whose hash stands in {}", result.label, kResultFile),
-                   again(), *file, 0};
-    if (Status taken = take_path(std::move(read->path), *file); !taken) return taken;
+                   again(), file, 0};
+    if (Status taken = take_path(std::move(read.path), file); !taken) return taken;
     return scores(result, run);
   }
 
@@ -64,21 +61,18 @@ class Reading {
     ModelSample& sample = study_.models.emplace_back();
     sample.name = model.name;
     if (model.sample.empty()) return Done{};
-    const Result<std::string> file = named(model.sample);
-    if (!file) return file.error();
-    Result<trace::LineReader> reader = trace::LineReader::open(*file, kMemoryLimitBytes);
-    if (!reader) return std::move(reader).error();
+    PALPATE_ASSIGN(const std::string file, named(model.sample));
+    PALPATE_ASSIGN(trace::LineReader reader, trace::LineReader::open(file, kMemoryLimitBytes));
     std::vector<Vec3> points;
-    const Status read =
-        trace::read_rows(*reader, kSampleHeader, "", [&](std::span<const double> v) -> Status {
-          if (points.size() == kSamplePoints)
-            return reader->error(fmt::format("there are more than {} points", kSamplePoints), again());
-          points.emplace_back(v[0], v[1], v[2]);
-          return Done{};
-        });
+    const Status read = trace::read_rows(reader, kSampleHeader, "", [&](std::span<const double> v) -> Status {
+      if (points.size() == kSamplePoints)
+        return reader.error(fmt::format("there are more than {} points", kSamplePoints), again());
+      points.emplace_back(v[0], v[1], v[2]);
+      return Done{};
+    });
     if (!read) return read.error();
     Result<cloud::Cloud> cloud = cloud::build_cloud(points, cloud::NonFinite::kRefuse);
-    if (!cloud) return std::move(cloud).error().in_file(*file);
+    if (!cloud) return std::move(cloud).error().in_file(file);
     sample.points = *std::move(cloud);
     return Done{};
   }
@@ -104,11 +98,9 @@ class Reading {
 
   Status scores(const metrics::RendererResult& result, StudyRun& run) {
     if (result.scores_file.empty()) return Done{};
-    const Result<std::string> file = named(result.scores_file);
-    if (!file) return file.error();
-    Result<metrics::AccuracyFrames> read = metrics::read_scores_csv(study_.path, *file);
-    if (!read) return std::move(read).error();
-    run.per_frame = *std::move(read);
+    PALPATE_ASSIGN(const std::string file, named(result.scores_file));
+    PALPATE_ASSIGN(metrics::AccuracyFrames read, metrics::read_scores_csv(study_.path, file));
+    run.per_frame = std::move(read);
     return Done{};
   }
 
@@ -149,9 +141,8 @@ Result<metrics::ResultDocument> read_document(const fs::path& folder) {
                  "give the folder that compare or replay wrote with --out", folder.string(), 0};
   const std::string file = (folder / kResultFile).string();
   if (!fs::exists(file, code)) return no_study(folder);
-  const Result<std::string> text = read_file(file, kMemoryLimitBytes);
-  if (!text) return text.error();
-  Result<metrics::ResultDocument> document = metrics::parse_result(*text, file);
+  PALPATE_ASSIGN(const std::string text, read_file(file, kMemoryLimitBytes));
+  Result<metrics::ResultDocument> document = metrics::parse_result(text, file);
   if (!document) return document;
   if (!document->complete)
     return Error{"is half written: the run goes on, or was interrupted",
@@ -201,22 +192,18 @@ Result<std::string> write_sample(const cloud::Cloud& points, const geometry::Rig
     fmt::format_to(std::back_inserter(text), "{:.{}g},{:.{}g},{:.{}g}\n", p.x(), digits, p.y(), digits, p.z(),
                    digits);
   std::string name = fmt::format("model-{}.csv", number);
-  if (Status written = folder.write(name, {text.data(), text.size()}); !written)
-    return std::move(written).error();
+  PALPATE_TRY(folder.write(name, {text.data(), text.size()}));
   return name;
 }
 
 Result<Study> read_study(const fs::path& folder) {
-  Result<metrics::ResultDocument> document = read_document(folder);
-  if (!document) return std::move(document).error();
+  PALPATE_ASSIGN(metrics::ResultDocument document, read_document(folder));
   Study study;
-  study.document = *std::move(document);
+  study.document = std::move(document);
   Reading reading(folder, study);
-  if (Status read = reading.truth(); !read) return std::move(read).error();
-  for (const metrics::StudyModel& model : study.document.models)
-    if (Status read = reading.model(model); !read) return std::move(read).error();
-  for (const metrics::RendererResult& result : study.document.renderers)
-    if (Status read = reading.run(result); !read) return std::move(read).error();
+  PALPATE_TRY(reading.truth());
+  for (const metrics::StudyModel& model : study.document.models) PALPATE_TRY(reading.model(model));
+  for (const metrics::RendererResult& result : study.document.renderers) PALPATE_TRY(reading.run(result));
   return study;
 }
 

@@ -177,9 +177,7 @@ std::string palpate_problem(const ShownCommand& command) {
 }  // namespace
 
 std::string ShownCommand::text() const {
-  std::string all;
-  for (const std::string& word : words) all += (all.empty() ? "" : " ") + word;
-  return all;
+  return joined(words, " ");
 }
 
 std::string ShownCommand::program() const {

@@ -11,6 +11,8 @@
 #include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/random.h"
+#include "toolkit/core/try.h"
+#include "toolkit/core/words.h"
 #include "toolkit/geometry/analytic_shapes.h"
 
 namespace palpate::cloud {
@@ -425,14 +427,13 @@ const Generator* find_generator(std::string_view name) {
 
 Result<GeneratedModel> generate(const NamedOptions& spec) {
   const Generator* generator = find_generator(spec.name);
-  if (generator == nullptr) {
-    std::string known;
-    for (const Generator& g : generators()) known += (known.empty() ? "" : ", ") + g.name;
-    return Error{fmt::format("there is no generator '{}'", spec.name), "choose from " + known, {}, 0};
-  }
-  Result<Options> complete = validate(spec.options, generator->options, spec.name);
-  if (!complete) return std::move(complete).error();
-  const Options& options = *complete;
+  if (generator == nullptr)
+    return Error{fmt::format("there is no generator '{}'", spec.name),
+                 "choose from " + joined(names_of(generators())),
+                 {},
+                 0};
+  PALPATE_ASSIGN(Options complete, validate(spec.options, generator->options, spec.name));
+  const Options& options = complete;
   const bool by_spacing = options.number("spacing_mm") > 0.0;
   if (by_spacing && spec.options.has("points"))
     return Error{fmt::format("{}: points and spacing_mm both given", spec.name), "keep one of them", {}, 0};

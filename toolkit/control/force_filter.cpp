@@ -7,6 +7,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "toolkit/core/try.h"
+
 namespace palpate::control {
 namespace {
 
@@ -117,14 +119,14 @@ Vec3 ForceFilter::filter(const Vec3& wanted_n, double dt_s) noexcept {
 }
 
 Result<FilterDelay> filter_delay(const ForceFilterOptions& options, const FilterProbe& probe) {
-  if (const Status right = check(options); !right) return right.error();
+  PALPATE_TRY(check(options));
   for (const auto& [name, value] :
        std::array<std::pair<const char*, double>, 5>{{{"step_n", probe.step_n},
                                                       {"ramp_n_per_s", probe.ramp_n_per_s},
                                                       {"step_deg", probe.step_deg},
                                                       {"ramp_deg_per_s", probe.ramp_deg_per_s},
                                                       {"dt_s", probe.dt_s}}})
-    if (const Status right = check_number(name, value, false); !right) return right.error();
+    PALPATE_TRY(check_number(name, value, false));
   constexpr double kRightAngleDeg = 90.0;
   if (!(probe.step_deg < kRightAngleDeg) || !(2.0 * probe.ramp_deg_per_s * probe.dt_s < kRightAngleDeg))
     return Error{"the probe turns through a right angle", "lower step_deg or ramp_deg_per_s", "", 0};

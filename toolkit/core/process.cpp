@@ -17,6 +17,7 @@
 #include "toolkit/core/at_stop.h"
 #include "toolkit/core/clock.h"
 #include "toolkit/core/options.h"
+#include "toolkit/core/try.h"
 
 extern char** environ;
 
@@ -258,9 +259,8 @@ void Child::end() noexcept {
 
 Result<ProcessOutcome> run_process(const std::vector<std::string>& arguments, const ProcessOptions& options) {
   Child child(options);
-  const Status started = child.start(
-      options.file_limit_bytes > 0 ? with_file_limit(arguments, options.file_limit_bytes) : arguments);
-  if (!started) return started.error();
+  PALPATE_TRY(child.start(options.file_limit_bytes > 0 ? with_file_limit(arguments, options.file_limit_bytes)
+                                                       : arguments));
   return child.follow();
 }
 

@@ -1,5 +1,7 @@
 #include "toolkit/core/words.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 namespace palpate {
@@ -34,10 +36,8 @@ std::string shown(std::string_view token) {
   return text + (token.size() > kShown ? "..'" : "'");
 }
 
-std::string joined(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-  return text;
+std::string joined(const std::vector<std::string>& words, std::string_view between) {
+  return fmt::format("{}", fmt::join(words, between));
 }
 
 std::string nearest_name(std::string_view wrong, const std::vector<std::string>& known) {

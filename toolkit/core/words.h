@@ -12,7 +12,15 @@ namespace palpate {
 [[nodiscard]] std::string shown(std::string_view token);
 
 /// "a, b, c".
-[[nodiscard]] std::string joined(const std::vector<std::string>& words);
+[[nodiscard]] std::string joined(const std::vector<std::string>& words, std::string_view between = ", ");
+
+/// The names of things that have a `name`.
+template <class Things>
+[[nodiscard]] std::vector<std::string> names_of(const Things& things) {
+  std::vector<std::string> names;
+  for (const auto& thing : things) names.push_back(thing.name);
+  return names;
+}
 
 /// The name among `known` with the fewest edits to `wrong`, or empty where none is near (at most a third of
 /// its letters differ).

@@ -17,6 +17,7 @@
 #include <numbers>
 #include <vector>
 
+#include "toolkit/core/try.h"
 #include "toolkit/dem/dem_check.h"
 #include "toolkit/io/decoding.h"
 #include "toolkit/io/height_grid.h"
@@ -170,8 +171,7 @@ class DemReader {
     if (band_ == nullptr) return messages.error("the file has no raster");
     grid_.columns = static_cast<std::uint64_t>(std::max(0, GDALGetRasterXSize(dataset_)));
     grid_.rows = static_cast<std::uint64_t>(std::max(0, GDALGetRasterYSize(dataset_)));
-    if (const Status fits = check_size(format_, grid_.columns, grid_.rows, file_bytes, input_.options); !fits)
-      return fits.error();
+    PALPATE_TRY(check_size(format_, grid_.columns, grid_.rows, file_bytes, input_.options));
     int block_x = 0, block_y = 0;
     GDALGetBlockSize(band_, &block_x, &block_y);
     if (block_x <= 0 || block_y <= 0 ||
@@ -182,7 +182,7 @@ class DemReader {
                    0};
     measure();
     decoded_.format = name_of(format_);
-    if (const Status done = read_rows(messages); !done) return done.error();
+    PALPATE_TRY(read_rows(messages));
     decoded_.raster =
         cloud::ScanRaster{static_cast<std::uint32_t>(grid_.columns), static_cast<std::uint32_t>(grid_.rows)};
     return std::move(decoded_);
@@ -328,31 +328,28 @@ std::string plain_name(const std::string& path, std::string_view extension) {
 
 Result<io::DecodedFile> read_dem(const io::ReaderInput& input, std::string_view extension) {
   input.progress.report("reading", 0.0);
-  Result<std::vector<std::byte>> bytes = io::read_all(input.bytes, input.options.max_bytes);
-  if (!bytes) return bytes.error();
+  PALPATE_ASSIGN(std::vector<std::byte> bytes, io::read_all(input.bytes, input.options.max_bytes));
   if (extension == "asc" || extension == "dem") {  // the formats that are text
-    const Result<std::size_t> mark =
-        byte_order_mark({reinterpret_cast<const char*>(bytes->data()), bytes->size()});
-    if (!mark) return mark.error();
-    bytes->erase(bytes->begin(), bytes->begin() + static_cast<std::ptrdiff_t>(*mark));
+    PALPATE_ASSIGN(const std::size_t mark,
+                   byte_order_mark({reinterpret_cast<const char*>(bytes.data()), bytes.size()}));
+    bytes.erase(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(mark));
   }
-  if (extension == "asc" && !is_esri_ascii(*bytes)) {
-    io::MemorySource source(*bytes);
+  if (extension == "asc" && !is_esri_ascii(bytes)) {
+    io::MemorySource source(bytes);
     return io::read_xyz({source, input.name, input.options, input.progress});
   }
-  Result<DemFormat> format = format_of(extension, *bytes);
+  Result<DemFormat> format = format_of(extension, bytes);
   if (!format) return format.error();
   std::string name = plain_name(input.name, extension);
   if (*format == DemFormat::kZip) {
     std::string inside;
-    Result<std::vector<std::byte>> tile = unpack(*bytes, inside);
-    if (!tile) return tile.error();
-    *bytes = std::move(*tile);
+    PALPATE_ASSIGN(std::vector<std::byte> tile, unpack(bytes, inside));
+    bytes = std::move(tile);
     format = DemFormat::kHgt;
     name = plain_name(inside, "hgt");
   }
-  if (const Status right = check_header(*format, *bytes, input.options); !right) return right.error();
-  return through_gdal(input, *format, *bytes, name);
+  PALPATE_TRY(check_header(*format, bytes, input.options));
+  return through_gdal(input, *format, bytes, name);
 }
 
 }  // namespace

@@ -4,6 +4,8 @@
 #include <array>
 #include <cstring>
 
+#include "toolkit/core/try.h"
+
 namespace palpate::io {
 namespace {
 
@@ -74,9 +76,8 @@ double MemorySource::fraction() const {
 }
 
 Result<std::unique_ptr<ByteSource>> open_file(const std::string& path) {
-  Result<InputFile> file = InputFile::open(path);
-  if (!file) return std::move(file).error();
-  return std::unique_ptr<ByteSource>(std::make_unique<FileSource>(*std::move(file)));
+  PALPATE_ASSIGN(InputFile file, InputFile::open(path));
+  return std::unique_ptr<ByteSource>(std::make_unique<FileSource>(std::move(file)));
 }
 
 Compression detect_compression(std::span<const std::byte> first) noexcept {
@@ -93,10 +94,9 @@ Result<std::unique_ptr<ByteSource>> open_maybe_compressed(std::unique_ptr<ByteSo
   std::array<std::byte, PrefixedSource::kMaxPrefix> first{};
   std::size_t have = 0;
   while (have < first.size()) {
-    const Result<std::size_t> got = inner->read(std::span(first).subspan(have));
-    if (!got) return got.error();
-    if (*got == 0) break;
-    have += *got;
+    PALPATE_ASSIGN(const std::size_t got, inner->read(std::span(first).subspan(have)));
+    if (got == 0) break;
+    have += got;
   }
   const std::span<const std::byte> seen(first.data(), have);
   const Compression found = detect_compression(seen);
@@ -120,10 +120,9 @@ Result<std::vector<std::byte>> read_all(ByteSource& source, std::uint64_t max_by
     std::vector<std::byte>& piece = pieces.emplace_back(size);
     std::size_t filled = 0;
     while (filled < size) {
-      const Result<std::size_t> got = source.read(std::span(piece).subspan(filled));
-      if (!got) return got.error();
-      if (*got == 0) break;
-      filled += *got;
+      PALPATE_ASSIGN(const std::size_t got, source.read(std::span(piece).subspan(filled)));
+      if (got == 0) break;
+      filled += got;
     }
     have += filled;
     if (have > max_bytes) return too_large;

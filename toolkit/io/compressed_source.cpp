@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "toolkit/core/try.h"
 #include "toolkit/io/byte_source.h"
 
 namespace palpate::io {
@@ -49,10 +50,9 @@ class Decompressor : public ByteSource {
   virtual Result<std::size_t> decode(std::span<std::byte> out) = 0;
   /// The next chunk of compressed bytes; empty at the end.
   Result<std::span<std::byte>> next_input() {
-    const Result<std::size_t> got = inner_->read(input_);
-    if (!got) return got.error();
-    total_in_ += *got;
-    return std::span(input_).first(*got);
+    PALPATE_ASSIGN(const std::size_t got, inner_->read(input_));
+    total_in_ += got;
+    return std::span(input_).first(got);
   }
   bool ended_ = false;
 
@@ -83,15 +83,14 @@ class GzipSource final : public Decompressor {
     stream_.avail_out = static_cast<uInt>(room);
     while (stream_.avail_out == room) {
       if (stream_.avail_in == 0) {
-        Result<std::span<std::byte>> input = next_input();
-        if (!input) return input.error();
-        if (input->empty()) {
+        PALPATE_ASSIGN(std::span<std::byte> input, next_input());
+        if (input.empty()) {
           if (!between_) return damaged("gzip", "cut off");
           ended_ = true;
           break;
         }
-        stream_.next_in = reinterpret_cast<Bytef*>(input->data());
-        stream_.avail_in = static_cast<uInt>(input->size());
+        stream_.next_in = reinterpret_cast<Bytef*>(input.data());
+        stream_.avail_in = static_cast<uInt>(input.size());
       }
       if (between_ && !next_member()) continue;
       const int code = inflate(&stream_, Z_NO_FLUSH);
@@ -133,11 +132,10 @@ class XzSource final : public Decompressor {
     stream_.avail_out = out.size();
     while (stream_.avail_out == out.size()) {
       if (stream_.avail_in == 0 && !finished_) {
-        Result<std::span<std::byte>> input = next_input();
-        if (!input) return input.error();
-        finished_ = input->empty();
-        stream_.next_in = reinterpret_cast<const std::uint8_t*>(input->data());
-        stream_.avail_in = input->size();
+        PALPATE_ASSIGN(std::span<std::byte> input, next_input());
+        finished_ = input.empty();
+        stream_.next_in = reinterpret_cast<const std::uint8_t*>(input.data());
+        stream_.avail_in = input.size();
       }
       const lzma_ret code = lzma_code(&stream_, finished_ ? LZMA_FINISH : LZMA_RUN);
       if (code == LZMA_STREAM_END) {

@@ -7,6 +7,7 @@
 #include <optional>
 #include <string_view>
 
+#include "toolkit/core/try.h"
 #include "toolkit/io/decoding.h"
 #include "toolkit/io/text.h"
 
@@ -262,22 +263,21 @@ std::string canonical_header(const PcdHeader& header) {
 
 Result<PcdHeader> check_pcd(std::span<const std::byte> file, const ReadOptions& options) {
   const std::string_view text(reinterpret_cast<const char*>(file.data()), file.size());
-  const Result<std::size_t> mark = byte_order_mark(text);
-  if (!mark) return mark.error();
-  Lines lines{text, *mark};
+  PALPATE_ASSIGN(const std::size_t mark, byte_order_mark(text));
+  Lines lines{text, mark};
   Raw raw;
   std::string_view line;
   while (!raw.data) {
     if (lines.at > kMaxHeaderBytes || !lines.next(line))
       return malformed("no DATA line; is this a PCD file?", lines.number);
     if (line.empty() || line.front() == '#') continue;
-    if (Status parsed = parse_line(line, lines.number, raw); !parsed) return std::move(parsed).error();
+    PALPATE_TRY(parse_line(line, lines.number, raw));
   }
   PcdHeader header;
   header.data = *raw.data;
   header.body_at = lines.at;
-  if (Status taken = take_fields(raw, header); !taken) return std::move(taken).error();
-  if (Status taken = take_size(raw, header); !taken) return std::move(taken).error();
+  PALPATE_TRY(take_fields(raw, header));
+  PALPATE_TRY(take_size(raw, header));
   if (header.points() > kMaxCloudBytes / header.point_bytes)
     return Error{
         fmt::format("the header promises {} points of {} bytes, more than the 2 GiB that PCL can hold",
@@ -286,12 +286,9 @@ Result<PcdHeader> check_pcd(std::span<const std::byte> file, const ReadOptions& 
         {},
         0};
   // PCL unpacks into one buffer and copies to another.
-  if (Status fits = check_memory(header.points(), 2 * header.point_bytes + sizeof(Vec3), "points", options);
-      !fits)
-    return std::move(fits).error();
-  const Status body = header.data == PcdData::kAscii ? check_ascii(header, lines)
-                                                     : check_binary(header, file.subspan(header.body_at));
-  if (!body) return body.error();
+  PALPATE_TRY(check_memory(header.points(), 2 * header.point_bytes + sizeof(Vec3), "points", options));
+  PALPATE_TRY(header.data == PcdData::kAscii ? check_ascii(header, lines)
+                                             : check_binary(header, file.subspan(header.body_at)));
   header.canonical = canonical_header(header);
   return header;
 }

@@ -7,6 +7,7 @@
 #include <limits>
 #include <string_view>
 
+#include "toolkit/core/try.h"
 #include "toolkit/io/text.h"
 
 namespace palpate::io {
@@ -196,7 +197,7 @@ Result<PlyHeader> read_ply_header(Input& in) {
     Status parsed = Done{};
     if (key == "end_header") {
       if (!have_format) return malformed("no format line").in_file({}, in.line_number());
-      if (Status kept = check_promises(header, in); !kept) return std::move(kept).error();
+      PALPATE_TRY(check_promises(header, in));
       return header;
     }
     if (key == "format") {

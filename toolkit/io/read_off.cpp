@@ -4,6 +4,7 @@
 
 #include <array>
 
+#include "toolkit/core/try.h"
 #include "toolkit/io/decoding.h"
 #include "toolkit/io/text.h"
 
@@ -135,22 +136,18 @@ Result<DecodedFile> read_off(const ReaderInput& input) {
   Input in(input.bytes);
   std::string_view row;
   if (!next_row(in, row)) return at_line(in, "this is no OFF file: it does not start with OFF");
-  const Result<std::string_view> rest = after_keyword(in, row);
-  if (!rest) return rest.error();
-  const Result<Counts> counts = read_counts(in, *rest);
-  if (!counts) return counts.error();
-  if (Status promised = check_promise(in, *counts, input.options); !promised)
-    return std::move(promised).error();
+  PALPATE_ASSIGN(const std::string_view rest, after_keyword(in, row));
+  PALPATE_ASSIGN(const Counts counts, read_counts(in, rest));
+  PALPATE_TRY(check_promise(in, counts, input.options));
 
   DecodedFile decoded;
   decoded.format = "OFF";
   constexpr std::uint64_t kVertexBytes = 6;  // as in check_promise
-  decoded.points.reserve(reservation(counts->vertices, kVertexBytes, in.remaining()));
+  decoded.points.reserve(reservation(counts.vertices, kVertexBytes, in.remaining()));
   Watch watch(input, in, decoded);
-  if (Status read = read_vertices(in, counts->vertices, watch, decoded); !read)
-    return std::move(read).error();
-  FaceBuilder faces(decoded, counts->vertices, input.options);
-  if (Status read = read_faces(in, counts->faces, watch, faces); !read) return std::move(read).error();
+  PALPATE_TRY(read_vertices(in, counts.vertices, watch, decoded));
+  FaceBuilder faces(decoded, counts.vertices, input.options);
+  PALPATE_TRY(read_faces(in, counts.faces, watch, faces));
   return decoded;
 }
 

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <limits>
 
+#include "toolkit/core/try.h"
 #include "toolkit/io/decoding.h"
 #include "toolkit/io/height_grid.h"
 #include "toolkit/io/text.h"
@@ -71,10 +72,9 @@ double height_at(const std::byte* from, bool little) noexcept {
 
 Result<DecodedFile> read_pfm(const ReaderInput& input) {
   Input in(input.bytes);
-  const Result<Header> header = read_header(in);
-  if (!header) return header.error();
-  const HeightGrid& grid = header->grid;
-  if (const Status fits = check_grid(grid, input.options); !fits) return fits.error();
+  PALPATE_ASSIGN(const Header header, read_header(in));
+  const HeightGrid& grid = header.grid;
+  PALPATE_TRY(check_grid(grid, input.options));
   const std::optional<std::uint64_t> left = in.remaining();
   const auto cut = [&](std::uint64_t rows) {
     return Error{fmt::format("the header promises {} rows of {} heights, the file holds {} rows", grid.rows,
@@ -89,9 +89,9 @@ Result<DecodedFile> read_pfm(const ReaderInput& input) {
   DecodedFile decoded;
   decoded.format = "PFM";
   decoded.conventional_unit = Unit::kMillimetre;
-  if (std::abs(header->scale) != 1.0)
+  if (std::abs(header.scale) != 1.0)
     decoded.warnings.push_back(
-        fmt::format("The header's scale of {:g} was not applied to the heights.", std::abs(header->scale)));
+        fmt::format("The header's scale of {:g} was not applied to the heights.", std::abs(header.scale)));
   decoded.points.reserve(reservation(grid.columns * grid.rows, sizeof(float), left));
   Watch watch(input, in, decoded);
   std::vector<double> heights;
@@ -101,7 +101,7 @@ Result<DecodedFile> read_pfm(const ReaderInput& input) {
     for (std::uint64_t column = 0; column < grid.columns; ++column) {
       const std::byte* const at = in.take(sizeof(float));
       if (at == nullptr) return in.error_or(cut(row));
-      heights.push_back(height_at(at, header->scale < 0.0));
+      heights.push_back(height_at(at, header.scale < 0.0));
       if (!watch.row()) return watch.error();
     }
     add_row(grid, row, heights, input.options, decoded);

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <limits>
 
+#include "toolkit/core/try.h"
 #include "toolkit/io/decoding.h"
 #include "toolkit/io/ply_header.h"
 #include "toolkit/io/text.h"
@@ -374,16 +375,15 @@ std::string format_name(PlyFormat format) {
 
 Result<DecodedFile> read_ply(const ReaderInput& input) {
   Input in(input.bytes);
-  const Result<PlyHeader> header = read_ply_header(in);
-  if (!header) return header.error();
+  PALPATE_ASSIGN(const PlyHeader header, read_ply_header(in));
   DecodedFile decoded;
-  decoded.format = format_name(header->format);
-  decoded.unit = header->unit;
+  decoded.format = format_name(header.format);
+  decoded.unit = header.unit;
 
   const PlyElement* vertex = nullptr;
   std::size_t wanted = 0;  // elements that must be read still
   bool has_grid = false;
-  for (const PlyElement& element : header->elements) {
+  for (const PlyElement& element : header.elements) {
     if (element.name == "vertex") vertex = &element;
     if (element.name == "vertex" || element.name == kFaces || element.name == kStrips) ++wanted;
     has_grid = has_grid || element.name == "range_grid";
@@ -391,8 +391,8 @@ Result<DecodedFile> read_ply(const ReaderInput& input) {
   if (vertex == nullptr)
     return Error{"the PLY file has no element 'vertex'", "check that it holds points", {}, in.line_number()};
 
-  Row row(in, header->format);
-  for (const PlyElement& element : header->elements) {
+  Row row(in, header.format);
+  for (const PlyElement& element : header.elements) {
     if (wanted == 0) break;
     Status read = Done{};
     if (element.name == "vertex") {
@@ -406,7 +406,7 @@ Result<DecodedFile> read_ply(const ReaderInput& input) {
     }
     if (!read) return std::move(read).error();
   }
-  take_raster(*header, has_grid, decoded);
+  take_raster(header, has_grid, decoded);
   return decoded;
 }
 

@@ -5,6 +5,7 @@
 #include <array>
 #include <limits>
 
+#include "toolkit/core/try.h"
 #include "toolkit/io/decoding.h"
 #include "toolkit/io/text.h"
 
@@ -111,12 +112,12 @@ class XyzReader {
     decoded_.format = "columns of text";
     std::string_view row;
     if (!next_row(in_, row)) return in_.error_or(no_points());
-    if (Status begun = begin(row); !begun) return std::move(begun).error();
+    PALPATE_TRY(begin(row));
     Watch watch(input_, in_, decoded_);
     // begin() leaves `row` at the first row of numbers.
     if (!row.empty()) {
       do {
-        if (Status added = add(row); !added) return std::move(added).error();
+        PALPATE_TRY(add(row));
         if (!watch.row()) return watch.error();
       } while (next_row(in_, row));
     }

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "toolkit/core/input_file.h"
+#include "toolkit/core/try.h"
 #include "toolkit/io/atomic_file.h"
 #include "toolkit/io/text.h"
 
@@ -70,14 +71,13 @@ Status write_mesh_ply(const std::string& path, const geometry::TriangleMesh& mes
   if (mesh.vertices_mm.size() > static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max()))
     return Error{"the mesh has more vertices than a PLY file's int indices can name", "decimate the mesh",
                  path, 0};
-  Result<AtomicFile> file = AtomicFile::create(path);
-  if (!file) return std::move(file).error();
+  PALPATE_ASSIGN(AtomicFile file, AtomicFile::create(path));
   Status status =
-      file->write(fmt::format("{}element vertex {}\n{}element face {}\nproperty list uchar int "
-                              "vertex_indices\nend_header\n",
-                              kStart, mesh.vertices_mm.size(), kPosition, mesh.triangles.size()));
+      file.write(fmt::format("{}element vertex {}\n{}element face {}\nproperty list uchar int "
+                             "vertex_indices\nend_header\n",
+                             kStart, mesh.vertices_mm.size(), kPosition, mesh.triangles.size()));
   if (!status) return status;
-  RowWriter rows(*file);
+  RowWriter rows(file);
   for (const Vec3& p : mesh.vertices_mm) {
     rows.point(p);
     if (status = rows.end_row(); !status) return status;
@@ -88,12 +88,11 @@ Status write_mesh_ply(const std::string& path, const geometry::TriangleMesh& mes
     if (status = rows.end_row(); !status) return status;
   }
   if (status = rows.flush(); !status) return status;
-  return file->commit();
+  return file.commit();
 }
 
 Status write_cloud_ply(const std::string& path, const cloud::Cloud& cloud) {
-  Result<AtomicFile> file = AtomicFile::create(path);
-  if (!file) return std::move(file).error();
+  PALPATE_ASSIGN(AtomicFile file, AtomicFile::create(path));
   std::string header(kStart);
   // The comments mean this one order.
   if (cloud.raster && cloud.raster->order == cloud::ScanOrder::kRaster)
@@ -102,21 +101,20 @@ Status write_cloud_ply(const std::string& path, const cloud::Cloud& cloud) {
   header += fmt::format("element vertex {}\n{}", cloud.size(), kPosition);
   for (const cloud::Property& property : cloud.properties)
     header += fmt::format("property float {}\n", one_word(property.name));
-  Status status = file->write(header + "end_header\n");
+  Status status = file.write(header + "end_header\n");
   if (!status) return status;
-  RowWriter rows(*file);
+  RowWriter rows(file);
   for (std::size_t i = 0; i < cloud.size(); ++i) {
     rows.point(cloud.point_mm(i));
     for (const cloud::Property& property : cloud.properties) rows.single(property.values[i]);
     if (status = rows.end_row(); !status) return status;
   }
   if (status = rows.flush(); !status) return status;
-  return file->commit();
+  return file.commit();
 }
 
 Status write_cloud_text(const std::string& path, const cloud::Cloud& cloud, char separator) {
-  Result<AtomicFile> file = AtomicFile::create(path);
-  if (!file) return std::move(file).error();
+  PALPATE_ASSIGN(AtomicFile file, AtomicFile::create(path));
   constexpr std::size_t kBlock = std::size_t{1} << 16;
   fmt::memory_buffer text;
   const auto out = std::back_inserter(text);
@@ -131,10 +129,10 @@ Status write_cloud_text(const std::string& path, const cloud::Cloud& cloud, char
       fmt::format_to(out, "{}{}", separator, property.values[i]);
     text.push_back('\n');
     if (text.size() < kBlock && i + 1 < cloud.size()) continue;
-    if (Status written = file->write(std::string_view(text.data(), text.size())); !written) return written;
+    if (Status written = file.write(std::string_view(text.data(), text.size())); !written) return written;
     text.clear();
   }
-  return file->commit();
+  return file.commit();
 }
 
 const std::vector<std::string>& cloud_endings() {

@@ -8,6 +8,7 @@
 #include "toolkit/control/passivity.h"
 #include "toolkit/core/nearest_rank.h"
 #include "toolkit/core/tolerances.h"
+#include "toolkit/core/try.h"
 #include "toolkit/metrics/pop_through.h"
 #include "toolkit/metrics/reference.h"
 #include "toolkit/trace/replay.h"
@@ -287,7 +288,7 @@ SurfaceAnswers ask_surface(const trace::ProbePath& path, const trace::ForceTrace
 Result<Accuracy> score(const trace::ProbePath& path, const trace::ForceTrace& trace,
                        const trace::ReferenceTrace& reference, const TruthSurface* truth,
                        const AccuracyOptions& options, AccuracyFrames* per_frame) {
-  if (Status s = check_all(path, trace, reference); !s) return std::move(s).error();
+  PALPATE_TRY(check_all(path, trace, reference));
   std::optional<SurfaceAnswers> answers;
   if (truth != nullptr) answers = ask_surface(path, trace, reference, *truth);
   return score_again(path, trace, reference, answers, options, per_frame);
@@ -297,7 +298,7 @@ Result<Accuracy> score_again(const trace::ProbePath& path, const trace::ForceTra
                              const trace::ReferenceTrace& reference,
                              const std::optional<SurfaceAnswers>& answers, const AccuracyOptions& options,
                              AccuracyFrames* per_frame) {
-  if (Status s = check_all(path, trace, reference); !s) return std::move(s).error();
+  PALPATE_TRY(check_all(path, trace, reference));
   const std::size_t n = path.size();
   if (answers && (answers->god_object_distance_mm.size() != n ||
                   (!answers->pop_throughs.empty() && answers->pop_throughs.size() != n)))
@@ -351,8 +352,8 @@ void keep_contact_scores(Accuracy& a, AccuracyFrames& per_frame) {
 
 Result<Energy> observe_energy(const trace::ProbePath& path, const trace::ForceTrace& trace,
                               std::span<const double> stiffness_n_per_mm) {
-  if (Status s = check_lengths(path, trace.frames.size(), "the trace"); !s) return std::move(s).error();
-  if (Status s = check_finite(path, trace.frames, "the trace"); !s) return std::move(s).error();
+  PALPATE_TRY(check_lengths(path, trace.frames.size(), "the trace"));
+  PALPATE_TRY(check_finite(path, trace.frames, "the trace"));
   if (stiffness_n_per_mm.empty() || !std::all_of(stiffness_n_per_mm.begin(), stiffness_n_per_mm.end(),
                                                  [](double k) { return k > 0.0 && std::isfinite(k); }))
     return Error{"the stiffness is not positive", "", path.name, 0};

@@ -5,6 +5,7 @@
 #include <iterator>
 
 #include "toolkit/core/atomic_file.h"
+#include "toolkit/core/try.h"
 #include "toolkit/trace/csv_rows.h"
 
 namespace palpate::metrics {
@@ -32,10 +33,9 @@ Columns columns_of(const AccuracyFrames& frames) {
 
 /// The columns that the file's first line names; all of them where it names none of ours, for the message.
 Result<Columns> columns_in(const std::string& file, std::uint64_t max_bytes) {
-  Result<trace::LineReader> reader = trace::LineReader::open(file, max_bytes);
-  if (!reader) return std::move(reader).error();
+  PALPATE_ASSIGN(trace::LineReader reader, trace::LineReader::open(file, max_bytes));
   std::string_view line;
-  if (!reader->next(line) && reader->failure()) return *reader->failure();
+  if (!reader.next(line) && reader.failure()) return *reader.failure();
   for (const Columns& columns : kPossible)
     if (line == columns.header()) return columns;
   return kPossible[std::size(kPossible) - 1];
@@ -93,29 +93,27 @@ Status write_scores_csv(const trace::ProbePath& path, const AccuracyFrames& fram
 
 Result<AccuracyFrames> read_scores_csv(const trace::ProbePath& path, const std::string& file,
                                        std::uint64_t max_bytes) {
-  const Result<Columns> columns = columns_in(file, max_bytes);
-  if (!columns) return columns.error();
-  Result<trace::LineReader> reader = trace::LineReader::open(file, max_bytes);
-  if (!reader) return std::move(reader).error();
+  PALPATE_ASSIGN(const Columns columns, columns_in(file, max_bytes));
+  PALPATE_ASSIGN(trace::LineReader reader, trace::LineReader::open(file, max_bytes));
   AccuracyFrames frames;
-  if (columns->surface) frames.surface.emplace();
+  if (columns.surface) frames.surface.emplace();
   std::size_t row = 0;
   const Status read =
-      trace::read_rows(*reader, columns->header(), "", [&](std::span<const double> v) -> Status {
+      trace::read_rows(reader, columns.header(), "", [&](std::span<const double> v) -> Status {
         if (row >= path.size() || v[0] != path.t_s[row])
-          return reader->error("the row is of another time than the path's", "score the study again");
+          return reader.error("the row is of another time than the path's", "score the study again");
         ++row;
         if (!is_flag(v[1]) || !is_flag(v[2]))
-          return reader->error("missed or false is neither 0 nor 1", "write 0 or 1");
-        if (columns->events && !is_count(v.back()))
-          return reader->error("pop_throughs is none of 0, 1, 2", "write 0 where there is no event");
-        take_row(*columns, v, frames);
+          return reader.error("missed or false is neither 0 nor 1", "write 0 or 1");
+        if (columns.events && !is_count(v.back()))
+          return reader.error("pop_throughs is none of 0, 1, 2", "write 0 where there is no event");
+        take_row(columns, v, frames);
         return Done{};
       });
   if (!read) return read.error();
   if (row != path.size())
-    return reader->error(fmt::format("{} rows for {} rows of the path", row, path.size()),
-                         "score the study again");
+    return reader.error(fmt::format("{} rows for {} rows of the path", row, path.size()),
+                        "score the study again");
   return frames;
 }
 

@@ -6,6 +6,8 @@
 #include <mutex>
 
 #include "toolkit/cloud/statistics.h"
+#include "toolkit/core/try.h"
+#include "toolkit/core/words.h"
 #include "toolkit/neighbourhood/connected_knn.h"
 #include "toolkit/neighbourhood/directional_knn.h"
 #include "toolkit/neighbourhood/fixed_distance.h"
@@ -111,10 +113,9 @@ Builder scanner() {
                   {},
                   [](const cloud::Cloud& cloud, const Options&, int threads) -> Result<Built> {
                     const auto found = cloud.raster ? std::nullopt : cloud::find_raster(cloud);
-                    Result<NeighbourTable> table =
-                        found ? scanner_path(cloud, *found, threads) : scanner_path(cloud, threads);
-                    if (!table) return std::move(table).error();
-                    Built built{*std::move(table), {}};
+                    PALPATE_ASSIGN(NeighbourTable table, found ? scanner_path(cloud, *found, threads)
+                                                               : scanner_path(cloud, threads));
+                    Built built{std::move(table), {}};
                     if (found) built.notes.emplace_back("the scanner's order was recognised from the points");
                     return built;
                   }};
@@ -129,13 +130,12 @@ Builder lookup() {
       "section 3.6.1",
       {{"across", kInteger, "2", "missing positions that a link may pass over", {}, 0, 1000}},
       [](const cloud::Cloud& cloud, const Options& options, int threads) -> Result<Built> {
-        const Result<ScanTable> positions = scan_table_of(cloud);
-        if (!positions) return positions.error();
+        PALPATE_ASSIGN(const ScanTable positions, scan_table_of(cloud));
         LookupReport r;
-        Result<NeighbourTable> table = lookup_table(
-            cloud, *positions, {static_cast<std::uint32_t>(options.integer("across"))}, threads, &r);
-        if (!table) return std::move(table).error();
-        Built built{*std::move(table), {}};
+        PALPATE_ASSIGN(NeighbourTable table,
+                       lookup_table(cloud, positions, {static_cast<std::uint32_t>(options.integer("across"))},
+                                    threads, &r));
+        Built built{std::move(table), {}};
         if (r.links_across_holes > 0)
           built.notes.push_back(fmt::format("{} links pass over holes, {} points have fewer than eight",
                                             r.links_across_holes, r.fewer_than_eight));
@@ -204,21 +204,20 @@ void add_builder(Builder builder) {
 
 Result<Built> build_neighbours(const NamedOptions& wanted, const cloud::Cloud& cloud, int threads) {
   if (cloud.empty()) return Error{"the cloud has no points", "give a file with at least one point", {}, 0};
-  std::string known;
   for (const Builder& builder : builders()) {
-    known += (known.empty() ? "" : ", ") + builder.name;
     if (builder.name != wanted.name) continue;
-    const Result<Options> options = validate(wanted.options, builder.options, builder.name);
-    if (!options) return options.error();
-    return builder.build(cloud, *options, threads);
+    PALPATE_ASSIGN(const Options options, validate(wanted.options, builder.options, builder.name));
+    return builder.build(cloud, options, threads);
   }
-  return Error{fmt::format("there is no neighbour builder '{}'", wanted.name), "choose from " + known, {}, 0};
+  return Error{fmt::format("there is no neighbour builder '{}'", wanted.name),
+               "choose from " + joined(names_of(builders())),
+               {},
+               0};
 }
 
 Result<Built> build_neighbours(std::string_view name_and_options, const cloud::Cloud& cloud, int threads) {
-  const Result<NamedOptions> wanted = parse_named_options(name_and_options);
-  if (!wanted) return wanted.error();
-  return build_neighbours(*wanted, cloud, threads);
+  PALPATE_ASSIGN(const NamedOptions wanted, parse_named_options(name_and_options));
+  return build_neighbours(wanted, cloud, threads);
 }
 
 }  // namespace palpate::neighbourhood

@@ -8,6 +8,7 @@
 #include "toolkit/cloud/generate.h"
 #include "toolkit/cloud/lattice.h"
 #include "toolkit/core/clock.h"
+#include "toolkit/core/try.h"
 #include "toolkit/neighbourhood/builders.h"
 #include "toolkit/neighbourhood/knn.h"
 #include "toolkit/neighbourhood/knn_kernels.h"
@@ -91,13 +92,12 @@ Result<ThinWall> make_thin_wall(const ThinWallOptions& options) {
   wall.thickness_spacings = options.thickness_spacings;
   const double extent_mm = kWallSpacingMm * options.across;
   const double thickness_mm = options.thickness_spacings * kWallSpacingMm;
-  const Result<NamedOptions> spec = parse_named_options(
-      fmt::format("slab:extent_mm={}:spacing_mm={}:thickness_mm={}:jitter={}:seed={}:mesh=false", extent_mm,
-                  kWallSpacingMm, thickness_mm, options.jitter, options.seed));
-  if (!spec) return spec.error();
-  Result<cloud::GeneratedModel> model = cloud::generate(*spec);
-  if (!model) return std::move(model).error();
-  wall.cloud = std::move(model->cloud);
+  PALPATE_ASSIGN(const NamedOptions spec,
+                 parse_named_options(fmt::format(
+                     "slab:extent_mm={}:spacing_mm={}:thickness_mm={}:jitter={}:seed={}:mesh=false",
+                     extent_mm, kWallSpacingMm, thickness_mm, options.jitter, options.seed)));
+  PALPATE_ASSIGN(cloud::GeneratedModel model, cloud::generate(spec));
+  wall.cloud = std::move(model.cloud);
   const auto through = static_cast<std::uint32_t>(std::max(1.0, std::round(options.thickness_spacings)));
   const cloud::BoxLattice lattice(options.across, options.across, through);
   if (lattice.size() != wall.cloud.size())
@@ -116,7 +116,7 @@ Result<ThinWall> make_thin_wall(const ThinWallOptions& options) {
     row.values.push_back(static_cast<float>(at.row));
     column.values.push_back(static_cast<float>(at.column));
     const bool inner = std::max(std::abs(p.x()), std::abs(p.y())) < inner_mm;
-    const Vec3 normal = model->surface->closest(p).normal;
+    const Vec3 normal = model.surface->closest(p).normal;
     wall.side[i] = static_cast<std::int8_t>(!inner ? 0 : normal.z() > 0.0 ? 1 : -1);
   }
   wall.cloud.properties = {std::move(scan), std::move(row), std::move(column)};

@@ -9,6 +9,7 @@
 
 #include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
+#include "toolkit/core/try.h"
 #include "toolkit/neighbourhood/knn_kernels.h"
 
 namespace palpate::neighbourhood {
@@ -123,13 +124,10 @@ Result<ScanTable> scan_table_of_properties(const cloud::Cloud& cloud) {
   ScanTable table;
   table.of.resize(cloud.size());
   for (std::size_t i = 0; i < cloud.size(); ++i) {
-    const Result<std::uint32_t> r = whole(*row, i);
-    if (!r) return r.error();
-    const Result<std::uint32_t> c = whole(*column, i);
-    if (!c) return c.error();
-    const Result<std::uint32_t> s = scan == nullptr ? Result<std::uint32_t>(0u) : whole(*scan, i);
-    if (!s) return s.error();
-    table.of[i] = {*s, *r, *c};
+    PALPATE_ASSIGN(const std::uint32_t r, whole(*row, i));
+    PALPATE_ASSIGN(const std::uint32_t c, whole(*column, i));
+    PALPATE_ASSIGN(const std::uint32_t s, scan == nullptr ? Result<std::uint32_t>(0u) : whole(*scan, i));
+    table.of[i] = {s, r, c};
   }
   return table;
 }

@@ -11,6 +11,7 @@
 #include <span>
 #include <sstream>
 
+#include "toolkit/core/try.h"
 #include "toolkit/io/pcd_header.h"
 #include "toolkit/io/text.h"
 
@@ -139,20 +140,17 @@ Result<io::DecodedFile> to_points(const pcl::PCLPointCloud2& cloud, const io::Pc
 
 Result<io::DecodedFile> read_pcd(const io::ReaderInput& input) {
   input.progress.report("reading", 0.0);
-  const Result<std::vector<std::byte>> file = io::read_all(input.bytes, input.options.max_bytes);
-  if (!file) return file.error();
-  const Result<io::PcdHeader> header = io::check_pcd(*file, input.options);
-  if (!header) return header.error();
+  PALPATE_ASSIGN(const std::vector<std::byte> file, io::read_all(input.bytes, input.options.max_bytes));
+  PALPATE_ASSIGN(const io::PcdHeader header, io::check_pcd(file, input.options));
   if (input.progress.cancelled()) return Error{"reading was stopped", {}, {}, 0};
   const Silence silence;
   try {
-    const Result<pcl::PCLPointCloud2> cloud = through_pcl(*file, *header);
-    if (!cloud) return cloud.error();
-    Result<io::DecodedFile> decoded = to_points(*cloud, *header);
+    PALPATE_ASSIGN(const pcl::PCLPointCloud2 cloud, through_pcl(file, header));
+    Result<io::DecodedFile> decoded = to_points(cloud, header);
     if (!decoded) return decoded;
-    decoded->format = header->data == io::PcdData::kAscii    ? "PCD, ASCII"
-                      : header->data == io::PcdData::kBinary ? "PCD, binary"
-                                                             : "PCD, binary_compressed";
+    decoded->format = header.data == io::PcdData::kAscii    ? "PCD, ASCII"
+                      : header.data == io::PcdData::kBinary ? "PCD, binary"
+                                                            : "PCD, binary_compressed";
     decoded->conventional_unit = io::Unit::kMetre;
     return decoded;
   } catch (const std::bad_alloc&) {

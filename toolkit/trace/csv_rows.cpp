@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "toolkit/core/options.h"
+#include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
 
 namespace palpate::trace {
@@ -26,9 +27,8 @@ LineReader::LineReader(InputFile file, std::uint64_t max_bytes)
       buffer_(std::make_unique<std::array<char, kBufferBytes>>()) {}
 
 Result<LineReader> LineReader::open(const std::string& file, std::uint64_t max_bytes) {
-  Result<InputFile> opened = InputFile::open(file);
-  if (!opened) return std::move(opened).error();
-  return LineReader(*std::move(opened), max_bytes);
+  PALPATE_ASSIGN(InputFile opened, InputFile::open(file));
+  return LineReader(std::move(opened), max_bytes);
 }
 
 bool LineReader::next(std::string_view& line) {

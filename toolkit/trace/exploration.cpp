@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "toolkit/core/random.h"
+#include "toolkit/core/try.h"
 #include "toolkit/trace/point_fits.h"
 #include "toolkit/trace/seen_surface.h"
 
@@ -151,11 +152,10 @@ Result<std::vector<Vec3>> explore(const PathTarget& target, const ExplorationOpt
   if (cloud.size() < kFewestInBall)
     return Error{"the cloud has too few points to explore", "give at least 16", {}, 0};
   const geometry::Aabb box = cloud.box_mm();
-  Result<Fitting> fitting = choose_radius(cloud, box);
-  if (!fitting) return std::move(fitting).error();
+  PALPATE_ASSIGN(Fitting fitting, choose_radius(cloud, box));
   Random random(options.seed);
   const Vec3 outward = outward_direction(target, random);
-  std::optional<Walk> start = outermost(cloud, *fitting, outward, options.clearance_mm);
+  std::optional<Walk> start = outermost(cloud, fitting, outward, options.clearance_mm);
   if (!start)
     return Error{"nowhere do the points make a surface that can be explored",
                  "clean the scan first (`palpate clean`), or give a path file",
@@ -165,7 +165,7 @@ Result<std::vector<Vec3>> explore(const PathTarget& target, const ExplorationOpt
   walk.heading = any_tangent(walk.normal, 2.0 * std::numbers::pi * random.uniform());
   const Vec3 hip = walk.on_surface + options.clearance_mm * outward;
   std::vector<Vec3> path =
-      follow_walk(walk, hip, *fitting, kTightestTurnPerBox * box.extent_mm().norm(), options, random);
+      follow_walk(walk, hip, fitting, kTightestTurnPerBox * box.extent_mm().norm(), options, random);
   for (Vec3& p : path) p += cloud.origin_mm;
   return path;
 }

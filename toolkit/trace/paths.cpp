@@ -5,6 +5,8 @@
 #include <memory>
 
 #include "toolkit/core/tolerances.h"
+#include "toolkit/core/try.h"
+#include "toolkit/core/words.h"
 #include "toolkit/trace/exploration.h"
 #include "toolkit/trace/path_shapes.h"
 #include "toolkit/trace/seen_paths.h"
@@ -182,22 +184,20 @@ Result<Laid> over_formula(const std::string& name, const Options& o, const Timin
 Result<Laid> at_seen_point(const std::string& name, const Options& o, const Timing& timing,
                            const SeenSurface& seen) {
   const double u = o.number("u"), v = o.number("v");
-  const Result<SeenPoint> point = nearest_seen(seen, u, v);
-  if (!point) return point.error();
+  PALPATE_ASSIGN(const SeenPoint point, nearest_seen(seen, u, v));
   std::string remark;
-  if (point->u != u || point->v != v)
-    remark = fmt::format(" (at u={:.4g}, v={:.4g}, the nearest place that shows)", point->u, point->v);
-  if (name == "tap") return laid(tap(point->surface, timing), std::move(remark));
-  if (name == "hold") return laid(hold(point->surface, o.number("tremor_mm"), timing), std::move(remark));
-  return laid(slide_over(seen, *point, timing), std::move(remark));
+  if (point.u != u || point.v != v)
+    remark = fmt::format(" (at u={:.4g}, v={:.4g}, the nearest place that shows)", point.u, point.v);
+  if (name == "tap") return laid(tap(point.surface, timing), std::move(remark));
+  if (name == "hold") return laid(hold(point.surface, o.number("tremor_mm"), timing), std::move(remark));
+  return laid(slide_over(seen, point, timing), std::move(remark));
 }
 
 Result<Laid> over_seen(const std::string& name, const Options& o, const Timing& timing,
                        const PathTarget& target) {
-  const Result<std::unique_ptr<SeenSurface>> seen = look_at(target, o.text("from"));
-  if (!seen) return seen.error();
-  Result<Laid> path = o.has("u") ? at_seen_point(name, o, timing, **seen)
-                                 : laid(follow(**seen, curve_of(name, o, timing), timing));
+  PALPATE_ASSIGN(const std::unique_ptr<SeenSurface> seen, look_at(target, o.text("from")));
+  Result<Laid> path = o.has("u") ? at_seen_point(name, o, timing, *seen)
+                                 : laid(follow(*seen, curve_of(name, o, timing), timing));
   if (path)
     for (Vec3& p : path->hip_mm) p += target.cloud->origin_mm;
   return path;
@@ -242,17 +242,16 @@ const PathGenerator* find_path_generator(std::string_view name) {
 
 Result<ProbePath> make_path(const NamedOptions& spec, const PathTarget& target) {
   const PathGenerator* generator = find_path_generator(spec.name);
-  if (generator == nullptr) {
-    std::string known;
-    for (const PathGenerator& g : path_generators()) known += (known.empty() ? "" : ", ") + g.name;
-    return Error{fmt::format("there is no path generator '{}'", spec.name), "choose from " + known, {}, 0};
-  }
+  if (generator == nullptr)
+    return Error{fmt::format("there is no path generator '{}'", spec.name),
+                 "choose from " + joined(names_of(path_generators())),
+                 {},
+                 0};
   const bool needs_points = spec.name == "exploration" || target.surface == nullptr;
   if (needs_points && (target.cloud == nullptr || target.cloud->empty()))
     return Error{fmt::format("the path '{}' needs a cloud", spec.name), "give a model with points", {}, 0};
-  Result<Options> complete = validate(spec.options, generator->options, spec.name);
-  if (!complete) return std::move(complete).error();
-  const Options& o = *complete;
+  PALPATE_ASSIGN(Options complete, validate(spec.options, generator->options, spec.name));
+  const Options& o = complete;
   const Timing timing{static_cast<std::size_t>(o.integer("frames")),
                       o.number("rate_hz"),
                       o.has("speed_mm_s") ? o.number("speed_mm_s") : 0.0,
@@ -260,23 +259,21 @@ Result<ProbePath> make_path(const NamedOptions& spec, const PathTarget& target) 
                       o.number("clearance_mm"),
                       o.has("period_frames") ? o.number("period_frames") : 0.0,
                       o.has("seed") ? static_cast<std::uint64_t>(o.integer("seed")) : 0};
-  const Result<Laid> model = lay(spec.name, o, timing, target);
-  if (!model) return model.error();
+  PALPATE_ASSIGN(const Laid model, lay(spec.name, o, timing, target));
 
   ProbePath path;
   path.name = spec.name;
   for (const auto& [key, value] : o.all())
     if (key != "from" || target.surface == nullptr) path.name += fmt::format(":{}={}", key, value);
-  path.name += model->remark;
+  path.name += model.remark;
   path.t_s.resize(timing.frames);
   path.hip_mm.resize(timing.frames);
   for (std::size_t k = 0; k < timing.frames; ++k) {
     path.t_s[k] = static_cast<double>(k) / timing.rate_hz;
-    path.hip_mm[k] = target.world_from_model * model->hip_mm[k];
+    path.hip_mm[k] = target.world_from_model * model.hip_mm[k];
   }
   if (target.surface != nullptr)
-    if (Status free = check_path_starts_free(path, *target.surface, target.world_from_model); !free)
-      return free.error();
+    PALPATE_TRY(check_path_starts_free(path, *target.surface, target.world_from_model));
   return path;
 }
 

@@ -10,6 +10,7 @@
 
 #include "toolkit/core/clock.h"
 #include "toolkit/core/nearest_rank.h"
+#include "toolkit/core/try.h"
 
 namespace palpate::trace {
 namespace {
@@ -355,7 +356,7 @@ std::size_t densest_contact_stretch(const ForceTrace& trace, std::size_t frames)
 }
 
 Result<ForceTrace> replay(HapticRenderer& renderer, const ProbePath& path, render::Simulation* simulation) {
-  if (Status checked = check_path(path); !checked) return std::move(checked).error();
+  PALPATE_TRY(check_path(path));
   ForceTrace trace;
   trace.label = renderer.describe().name;
   trace.frames.reserve(path.size());
@@ -369,15 +370,14 @@ Result<ForceTrace> replay(HapticRenderer& renderer, const ProbePath& path, rende
 }
 
 Result<ReplayReport> measure(HapticRenderer& renderer, const ProbePath& path, const ReplayOptions& options) {
-  Result<ForceTrace> trace = replay(renderer, path, options.simulation);
-  if (!trace) return std::move(trace).error();
+  PALPATE_ASSIGN(ForceTrace trace, replay(renderer, path, options.simulation));
   ReplayReport report;
-  report.trace = std::move(trace).value();
+  report.trace = std::move(trace);
   report.trace_hash = trace_hash(report.trace);
   report.counters = renderer.counters();
   if (!options.timed) return report;
   Course course(renderer, path, options.simulation);
-  if (Status timed = time_passes(course, path, report); !timed) return std::move(timed).error();
+  PALPATE_TRY(time_passes(course, path, report));
   struct Wanted {
     std::uint64_t frames;
     std::size_t evicted_bytes;
@@ -386,10 +386,9 @@ Result<ReplayReport> measure(HapticRenderer& renderer, const ProbePath& path, co
   for (const Wanted& wanted : {Wanted{options.paced_frames, 0, report.paced},
                                Wanted{options.paced_evicted_frames, kEvictedBytes, report.paced_evicted}}) {
     if (wanted.frames == 0) continue;
-    Result<PacedStatistics> paced =
-        paced_pass(course, path, report.trace, wanted.frames, wanted.evicted_bytes, report, options.progress);
-    if (!paced) return std::move(paced).error();
-    wanted.out = std::move(paced).value();
+    PALPATE_ASSIGN(PacedStatistics paced, paced_pass(course, path, report.trace, wanted.frames,
+                                                     wanted.evicted_bytes, report, options.progress));
+    wanted.out = std::move(paced);
   }
   return report;
 }

@@ -7,6 +7,8 @@
 #include <limits>
 #include <optional>
 
+#include "toolkit/core/try.h"
+
 namespace palpate::trace {
 namespace {
 
@@ -150,24 +152,22 @@ class Track {
 
 Result<std::vector<Vec3>> follow(const SeenSurface& seen, const Curve& curve, const Timing& timing) {
   const double step = timing.step_mm();
-  Result<std::vector<Station>> stations =
-      Track(seen, curve, timing)
-          .over(step * static_cast<double>(timing.frames) + (timing.depth_mm + timing.clearance_mm) / kRise);
-  if (!stations) return std::move(stations).error();
+  PALPATE_ASSIGN(std::vector<Station> stations, Track(seen, curve, timing)
+                                                    .over(step * static_cast<double>(timing.frames) +
+                                                          (timing.depth_mm + timing.clearance_mm) / kRise));
   std::vector<Vec3> path;
   path.reserve(timing.frames);
   std::size_t at = 0;
   double done = 0.0;  // beyond the station
   for (std::size_t k = 0; k < timing.frames; ++k) {
-    const auto length = [&] { return ((*stations)[at + 1].point - (*stations)[at].point).norm(); };
-    while (at + 1 < stations->size() && done >= length()) {
+    const auto length = [&] { return (stations[at + 1].point - stations[at].point).norm(); };
+    while (at + 1 < stations.size() && done >= length()) {
       done -= length();
       ++at;
     }
-    Vec3 hip = hip_at((*stations)[at], timing.offset_mm(k), timing.clearance_mm);
-    if (at + 1 < stations->size() && done > 0.0)
-      hip +=
-          (done / length()) * (hip_at((*stations)[at + 1], timing.offset_mm(k), timing.clearance_mm) - hip);
+    Vec3 hip = hip_at(stations[at], timing.offset_mm(k), timing.clearance_mm);
+    if (at + 1 < stations.size() && done > 0.0)
+      hip += (done / length()) * (hip_at(stations[at + 1], timing.offset_mm(k), timing.clearance_mm) - hip);
     path.push_back(k == 0 ? hip : held_back(path.back(), hip, timing.farthest_mm()));
     done += step;
   }

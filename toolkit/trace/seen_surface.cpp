@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "toolkit/cloud/statistics.h"
+#include "toolkit/core/try.h"
 #include "toolkit/trace/point_fits.h"
 #include "toolkit/trace/seen_mesh.h"
 
@@ -184,9 +185,8 @@ Result<std::unique_ptr<SeenSurface>> look_at(const PathTarget& target, std::stri
   if (target.mesh != nullptr && !target.mesh->empty()) return see_mesh(view, *target.mesh, cloud.origin_mm);
   if (cloud.size() < kFewestInBall)
     return Error{"the cloud has too few points to lay a path over", "give at least 16", {}, 0};
-  Result<Fitting> fitting = choose_radius(cloud, cloud.box_mm());
-  if (!fitting) return std::move(fitting).error();
-  return std::unique_ptr<SeenSurface>(std::make_unique<SeenPoints>(view, cloud, *std::move(fitting)));
+  PALPATE_ASSIGN(Fitting fitting, choose_radius(cloud, cloud.box_mm()));
+  return std::unique_ptr<SeenSurface>(std::make_unique<SeenPoints>(view, cloud, std::move(fitting)));
 }
 
 }  // namespace palpate::trace

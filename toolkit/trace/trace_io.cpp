@@ -12,6 +12,7 @@
 
 #include "toolkit/core/atomic_file.h"
 #include "toolkit/core/options.h"
+#include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
 #include "toolkit/trace/csv_rows.h"
 
@@ -93,13 +94,12 @@ Status check_columns(const TrajColumns& c, const std::string& file) {
 }  // namespace
 
 Result<ProbePath> read_path_csv(const std::string& file, std::uint64_t max_bytes) {
-  Result<LineReader> reader = LineReader::open(file, max_bytes);
-  if (!reader) return std::move(reader).error();
+  PALPATE_ASSIGN(LineReader reader, LineReader::open(file, max_bytes));
   ProbePath path;
   path.name = file;
-  const Status read = read_rows(*reader, kPathHeader, kOtherColumns, [&](std::span<const double> v) {
-    if (Status time = check_time(*reader, path, v[0]); !time) return time;
-    if (Status fits = reader->fits(path, kPathFields * sizeof(double)); !fits) return fits;
+  const Status read = read_rows(reader, kPathHeader, kOtherColumns, [&](std::span<const double> v) {
+    if (Status time = check_time(reader, path, v[0]); !time) return time;
+    if (Status fits = reader.fits(path, kPathFields * sizeof(double)); !fits) return fits;
     path.t_s.push_back(v[0]);
     path.hip_mm.emplace_back(v[1], v[2], v[3]);
     return Status(Done{});
@@ -138,19 +138,17 @@ Status write_trace_csv(const ProbePath& path, const ForceTrace& trace, const std
 }
 
 Result<PathAndTrace> read_trace_csv(const std::string& file, std::uint64_t max_bytes) {
-  Result<LineReader> reader = LineReader::open(file, max_bytes);
-  if (!reader) return std::move(reader).error();
+  PALPATE_ASSIGN(LineReader reader, LineReader::open(file, max_bytes));
   // Nanoseconds beyond this are no frame times, and doubles no longer count them exactly: 2^53.
   constexpr double kLargestNs = 9007199254740992.0;
   PathAndTrace both;
   both.path.name = file;
-  const Status read = read_rows(*reader, kTraceHeader, "", [&](std::span<const double> v) {
-    if (Status time = check_time(*reader, both.path, v[0]); !time) return time;
-    if (Status fits = reader->fits(both.path, kTraceFields * sizeof(double)); !fits) return fits;
-    if (v[7] != 0.0 && v[7] != 1.0)
-      return Status(reader->error("contact is neither 0 nor 1", "write 0 or 1"));
+  const Status read = read_rows(reader, kTraceHeader, "", [&](std::span<const double> v) {
+    if (Status time = check_time(reader, both.path, v[0]); !time) return time;
+    if (Status fits = reader.fits(both.path, kTraceFields * sizeof(double)); !fits) return fits;
+    if (v[7] != 0.0 && v[7] != 1.0) return Status(reader.error("contact is neither 0 nor 1", "write 0 or 1"));
     if (!(std::abs(v[11]) <= kLargestNs))
-      return Status(reader->error("frame_ns is out of range", "write nanoseconds, 0 where not timed"));
+      return Status(reader.error("frame_ns is out of range", "write nanoseconds, 0 where not timed"));
     both.path.t_s.push_back(v[0]);
     both.path.hip_mm.emplace_back(v[1], v[2], v[3]);
     render::Frame frame;
@@ -187,15 +185,13 @@ Status write_reference_csv(const ProbePath& path, const ReferenceTrace& referenc
 }
 
 Result<PathAndReference> read_reference_csv(const std::string& file, std::uint64_t max_bytes) {
-  Result<LineReader> reader = LineReader::open(file, max_bytes);
-  if (!reader) return std::move(reader).error();
+  PALPATE_ASSIGN(LineReader reader, LineReader::open(file, max_bytes));
   PathAndReference both;
   both.path.name = file;
-  const Status read = read_rows(*reader, kReferenceHeader, "", [&](std::span<const double> v) {
-    if (Status time = check_time(*reader, both.path, v[0]); !time) return time;
-    if (Status fits = reader->fits(both.path, kReferenceFields * sizeof(double)); !fits) return fits;
-    if (v[7] != 0.0 && v[7] != 1.0)
-      return Status(reader->error("contact is neither 0 nor 1", "write 0 or 1"));
+  const Status read = read_rows(reader, kReferenceHeader, "", [&](std::span<const double> v) {
+    if (Status time = check_time(reader, both.path, v[0]); !time) return time;
+    if (Status fits = reader.fits(both.path, kReferenceFields * sizeof(double)); !fits) return fits;
+    if (v[7] != 0.0 && v[7] != 1.0) return Status(reader.error("contact is neither 0 nor 1", "write 0 or 1"));
     both.path.t_s.push_back(v[0]);
     both.path.hip_mm.emplace_back(v[1], v[2], v[3]);
     TruthFrame& truth = both.reference.frames.emplace_back();
@@ -214,9 +210,8 @@ Result<PathAndReference> read_reference_csv(const std::string& file, std::uint64
 
 Result<TrajRecording> read_traj(const std::string& file, const TrajColumns& columns,
                                 std::uint64_t max_bytes) {
-  if (Status good = check_columns(columns, file); !good) return good.error();
-  Result<LineReader> reader = LineReader::open(file, max_bytes);
-  if (!reader) return std::move(reader).error();
+  PALPATE_TRY(check_columns(columns, file));
+  PALPATE_ASSIGN(LineReader reader, LineReader::open(file, max_bytes));
   const std::array<int, 7> places = {columns.t,  columns.x,  columns.y, columns.z,
                                      columns.fx, columns.fy, columns.fz};
   TrajRecording recording;
@@ -224,22 +219,22 @@ Result<TrajRecording> read_traj(const std::string& file, const TrajColumns& colu
   path.name = file;
   std::string_view line;
   bool may_be_names = true;
-  while (reader->next(line)) {
+  while (reader.next(line)) {
     while (!line.empty() && separates(line.front())) line.remove_prefix(1);
     if (line.empty() || line.front() == '#' || line.front() == '%') continue;
     if (std::exchange(may_be_names, false) && names_columns(line)) continue;
     std::array<double, 7> v{};
-    if (Status parsed = parse_traj_line(*reader, line, places, v); !parsed) return parsed.error();
+    PALPATE_TRY(parse_traj_line(reader, line, places, v));
     const double t_s = columns.t >= 0 ? v[0] * columns.s_per_unit
                                       : static_cast<double>(path.size()) / columns.sample_rate_hz;
-    if (Status time = check_time(*reader, path, t_s); !time) return time.error();
-    if (Status fits = reader->fits(path, (kPathFields + 3) * sizeof(double)); !fits) return fits.error();
+    PALPATE_TRY(check_time(reader, path, t_s));
+    PALPATE_TRY(reader.fits(path, (kPathFields + 3) * sizeof(double)));
     path.t_s.push_back(t_s);
     path.hip_mm.push_back(columns.mm_per_unit * Vec3(v[1], v[2], v[3]));
     if (columns.fx >= 0) recording.force_n.push_back(columns.n_per_unit * Vec3(v[4], v[5], v[6]));
   }
-  if (reader->failure()) return *reader->failure();
-  if (path.t_s.empty()) return reader->error("the file holds no line of numbers", "is this the right file?");
+  if (reader.failure()) return *reader.failure();
+  if (path.t_s.empty()) return reader.error("the file holds no line of numbers", "is this the right file?");
   return recording;
 }
 

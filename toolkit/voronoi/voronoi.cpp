@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "toolkit/core/parallel.h"
+#include "toolkit/core/try.h"
 #include "toolkit/neighbourhood/builders.h"
 #include "toolkit/neighbourhood/knn_kernels.h"
 
@@ -176,9 +177,8 @@ void register_voronoi() {
   builder.source = "section 3.2.2.3, CGAL";
   builder.build = [](const cloud::Cloud& cloud, const Options&, int threads) -> Result<neighbourhood::Built> {
     VoronoiReport r;
-    Result<NeighbourTable> table = voronoi(cloud, threads, &r);
-    if (!table) return std::move(table).error();
-    neighbourhood::Built built{*std::move(table), {}};
+    PALPATE_ASSIGN(NeighbourTable table, voronoi(cloud, threads, &r));
+    neighbourhood::Built built{std::move(table), {}};
     built.notes.push_back(fmt::format("{:.2f} natural neighbours on average, fewer than eight at {} points",
                                       2.0 * static_cast<double>(r.natural) / static_cast<double>(r.places),
                                       r.fewer_than_eight));
