@@ -66,7 +66,7 @@ const std::vector<Heavy> kHeavy = {
     {"CLI/", {"experiments/", "tests/experiments/"}, {"experiments/command/cli.h"}},
     {"toml++/",
      {"toolkit/scene/", "experiments/", "tests/toolkit/scene/", "tests/experiments/"},
-     {"toolkit/scene/toml_reading.h"}},
+     {"toolkit/scene/toml_fields.h"}},
     {"nlohmann/",
      {"toolkit/metrics/", "experiments/", "tests/toolkit/metrics/", "tests/experiments/",
       "tests/json_schema.cpp"},

@@ -6,7 +6,7 @@
 #include "toolkit/core/result.h"
 
 /// Calls what gives a Status (or a Result whose value is not wanted) and returns its Error where it failed:
-/// PALPATE_TRY(check_keys(table, known));
+/// PALPATE_TRY(check_size(columns, rows));
 #define PALPATE_TRY(...)                                                                                  \
   do {                                                                                                    \
     if (auto palpate_tried = (__VA_ARGS__); !palpate_tried.ok()) return std::move(palpate_tried).error(); \

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "toolkit/core/clock.h"
+#include "toolkit/core/try.h"
 #include "toolkit/neighbourhood/knn.h"
 #include "toolkit/partition/point_search.h"
 #include "toolkit/scene/scene.h"
@@ -14,10 +15,8 @@
 namespace palpate::scene {
 namespace {
 
-std::string names_of(const std::vector<CleaningStep>& steps) {
-  std::string all;
-  for (const CleaningStep& step : steps) all += (all.empty() ? "" : ", ") + step.name;
-  return all.empty() ? std::string("none in this program") : all;
+std::string choices_of(const std::vector<CleaningStep>& steps) {
+  return "choose from " + (steps.empty() ? "none in this program" : joined(names_of(steps)));
 }
 
 /// Points without a source of their own take that of the nearest input point.
@@ -84,32 +83,24 @@ const CleaningStep* Cleaning::find(std::string_view name) const noexcept {
 
 Result<NamedOptions> Cleaning::check(const NamedOptions& step) const {
   const CleaningStep* const found = find(step.name);
-  if (found == nullptr) {
-    std::vector<std::string> known;
-    for (const CleaningStep& s : steps_) known.push_back(s.name);
-    const std::string near = nearest_name(step.name, known);
+  if (found == nullptr)
     return Error{fmt::format("there is no cleaning step '{}'", step.name),
-                 near.empty() ? "choose from " + names_of(steps_) : fmt::format("did you mean '{}'?", near),
+                 did_you_mean(step.name, names_of(steps_), choices_of(steps_)),
                  {},
                  0};
-  }
-  Result<Options> options = validate(step.options, found->options, step.name);
-  if (!options) return std::move(options).error();
-  return NamedOptions{step.name, *std::move(options)};
+  PALPATE_ASSIGN(Options options, validate(step.options, found->options, step.name));
+  return NamedOptions{step.name, std::move(options)};
 }
 
 Result<std::vector<NamedOptions>> Cleaning::parse(std::string_view text) const {
   std::vector<NamedOptions> steps;
   for (std::string& item : split_list(text, '+')) {
     std::replace(item.begin(), item.end(), '/', ':');
-    const Result<NamedOptions> named = parse_named_options(item);
-    if (!named) return named.error();
-    Result<NamedOptions> step = check(*named);
-    if (!step) return std::move(step).error();
-    steps.push_back(*std::move(step));
+    PALPATE_ASSIGN(const NamedOptions named, parse_named_options(item));
+    PALPATE_ASSIGN(NamedOptions step, check(named));
+    steps.push_back(std::move(step));
   }
-  if (steps.empty())
-    return Error{"cleaning needs a step", "choose from " + names_of(steps_) + ", joined by +", {}, 0};
+  if (steps.empty()) return Error{"cleaning needs a step", choices_of(steps_) + ", joined by +", {}, 0};
   return steps;
 }
 
@@ -125,20 +116,20 @@ Result<CleanedCloud> Cleaning::run(const cloud::Cloud& cloud, std::span<const Na
     if (progress.cancelled()) return Error{"stopped while cleaning", {}, {}, 0};
     const Stopwatch watch;
     const cloud::Cloud& before = cleaned.cloud;
-    Result<StepOutput> output =
-        found->run({before, step.options, neighbourhood::mean_spacing_mm(before), threads, progress});
-    if (!output) return std::move(output).error();
-    if (output->from.empty())
+    PALPATE_ASSIGN(
+        StepOutput output,
+        found->run({before, step.options, neighbourhood::mean_spacing_mm(before), threads, progress}));
+    if (output.from.empty())
       return Error{fmt::format("{} would remove every one of {} points", step.name, before.size()),
                    "give it wider limits; lengths are in spacings",
                    {},
                    0};
-    find_sources(before, *output);
-    Result<cloud::Cloud> after = apply(before, *output);
+    find_sources(before, output);
+    Result<cloud::Cloud> after = apply(before, output);
     if (!after) return Error{step.name + ": " + after.error().what, after.error().remedy, {}, 0};
-    cleaned.notes.push_back(change(step.name, before.size(), *output));
-    for (std::uint32_t& i : output->from) i = cleaned.from[i];
-    cleaned.from = std::move(output->from);
+    cleaned.notes.push_back(change(step.name, before.size(), output));
+    for (std::uint32_t& i : output.from) i = cleaned.from[i];
+    cleaned.from = std::move(output.from);
     cleaned.cloud = *std::move(after);
     cleaned.phases.push_back({phase, watch.ms()});
   }

@@ -6,6 +6,7 @@
 #include "toolkit/cloud/generate.h"
 #include "toolkit/cloud/spread.h"
 #include "toolkit/core/hash.h"
+#include "toolkit/core/try.h"
 #include "toolkit/scene/scene.h"
 #include "toolkit/scene/surface_sources.h"
 
@@ -37,15 +38,14 @@ Status load_generated(const SceneModel& model, double scale, render::ModelInput&
                    0};
     spec.options.set("scale", fmt::format("{}", scale));
   }
-  Result<cloud::GeneratedModel> made = cloud::generate(spec);
-  if (!made) return std::move(made).error();
-  provenance.source = made->spec;
+  PALPATE_ASSIGN(cloud::GeneratedModel made, cloud::generate(spec));
+  provenance.source = made.spec;
   provenance.format = "generated";
-  provenance.file_points = made->cloud.size();
-  provenance.content_hash = hash_of(made->cloud);
-  input.cloud = std::make_shared<const cloud::Cloud>(std::move(made->cloud));
-  input.original_mesh = std::move(made->original_mesh);
-  input.analytic = std::move(made->surface);
+  provenance.file_points = made.cloud.size();
+  provenance.content_hash = hash_of(made.cloud);
+  input.cloud = std::make_shared<const cloud::Cloud>(std::move(made.cloud));
+  input.original_mesh = std::move(made.original_mesh);
+  input.analytic = std::move(made.surface);
   return Done{};
 }
 
@@ -58,30 +58,28 @@ Status add_views(const SceneModel& model, const io::Readers& readers, const io::
   for (const SceneView& view : model.views) {
     progress.report("loading " + view.cloud, -1.0);
     if (progress.cancelled()) return Error{"stopped while loading the scene", {}, {}, 0};
-    Result<io::ReadModel> more = readers.read(view.cloud, read, progress);
-    if (!more) return std::move(more).error();
-    if (more->unit != got.unit)
-      return Error{fmt::format("is in {}, the model's first file in {}", io::unit_name(more->unit),
+    PALPATE_ASSIGN(io::ReadModel more, readers.read(view.cloud, read, progress));
+    if (more.unit != got.unit)
+      return Error{fmt::format("is in {}, the model's first file in {}", io::unit_name(more.unit),
                                io::unit_name(got.unit)),
                    "say the unit of all files: unit = \"mm\" in the scene, or --unit", view.cloud, 0};
     const geometry::RigidTransform pose{view.model_from_view.rotation,
                                         view.model_from_view.translation_mm * read.scale};
-    for (std::size_t i = 0; i < more->cloud.size(); ++i) points.push_back(pose * more->cloud.point_mm(i));
+    for (std::size_t i = 0; i < more.cloud.size(); ++i) points.push_back(pose * more.cloud.point_mm(i));
     std::erase_if(properties, [&](cloud::Property& p) {
-      const auto at = std::find_if(more->cloud.properties.begin(), more->cloud.properties.end(),
+      const auto at = std::find_if(more.cloud.properties.begin(), more.cloud.properties.end(),
                                    [&](const cloud::Property& q) { return q.name == p.name; });
-      if (at == more->cloud.properties.end()) return true;
+      if (at == more.cloud.properties.end()) return true;
       p.values.insert(p.values.end(), at->values.begin(), at->values.end());
       return false;
     });
-    got.file_points += more->file_points;
-    got.non_finite += more->non_finite;
-    got.warnings.insert(got.warnings.end(), more->warnings.begin(), more->warnings.end());
+    got.file_points += more.file_points;
+    got.non_finite += more.non_finite;
+    got.warnings.insert(got.warnings.end(), more.warnings.begin(), more.warnings.end());
   }
-  Result<cloud::Cloud> merged = cloud::build_cloud(points, cloud::NonFinite::kRefuse);
-  if (!merged) return std::move(merged).error();
-  merged->properties = std::move(properties);
-  got.cloud = *std::move(merged);
+  PALPATE_ASSIGN(cloud::Cloud merged, cloud::build_cloud(points, cloud::NonFinite::kRefuse));
+  merged.properties = std::move(properties);
+  got.cloud = std::move(merged);
   got.mesh = nullptr;  // of one view alone
   got.format += fmt::format(", {} views merged", model.views.size() + 1);
   return Done{};
@@ -102,21 +100,19 @@ Status load_file(const SceneModel& model, double scale, const io::Readers& reade
   read.post_mm = options.post_mm != 0.0 ? options.post_mm : model.post_mm;
   read.vertical_mm = options.vertical_mm != 0.0 ? options.vertical_mm : model.vertical_mm;
   read.max_bytes = options.max_bytes;
-  Result<io::ReadModel> got = readers.read(model.cloud, read, progress);
-  if (!got) return std::move(got).error();
-  if (!model.views.empty())
-    if (const Status added = add_views(model, readers, read, progress, *got); !added) return added.error();
+  PALPATE_ASSIGN(io::ReadModel got, readers.read(model.cloud, read, progress));
+  if (!model.views.empty()) PALPATE_TRY(add_views(model, readers, read, progress, got));
   provenance.source = model.cloud;
-  provenance.format = got->format;
-  provenance.content_hash = model.views.empty() ? hex(got->content_hash) : hash_of(got->cloud);
-  provenance.unit = got->unit;
-  provenance.unit_guessed = got->unit_guessed;
-  provenance.file_points = got->file_points;
-  provenance.non_finite = got->non_finite;
-  provenance.warnings = got->warnings;
-  if (!got->compression.empty()) provenance.format += ", " + got->compression;
-  input.cloud = std::make_shared<const cloud::Cloud>(std::move(got->cloud));
-  if (got->mesh != nullptr && !got->mesh->empty()) input.original_mesh = std::move(got->mesh);
+  provenance.format = got.format;
+  provenance.content_hash = model.views.empty() ? hex(got.content_hash) : hash_of(got.cloud);
+  provenance.unit = got.unit;
+  provenance.unit_guessed = got.unit_guessed;
+  provenance.file_points = got.file_points;
+  provenance.non_finite = got.non_finite;
+  provenance.warnings = got.warnings;
+  if (!got.compression.empty()) provenance.format += ", " + got.compression;
+  input.cloud = std::make_shared<const cloud::Cloud>(std::move(got.cloud));
+  if (got.mesh != nullptr && !got.mesh->empty()) input.original_mesh = std::move(got.mesh);
   return Done{};
 }
 
@@ -162,12 +158,11 @@ Result<std::vector<std::vector<NamedOptions>>> checked_steps(const SceneFile& sc
 /// The file's own faces are left behind: they are those of the points before.
 Status clean_model(const std::vector<NamedOptions>& steps, const Cleaning& cleaning, int threads,
                    Progress& progress, render::ModelInput& input, Provenance& provenance) {
-  Result<CleanedCloud> cleaned = cleaning.run(*input.cloud, steps, threads, progress);
-  if (!cleaned) return std::move(cleaned).error();
-  input.cloud = std::make_shared<const cloud::Cloud>(std::move(cleaned->cloud));
+  PALPATE_ASSIGN(CleanedCloud cleaned, cleaning.run(*input.cloud, steps, threads, progress));
+  input.cloud = std::make_shared<const cloud::Cloud>(std::move(cleaned.cloud));
   input.original_mesh = nullptr;
-  provenance.cleaning = std::move(cleaned->phases);
-  provenance.cleaned = std::move(cleaned->notes);
+  provenance.cleaning = std::move(cleaned.phases);
+  provenance.cleaned = std::move(cleaned.notes);
   return Done{};
 }
 
@@ -206,8 +201,7 @@ Result<LoadedScene> load(const SceneFile& scene, const io::Readers& readers, con
   if (const Status fit = check_wishes(scene, options); !fit) return Error(fit.error()).in_file(scene.path);
   const Cleaning none;
   const Cleaning& cleaning = options.cleaning != nullptr ? *options.cleaning : none;
-  const Result<std::vector<std::vector<NamedOptions>>> steps = checked_steps(scene, cleaning);
-  if (!steps) return steps.error();
+  PALPATE_ASSIGN(const std::vector<std::vector<NamedOptions>> steps, checked_steps(scene, cleaning));
   std::shared_ptr<render::ScriptedSimulation> simulation;
   for (const SceneModel& model : scene.models) {
     progress.report("loading " + model.name, -1.0);
@@ -217,7 +211,7 @@ Result<LoadedScene> load(const SceneFile& scene, const io::Readers& readers, con
     const double scale = options.scale.value_or(model.scale);
     Status status = model.generate ? load_generated(model, scale, input, provenance)
                                    : load_file(model, scale, readers, options, progress, input, provenance);
-    if (const auto& own = (*steps)[loaded.input.models.size()]; status && !own.empty())
+    if (const auto& own = steps[loaded.input.models.size()]; status && !own.empty())
       status = clean_model(own, cleaning, options.threads, progress, input, provenance);
     if (!status)
       return model.line > 0 ? Error(status.error()).in_file(scene.path, model.line) : status.error();

@@ -108,6 +108,15 @@ inline constexpr std::size_t kMaxSceneBytes = std::size_t{1} << 20;
 [[nodiscard]] Result<SceneFile> parse_scene(std::string_view text, const std::string& path);
 [[nodiscard]] Result<SceneFile> read_scene(const std::string& path);
 
+/// The keys of one table of a scene file, of all its kinds.
+struct TableKeys {
+  std::string table;  ///< "model.surface.dent"; inline tables count to the one that they stand in
+  std::vector<std::string> keys;
+};
+/// Every key that parse_scene reads, but for the options of generators, renderers and cleaning steps, which
+/// have tables of their own.
+[[nodiscard]] std::vector<TableKeys> scene_keys();
+
 /// What the commands call SCENE: a .toml file, a generator with options ("sinusoid:points=10201:seed=1"), or
 /// a model file. A file wins over a generator of the same name.
 [[nodiscard]] Result<SceneFile> open_scene(const std::string& argument);

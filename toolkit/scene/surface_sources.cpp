@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "toolkit/core/try.h"
+
 namespace palpate::scene {
 namespace {
 
@@ -21,19 +23,13 @@ Status fill_column(const cloud::Cloud& cloud, const std::string& name, std::vect
     values = at->values;
     return Done{};
   }
-  std::string all;
-  std::vector<std::string> known;
-  for (const cloud::Property& p : cloud.properties) {
-    all += (all.empty() ? "" : ", ") + p.name;
-    known.push_back(p.name);
-  }
-  const std::string near = nearest_name(name, known);
-  return Error{fmt::format("the model has no column '{}'", name),
-               !near.empty() ? fmt::format("did you mean '{}'?", near)
-               : all.empty() ? std::string("its file has none beside the coordinates")
-                             : "it has " + all,
-               {},
-               0};
+  const std::vector<std::string> known = names_of(cloud.properties);
+  return Error{
+      fmt::format("the model has no column '{}'", name),
+      did_you_mean(name, known,
+                   known.empty() ? "its file has none beside the coordinates" : "it has " + joined(known)),
+      {},
+      0};
 }
 
 /// A height image of any format that is read as a model: its posts, lowest value 0, highest 65535.
@@ -43,9 +39,8 @@ Result<surface::TextureImage> read_image(const std::string& path, const io::Read
   options.max_bytes = max_bytes;
   options.unit = io::Unit::kMillimetre;
   options.non_finite = cloud::NonFinite::kRefuse;
-  const Result<io::ReadModel> read = readers.read(path, options, progress);
-  if (!read) return read.error();
-  const cloud::Cloud& cloud = read->cloud;
+  PALPATE_ASSIGN(const io::ReadModel read, readers.read(path, options, progress));
+  const cloud::Cloud& cloud = read.cloud;
   if (!cloud.raster)
     return Error{"is no full grid of heights", "give a PFM, or a 16-bit PNG or TIFF without holes", path, 0};
   surface::TextureImage image;
@@ -116,9 +111,9 @@ Status resolve_surface(const SceneModel& model, const io::Readers& readers, std:
   input.surface = model.surface;
   const SurfaceSources& sources = model.sources;
   if (!sources.texture_image.empty()) {
-    Result<surface::TextureImage> image = read_image(sources.texture_image, readers, max_bytes, progress);
-    if (!image) return std::move(image).error();
-    input.surface.texture.image = std::make_shared<const surface::TextureImage>(*std::move(image));
+    PALPATE_ASSIGN(surface::TextureImage image,
+                   read_image(sources.texture_image, readers, max_bytes, progress));
+    input.surface.texture.image = std::make_shared<const surface::TextureImage>(std::move(image));
   }
   auto p = std::make_shared<PointProperties>();
   const cloud::Cloud& cloud = *input.cloud;
@@ -126,13 +121,11 @@ Status resolve_surface(const SceneModel& model, const io::Readers& readers, std:
                                      std::pair{&sources.static_friction_column, &p->static_friction},
                                      std::pair{&sources.dynamic_friction_column, &p->dynamic_friction},
                                      std::pair{&sources.deformation_column, &p->deformation}})
-    if (const Status filled = fill_column(cloud, *name, *values); !filled) return filled.error();
+    PALPATE_TRY(fill_column(cloud, *name, *values));
   if (sources.friction_map)
-    if (const Status filled = fill_map(*sources.friction_map, cloud,
-                                       read_image(sources.friction_map->image, readers, max_bytes, progress),
-                                       p->static_friction);
-        !filled)
-      return filled.error();
+    PALPATE_TRY(fill_map(*sources.friction_map, cloud,
+                         read_image(sources.friction_map->image, readers, max_bytes, progress),
+                         p->static_friction));
   for (const SceneRegion& region : model.regions)
     if (fill_region(region, model.surface, cloud, *p) == 0)
       warnings.push_back(fmt::format("The region in line {} holds no point of {}: it changes nothing.",

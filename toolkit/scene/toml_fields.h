@@ -1,68 +1,114 @@
 // Tables of a TOML file read by the list of their fields: what is no field, of the wrong kind or missing is
-// refused with its line. Internal to scene and to what else reads TOML files of its own.
+// refused with line and column. For scene and for what else reads TOML files of its own: the only header that
+// sees toml++.
 #pragma once
 
+#include <fmt/format.h>
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <array>
 #include <cstdint>
 #include <functional>
+#include <optional>
+#include <string>
 #include <type_traits>
 #include <utility>
+#include <vector>
 
-#include "toolkit/scene/toml_reading.h"
+#include "toolkit/core/options.h"
+#include "toolkit/core/result.h"
+#include "toolkit/core/try.h"
+#include "toolkit/core/vec.h"
+#include "toolkit/core/words.h"
 
 namespace palpate::scene {
 
-/// One key of a table, and what reads its value.
-struct Field {
-  std::string key;
-  std::function<Status(const toml::node&, const InFile&)> read;
-  bool needed = false;
-  /// The kinds of the table that have it; empty: all of them.
-  std::vector<std::string> kinds{};
+/// Errors that name the file, and the line and column of a node of it.
+struct InFile {
+  const std::string& file;
 
-  [[nodiscard]] Field must() && {
-    needed = true;
-    return std::move(*this);
+  [[nodiscard]] Error at(const toml::source_region& source, std::string what, std::string remedy = {}) const {
+    return Error{fmt::format("{} (column {})", what, source.begin.column), std::move(remedy), file,
+                 static_cast<std::int64_t>(source.begin.line)};
   }
-  [[nodiscard]] Field of(std::vector<std::string> only) && {
-    kinds = std::move(only);
-    return std::move(*this);
+  [[nodiscard]] Error at(const toml::node& node, std::string what, std::string remedy = {}) const {
+    return at(node.source(), std::move(what), std::move(remedy));
   }
+  /// A path in a file is relative to that file.
+  [[nodiscard]] std::string beside(const std::string& name) const;
 };
 
-/// Keeps a value that was read, or hands on what is wrong with it.
-template <class T, class V>
-Status keep(Result<T>&& read, V& into) {
-  if (!read) return std::move(read).error();
-  into = *std::move(read);
-  return Done{};
+/// One key of a table: how its value is read and where it goes.
+struct Field {
+  using Read = std::function<Status(const toml::node&, const std::string& key, const InFile&)>;
+  std::string key;
+  Read read;  ///< none: the key belongs to a later version
+  bool needed = false;
+  std::string example{};             ///< of what is needed: what to write
+  std::vector<std::string> kinds{};  ///< of the table that have it; empty: all of them
+
+  /// The same field, refused where it is missing.
+  [[nodiscard]] Field must(std::string write = {}) &&;
+  /// The same field, of these kinds alone.
+  [[nodiscard]] Field of(std::vector<std::string> only) &&;
+};
+using Fields = std::vector<Field>;
+
+/// Reads `table`, called `where` in messages, which is of this kind (empty: there are none): every field in
+/// the order of `fields`. Refused are keys that no field has, with the nearest known one; those of other
+/// kinds, which would do nothing; those of later versions; and fields that are needed and missing.
+[[nodiscard]] Status read_fields(const toml::table& table, const Fields& fields, const std::string& where,
+                                 const std::string& kind, const InFile& in_file);
+
+/// Values of one type.
+inline constexpr NumberRange kAnyNumber{};
+inline constexpr NumberRange kAboveZero{0.0, 1e300, true};
+inline constexpr NumberRange kNotNegative{0.0, 1e300, false};
+[[nodiscard]] Result<double> number(const toml::node& node, const std::string& key, const InFile& in_file,
+                                    const NumberRange& range = kAnyNumber, const std::string& remedy = {});
+[[nodiscard]] Result<std::string> text(const toml::node& node, const std::string& key, const InFile& in_file);
+/// A value of an option, as the text that the command line would have.
+[[nodiscard]] Result<std::string> option_text(const toml::node& node, const std::string& key,
+                                              const InFile& in_file);
+[[nodiscard]] Result<const toml::table*> table_of(const toml::node& node, const std::string& name,
+                                                  const InFile& in_file);
+/// The tables of a list, written [[name]]; at least one.
+[[nodiscard]] Result<std::vector<const toml::table*>> tables_of(const toml::node& node,
+                                                                const std::string& name,
+                                                                const InFile& in_file);
+template <std::size_t n>
+Result<std::array<double, n>> numbers(const toml::node& node, const std::string& key, const InFile& in_file) {
+  const toml::array* array = node.as_array();
+  if (array == nullptr || array->size() != n)
+    return in_file.at(node, fmt::format("'{}' must be a list of {} numbers", key, n));
+  std::array<double, n> values{};
+  for (std::size_t i = 0; i < n; ++i) {
+    PALPATE_ASSIGN(values[i], number(*array->get(i), key, in_file));
+  }
+  return values;
 }
 
-/// How a value of each type is read.
-inline Status read_value(const toml::node& node, const std::string& key, std::string& into,
-                         const InFile& in_file) {
-  return keep(text(node, key, in_file), into);
-}
-inline Status read_value(const toml::node& node, const std::string& key, double& into,
-                         const InFile& in_file) {
-  return keep(number(node, key, in_file), into);
-}
-inline Status read_value(const toml::node& node, const std::string& key, std::optional<double>& into,
-                         const InFile& in_file) {
-  return keep(number(node, key, in_file), into);
-}
-inline Status read_value(const toml::node& node, const std::string& key, bool& into, const InFile& in_file) {
-  const std::optional<bool> value = node.value_exact<bool>();
-  if (!value) return in_file.at(node, fmt::format("'{}' must be true or false", key));
-  into = *value;
-  return Done{};
-}
+/// How a value of each type is read into what takes it by assignment.
 template <class T>
-requires std::is_integral_v<T> Status read_value(const toml::node& node, const std::string& key, T& into,
-                                                 const InFile& in_file) {
-  const std::optional<std::int64_t> value = node.value_exact<std::int64_t>();
-  if (!value || *value < 0 || !std::in_range<T>(*value))
-    return in_file.at(node, fmt::format("'{}' must be a whole number, 0 or more", key));
-  into = static_cast<T>(*value);
+Status read_value(const toml::node& node, const std::string& key, T& into, const InFile& in_file) {
+  if constexpr (std::is_same_v<T, std::string>) {
+    PALPATE_ASSIGN(into, text(node, key, in_file));
+  } else if constexpr (std::is_same_v<T, bool>) {
+    const std::optional<bool> value = node.value_exact<bool>();
+    if (!value) return in_file.at(node, fmt::format("'{}' must be true or false", key));
+    into = *value;
+  } else if constexpr (std::is_integral_v<T>) {
+    const std::optional<std::int64_t> value = node.value_exact<std::int64_t>();
+    if (!value || *value < 0 || !std::in_range<T>(*value))
+      return in_file.at(node, fmt::format("'{}' must be a whole number, 0 or more", key));
+    into = static_cast<T>(*value);
+  } else if constexpr (std::is_same_v<T, Vec3> || std::is_same_v<T, std::optional<Vec3>>) {
+    PALPATE_ASSIGN(const auto v, numbers<3>(node, key, in_file));
+    into = Vec3(v[0], v[1], v[2]);
+  } else {
+    PALPATE_ASSIGN(into, number(node, key, in_file));
+  }
   return Done{};
 }
 template <class T>
@@ -70,70 +116,62 @@ Status read_value(const toml::node& node, const std::string& key, std::vector<T>
                   const InFile& in_file) {
   const toml::array* array = node.as_array();
   if (array == nullptr) return in_file.at(node, fmt::format("'{}' must be a list", key));
-  for (const toml::node& one : *array)
-    if (Status read = read_value(one, key, into.emplace_back(), in_file); !read) return read;
+  for (const toml::node& one : *array) PALPATE_TRY(read_value(one, key, into.emplace_back(), in_file));
   return Done{};
 }
 
+/// Fields that write to `into`, which must outlive them.
 template <class T>
 [[nodiscard]] Field field(std::string key, T& into) {
-  return {key, [key, &into](const toml::node& node, const InFile& in_file) {
-            return read_value(node, key, into, in_file);
+  return {std::move(key), [&into](const toml::node& node, const std::string& name, const InFile& in_file) {
+            return read_value(node, name, into, in_file);
           }};
 }
-
-/// Reads every field of `table`, which is of this kind; `where` is how an error calls it.
-inline Status read_fields(const toml::table& table, const std::vector<Field>& fields,
-                          const std::string& where, const std::string& kind, const InFile& in_file) {
-  std::vector<std::string> known;
-  for (const Field& field : fields)
-    if (field.kinds.empty() || is_among(kind, field.kinds)) known.push_back(field.key);
-  for (const auto& [key, node] : table)
-    for (const Field& field : fields)
-      if (field.key == key.str() && !is_among(field.key, known))
-        return in_file.at(key.source(), fmt::format("'{}' does nothing for the kind \"{}\"", field.key, kind),
-                          "leave it out: it is of " + joined(field.kinds));
-  if (Status good = check_keys(table, known, {}, where, in_file); !good) return good;
-  for (const Field& field : fields) {
-    const toml::node* node = table.get(field.key);
-    if (node == nullptr && field.needed && is_among(field.key, known))
-      return in_file.at(table.source(), fmt::format("{} needs '{}'", where, field.key));
-    if (node == nullptr) continue;
-    if (Status read = field.read(*node, in_file); !read) return read;
-  }
-  return Done{};
-}
-
-/// A table inside, "[path]".
-[[nodiscard]] inline Field inner(std::string key, std::vector<Field> fields, std::string kind) {
-  return {key,
-          [key, fields = std::move(fields), kind = std::move(kind)](const toml::node& node,
-                                                                    const InFile& in_file) -> Status {
-            const Result<const toml::table*> table = table_of(node, key, in_file);
-            if (!table) return table.error();
-            return read_fields(**table, fields, "[" + key + "]", kind, in_file);
-          }};
-}
-
-/// A list of tables, "[[model]]": each becomes a T, by the fields that `fields_of` names of it.
+/// A number in a range.
 template <class T>
-[[nodiscard]] Field list(std::string key, std::vector<T>& into,
-                         std::function<std::vector<Field>(T&, const std::string& kind)> fields_of,
-                         std::string kind) {
-  return {key,
-          [key, &into, fields_of = std::move(fields_of), kind = std::move(kind)](
-              const toml::node& node, const InFile& in_file) -> Status {
-            const toml::array* array = node.as_array();
-            if (array == nullptr || !array->is_homogeneous(toml::node_type::table))
-              return in_file.at(node, fmt::format("'{}' must be a list of tables", key),
-                                fmt::format("write [[{}]] with two brackets", key));
-            for (const toml::node& one : *array) {
-              T& entry = into.emplace_back();
-              if (Status read =
-                      read_fields(*one.as_table(), fields_of(entry, kind), "[[" + key + "]]", kind, in_file);
-                  !read)
-                return read;
+[[nodiscard]] Field field(std::string key, T& into, const NumberRange& range, std::string remedy = {}) {
+  return {std::move(key),
+          [&into, range, remedy = std::move(remedy)](const toml::node& node, const std::string& name,
+                                                     const InFile& in_file) -> Status {
+            PALPATE_ASSIGN(into, number(node, name, in_file, range, remedy));
+            return Done{};
+          }};
+}
+/// The one of `choices` that a text names.
+template <class T>
+[[nodiscard]] Field choice(std::string key, T& into, std::vector<std::pair<std::string, T>> choices) {
+  return {std::move(key),
+          [&into, choices = std::move(choices)](const toml::node& node, const std::string& name,
+                                                const InFile& in_file) -> Status {
+            PALPATE_ASSIGN(const std::string given, text(node, name, in_file));
+            std::vector<std::string> known;
+            for (const auto& one : choices) {
+              if (one.first == given) {
+                into = one.second;
+                return Done{};
+              }
+              known.push_back(one.first);
             }
+            return in_file.at(node, fmt::format("there is no {} {}", name, shown(given)),
+                              did_you_mean(given, known, "choose from " + joined(known)));
+          }};
+}
+/// A path, resolved against the file that says it.
+[[nodiscard]] Field file(std::string key, std::string& into);
+/// A table inside, "[path]"; `name` is its full name where that is longer.
+[[nodiscard]] Field inner(std::string key, Fields fields, std::string kind = {}, std::string name = {});
+/// A list of tables, "[[model]]": each becomes a T, by the fields that fields_of(T&, kind) names of it.
+template <class T, class FieldsOf>
+[[nodiscard]] Field list(std::string key, std::vector<T>& into, FieldsOf fields_of, std::string kind = {},
+                         std::string name = {}) {
+  if (name.empty()) name = key;
+  return {std::move(key),
+          [&into, fields_of = std::move(fields_of), kind = std::move(kind), name = std::move(name)](
+              const toml::node& node, const std::string&, const InFile& in_file) -> Status {
+            PALPATE_ASSIGN(const auto tables, tables_of(node, name, in_file));
+            for (const toml::table* table : tables)
+              PALPATE_TRY(read_fields(*table, fields_of(into.emplace_back(), kind), "a [[" + name + "]]",
+                                      kind, in_file));
             return Done{};
           }};
 }
