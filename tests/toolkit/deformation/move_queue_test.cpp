@@ -16,7 +16,10 @@ TEST(MoveQueue, LosesNothingBetweenTwoThreads) {
   std::thread writer([&] {
     for (std::uint32_t sent = 0; sent < kBatches;) {
       MoveBatch* batch = queue.begin();
-      if (batch == nullptr) continue;
+      if (batch == nullptr) {
+        std::this_thread::yield();  // the readers want the processor
+        continue;
+      }
       batch->count = 1;
       batch->point[0] = sent++;
       queue.publish();
@@ -28,7 +31,10 @@ TEST(MoveQueue, LosesNothingBetweenTwoThreads) {
     bool in_order = true;
     while (expected < kBatches) {
       const MoveBatch* batch = reader.take();
-      if (batch == nullptr) continue;
+      if (batch == nullptr) {
+        std::this_thread::yield();
+        continue;
+      }
       in_order = in_order && batch->count == 1 && batch->point[0] == expected;
       ++expected;
     }

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -31,35 +32,37 @@ TEST(ExactKnn, EqualsBruteForceForAnyThreads) {
 // fewer.
 Neighbours stepwise(const cloud::Cloud& cloud, std::uint32_t self, const ModifiedKnnOptions& options,
                     double start_mm, ModifiedKnnReport& report) {
-  const auto within = [&](double half) {
-    std::vector<std::uint32_t> in;
-    for (std::uint32_t j = 0; j < cloud.size(); ++j)
-      if ((cloud.local_mm(j) - cloud.local_mm(self)).cwiseAbs().maxCoeff() <= half) in.push_back(j);
-    return in;
+  // The half edge of the smallest block that has each point in it.
+  std::vector<std::pair<double, std::uint32_t>> reached;
+  for (std::uint32_t j = 0; j < cloud.size(); ++j)
+    reached.emplace_back((cloud.local_mm(j) - cloud.local_mm(self)).cwiseAbs().maxCoeff(), j);
+  std::sort(reached.begin(), reached.end());
+  const auto held = [&](double half) {
+    const std::pair last(half, std::numeric_limits<std::uint32_t>::max());
+    return static_cast<std::size_t>(std::upper_bound(reached.begin(), reached.end(), last) - reached.begin());
   };
   const double limit = 1.5 * start_mm * options.growth_limit;
   double half = 1.5 * start_mm;
   while (half / options.refinement <= limit) half /= options.refinement;
-  std::vector<std::uint32_t> smallest_enough = within(half);
-  const bool limited = smallest_enough.size() < 9;
-  std::vector<std::uint32_t> at_most = limited ? smallest_enough : std::vector<std::uint32_t>{};
+  std::size_t smallest_enough = held(half);
+  const bool limited = smallest_enough < 9;
+  std::size_t at_most = limited ? smallest_enough : 0;
   if (!limited) {
-    std::vector<std::uint32_t> next = smallest_enough;
-    for (int step = 0; step < 4000 && next.size() >= 9; ++step) {
+    std::size_t next = smallest_enough;
+    for (int step = 0; step < 4000 && next >= 9; ++step) {
       smallest_enough = next;
       half *= options.refinement;
-      next = within(half);
+      next = held(half);
     }
-    at_most = smallest_enough.size() == 9 ? smallest_enough : next;
+    at_most = smallest_enough == 9 ? smallest_enough : next;
   }
-  const bool at_nine = !limited && (smallest_enough.size() == 9 || !options.complete_to_eight);
+  const bool at_nine = !limited && (smallest_enough == 9 || !options.complete_to_eight);
   report.stopped_at_limit += limited;
   report.stopped_at_nine += at_nine;
-  const std::vector<std::uint32_t>& chosen =
-      options.complete_to_eight && !limited ? smallest_enough : at_most;
+  const std::size_t chosen = options.complete_to_eight && !limited ? smallest_enough : at_most;
   std::vector<std::pair<double, std::uint32_t>> order;
-  for (const std::uint32_t j : chosen)
-    if (j != self) {
+  for (std::size_t k = 0; k < chosen; ++k)
+    if (const std::uint32_t j = reached[k].second; j != self) {
       const Vec3 d = cloud.local_mm(j) - cloud.local_mm(self);
       order.emplace_back(d.x() * d.x() + d.y() * d.y() + d.z() * d.z(), j);
     }

@@ -88,7 +88,7 @@ TEST(PointSearch, AroundGivesTheBallInTheOrderOfCells) {
 TEST(PointSearch, APileComesInTheOrderOfTheCloud) {
   // Eight points of one cell, stored against the order of the Morton curve.
   std::vector<Vec3> points;
-  for (int i = 7; i >= 0; --i) points.emplace_back(0.1 * (i & 1), 0.1 * (i >> 1 & 1), 0.1 * (i >> 2));
+  for (int i = 7; i >= 0; --i) points.emplace_back(0.3 * (i & 1), 0.3 * (i >> 1 & 1), 0.3 * (i >> 2));
   const cloud::Cloud cloud = cloud_of(points);
   const PointSearch search(cloud, 1.0);
   std::size_t next = 0;
