@@ -225,27 +225,27 @@ std::string for_page(std::string svg, const std::string& name) {
 
 /// The renderers' own names: the best known in solid lines.
 const std::map<std::string, Look>& known_looks() {
-  static const std::map<std::string, Look> known = {{"cloud", {"#0072b2", ""}},
-                                                    {"cloud-literal", {"#d55e00", ""}},
-                                                    {"mesh-godobject", {"#009e73", ""}},
-                                                    {"brute-force", {"#cc79a7", ""}},
-                                                    {"analytic", {"#56b4e9", ""}},
-                                                    {"heightfield", {"#e69f00", ""}},
-                                                    {"mls-proxy", {"#7f3fbf", ""}},
-                                                    {"mesh-proxy", {"#8c6d31", ""}},
-                                                    {"sphere-proxy", {"#222222", ""}},
-                                                    {"heightfield-literal", {"#e69f00", "(10,5)"}},
-                                                    {"mls-penalty", {"#7f3fbf", "(10,5)"}},
-                                                    {"penalty-grid", {"#d55e00", "(10,5)"}},
-                                                    {"stream-proxy", {"#56b4e9", "(10,5)"}},
-                                                    {"vector-field", {"#cc79a7", "(10,5)"}},
-                                                    {"vgraph", {"#009e73", "(10,5)"}}};
-  return known;
+  static const std::map<std::string, Look> kKnown = {{"cloud", {"#0072b2", ""}},
+                                                     {"cloud-literal", {"#d55e00", ""}},
+                                                     {"mesh-godobject", {"#009e73", ""}},
+                                                     {"brute-force", {"#cc79a7", ""}},
+                                                     {"analytic", {"#56b4e9", ""}},
+                                                     {"heightfield", {"#e69f00", ""}},
+                                                     {"mls-proxy", {"#7f3fbf", ""}},
+                                                     {"mesh-proxy", {"#8c6d31", ""}},
+                                                     {"sphere-proxy", {"#222222", ""}},
+                                                     {"heightfield-literal", {"#e69f00", "(10,5)"}},
+                                                     {"mls-penalty", {"#7f3fbf", "(10,5)"}},
+                                                     {"penalty-grid", {"#d55e00", "(10,5)"}},
+                                                     {"stream-proxy", {"#56b4e9", "(10,5)"}},
+                                                     {"vector-field", {"#cc79a7", "(10,5)"}},
+                                                     {"vgraph", {"#009e73", "(10,5)"}}};
+  return kKnown;
 }
 
 /// What is left for other labels: the colours in dashes that no known renderer has.
 const std::vector<Look>& other_looks() {
-  static const std::vector<Look> others = [] {
+  static const std::vector<Look> kOthers = [] {
     std::vector<Look> all;
     for (const char* dash : {"(10,5)", "(3,4)", "(12,4,3,4)", "(6,3,2,3,2,3)"})
       for (const char* colour : {"#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f3fbf",
@@ -256,7 +256,7 @@ const std::vector<Look>& other_looks() {
           all.push_back({colour, dash});
     return all;
   }();
-  return others;
+  return kOthers;
 }
 
 }  // namespace

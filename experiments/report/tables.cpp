@@ -196,12 +196,12 @@ std::string zero_note(const metrics::ResultDocument& document) {
 }  // namespace
 
 const std::vector<std::string>& contact_words() {
-  static const std::vector<std::string> words = {
+  static const std::vector<std::string> kWords = {
       "Missed: a frame without force though the HIP is deeper inside than one local resolution (the distance "
       "to the eighth neighbour there).",
       "False: a frame with a force though the HIP is farther outside than one local resolution.",
       "Stick: the longest unbroken run of false frames, the hand held by a surface that it has left."};
-  return words;
+  return kWords;
 }
 
 bool competes(const metrics::RendererResult& result) {
