@@ -23,8 +23,8 @@ struct Look {
   std::string dash;  ///< of gnuplot's `dt`; empty: solid
 };
 /// One look for each label, no two alike: colours that the colour-blind tell apart (Okabe and Ito's palette
-/// and a few more), then the same in dashes. It is chosen by the label, whatever the order and whoever else is
-/// there (but for two labels that would share one: the later in the alphabet takes the next). The truth is
+/// and a few more), then the same in dashes. It is chosen by the label, whatever the order and whoever else
+/// is there (but for two labels that would share one: the later in the alphabet takes the next). The truth is
 /// grey and not among them.
 [[nodiscard]] std::vector<Look> looks_of(const std::vector<std::string>& labels);
 

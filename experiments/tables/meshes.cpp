@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "experiments/tables/reproduction.h"
 #include "baselines/reconstruct/oriented_normals.h"
 #include "baselines/reconstruct/reconstruct.h"
 #include "baselines/reference/mesh_distance.h"
+#include "experiments/tables/reproduction.h"
 #include "toolkit/cloud/sample.h"
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/neighbourhood/knn.h"
