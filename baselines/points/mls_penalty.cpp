@@ -31,9 +31,13 @@ class MlsPenalty : public RivalModel {
  public:
   static constexpr RivalText kText{
       "mls-penalty", "moving-least-squares surface built in the frame, penalty force",
-      "Lee and Kim 2007 ([52]) by the thesis's section 2.2.3; projection of Alexa and Adamson 2004"};
+      "Lee and Kim 2007 ([52]) by the thesis's section 2.2.3; projection of Alexa and Adamson 2004", 15.0,
+      2'300.0};
   static constexpr bool kGodObject = false;
   static std::vector<OptionSpec> specs();
+  static Status decide(MlsPenalty& model, const render::ModelInput& input, const Options& options,
+                       const render::PrepareContext& context, render::PrepareReport& report,
+                       render::ModelDecisions& out);
   static Status prepare(MlsPenalty& model, const render::ModelInput& input, const Options& options,
                         const render::PrepareContext& context, render::PrepareReport& report);
   [[nodiscard]] std::string work_bound() const;
@@ -100,12 +104,10 @@ std::vector<OptionSpec> MlsPenalty::specs() {
   };
 }
 
-Status MlsPenalty::prepare(MlsPenalty& model, const render::ModelInput& input, const Options& options,
-                           const render::PrepareContext& context, render::PrepareReport& report) {
-  render::PreparePhases phases(report, context);
-  phases.begin("spacing");
-  const double spacing = natural_spacing_mm(*input.cloud, context.threads);
-  phases.end();
+Status MlsPenalty::decide(MlsPenalty& model, const render::ModelInput& input, const Options& options,
+                          const render::PrepareContext& context, render::PrepareReport& report,
+                          render::ModelDecisions& out) {
+  const double spacing = measured_spacing_mm(*input.cloud, context, report);
   const auto length = [&](const char* in_mm, const char* in_spacings) {
     return options.number(in_mm) > 0.0 ? options.number(in_mm) : options.number(in_spacings) * spacing;
   };
@@ -113,6 +115,22 @@ Status MlsPenalty::prepare(MlsPenalty& model, const render::ModelInput& input, c
   model.reach_mm_ = length("reach_mm", "reach");
   model.iterations_ = static_cast<int>(options.integer("iterations"));
   model.covariance_ = options.text("normals") == "covariance";
+  say_spacing(spacing, out);
+  say_normals(*input.cloud, out);
+  out.decisions.push_back(
+      {"kernel", fmt::format("{:.4g} mm wide", model.width_mm_),
+       fmt::format("at most {} projections by {}", model.iterations_,
+                   model.covariance_ ? "the plane of least squares" : "the mean of the points' normals")});
+  out.decisions.push_back({"partition", "tree of spheres",
+                           fmt::format("{} points a leaf; the surface is looked for within {:.4g} mm",
+                                       kPointsPerSphere, model.reach_mm_)});
+  out.bytes += out.points * sizeof(surface::SurfacePoint) + SphereTree::bytes_for(out.points);
+  return Done{};
+}
+
+Status MlsPenalty::prepare(MlsPenalty& model, const render::ModelInput& input, const Options& /*options*/,
+                           const render::PrepareContext& context, render::PrepareReport& report) {
+  render::PreparePhases phases(report, context);
   Result<OrientedGrid> built = build_oriented_grid(input, kCutoff * model.width_mm_, false, context, report);
   if (!built) return std::move(built).error();
   model.points_ = std::move(built->points.points);

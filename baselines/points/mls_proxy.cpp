@@ -26,9 +26,13 @@ class MlsProxy : public RivalModel {
  public:
   static constexpr RivalText kText{
       "mls-proxy", "a proxy kept on an implicit surface through the points",
-      "Leeper, Chan and Salisbury 2012; constants of their public program; Salisbury and Tarr 1997"};
+      "Leeper, Chan and Salisbury 2012; constants of their public program; Salisbury and Tarr 1997", 18.0,
+      1'630.0};
   static constexpr bool kGodObject = true;
   static std::vector<OptionSpec> specs();
+  static Status decide(MlsProxy& model, const render::ModelInput& input, const Options& options,
+                       const render::PrepareContext& context, render::PrepareReport& report,
+                       render::ModelDecisions& out);
   static Status prepare(MlsProxy& model, const render::ModelInput& input, const Options& options,
                         const render::PrepareContext& context, render::PrepareReport& report);
   [[nodiscard]] std::string work_bound() const;
@@ -48,6 +52,9 @@ class MlsProxy : public RivalModel {
   ImplicitField field_;
   double converged_ = 0.0;
   int ticks_ = 1;
+  double spacing_mm_ = 0.0;  ///< this and what follows: for preparation
+  ImplicitSurface surface_ = ImplicitSurface::kSurfel;
+  ImplicitWeight weight_ = ImplicitWeight::kWyvill;
   OutwardSide side_;
   Vec3 previous_ = Vec3::Zero();  ///< HIP of the last frame
   bool touching_ = false;
@@ -75,23 +82,41 @@ std::vector<OptionSpec> MlsProxy::specs() {
   };
 }
 
+Status MlsProxy::decide(MlsProxy& model, const render::ModelInput& input, const Options& options,
+                        const render::PrepareContext& context, render::PrepareReport& report,
+                        render::ModelDecisions& out) {
+  model.spacing_mm_ = measured_spacing_mm(*input.cloud, context, report);
+  model.surface_ =
+      options.text("surface") == "metaball" ? ImplicitSurface::kMetaball : ImplicitSurface::kSurfel;
+  model.weight_ = options.text("weight") == "wyvill" ? ImplicitWeight::kWyvill : ImplicitWeight::kWendland;
+  model.ticks_ = static_cast<int>(options.integer("ticks"));
+  say_spacing(model.spacing_mm_, out);
+  say_normals(*input.cloud, out);
+  out.decisions.push_back(
+      model.surface_ == ImplicitSurface::kMetaball
+          ? render::Decision{"surface", "metaball", "as given: a skin around the points", true}
+          : render::Decision{"surface", "surfel", "moving least squares over oriented points"});
+  out.decisions.push_back(
+      {"radii", fmt::format("{:.3g} mean distances to the {} nearest", kRadiusSpacings, kRadiusNeighbours),
+       "each point has its own; points are looked for within three mean radii"});
+  out.decisions.push_back({"ticks", fmt::format("{} a frame", model.ticks_), "of the proxy"});
+  say_grid(*input.cloud, model.spacing_mm_, kRadiusSpacings * model.spacing_mm_, out);
+  out.bytes += out.points * sizeof(float);
+  return Done{};
+}
+
 Status MlsProxy::prepare(MlsProxy& model, const render::ModelInput& input, const Options& options,
                          const render::PrepareContext& context, render::PrepareReport& report) {
   render::PreparePhases phases(report, context);
-  phases.begin("spacing");
-  const double spacing = natural_spacing_mm(*input.cloud, context.threads);
-  phases.end();
-  const bool metaball = options.text("surface") == "metaball";
-  Result<OrientedGrid> built = build_oriented_grid(input, kRadiusSpacings * spacing, true, context, report);
+  Result<OrientedGrid> built =
+      build_oriented_grid(input, kRadiusSpacings * model.spacing_mm_, true, context, report);
   if (!built) return std::move(built).error();
   phases.begin("radii");
-  model.field_.build(std::move(built->points), built->neighbours,
-                     metaball ? ImplicitSurface::kMetaball : ImplicitSurface::kSurfel,
-                     options.text("weight") == "wyvill" ? ImplicitWeight::kWyvill : ImplicitWeight::kWendland,
+  model.field_.build(std::move(built->points), built->neighbours, model.surface_, model.weight_,
                      options.number("level"), context.threads);
   phases.end();
-  model.converged_ = kConverged * (metaball ? 1.0 : model.field_.active_mm());
-  model.ticks_ = static_cast<int>(options.integer("ticks"));
+  model.converged_ =
+      kConverged * (model.surface_ == ImplicitSurface::kMetaball ? 1.0 : model.field_.active_mm());
   report.bytes += model.field_.bytes();
   report.notes.push_back(fmt::format("active radius {:.4g} mm, points' radii up to {:.4g} mm",
                                      model.field_.active_mm(), model.field_.largest_radius_mm()));

@@ -19,9 +19,13 @@ class PenaltyGrid : public RivalModel {
  public:
   static constexpr RivalText kText{
       "penalty-grid", "distance to the points of the HIP's voxel, penalty force below a threshold",
-      "US patent [75] by the thesis's section 2.2.3 and table 11; force law ours: k (threshold - distance)"};
+      "US patent [75] by the thesis's section 2.2.3 and table 11; force law ours: k (threshold - distance)",
+      0.78, 436.0};
   static constexpr bool kGodObject = false;
   static std::vector<OptionSpec> specs();
+  static Status decide(PenaltyGrid& model, const render::ModelInput& input, const Options& options,
+                       const render::PrepareContext& context, render::PrepareReport& report,
+                       render::ModelDecisions& out);
   static Status prepare(PenaltyGrid& model, const render::ModelInput& input, const Options& options,
                         const render::PrepareContext& context, render::PrepareReport& report);
   [[nodiscard]] std::string work_bound() const;
@@ -38,7 +42,7 @@ class PenaltyGrid : public RivalModel {
   [[nodiscard]] RivalAnswer push_along(const Vec3& away, double by_mm) const noexcept;
 
   PointGrid points_;
-  double threshold_mm_ = 0.0;
+  double spacing_mm_ = 0.0, voxel_mm_ = 0.0, threshold_mm_ = 0.0;
   std::uint32_t voxels_ = kOwnVoxel;
   bool outward_ = false;
   OutwardSide side_;
@@ -78,32 +82,48 @@ std::vector<OptionSpec> PenaltyGrid::specs() {
   };
 }
 
-Status PenaltyGrid::prepare(PenaltyGrid& model, const render::ModelInput& input, const Options& options,
-                            const render::PrepareContext& context, render::PrepareReport& report) {
-  render::PreparePhases phases(report, context);
-  phases.begin("spacing");
-  const double spacing = natural_spacing_mm(*input.cloud, context.threads);
-  phases.end();
+Status PenaltyGrid::decide(PenaltyGrid& model, const render::ModelInput& input, const Options& options,
+                           const render::PrepareContext& context, render::PrepareReport& report,
+                           render::ModelDecisions& out) {
+  model.spacing_mm_ = measured_spacing_mm(*input.cloud, context, report);
   const auto length = [&](const char* in_mm, const char* in_spacings) {
-    return options.number(in_mm) > 0.0 ? options.number(in_mm) : options.number(in_spacings) * spacing;
+    return options.number(in_mm) > 0.0 ? options.number(in_mm)
+                                       : options.number(in_spacings) * model.spacing_mm_;
   };
-  const double voxel_mm = length("voxel_mm", "voxel");
+  model.voxel_mm_ = length("voxel_mm", "voxel");
   model.threshold_mm_ = length("threshold_mm", "threshold");
   model.voxels_ = options.text("neighbours") == "27" ? kAllVoxels : kOwnVoxel;
   model.outward_ = options.text("side") == "outward";
+  say_spacing(model.spacing_mm_, out);
+  say_grid(*input.cloud, model.spacing_mm_, model.voxel_mm_, out);
+  out.decisions.push_back({"search", fmt::format("{} voxel{}", model.voxels_, model.voxels_ > 1 ? "s" : ""),
+                           model.voxels_ > 1 ? "as given" : "the HIP's own, as printed", model.voxels_ > 1});
+  out.decisions.push_back({"contact", fmt::format("nearer than {:.4g} mm", model.threshold_mm_),
+                           model.outward_ ? "below the nearest point's plane" : "to the nearest point"});
+  if (model.outward_)
+    say_normals(*input.cloud, out);
+  else
+    out.decisions.push_back({"normals", "none", "no inside test, as printed"});
+  return Done{};
+}
+
+Status PenaltyGrid::prepare(PenaltyGrid& model, const render::ModelInput& input, const Options& /*options*/,
+                            const render::PrepareContext& context, render::PrepareReport& report) {
+  render::PreparePhases phases(report, context);
   if (model.outward_) {
-    Result<OrientedGrid> built = build_oriented_grid(input, voxel_mm, false, context, report);
+    Result<OrientedGrid> built = build_oriented_grid(input, model.voxel_mm_, false, context, report);
     if (!built) return std::move(built).error();
     model.points_ = std::move(built->points);
   } else {
     phases.begin("voxel grid");
-    model.points_ = build_point_grid(*input.cloud, voxel_mm, context.threads);
+    model.points_ = build_point_grid(*input.cloud, model.voxel_mm_, context.threads);
     phases.end();
   }
   report.bytes += model.points_.bytes();
-  report.notes.push_back(fmt::format(
-      "mean spacing {:.4g} mm: voxel {:.4g} mm, threshold {:.4g} mm, at most {} points a voxel", spacing,
-      model.points_.grid.cell_mm(), model.threshold_mm_, model.points_.grid.max_points_per_cell()));
+  report.notes.push_back(
+      fmt::format("mean spacing {:.4g} mm: voxel {:.4g} mm, threshold {:.4g} mm, at most {} points a voxel",
+                  model.spacing_mm_, model.points_.grid.cell_mm(), model.threshold_mm_,
+                  model.points_.grid.max_points_per_cell()));
   return Done{};
 }
 

@@ -1,11 +1,26 @@
 #include "baselines/points/point_grid.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <utility>
 
 #include "toolkit/cloud/statistics.h"
 #include "toolkit/neighbourhood/knn.h"
+#include "toolkit/render/prepare_phases.h"
 
 namespace palpate::baselines {
+namespace {
+
+/// A slot of the grid's table, and how many there are for an occupied cell on the average of two to four.
+constexpr double kSlotBytes = 16.0, kSlotsPerCell = 3.0;
+/// A surface goes through so many cells for each that would lie flat in it: it stands askew to them.
+constexpr double kAskew = 1.5;
+/// Of a cell, in spacings, where nobody measured them: of eight are those of the usual proxy.
+constexpr double kUsualEdge = 8.0;
+
+}  // namespace
+
 double natural_spacing_mm(const cloud::Cloud& cloud, int threads) {
   const geometry::Aabb box = partition::local_box(cloud, threads);
   if (box.extent_mm().maxCoeff() > 0.0) {
@@ -21,6 +36,37 @@ PointGrid build_point_grid(const cloud::Cloud& cloud, double cell_mm, int thread
   PointGrid made = build_points_in<partition::UniformGrid>(cloud, options, threads);
   made.grid.drop_order();
   return made;
+}
+
+double measured_spacing_mm(const cloud::Cloud& cloud, const render::PrepareContext& context,
+                           render::PrepareReport& report) {
+  render::PreparePhases phases(report, context);
+  phases.begin("spacing");
+  const double spacing = natural_spacing_mm(cloud, context.threads);
+  phases.end();
+  return spacing;
+}
+
+void say_spacing(double spacing_mm, render::ModelDecisions& out) {
+  out.spacing_mm = spacing_mm;
+  out.decisions.push_back({"spacing", fmt::format("{:.4g} mm", spacing_mm),
+                           "the mean: the root of the occupied area per point, in which lengths are given"});
+}
+
+void say_grid(const cloud::Cloud& cloud, double spacing_mm, double cell_mm, render::ModelDecisions& out) {
+  const double edge = spacing_mm > 0.0 ? cell_mm / spacing_mm : kUsualEdge;
+  out.decisions.push_back({"partition", "grid",
+                           fmt::format("cells of {:.4g} mm{}; memory follows the occupied ones", cell_mm,
+                                       spacing_mm > 0.0 ? fmt::format(", {:.3g} spacings", edge) : "")});
+  const double in_cell = std::max(1.0, edge * edge / kAskew);
+  out.bytes +=
+      static_cast<std::uint64_t>((sizeof(surface::SurfacePoint) + kSlotBytes * kSlotsPerCell / in_cell) *
+                                 static_cast<double>(cloud.size()));
+}
+
+void say_normals(const cloud::Cloud& cloud, render::ModelDecisions& out) {
+  out.decisions.push_back({"normals", "planes of eight neighbours",
+                           "found as cloud finds them, by " + render::neighbours_for(cloud, {})});
 }
 
 Result<OrientedGrid> build_oriented_grid(const render::ModelInput& input, double cell_mm,

@@ -61,6 +61,17 @@ template <class Grid>
 }
 [[nodiscard]] PointGrid build_point_grid(const cloud::Cloud& cloud, double cell_mm, int threads);
 
+/// The same, timed as a phase.
+[[nodiscard]] double measured_spacing_mm(const cloud::Cloud& cloud, const render::PrepareContext& context,
+                                         render::PrepareReport& report);
+/// Says the mean spacing, in which a rival's lengths are given.
+void say_spacing(double spacing_mm, render::ModelDecisions& out);
+/// Says a grid, and expects the bytes of build_point_grid(): two to four slots an occupied cell. `spacing_mm`
+/// 0: not measured.
+void say_grid(const cloud::Cloud& cloud, double spacing_mm, double cell_mm, render::ModelDecisions& out);
+/// Says how build_oriented_grid() finds neighbours and normals.
+void say_normals(const cloud::Cloud& cloud, render::ModelDecisions& out);
+
 /// Points with the normals of their local planes, on a side that the surface agrees on; found as the point
 /// renderers find them, phases and notes included. `closed` is set where some points enclose a volume.
 struct OrientedGrid {

@@ -40,6 +40,10 @@ struct RivalText {
   const char* name;
   const char* summary;
   const char* source;
+  // Measured at 1,002,001 points (docs/rivals.md), what to expect: the median frame in contact, and
+  // preparation.
+  double frame_us;
+  double ms_per_million;
 };
 
 /// Model: derived from RivalModel, with
@@ -47,7 +51,10 @@ struct RivalText {
 ///   static constexpr bool kGodObject;  friction and texture need one
 ///   static constexpr bool kFollowsPoints;  only where points that move from outside are followed
 ///   static std::vector<OptionSpec> specs();
+///   static Status decide(Model&, const ModelInput&, const Options&, const PrepareContext&, PrepareReport&,
+///                        ModelDecisions&);  sets the model's numbers and says them; builds nothing
 ///   static Status prepare(Model&, const ModelInput&, const Options&, const PrepareContext&, PrepareReport&);
+///                        builds what the numbers say
 ///   std::string work_bound() const;  of a frame with this model
 ///   void let_go(const Vec3&) noexcept; where a replay needs more, void restart(const Vec3&) noexcept
 ///   RivalAnswer update(const Vec3&, FrameCounters&) noexcept.
@@ -94,6 +101,16 @@ class LocalRival final : public Model {
   Vec3 force_n_ = Vec3::Zero();  ///< of the last touch, where there is no god object
 };
 
+/// What a scene may ask of it.
+template <class Model>
+[[nodiscard]] constexpr render::Features rival_feels() {
+  using render::Feature;
+  render::Features feels = Feature::kSoftness | Feature::kMotion | Feature::kManyModels;
+  if constexpr (requires { Model::kFollowsPoints; }) feels |= Feature::kMovedPoints;
+  if (Model::kGodObject) feels |= Feature::kFriction | Feature::kTexture | Feature::kJointContact;
+  return feels;
+}
+
 template <class Model>
 class RivalRenderer final : public render::ShellRenderer<LocalRival<Model>> {
   using Shell = render::ShellRenderer<LocalRival<Model>>;
@@ -109,11 +126,19 @@ class RivalRenderer final : public render::ShellRenderer<LocalRival<Model>> {
   }
 
  private:
+  Result<render::ModelDecisions> decide_model(const render::ModelInput& input,
+                                              const render::PrepareContext& context) const override {
+    render::PrepareReport unused;
+    LocalRival<Model> model;
+    return set_numbers(model, input, context, unused);
+  }
   Status add_models(const render::SceneInput& scene, const render::PrepareContext& context,
                     render::PrepareReport& report) override {
     for (const render::ModelInput& input : scene.models) {
-      if (Status fit = check(input); !fit.ok()) return std::move(fit).error();
       auto model = std::make_unique<LocalRival<Model>>();
+      Result<render::ModelDecisions> decided = set_numbers(*model, input, context, report);
+      if (!decided.ok()) return std::move(decided).error();
+      report.decisions.models.push_back(std::move(decided).value());
       Result<render::SurfaceField> surface = render::build_uniform_surface_field(input.surface, report);
       if (!surface.ok()) return std::move(surface).error();
       model->surface = std::move(surface).value();
@@ -123,6 +148,23 @@ class RivalRenderer final : public render::ShellRenderer<LocalRival<Model>> {
       models_.add(std::move(model));
     }
     return Done{};
+  }
+  /// The model's numbers, not yet what they are the numbers of.
+  Result<render::ModelDecisions> set_numbers(LocalRival<Model>& model, const render::ModelInput& input,
+                                             const render::PrepareContext& context,
+                                             render::PrepareReport& report) const {
+    if (Status fit = check(input); !fit.ok()) return std::move(fit).error();
+    const Result<render::SurfaceDecision> surface = render::decide_surface(input);
+    if (!surface.ok()) return surface.error();
+    render::ModelDecisions out;
+    out.name = input.name;
+    out.points = input.cloud->size();
+    out.frame_us = Model::kText.frame_us;
+    out.prepare_ms = Model::kText.ms_per_million * 1e-6 * static_cast<double>(out.points);
+    if (Status done = Model::decide(model, input, options_, context, report, out); !done.ok())
+      return std::move(done).error();
+    render::say_surface(input, *surface, rival_feels<Model>(), out.points, out);
+    return out;
   }
   static Status check(const render::ModelInput& input) {
     if (input.cloud->empty())
@@ -139,14 +181,11 @@ class RivalRenderer final : public render::ShellRenderer<LocalRival<Model>> {
 
 template <class Model>
 [[nodiscard]] render::RendererInfo rival_info() {
-  using render::Feature;
   render::RendererInfo info;
   info.name = Model::kText.name;
   info.summary = Model::kText.summary;
   info.source = Model::kText.source;
-  info.supports = Feature::kSoftness | Feature::kMotion | Feature::kManyModels;
-  if constexpr (requires { Model::kFollowsPoints; }) info.supports |= Feature::kMovedPoints;
-  if (Model::kGodObject) info.supports |= Feature::kFriction | Feature::kTexture | Feature::kJointContact;
+  info.supports = rival_feels<Model>();
   info.options = Model::specs();
   info.make = [](const Options& options) { return std::make_unique<RivalRenderer<Model>>(options); };
   return info;

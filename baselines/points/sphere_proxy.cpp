@@ -19,9 +19,13 @@ class SphereProxy : public RivalModel {
  public:
   static constexpr RivalText kText{
       "sphere-proxy", "every point a ball: a spherical proxy that slides and rests among the points",
-      "CHAI3D 3.3's point clouds (cMultiPoint with its finger proxy); Ruspini et al. 1997; exact, ours"};
+      "CHAI3D 3.3's point clouds (cMultiPoint with its finger proxy); Ruspini et al. 1997; exact, ours", 0.97,
+      437.0};
   static constexpr bool kGodObject = true;
   static std::vector<OptionSpec> specs();
+  static Status decide(SphereProxy& model, const render::ModelInput& input, const Options& options,
+                       const render::PrepareContext& context, render::PrepareReport& report,
+                       render::ModelDecisions& out);
   static Status prepare(SphereProxy& model, const render::ModelInput& input, const Options& options,
                         const render::PrepareContext& context, render::PrepareReport& report);
   [[nodiscard]] std::string work_bound() const;
@@ -60,16 +64,29 @@ std::vector<OptionSpec> SphereProxy::specs() {
   };
 }
 
-Status SphereProxy::prepare(SphereProxy& model, const render::ModelInput& input, const Options& options,
+Status SphereProxy::decide(SphereProxy& model, const render::ModelInput& input, const Options& options,
+                           const render::PrepareContext& context, render::PrepareReport& report,
+                           render::ModelDecisions& out) {
+  const double given_mm = options.number("radius_mm");
+  const double spacing = given_mm > 0.0 ? 0.0 : measured_spacing_mm(*input.cloud, context, report);
+  model.radius_mm_ = given_mm > 0.0 ? given_mm : options.number("radius") * spacing;
+  model.felt_offset_ = options.text("offset") == "kept";
+  if (spacing > 0.0) say_spacing(spacing, out);
+  out.decisions.push_back(
+      {"proxy", fmt::format("ball of {:.4g} mm", model.radius_mm_),
+       given_mm > 0.0 ? "as given" : fmt::format("{:.3g} spacings", options.number("radius")),
+       given_mm > 0.0});
+  out.decisions.push_back(model.felt_offset_
+                              ? render::Decision{"offset", "kept", "as given: the tool is a ball", true}
+                              : render::Decision{"offset", "removed", "the HIP is a point"});
+  say_grid(*input.cloud, spacing, kCellRadii * model.radius_mm_, out);
+  out.bytes += NearPoints<partition::UniformGrid>::bytes();
+  return Done{};
+}
+
+Status SphereProxy::prepare(SphereProxy& model, const render::ModelInput& input, const Options& /*options*/,
                             const render::PrepareContext& context, render::PrepareReport& report) {
   render::PreparePhases phases(report, context);
-  model.radius_mm_ = options.number("radius_mm");
-  if (!(model.radius_mm_ > 0.0)) {
-    phases.begin("spacing");
-    model.radius_mm_ = options.number("radius") * natural_spacing_mm(*input.cloud, context.threads);
-    phases.end();
-  }
-  model.felt_offset_ = options.text("offset") == "kept";
   phases.begin("grid");
   model.points_ = build_point_grid(*input.cloud, kCellRadii * model.radius_mm_, context.threads);
   model.walk_ = std::make_unique<BallWalk>(model.points_, model.radius_mm_);

@@ -10,12 +10,21 @@ namespace {
 
 constexpr std::size_t kNodesPerChunk = 256;
 
+int levels_for(std::size_t points) noexcept {
+  int levels = 0;
+  while (levels < kMaxSphereLevels && (points >> levels) > kPointsPerSphere) ++levels;
+  return levels;
+}
+
 }  // namespace
+
+std::size_t SphereTree::bytes_for(std::size_t points) noexcept {
+  return ((std::size_t{2} << levels_for(points)) - 1) * sizeof(Sphere);
+}
 
 void SphereTree::build(std::span<const surface::SurfacePoint> points, int threads) {
   points_ = points;
-  levels_ = 0;
-  while (levels_ < kMaxSphereLevels && (points.size() >> levels_) > kPointsPerSphere) ++levels_;
+  levels_ = levels_for(points.size());
   spheres_.resize((std::size_t{2} << levels_) - 1);
   for (int level = 0; level <= levels_; ++level) {
     parallel_chunks(std::size_t{1} << level, kNodesPerChunk, threads,

@@ -54,6 +54,8 @@ class SphereTree {
     }
   }
   [[nodiscard]] int levels() const noexcept { return levels_; }
+  /// What bytes() will be.
+  [[nodiscard]] static std::size_t bytes_for(std::size_t points) noexcept;
   [[nodiscard]] std::size_t bytes() const noexcept { return spheres_.capacity() * sizeof(Sphere); }
 
  private:

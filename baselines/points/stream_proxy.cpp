@@ -25,14 +25,21 @@ constexpr double kRestShare = 1e-3;
 /// Flights into a ball at less than this cosine graze it (ball_walk.cpp derives the size).
 constexpr double kGraze = 5e-6;
 
+/// Of a grid that follows points, bytes a point more: two links and a bit, and its cells' lists.
+constexpr double kFollowBytes = 9.0;
+
 class StreamProxy : public RivalModel {
  public:
   static constexpr RivalText kText{
       "stream-proxy", "a proxy steered by the points within three shells around it, no preparation",
-      "Ryden and Chizeck 2013, from public descriptions; flights by segment, tapered weights, offset: ours"};
+      "Ryden and Chizeck 2013, from public descriptions; flights by segment, tapered weights, offset: ours",
+      1.7, 496.0};
   static constexpr bool kGodObject = true;
   static constexpr bool kFollowsPoints = true;
   static std::vector<OptionSpec> specs();
+  static Status decide(StreamProxy& model, const render::ModelInput& input, const Options& options,
+                       const render::PrepareContext& context, render::PrepareReport& report,
+                       render::ModelDecisions& out);
   static Status prepare(StreamProxy& model, const render::ModelInput& input, const Options& options,
                         const render::PrepareContext& context, render::PrepareReport& report);
   [[nodiscard]] std::string work_bound() const;
@@ -95,15 +102,11 @@ std::vector<OptionSpec> StreamProxy::specs() {
   };
 }
 
-Status StreamProxy::prepare(StreamProxy& model, const render::ModelInput& input, const Options& options,
-                            const render::PrepareContext& context, render::PrepareReport& report) {
-  render::PreparePhases phases(report, context);
+Status StreamProxy::decide(StreamProxy& model, const render::ModelInput& input, const Options& options,
+                           const render::PrepareContext& context, render::PrepareReport& report,
+                           render::ModelDecisions& out) {
   double spacing = options.number("spacing_mm");
-  if (!(spacing > 0.0)) {
-    phases.begin("spacing");
-    spacing = natural_spacing_mm(*input.cloud, context.threads);
-    phases.end();
-  }
+  if (!(spacing > 0.0)) spacing = measured_spacing_mm(*input.cloud, context, report);
   model.r1_ = options.number("r1") * spacing;
   model.r2_ = options.number("r2") * spacing;
   model.r3_ = options.number("r3") * spacing;
@@ -115,6 +118,29 @@ Status StreamProxy::prepare(StreamProxy& model, const render::ModelInput& input,
                  0};
   model.tapered_ = options.text("weights") == "tapered";
   model.felt_offset_ = options.text("offset") == "kept";
+  say_spacing(spacing, out);
+  out.decisions.push_back(
+      {"shells", fmt::format("{:.4g}, {:.4g} and {:.4g} mm", model.r1_, model.r2_, model.r3_),
+       "nearer than the first pushes out, than the second is touched, than the third gives the normal"});
+  out.decisions.push_back(model.tapered_
+                              ? render::Decision{"weights", "tapered", "points fade in and out"}
+                              : render::Decision{"weights", "equal", "as given: the source's", true});
+  out.decisions.push_back(
+      model.felt_offset_ ? render::Decision{"offset", "kept", "as given: the tool has the proxy's size", true}
+                         : render::Decision{"offset", "removed", "the HIP is a point"});
+  say_grid(*input.cloud, spacing, model.r3_, out);
+  // The grid follows points that move; only where some do, their places are kept.
+  out.decisions.push_back(input.moves != nullptr
+                              ? render::Decision{"points that move", "followed", "the scene moves them", true}
+                              : render::Decision{"points that move", "none", "the scene moves none"});
+  out.bytes += static_cast<std::uint64_t>(kFollowBytes * static_cast<double>(out.points)) +
+               (input.moves != nullptr ? sizeof(std::uint32_t) * out.points : 0) + NearPoints<Grid>::bytes();
+  return Done{};
+}
+
+Status StreamProxy::prepare(StreamProxy& model, const render::ModelInput& input, const Options& /*options*/,
+                            const render::PrepareContext& context, render::PrepareReport& report) {
+  render::PreparePhases phases(report, context);
   phases.begin("grid");
   partition::PartitionOptions grid;
   grid.cell_mm = model.r3_;

@@ -23,9 +23,13 @@ class VectorFieldModel : public RivalModel {
  public:
   static constexpr RivalText kText{
       "vector-field", "a force for every place, looked up in a voxel field prepared from the points",
-      "vector field mapping, the thesis's section 2.2.2; the field (distance to the points' planes): ours"};
+      "vector field mapping, the thesis's section 2.2.2; the field (distance to the points' planes): ours",
+      0.07, 42'700.0};
   static constexpr bool kGodObject = false;
   static std::vector<OptionSpec> specs();
+  static Status decide(VectorFieldModel& model, const render::ModelInput& input, const Options& options,
+                       const render::PrepareContext& context, render::PrepareReport& report,
+                       render::ModelDecisions& out);
   static Status prepare(VectorFieldModel& model, const render::ModelInput& input, const Options& options,
                         const render::PrepareContext& context, render::PrepareReport& report);
   [[nodiscard]] std::string work_bound() const { return "one look-up of eight samples"; }
@@ -35,6 +39,8 @@ class VectorFieldModel : public RivalModel {
 
  private:
   VoxelField field_;
+  double spacing_mm_ = 0.0;  ///< this and what follows: for preparation
+  VoxelFieldOptions wanted_;
 };
 
 std::vector<OptionSpec> VectorFieldModel::specs() {
@@ -97,13 +103,30 @@ class PlaneSampler {
   double sign_, beside_sq_;
 };
 
+Status VectorFieldModel::decide(VectorFieldModel& model, const render::ModelInput& input,
+                                const Options& options, const render::PrepareContext& context,
+                                render::PrepareReport& report, render::ModelDecisions& out) {
+  model.spacing_mm_ = measured_spacing_mm(*input.cloud, context, report);
+  VoxelFieldOptions& field = model.wanted_;
+  const double given_mm = options.number("voxel_mm");
+  field.voxel_mm = given_mm > 0.0 ? given_mm : options.number("voxel") * model.spacing_mm_;
+  field.depth_mm = options.number("depth") * field.voxel_mm;
+  field.most_bytes = static_cast<std::size_t>(options.number("memory_mb") * kBytesPerMb);
+  say_spacing(model.spacing_mm_, out);
+  say_normals(*input.cloud, out);
+  out.decisions.push_back(
+      {"field", fmt::format("voxels of {:.4g} mm", field.voxel_mm),
+       fmt::format("{:.4g} mm deep, in bricks of {} voxels a side near the surface; at most "
+                   "{:.4g} MB, else it is refused",
+                   field.depth_mm, kBrickVoxels, options.number("memory_mb"))});
+  return Done{};
+}
+
 Status VectorFieldModel::prepare(VectorFieldModel& model, const render::ModelInput& input,
                                  const Options& options, const render::PrepareContext& context,
                                  render::PrepareReport& report) {
   render::PreparePhases phases(report, context);
-  phases.begin("spacing");
-  const double spacing = natural_spacing_mm(*input.cloud, context.threads);
-  phases.end();
+  const double spacing = model.spacing_mm_;
   Result<OrientedGrid> built = build_oriented_grid(input, 2.0 * spacing, false, context, report);
   if (!built) return std::move(built).error();
   const PointGrid& points = built->points;
@@ -111,11 +134,7 @@ Status VectorFieldModel::prepare(VectorFieldModel& model, const render::ModelInp
   SphereTree tree;
   tree.build(points.points, context.threads);
   phases.end();
-  VoxelFieldOptions field;
-  field.voxel_mm =
-      options.number("voxel_mm") > 0.0 ? options.number("voxel_mm") : options.number("voxel") * spacing;
-  field.depth_mm = options.number("depth") * field.voxel_mm;
-  field.most_bytes = static_cast<std::size_t>(options.number("memory_mb") * kBytesPerMb);
+  const VoxelFieldOptions& field = model.wanted_;
   const double sign = open_sign(points) * (options.flag("flip") ? -1.0 : 1.0);
   phases.begin("field");
   Result<VoxelField> made =

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "baselines/mesh/surface_mesh.h"
@@ -41,14 +42,21 @@ voronoi::Links mesh_links(const SurfaceMesh& mesh) {
   return links;
 }
 
+// Measured, what to expect: docs/rivals.md, with the generator's own mesh.
+constexpr double kMsPerMillion = 36'000.0, kBytesPerFacet = 182.0;
+
 class VGraph : public RivalModel {
  public:
   static constexpr RivalText kText{
       "vgraph", "greedy walk on a graph of vertices, then the triangles around the nearest",
       "V-GRAPH [51] by the thesis's sections 2.2.3 and 3.6.3; response ours, after Zilles and Salisbury "
-      "1995"};
+      "1995",
+      0.63, kMsPerMillion};
   static constexpr bool kGodObject = true;
   static std::vector<OptionSpec> specs();
+  static Status decide(VGraph& model, const render::ModelInput& input, const Options& options,
+                       const render::PrepareContext& context, render::PrepareReport& report,
+                       render::ModelDecisions& out);
   static Status prepare(VGraph& model, const render::ModelInput& input, const Options& options,
                         const render::PrepareContext& context, render::PrepareReport& report);
   [[nodiscard]] std::string work_bound() const;
@@ -72,6 +80,8 @@ class VGraph : public RivalModel {
   SurfaceMesh mesh_;
   voronoi::Links links_;
   bool ring_ = false;
+  bool delaunay_ = true;  ///< this and the next: for preparation
+  MeshSource decided_;
   double unsure_mm_ = 0.0;
   std::uint32_t vertex_ = 0;      ///< nearest to the HIP, as far as the walk came
   Vec3 previous_ = Vec3::Zero();  ///< start of the next segment: the last HIP whose side was sure
@@ -98,10 +108,35 @@ std::vector<OptionSpec> VGraph::specs() {
   return specs;
 }
 
+Status VGraph::decide(VGraph& model, const render::ModelInput& input, const Options& options,
+                      const render::PrepareContext& /*context*/, render::PrepareReport& /*report*/,
+                      render::ModelDecisions& out) {
+  Result<MeshSource> source = decide_mesh(input, options);
+  if (!source.ok()) return std::move(source).error();
+  model.decided_ = std::move(source).value();
+  model.ring_ = options.text("triangles") == "ring";
+  model.delaunay_ = options.text("graph") == "delaunay";
+  const std::optional<double> made_ms = expected_ms(model.decided_, out.points);
+  if (made_ms)
+    *out.prepare_ms += *made_ms;
+  else
+    out.prepare_ms.reset();
+  out.bytes += static_cast<std::uint64_t>(kBytesPerFacet * model.decided_.facets);
+  out.decisions.push_back(model.decided_.said);
+  out.decisions.push_back(
+      model.delaunay_
+          ? render::Decision{"graph", "delaunay", "a greedy walk on it ends at the nearest vertex"}
+          : render::Decision{"graph", "mesh", "as given: the mesh's edges", true});
+  out.decisions.push_back(
+      model.ring_ ? render::Decision{"triangles", "ring", "as given: those of the vertices around too", true}
+                  : render::Decision{"triangles", "vertex", "those of the nearest vertex, as printed"});
+  return Done{};
+}
+
 Status VGraph::prepare(VGraph& model, const render::ModelInput& input, const Options& options,
                        const render::PrepareContext& context, render::PrepareReport& report) {
   render::PreparePhases phases(report, context);
-  auto source = mesh_of(input, options, context.threads, phases);
+  auto source = mesh_of(input, model.decided_, options, context.threads, phases);
   if (!source.ok()) return std::move(source).error();
   model.source_ = std::move(source).value();
   phases.begin("connect facets");
@@ -110,7 +145,7 @@ Status VGraph::prepare(VGraph& model, const render::ModelInput& input, const Opt
   model.mesh_ = std::move(mesh).value();
   phases.end();
   model.place = render::ModelPose(input, model.mesh_.origin_mm());
-  if (options.text("graph") == "delaunay") {
+  if (model.delaunay_) {
     phases.begin("V-GRAPH (Delaunay, CGAL)");
     auto links = voronoi::natural_links(model.mesh_.vertices());
     if (!links.ok()) return std::move(links).error();
@@ -120,7 +155,6 @@ Status VGraph::prepare(VGraph& model, const render::ModelInput& input, const Opt
     model.links_ = mesh_links(model.mesh_);
   }
   phases.end();
-  model.ring_ = options.text("triangles") == "ring";
   model.unsure_mm_ = kUnsureRoundings * model.mesh_.rounding_mm();
   report.bytes += model.source_->bytes() + model.mesh_.bytes() + model.links_.bytes();
   report.notes.push_back(fmt::format(

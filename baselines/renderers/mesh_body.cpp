@@ -117,19 +117,16 @@ std::vector<OptionSpec> mesh_renderer_specs() {
   return specs;
 }
 
-bool wants_shading(const Options& options) {
-  return options.text("shading") == "interpolated";
-}
-
 namespace {
 
 Result<std::shared_ptr<const MeshGeometry>> build_geometry(const render::ModelInput& input,
-                                                           const Options& options, const MeshBodyNeeds& needs,
+                                                           const MeshDecision& decided,
+                                                           const Options& options,
                                                            const render::PrepareContext& context,
                                                            render::PrepareReport& report) {
   render::PreparePhases phases(report, context);
   auto made = std::make_shared<MeshGeometry>();
-  auto source = mesh_of(input, options, context.threads, phases);
+  auto source = mesh_of(input, decided.source, options, context.threads, phases);
   if (!source.ok()) return std::move(source).error();
   source = refined(std::move(source).value(), input, options, context.threads, phases);
   if (!source.ok()) return std::move(source).error();
@@ -139,7 +136,7 @@ Result<std::shared_ptr<const MeshGeometry>> build_geometry(const render::ModelIn
   if (!mesh.ok()) return std::move(mesh).error();
   made->mesh = std::move(mesh).value();
   made->median_edge_mm = median_edge(made->mesh);
-  if (needs.normals) made->vertex_normals = interpolation_normals(made->mesh);
+  if (decided.normals) made->vertex_normals = interpolation_normals(made->mesh);
   phases.end();
   phases.begin("check (OpenMesh)");
   const MeshReport found = report_on(made->mesh);
@@ -150,7 +147,7 @@ Result<std::shared_ptr<const MeshGeometry>> build_geometry(const render::ModelIn
   if (!index.ok()) return std::move(index).error();
   made->index = std::make_unique<SegmentIndex>(std::move(index).value());
   phases.end();
-  if (needs.crossings) {
+  if (decided.crossings) {
     phases.begin("find crossing facets");
     made->crossings = Crossings::find(made->mesh, *made->index, context.threads);
     phases.end();
@@ -168,7 +165,7 @@ Result<std::shared_ptr<const MeshGeometry>> build_geometry(const render::ModelIn
 }
 
 /// All that the mesh of a model depends on.
-std::string key_of(const render::ModelInput& input, const Options& options, const MeshBodyNeeds& needs) {
+std::string key_of(const render::ModelInput& input, const MeshDecision& decided, const Options& options) {
   ContentHash faces;
   if (input.original_mesh != nullptr) {
     for (const Vec3& vertex : input.original_mesh->vertices_mm)
@@ -177,20 +174,19 @@ std::string key_of(const render::ModelInput& input, const Options& options, cons
   }
   return fmt::format("mesh {:016x} {} {:016x} '{}' {} {}{}", cloud::content_hash(*input.cloud),
                      input.cloud->size(), faces.value(),
-                     input.analytic != nullptr ? input.analytic->formula() : "", needs.crossings,
-                     needs.normals, render::key_text(options, mesh_specs()));
+                     input.analytic != nullptr ? input.analytic->formula() : "", decided.crossings,
+                     decided.normals, render::key_text(options, mesh_specs()));
 }
 
 }  // namespace
 
-Result<std::unique_ptr<MeshBody>> prepare_body(const render::ModelInput& input, const Options& options,
-                                               const MeshBodyNeeds& needs,
-                                               const render::PrepareContext& context,
+Result<std::unique_ptr<MeshBody>> prepare_body(const render::ModelInput& input, const MeshDecision& decided,
+                                               const Options& options, const render::PrepareContext& context,
                                                render::PrepareReport& report) {
   auto body = std::make_unique<MeshBody>();
   Result<std::shared_ptr<const MeshGeometry>> geometry = render::held_or_made<MeshGeometry>(
-      context, report, [&] { return key_of(input, options, needs); },
-      [&](render::PrepareReport& to) { return build_geometry(input, options, needs, context, to); });
+      context, report, [&] { return key_of(input, decided, options); },
+      [&](render::PrepareReport& to) { return build_geometry(input, decided, options, context, to); });
   if (!geometry.ok()) return std::move(geometry).error();
   body->geometry = std::move(geometry).value();
   body->pose = render::ModelPose(input, body->mesh().origin_mm());

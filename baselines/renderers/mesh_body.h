@@ -7,6 +7,7 @@
 #include "baselines/mesh/surface_mesh.h"
 #include "baselines/proximity/crossings.h"
 #include "baselines/proximity/segment_index.h"
+#include "baselines/renderers/mesh_decision.h"
 #include "toolkit/core/options.h"
 #include "toolkit/render/model_pose.h"
 #include "toolkit/render/surface_field.h"
@@ -35,20 +36,14 @@ struct MeshBody {
   [[nodiscard]] const SurfaceMesh& mesh() const noexcept { return geometry->mesh; }
 };
 
-struct MeshBodyNeeds {
-  bool crossings = true;
-  bool normals = false;
-};
-
 /// The options of every mesh renderer: which mesh, shading, how contacts combine.
 [[nodiscard]] std::vector<OptionSpec> mesh_renderer_specs();
-[[nodiscard]] bool wants_shading(const Options& options);
 
-/// Everything from the model to what a frame reads, each step a phase of the report. The mesh comes from the
-/// context's store where it has one.
+/// Everything from the model to what a frame reads as decided, each step a phase of the report. The mesh
+/// comes from the context's store where it has one.
 [[nodiscard]] Result<std::unique_ptr<MeshBody>> prepare_body(const render::ModelInput& input,
+                                                             const MeshDecision& decided,
                                                              const Options& options,
-                                                             const MeshBodyNeeds& needs,
                                                              const render::PrepareContext& context,
                                                              render::PrepareReport& report);
 

@@ -20,6 +20,8 @@ constexpr const char* kSource =
     "Ruspini, Kolarov and Khatib 1997 (the thesis's [71]); exact moves and the skin as tip are ours";
 /// Largest radius that may be asked for, in edges: 2 mm on 0.02 mm spacing.
 constexpr double kMostEdges = 100.0;
+// Measured, what to expect: docs/meshes.md, the median frame.
+constexpr double kFrameUs = 3.1, kMsPerMillionFacets = 3'400.0;
 
 /// One radius for the scene: the probe is one body.
 struct SphereSize {
@@ -46,6 +48,14 @@ Status choose_radius(const Options& options, const MeshScene<SphereProbe>::Bodie
   return Done{};
 }
 
+render::Decision sphere_decision(const Options& options) {
+  const double given_mm = options.number("radius_mm"), edges = options.number("radius");
+  const std::string tip = ", followed by its " + options.text("tip");
+  if (given_mm > 0.0) return {"probe", fmt::format("sphere of {:.4g} mm{}", given_mm, tip), "as given", true};
+  return {"probe", fmt::format("sphere of {:.3g} median edges{}", edges, tip),
+          "those of the scene's finest mesh: its size is known once there is a mesh", edges != 1.0};
+}
+
 std::unique_ptr<render::HapticRenderer> make_sphere(const Options& options) {
   const SphereTip tip = options.text("tip") == "centre" ? SphereTip::kCentre : SphereTip::kSkin;
   auto size = std::make_shared<SphereSize>();
@@ -54,7 +64,8 @@ std::unique_ptr<render::HapticRenderer> make_sphere(const Options& options) {
       "two Embree queries a move (each O(log facets))",
       kMaxSphereMoves, kMaxSphereTests, kMaxNearFacets);
   return std::make_unique<MeshScene<SphereProbe>>(
-      render::Description{kName, kSummary, kSource, std::move(bound), options}, false,
+      render::Description{kName, kSummary, kSource, std::move(bound), options},
+      MeshProbeKind{false, sphere_decision(options), kFrameUs, kMsPerMillionFacets},
       [options, size](const MeshScene<SphereProbe>::Bodies& bodies, render::PrepareReport& report) {
         return choose_radius(options, bodies, *size, report);
       },
@@ -73,7 +84,7 @@ render::RendererInfo mesh_proxy_info() {
   info.source = kSource;
   info.role = render::Role::kRival;
   info.geometry = render::Geometry::kMesh;
-  info.supports = render::kAllOfRigidSurfaces | render::Feature::kJointContact;
+  info.supports = kMeshFeels;
   info.options = mesh_renderer_specs();
   info.options.push_back({"radius",
                           OptionKind::kNumber,

@@ -26,10 +26,10 @@ class MeshScene final : public render::BoxedShellRenderer<MeshSlot<Probe>>, publ
   using Survey = std::function<Status(const Bodies&, render::PrepareReport&)>;
   using MakeProbe = std::function<Probe(const MeshBody&)>;
 
-  MeshScene(render::Description described, bool needs_crossings, Survey survey, MakeProbe make_probe)
+  MeshScene(render::Description described, MeshProbeKind kind, Survey survey, MakeProbe make_probe)
       : Shell(described.options),
         described_(std::move(described)),
-        needs_crossings_(needs_crossings),
+        kind_(std::move(kind)),
         survey_(std::move(survey)),
         make_probe_(std::move(make_probe)) {}
 
@@ -39,12 +39,22 @@ class MeshScene final : public render::BoxedShellRenderer<MeshSlot<Probe>>, publ
   }
 
  private:
+  Result<render::ModelDecisions> decide_model(const render::ModelInput& input,
+                                              const render::PrepareContext& /*context*/) const override {
+    const Result<MeshDecision> decided = decide_body(input, described_.options, kind_);
+    if (!decided.ok()) return decided.error();
+    return said(input, *decided, kind_);
+  }
   Status add_models(const render::SceneInput& scene, const render::PrepareContext& context,
                     render::PrepareReport& report) override {
-    const bool shaded = wants_shading(described_.options);
+    bool shaded = false;
     Bodies bodies;
     for (const render::ModelInput& input : scene.models) {
-      auto body = prepare_body(input, described_.options, {needs_crossings_, shaded}, context, report);
+      const Result<MeshDecision> decided = decide_body(input, described_.options, kind_);
+      if (!decided.ok()) return decided.error();
+      report.decisions.models.push_back(said(input, *decided, kind_));
+      shaded = decided->normals;
+      auto body = prepare_body(input, *decided, described_.options, context, report);
       if (!body.ok()) return std::move(body).error();
       bodies.push_back(std::move(body).value());
     }
@@ -63,7 +73,7 @@ class MeshScene final : public render::BoxedShellRenderer<MeshSlot<Probe>>, publ
   }
 
   render::Description described_;
-  bool needs_crossings_;
+  MeshProbeKind kind_;
   Survey survey_;
   MakeProbe make_probe_;
 };

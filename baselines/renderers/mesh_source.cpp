@@ -19,15 +19,10 @@ bool has_faces(const render::ModelInput& input) {
   return input.original_mesh != nullptr && !input.original_mesh->empty();
 }
 
-/// Which mesh `mesh` means for this model; a note says what `auto` took.
-std::string meant(const std::string& mesh, const render::ModelInput& input, render::PreparePhases& phases) {
-  if (mesh != kAuto) return mesh;
-  phases.note(
-      has_faces(input)
-          ? fmt::format("mesh: the model's own {} faces (auto)", input.original_mesh->triangles.size())
-          : fmt::format("mesh: {}, since the model brings no faces of its own (auto)", kMadeByDefault));
-  return has_faces(input) ? kOriginal : kMadeByDefault;
-}
+/// A surface that goes through its points has some two facets for each (Euler).
+constexpr double kFacetsPerPoint = 2.0;
+/// Advancing front of 1,002,001 points less what the mesh renderer does with the mesh (table 7 of reproduce).
+constexpr double kMadeMsPerMillion = 35'000.0;
 
 }  // namespace
 
@@ -71,18 +66,40 @@ std::vector<OptionSpec> mesh_source_specs(const std::string& usual) {
   return specs;
 }
 
+Result<MeshSource> decide_mesh(const render::ModelInput& input, const Options& options) {
+  const std::string& asked = options.text("mesh");
+  MeshSource source;
+  source.name = asked != kAuto ? asked : has_faces(input) ? kOriginal : kMadeByDefault;
+  source.made = source.name != kOriginal;
+  if (!source.made && !has_faces(input))
+    return Error{fmt::format("model '{}' brings no mesh of its own", input.name),
+                 "take a reconstruction, for example mesh=advancing-front",
+                 {},
+                 0};
+  source.facets = source.made ? kFacetsPerPoint * static_cast<double>(input.cloud->size())
+                              : static_cast<double>(input.original_mesh->triangles.size());
+  std::string reason = "as given";
+  if (asked == kAuto)
+    reason = source.made
+                 ? fmt::format("{}, since the model brings no faces of its own (auto)", source.name)
+                 : fmt::format("the model's own {} faces (auto)", input.original_mesh->triangles.size());
+  source.said = {"mesh", source.name, std::move(reason), asked != kAuto};
+  return source;
+}
+
+std::optional<double> expected_ms(const MeshSource& source, std::uint64_t points) {
+  if (!source.made) return 0.0;
+  if (source.name != kMadeByDefault) return std::nullopt;
+  return kMadeMsPerMillion * 1e-6 * static_cast<double>(points);
+}
+
 Result<std::shared_ptr<const geometry::TriangleMesh>> mesh_of(const render::ModelInput& input,
+                                                              const MeshSource& source,
                                                               const Options& options, int threads,
                                                               render::PreparePhases& phases) {
-  const std::string name = meant(options.text("mesh"), input, phases);
-  if (name == kOriginal) {
-    if (!has_faces(input))
-      return Error{fmt::format("model '{}' brings no mesh of its own", input.name),
-                   "take a reconstruction, for example mesh=advancing-front",
-                   {},
-                   0};
-    return input.original_mesh;
-  }
+  if (!source.said.given) phases.note(source.note());
+  if (!source.made) return input.original_mesh;
+  const std::string& name = source.name;
   const Result<const Method*> method = find_method(name);
   if (!method) return method.error();
   std::optional<MeshCache> cache;

@@ -1,7 +1,10 @@
 // Which mesh a mesh renderer gets: the file's own, or one reconstructed from the points.
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "toolkit/core/options.h"
@@ -16,10 +19,24 @@ namespace palpate::baselines {
 /// is said, the limits and the cache of a reconstruction, and the options of every method.
 [[nodiscard]] std::vector<OptionSpec> mesh_source_specs(const std::string& usual = "auto");
 
-/// The mesh that `options` (complete, of mesh_source_specs() among others) mean for this model, never null or
-/// empty. The steps of making it are phases, with the times of the day it was made where it comes from the
-/// cache, and a note says so. Errors: the model brings no mesh of its own; those of reconstruct().
+/// Which mesh the options mean for a model: told without making it.
+struct MeshSource {
+  std::string name;     ///< "original", or the method that makes it
+  bool made = false;    ///< by a method
+  double facets = 0.0;  ///< its own, or some two a point
+  render::Decision said;
+  [[nodiscard]] std::string note() const { return said.about + ": " + said.reason; }
+};
+/// `options`: complete, of mesh_source_specs() among others. Errors: the model brings no mesh of its own.
+[[nodiscard]] Result<MeshSource> decide_mesh(const render::ModelInput& input, const Options& options);
+
+/// What making such a mesh of so many points takes, where it was measured.
+[[nodiscard]] std::optional<double> expected_ms(const MeshSource& source, std::uint64_t points);
+
+/// The mesh as decided, never null or empty. The steps of making it are phases, with the times of the day it
+/// was made where it comes from the cache, and a note says so. Errors: those of reconstruct().
 [[nodiscard]] Result<std::shared_ptr<const geometry::TriangleMesh>> mesh_of(const render::ModelInput& input,
+                                                                            const MeshSource& source,
                                                                             const Options& options,
                                                                             int threads,
                                                                             render::PreparePhases& phases);

@@ -15,27 +15,46 @@
 namespace palpate::experiments {
 namespace {
 
-nlohmann::ordered_json json(const std::vector<plan::Decision>& decisions) {
-  nlohmann::ordered_json list = nlohmann::ordered_json::array();
-  for (const plan::Decision& d : decisions)
+constexpr const char* kPlanSchema = "palpate-plan-1";
+
+using nlohmann::ordered_json;
+
+ordered_json json(const std::vector<render::Decision>& decisions) {
+  ordered_json list = ordered_json::array();
+  for (const render::Decision& d : decisions)
     list.push_back({{"about", d.about}, {"choice", d.choice}, {"reason", d.reason}, {"given", d.given}});
   return list;
 }
 
-nlohmann::ordered_json json(const plan::Plan& plan) {
-  nlohmann::ordered_json models = nlohmann::ordered_json::array();
-  for (const plan::ModelPlan& m : plan.models)
+ordered_json or_null(const std::optional<double>& value) {
+  return value ? ordered_json(*value) : ordered_json(nullptr);
+}
+
+/// Bytes that are not known beforehand are null, as times are.
+ordered_json known(std::uint64_t bytes) {
+  return bytes > 0 ? ordered_json(bytes) : ordered_json(nullptr);
+}
+
+ordered_json json(const plan::Plan& plan) {
+  ordered_json models = ordered_json::array();
+  for (const render::ModelDecisions& m : plan.decided.models)
     models.push_back({{"name", m.name},
                       {"points", m.points},
-                      {"spacing_mm", m.spacing_mm},
-                      {"bytes", m.bytes},
+                      {"spacing_mm", or_null(m.spacing_mm)},
+                      {"bytes", known(m.bytes)},
+                      {"prepare_ms", or_null(m.prepare_ms)},
+                      {"frame_us", or_null(m.frame_us)},
                       {"decisions", json(m.decisions)}});
-  return {{"renderer", plan.renderer.name},
-          {"decisions", json(plan.decisions)},
+  return {{"schema", kPlanSchema},
+          {"renderer", plan.renderer.name},
+          {"options", plan.renderer.options.all()},
+          {"decisions", json(plan.decided.decisions)},
           {"models", models},
-          {"bytes", plan.bytes},
+          {"bytes", known(plan.decided.bytes)},
           {"expected",
-           {{"frame_us", plan.frame_us}, {"prepare_ms", plan.prepare_ms}, {"on", plan::kPlanHardware}}}};
+           {{"frame_us", or_null(plan.decided.frame_us)},
+            {"prepare_ms", or_null(plan.decided.prepare_ms)},
+            {"on", render::kExpectedOn}}}};
 }
 
 struct PlanArguments {
@@ -86,14 +105,17 @@ int run_plan(const PlanArguments& arguments, Context& context) {
     if (!cleaned) return fail(cleaned.error(), kExitBadInput, &context.progress);
     loaded->input = std::move(cleaned->input);
   }
-  context.progress.report("measuring the spacing", -1.0);
-  const Result<plan::Plan> plan = plan::make_plan(loaded->input, wanted, arguments.load.threads);
+  context.progress.report("asking the renderer", -1.0);
+  const Result<plan::Plan> plan =
+      plan::make_plan(loaded->input, wanted, registry, {arguments.load.threads, nullptr});
   context.progress.clear();
   if (!plan) return fail(plan.error(), kExitBadInput);
   std::vector<std::string> warnings = surfaces->warnings;
   for (const scene::Provenance& p : loaded->provenance)
     warnings.insert(warnings.end(), p.warnings.begin(), p.warnings.end());
   for (std::string& doubt : doubts_about_models(*loaded)) warnings.push_back(std::move(doubt));
+  for (std::string& text : render::left_out(*registry.find(plan->renderer.name), loaded->input))
+    warnings.push_back(std::move(text));
   if (arguments.json) {
     nlohmann::ordered_json document = json(*plan);
     document["warnings"] = warnings;

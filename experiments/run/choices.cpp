@@ -133,7 +133,7 @@ Chosen usual_renderers(const render::SceneInput& scene, const std::optional<Rend
   if (own) {
     chosen.renderers.push_back(*own);
   } else {
-    const plan::Decision planned = plan::choose_renderer(scene);
+    const render::Decision planned = plan::choose_renderer(scene);
     chosen.renderers.push_back({planned.choice, planned.choice, {}});
     chosen.notes.push_back(fmt::format("Renderer by plan: {} ({}).", planned.choice, planned.reason));
   }

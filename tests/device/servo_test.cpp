@@ -18,6 +18,9 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 // A half space z < 0 in the world with a spring; answers NaN on request.
 class Wall final : public render::HapticRenderer {
  public:
+  Result<render::Decisions> decide(const render::SceneInput&, const render::PrepareContext&) const override {
+    return render::Decisions{};
+  }
   Result<render::PrepareReport> prepare(const render::SceneInput&, const render::PrepareContext&) override {
     return render::PrepareReport{};
   }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -18,22 +19,38 @@ class BallRenderer final : public render::HapticRenderer {
  public:
   explicit BallRenderer(Options options) : options_(std::move(options)), size_(options_.number("size")) {}
 
-  // Everything that allocates, reads the points or can fail happens here.
-  [[nodiscard]] Result<render::PrepareReport> prepare(const render::SceneInput& scene,
-                                                      const render::PrepareContext& /*context*/) override {
-    const Stopwatch watch;
+  // What is built and why, told without building it: `palpate plan` prints it.
+  [[nodiscard]] Result<render::Decisions> decide(const render::SceneInput& scene,
+                                                 const render::PrepareContext& /*context*/) const override {
+    render::Decisions decided;
     for (const render::ModelInput& model : scene.models) {
       if (model.cloud->empty()) return Error{"the model '" + model.name + "' has no points", "", "", 0};
-      const geometry::Aabb box = model.cloud->box_mm();
-      // The spring is computed in world coordinates: a ball looks the same from every side.
-      balls_.push_back({model.world_from_model * box.centre_mm(), 0.5 * size_ * box.extent_mm().maxCoeff(),
-                        model.surface.stiffness_n_per_mm});
+      render::ModelDecisions one;
+      one.name = model.name;
+      one.points = model.cloud->size();
+      one.bytes = sizeof(Ball);
+      one.decisions = {{"ball", std::to_string(2.0 * ball_of(model).radius_mm) + " mm across",
+                        "the longest side of the box, times the option size", size_ != 1.0}};
+      decided.bytes += one.bytes;
+      decided.models.push_back(std::move(one));
     }
+    decided.decisions = {render::force_limit_decision(scene.force_limit_n)};
+    return decided;
+  }
+
+  // Everything that allocates, takes long or can fail happens here. It follows the same decisions.
+  [[nodiscard]] Result<render::PrepareReport> prepare(const render::SceneInput& scene,
+                                                      const render::PrepareContext& context) override {
+    const Stopwatch watch;
+    Result<render::Decisions> decided = decide(scene, context);
+    if (!decided) return std::move(decided).error();
+    for (const render::ModelInput& model : scene.models) balls_.push_back(ball_of(model));
     force_limit_n_ = scene.force_limit_n;
     render::PrepareReport report;
     report.total_ms = watch.ms();
     report.phases = {{"balls", report.total_ms}};
-    report.bytes = balls_.capacity() * sizeof(Ball);
+    report.bytes = balls_.size() * sizeof(Ball);
+    report.decisions = std::move(decided).value();
     return report;
   }
 
@@ -81,6 +98,13 @@ class BallRenderer final : public render::HapticRenderer {
     double radius_mm;
     double stiffness_n_per_mm;
   };
+
+  // The spring is computed in world coordinates: a ball looks the same from every side.
+  [[nodiscard]] Ball ball_of(const render::ModelInput& model) const {
+    const geometry::Aabb box = model.cloud->box_mm();
+    return {model.world_from_model * box.centre_mm(), 0.5 * size_ * box.extent_mm().maxCoeff(),
+            model.surface.stiffness_n_per_mm};
+  }
 
   Options options_;
   double size_;

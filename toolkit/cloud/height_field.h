@@ -33,6 +33,10 @@ struct HeightField {
     return static_cast<std::size_t>(row) * columns + column;
   }
   [[nodiscard]] std::uint32_t block_columns() const noexcept { return (columns - 2) / kBlock + 1; }
+  /// How many tops a lattice has.
+  [[nodiscard]] static std::size_t blocks_of(std::uint32_t columns, std::uint32_t rows) noexcept {
+    return (std::size_t{columns - 2} / kBlock + 1) * (std::size_t{rows - 2} / kBlock + 1);
+  }
   /// Section 4.2.1: the furthest distance between two neighbouring posts seen from above, the diagonal.
   [[nodiscard]] double plan_resolution_mm() const noexcept { return std::hypot(step_x_mm, step_y_mm); }
   [[nodiscard]] std::size_t bytes() const noexcept {

@@ -35,13 +35,18 @@ class ControlledRenderer final : public render::HapticRenderer {
         filter_(options.filter),
         passivity_(options.passivity.value_or(PassivityOptions{})) {}
 
+  [[nodiscard]] Result<render::Decisions> decide(const render::SceneInput& scene,
+                                                 const render::PrepareContext& context) const override {
+    Result<render::Decisions> decided = inner_->decide(unlimited(scene), context);
+    if (decided) say(scene.force_limit_n, *decided);
+    return decided;
+  }
   [[nodiscard]] Result<render::PrepareReport> prepare(const render::SceneInput& scene,
                                                       const render::PrepareContext& context) override {
-    render::SceneInput unlimited = scene;
-    unlimited.force_limit_n = 0.0;
     force_limit_n_ = scene.force_limit_n;
-    Result<render::PrepareReport> report = inner_->prepare(unlimited, context);
+    Result<render::PrepareReport> report = inner_->prepare(unlimited(scene), context);
     if (!report) return report;
+    say(force_limit_n_, report->decisions);
     for (std::string& line : control::describe(options_))
       report->notes.push_back("control: " + std::move(line));
     report->bytes += sizeof(*this);
@@ -83,6 +88,19 @@ class ControlledRenderer final : public render::HapticRenderer {
   }
 
  private:
+  static render::SceneInput unlimited(render::SceneInput scene) {
+    scene.force_limit_n = 0.0;
+    return scene;
+  }
+  /// The limit is this one's, not the inner renderer's.
+  void say(double force_limit_n, render::Decisions& decided) const {
+    const render::Decision limit = render::force_limit_decision(force_limit_n);
+    for (render::Decision& d : decided.decisions)
+      if (d.about == limit.about) d = limit;
+    for (std::string& line : control::describe(options_))
+      decided.decisions.push_back({"control", "on", std::move(line), true});
+    decided.bytes += sizeof(*this);
+  }
   /// What the stages know of earlier frames.
   void forget() noexcept {
     coupling_.reset();

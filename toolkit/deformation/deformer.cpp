@@ -64,6 +64,11 @@ std::size_t Deformer::bytes() const noexcept {
          (seen_.capacity() + recorded_.capacity()) * sizeof(std::uint64_t);
 }
 
+std::size_t Deformer::bytes_for(std::size_t points, const Options& options) noexcept {
+  return points * (sizeof(StoredPoint) + sizeof(neighbourhood::Neighbours)) +
+         options.journal_points * sizeof(Entry) + 2 * (points + options.spare_points) * sizeof(std::uint64_t);
+}
+
 void Deformer::begin_stroke() noexcept {
   ++stroke_number_;
   // An empty stroke is used again.

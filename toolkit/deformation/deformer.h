@@ -112,6 +112,8 @@ class Deformer {
   [[nodiscard]] const DeformCounters& counters() const noexcept { return counters_; }
   [[nodiscard]] std::size_t points() const noexcept { return used_; }
   [[nodiscard]] std::size_t bytes() const noexcept;
+  /// What bytes() will be for a model of so many points.
+  [[nodiscard]] static std::size_t bytes_for(std::size_t points, const Options& options) noexcept;
 
   /// The cloud as it is now, inferred points behind the others. Model frame.
   [[nodiscard]] Result<cloud::Cloud> edited() const;

@@ -89,17 +89,18 @@ Result<std::shared_ptr<const HeightFieldGrid>> build_grid(const cloud::Cloud& cl
                                                           PrepareReport& report) {
   PreparePhases phases(report, context);
   phases.begin("grid");
+  Result<LatticeSurvey> survey = survey_lattice(cloud, fills_gaps, keeps_points);
+  if (!survey) return std::move(survey).error();
   auto grid = std::make_shared<HeightFieldGrid>();
-  std::vector<std::uint32_t>* const points = keeps_points ? &grid->point_of_post : nullptr;
-  Result<cloud::HeightField> field = cloud::height_field_of(cloud, points);
-  if (!field) return std::move(field).error();
-  const cloud::Holes holes = cloud::find_holes(*field);
-  if (fills_gaps && holes.gaps > 0) {
+  grid->decision = std::move(survey->decision);
+  grid->field = std::move(survey->field);
+  grid->point_of_post = std::move(survey->point_of_post);
+  if (grid->decision.filled > 0) {
     phases.end();
     phases.begin("gaps");
-    cloud::fill_gaps(*field, holes, points, context.threads);
+    cloud::fill_gaps(grid->field, survey->holes, keeps_points ? &grid->point_of_post : nullptr,
+                     context.threads);
   }
-  grid->field = std::move(*field);
   grid->box_mm.add(Vec3::Zero());
   grid->box_mm.add(Vec3(static_cast<double>(grid->field.columns - 1) * grid->field.step_x_mm,
                         static_cast<double>(grid->field.rows - 1) * grid->field.step_y_mm, 0.0));
@@ -107,11 +108,11 @@ Result<std::shared_ptr<const HeightFieldGrid>> build_grid(const cloud::Cloud& cl
   grid->box_mm.low_mm.z() = low;
   grid->box_mm.high_mm.z() = high;
   phases.end();
-  warn_of_open_holes(holes, fills_gaps, phases);
+  warn_of_open_holes(survey->holes, fills_gaps, phases);
   report.bytes += grid->field.bytes() + grid->point_of_post.capacity() * sizeof(std::uint32_t);
   phases.note(fmt::format("{}; {:.6g} x {:.6g} mm apart, resolution {:.6g} mm seen from above",
-                          cloud::describe(grid->field, holes, fills_gaps), grid->field.step_x_mm,
-                          grid->field.step_y_mm, grid->field.plan_resolution_mm()));
+                          grid->decision.words, grid->field.step_x_mm, grid->field.step_y_mm,
+                          grid->field.plan_resolution_mm()));
   return std::shared_ptr<const HeightFieldGrid>(std::move(grid));
 }
 

@@ -8,6 +8,7 @@
 #include "toolkit/cloud/height_field.h"
 #include "toolkit/core/result.h"
 #include "toolkit/geometry/aabb.h"
+#include "toolkit/heightfield/heightfield_decision.h"
 #include "toolkit/render/model_pose.h"
 #include "toolkit/render/surface_field.h"
 
@@ -18,7 +19,8 @@ struct HeightFieldGrid {
   cloud::HeightField field;
   geometry::Aabb box_mm;  ///< of the posts, local
   std::vector<std::uint32_t>
-      point_of_post;  ///< where the cloud's points differ in their properties; else empty
+      point_of_post;         ///< where the cloud's points differ in their properties; else empty
+  LatticeDecision decision;  ///< what was followed
 };
 
 /// One model as one renderer holds it.
@@ -27,12 +29,8 @@ struct HeightFieldModel {
   ModelPose pose;
   SurfaceField surface;  ///< places are posts
 
+  [[nodiscard]] HeightFieldDecision decided() const { return {grid->decision, surface}; }
   [[nodiscard]] const cloud::HeightField& field() const noexcept { return grid->field; }
-};
-
-struct HeightFieldBuild {
-  bool fills_gaps = false;         ///< posts without a point get a height where they are gaps
-  double blend_resolutions = 0.0;  ///< above 0 a stiffness that varies is blended over as many
 };
 
 /// Prepares one model of a scene; its grid comes from the context's store where it has one. Errors: no

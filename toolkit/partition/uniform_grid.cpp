@@ -70,6 +70,10 @@ LeafStatistics UniformGrid::statistics() const noexcept {
   return found;
 }
 
+double UniformGrid::cell_for(const cloud::Cloud& cloud, double cell_mm, int threads) {
+  return Lattice::over(local_box(cloud, threads), cell_mm / (1 << kFinerBits)).unit_mm * (1 << kFinerBits);
+}
+
 UniformGrid UniformGrid::build(const cloud::Cloud& cloud, double cell_mm, int threads) {
   UniformGrid grid;
   // Cells are groups of 8 x 8 x 8 cubes of a finer lattice, so one sort serves both.

@@ -29,6 +29,9 @@ class UniformGrid {
     return build(cloud, options.cell_mm, threads);
   }
 
+  /// The cell_mm() that build() gives. O(n).
+  [[nodiscard]] static double cell_for(const cloud::Cloud& cloud, double cell_mm, int threads);
+
   [[nodiscard]] double cell_mm() const noexcept { return lattice_.unit_mm; }
   /// Cloud index of each place.
   [[nodiscard]] std::span<const std::uint32_t> order() const noexcept { return order_; }

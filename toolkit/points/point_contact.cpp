@@ -46,7 +46,7 @@ void PointContact::reset(const Vec3& h) noexcept {
 bool PointContact::look(const Vec3& h, WalkEnd& end, FrameCounters& counters) noexcept {
   if (!scan_.running) {
     const Vec3 d = h - tested_to_;
-    const double most = kMaxSegmentCells * model_->cell_mm;
+    const double most = kMaxSegmentCells * model_->decision.cell_mm;
     const double length = d.norm();
     scan_.start(tested_to_, length > most ? Vec3(tested_to_ + (most / length) * d) : h);
   }

@@ -18,97 +18,26 @@
 namespace palpate::render {
 namespace {
 
-/// Enough for a median that is right to some percent.
-constexpr std::size_t kSampledPoints = 4096;
-/// A box is as long as the cloud's resolution: in smaller cells it would reach beyond the cells around.
-constexpr double kLeastCellPerResolution = 0.5;
-
-/// The builder that the options mean.
-std::string builder_name(const cloud::Cloud& cloud, const PointModelOptions& options) {
-  if (options.neighbours != "auto") return options.neighbours;
-  return cloud.raster ? "scanner-path" : "modified-knn";
-}
-
-/// Its links are mutual and go all ways already.
-bool follows_scanner(const std::string& name) {
-  const std::vector<neighbourhood::Builder> all = neighbourhood::builders();
-  return std::any_of(all.begin(), all.end(), [&](const neighbourhood::Builder& builder) {
-    return builder.name == name && builder.follows_scanner;
-  });
-}
-
-Result<neighbourhood::NeighbourTable> neighbours_of(const cloud::Cloud& cloud,
-                                                    const PointModelOptions& options,
-                                                    const PrepareContext& context, PrepareReport& report) {
-  NamedOptions wanted{builder_name(cloud, options), {}};
-  report.notes.push_back("neighbours: " + wanted.name);
-  if (wanted.name == "modified-knn")
-    wanted.options.set("complete", options.complete_to_eight ? "true" : "false");
-  Result<neighbourhood::Built> built = neighbourhood::build_neighbours(wanted, cloud, context.threads);
-  if (!built) return std::move(built).error();
-  report.notes.insert(report.notes.end(), built->notes.begin(), built->notes.end());
-  return std::move(built->table);
-}
-
-/// The largest distance between immediate neighbours (section 1.6).
-double worst_resolution(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& table, int threads) {
-  const std::size_t n = cloud.size();
-  std::vector<double> worst((n + kPointsPerChunk - 1) / kPointsPerChunk, 0.0);
-  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    double here = 0.0;
-    for (std::size_t i = begin; i < end; ++i)
-      for (const std::uint32_t other : table.of[i])
-        here = std::max(here, (cloud.local_mm(other) - cloud.local_mm(i)).squaredNorm());
-    worst[begin / kPointsPerChunk] = here;
-  });
-  return std::sqrt(*std::max_element(worst.begin(), worst.end()));
-}
-
-/// The median distance to the last neighbour, over points spread evenly through the file.
-double median_local_resolution(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& table) {
-  const std::size_t n = cloud.size(), count = std::min(n, kSampledPoints);
-  std::vector<double> square(count, 0.0);
-  for (std::size_t k = 0; k < count; ++k) {
-    const std::size_t i = k * n / count;
-    for (const std::uint32_t other : table.of[i])
-      square[k] = std::max(square[k], (cloud.local_mm(other) - cloud.local_mm(i)).squaredNorm());
-  }
-  return std::sqrt(upper_median(std::move(square)));
-}
-
-/// The thesis sizes cells by the resolution, which is that of the cloud's sparsest place. Where points
-/// are unevenly spaced such cells hold thousands of them, and all are looked at while the HIP is near.
-double cell_edge_mm(const cloud::Cloud& cloud, const PointModelOptions& options,
-                    const neighbourhood::NeighbourTable& table, double resolution_mm) {
-  if (options.cell_per_resolution > 0.0) return options.cell_per_resolution * resolution_mm;
-  return std::clamp(kCellPerResolution * median_local_resolution(cloud, table),
-                    kLeastCellPerResolution * resolution_mm, kCellPerResolution * resolution_mm);
-}
-
-/// Builds the partition asked for.
-void partition_points(const cloud::Cloud& cloud, const PointModelOptions& options, double cell_mm,
-                      int threads, PointModel& model) {
+void partition_points(const cloud::Cloud& cloud, const PointDecision& decided, int threads,
+                      PointModel& model) {
   partition::PartitionOptions o;
-  o.cell_mm = model.cell_mm = cell_mm;
-  o.spare_places = options.spare_points;
-  switch (options.partition) {
+  o.cell_mm = decided.cell_mm;
+  o.spare_places = decided.spare_points;
+  switch (decided.partition) {
     case PartitionKind::kGrid:
-      if (options.moving) {
+      if (decided.moving)
         model.tree = partition::DynamicGrid::build(cloud, o, threads);
-        model.cell_mm = std::get<partition::DynamicGrid>(model.tree).cell_mm();
-      } else {
+      else
         model.grid = partition::UniformGrid::build(cloud, o, threads);
-        model.cell_mm = model.grid.cell_mm();
-      }
       break;
     case PartitionKind::kOctree:
-      if (options.moving)
+      if (decided.moving)
         model.tree = partition::DynamicOctree::build(cloud, o, threads);
       else
         model.tree = partition::Octree::build(cloud, o, threads);
       break;
     case PartitionKind::kQuadtree:
-      if (options.moving)
+      if (decided.moving)
         model.tree = partition::DynamicQuadtree3d::build(cloud, o, threads);
       else
         model.tree = partition::Quadtree3d::build(cloud, o, threads);
@@ -130,7 +59,7 @@ std::string shape_note(const PointModel& model, PartitionKind kind) {
 }
 
 void fill_points(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& table,
-                 const PointModelOptions& options, int threads, PointModel& model) {
+                 const PointDecision& decided, int threads, PointModel& model) {
   const std::size_t n = cloud.size();
   const auto order = order_of(model);
   std::vector<std::uint32_t> place_of(n);
@@ -138,10 +67,10 @@ void fill_points(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable&
     for (std::size_t place = begin; place < end; ++place)
       place_of[order[place]] = static_cast<std::uint32_t>(place);
   });
-  if (options.moving) model.place_of = place_of;
+  if (decided.moving) model.place_of = place_of;
   model.points.resize(n);
   model.neighbours.resize(n);
-  if (options.box != BoxSize::kGlobal) model.half_box_mm.resize(n);
+  if (decided.box != BoxSize::kGlobal) model.half_box_mm.resize(n);
   parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t place = begin; place < end; ++place) {
       const std::uint32_t i = order[place];
@@ -152,12 +81,9 @@ void fill_points(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable&
         model.neighbours[place][k] = place_of[other];
         half = half.cwiseMax((cloud.local_mm(other) - cloud.local_mm(i)).cwiseAbs());
       }
-      if (options.box == BoxSize::kPerVertexCube) half.setConstant(half.maxCoeff());
-      // Rounded up, so that the box still reaches the neighbour it was made for.
-      if (options.box != BoxSize::kGlobal)
-        for (int axis = 0; axis < 3; ++axis)
-          model.half_box_mm[place][axis] =
-              std::nextafter(static_cast<float>(half[axis]), std::numeric_limits<float>::infinity());
+      if (decided.box == BoxSize::kPerVertexCube) half.setConstant(half.maxCoeff());
+      if (decided.box != BoxSize::kGlobal)
+        for (int axis = 0; axis < 3; ++axis) model.half_box_mm[place][axis] = stored_half_box(half[axis]);
     }
   });
 }
@@ -260,56 +186,26 @@ PointModelOptions point_model_options(const Options& options) {
 
 Result<PointModel> build_point_model(const cloud::Cloud& cloud, const PointModelOptions& options,
                                      const PrepareContext& context, PrepareReport& report) {
-  if (cloud.empty()) return Error{"the cloud has no points", "give a file with at least one point", {}, 0};
-
-  PreparePhases phases(report, context);
-  phases.begin("neighbours");
-  Result<neighbourhood::NeighbourTable> table = neighbours_of(cloud, options, context, report);
-  if (!table) return std::move(table).error();
-  phases.end();
-  phases.begin("resolution");
+  Result<PointSurvey> survey = survey_points(cloud, options, context, report);
+  if (!survey) return std::move(survey).error();
 
   PointModel model;
   model.origin_mm = cloud.origin_mm;
-  model.max_spacing_mm = worst_resolution(cloud, *table, context.threads);
-  model.resolution_mm = options.resolution_mm > 0.0 ? options.resolution_mm : model.max_spacing_mm;
-  if (!(model.resolution_mm > 0.0)) {
-    model.resolution_mm = cloud::stand_in_spacing_mm(cloud);
-    report.notes.push_back("all points coincide: the resolution is a stand-in");
-  }
-  phases.end();
-
-  // The resolution is that of the nearest eight; links out of clumps may be longer. The scanner's path has a
-  // link back for each of its own.
-  if (options.normals && !follows_scanner(builder_name(cloud, options))) {
-    phases.begin("links");
-    const neighbourhood::WalkableReport mended = neighbourhood::make_walkable(cloud, *table, context.threads);
-    if (mended.spread + mended.returned > 0)
-      report.notes.push_back(fmt::format("neighbours spread at {} points, links back given to {}",
-                                         mended.spread, mended.returned));
-    phases.end();
-  }
-
+  model.decision = survey->decision;
+  const PointDecision& decided = model.decision;
+  PreparePhases phases(report, context);
   phases.begin("partition");
-  partition_points(cloud, options, cell_edge_mm(cloud, options, *table, model.resolution_mm), context.threads,
-                   model);
+  partition_points(cloud, decided, context.threads, model);
   phases.end();
 
   phases.begin("store");
-  fill_points(cloud, *table, options, context.threads, model);
+  fill_points(cloud, survey->neighbours, decided, context.threads, model);
   if (!options.keep_order) with_partition(model, [](auto& p) { p.drop_order(); });
-  const double edge = options.box_mm > 0.0 ? options.box_mm : model.resolution_mm;
-  model.global_half_box_mm = Vec3::Constant(0.5 * edge);
-  model.largest_half_box_mm = model.global_half_box_mm;
-  if (!model.half_box_mm.empty()) {
-    model.largest_half_box_mm = Vec3::Zero();
-    for (const Vec3f& half : model.half_box_mm)
-      model.largest_half_box_mm = model.largest_half_box_mm.cwiseMax(half.cast<double>());
-  }
-  if (options.swept_sphere)
-    model.sphere_mm = options.sphere_mm > 0.0 ? options.sphere_mm : model.largest_half_box_mm.maxCoeff();
+  model.global_half_box_mm = Vec3::Constant(0.5 * decided.box_mm);
+  model.largest_half_box_mm = decided.largest_half_box_mm;
+  model.sphere_mm = decided.sphere_mm;
   phases.end();
-  if (options.normals) {
+  if (decided.normals) {
     phases.begin("planes");
     surface::fit_planes(model.points, model.neighbours, context.threads);
     phases.end();
@@ -324,8 +220,8 @@ Result<PointModel> build_point_model(const cloud::Cloud& cloud, const PointModel
   }
   report.bytes += model.bytes();
   report.notes.push_back(fmt::format("resolution {:.6g} mm, cell {:.6g} mm, box {:.6g} mm, {}",
-                                     model.resolution_mm, model.cell_mm, edge,
-                                     shape_note(model, options.partition)));
+                                     decided.resolution_mm, decided.cell_mm, decided.box_mm,
+                                     shape_note(model, decided.partition)));
   return model;
 }
 
@@ -347,7 +243,7 @@ Status prepare_surface(const ModelInput& input, const PointModelOptions& options
   Result<SurfaceField> field = build_surface_field(input, order_of(points), report);
   if (!field) return std::move(field).error();
   body.surface = *std::move(field);
-  const double blend_mm = options.blend_resolutions * points.resolution_mm;
+  const double blend_mm = options.blend_resolutions * points.decision.resolution_mm;
   if (const std::size_t softer = blend_stiffness(body.surface, points.points, points.neighbours, blend_mm);
       softer > 0)
     report.notes.push_back(

@@ -17,6 +17,7 @@
 #include "toolkit/partition/dynamic_tree.h"
 #include "toolkit/partition/space_tree.h"
 #include "toolkit/partition/uniform_grid.h"
+#include "toolkit/points/point_decision.h"
 #include "toolkit/render/model_pose.h"
 #include "toolkit/render/renderer.h"
 #include "toolkit/render/surface_field.h"
@@ -25,33 +26,6 @@
 namespace palpate::render {
 
 using StoredPoint = surface::SurfacePoint;
-
-enum class BoxSize : std::uint8_t {
-  kGlobal,         ///< one cube for all, of the worst resolution (section 3.1.1.1, rule of thumb)
-  kPerVertex,      ///< half lengths = the largest offset to a neighbour per axis
-  kPerVertexCube,  ///< a cube of the largest of the three
-};
-
-enum class PartitionKind : std::uint8_t { kGrid, kOctree, kQuadtree };
-
-struct PointModelOptions {
-  std::string neighbours = "auto";  ///< auto, or one of neighbourhood::builders()
-  bool complete_to_eight = true;    ///< of modified kNN
-  BoxSize box = BoxSize::kGlobal;
-  double box_mm = 0.0;         ///< edge of the global cube; 0 = the resolution
-  double resolution_mm = 0.0;  ///< 0 = measured
-  /// 0 = five times the median local resolution: see point_model_specs().
-  double cell_per_resolution = kCellPerResolution;
-  PartitionKind partition = PartitionKind::kGrid;
-  bool moving = false;        ///< points may move (Deformer): the partition follows
-  bool swept_sphere = false;  ///< test boxes with a swept sphere instead of a segment (section 3.1.4)
-  double sphere_mm = 0.0;     ///< its radius; 0 = half the edge of the largest box
-  bool normals =
-      true;  ///< local planes with a side; and links back, so that a walk cannot be caught in a clump
-  std::size_t spare_points = 0;    ///< where they move: points that may be added
-  double blend_resolutions = 0.0;  ///< stiffness rises over at least so many resolutions; 0 = as given
-  bool keep_order = false;         ///< the partition goes on to know which of the cloud's points stands where
-};
 
 /// What frames read of the points; nothing of a renderer's own. Places are indices in the partition's order.
 /// Immutable after build and shared, but where points move.
@@ -68,13 +42,11 @@ struct PointModel {
                partition::DynamicOctree, partition::DynamicQuadtree3d>
       tree;
   std::vector<std::uint32_t> place_of;  ///< where they move: the place of each of the cloud's points
-  double cell_mm = 0.0;                 ///< edge of the grid's cells, or what it would be
   double sphere_mm = 0.0;               ///< radius of the swept sphere; 0: boxes are tested with the segment
   std::size_t closed_pieces = 0;        ///< pieces that enclose a volume
   LargeVector<std::uint32_t>
-      closed_piece_of;          ///< per place, see OrientReport; empty where there is no second
-  double resolution_mm = 0.0;   ///< as measured, or as given
-  double max_spacing_mm = 0.0;  ///< largest distance to an immediate neighbour
+      closed_piece_of;     ///< per place, see OrientReport; empty where there is no second
+  PointDecision decision;  ///< what was followed
 
   [[nodiscard]] Vec3 half_box(std::uint32_t place) const noexcept {
     return half_box_mm.empty() ? global_half_box_mm : Vec3(half_box_mm[place].cast<double>());
@@ -94,6 +66,7 @@ struct PointBody {
   std::shared_ptr<PointModel> moving;  ///< where points may move: the same, this renderer's own
   ModelPose pose;
   SurfaceField surface;  ///< by place
+  [[nodiscard]] PointModelDecision decided() const { return {points->decision, surface}; }
 };
 
 /// Prepares one model. Its points come from the context's store where it has one and they do not move.

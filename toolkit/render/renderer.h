@@ -17,6 +17,7 @@
 #include "toolkit/geometry/analytic_surface.h"
 #include "toolkit/geometry/rigid_transform.h"
 #include "toolkit/geometry/triangle_mesh.h"
+#include "toolkit/render/decision.h"
 #include "toolkit/render/motion.h"
 #include "toolkit/render/move_queue.h"
 #include "toolkit/surface/surface.h"
@@ -58,6 +59,7 @@ struct PrepareReport {
   /// What makes the answers doubtful, with a remedy, whole sentences: shown first, on the terminal and in the
   /// report.
   std::vector<std::string> warnings{};
+  Decisions decisions{};  ///< what was followed: those of decide() for the same scene
 };
 
 class ModelStore;  // model_store.h
@@ -112,6 +114,12 @@ class HapticRenderer {
   HapticRenderer(const HapticRenderer&) = delete;
   HapticRenderer& operator=(const HapticRenderer&) = delete;
   virtual ~HapticRenderer() = default;
+
+  /// What prepare() would build for this scene and why. May take as long as finding neighbours; builds
+  /// nothing. The same decisions for any number of threads. Errors as of prepare(), as far as they can be
+  /// told without building.
+  [[nodiscard]] virtual Result<Decisions> decide(const SceneInput& scene,
+                                                 const PrepareContext& context) const = 0;
 
   /// Builds everything a frame needs. May allocate, use threads, take long, fail. Called once, before any
   /// step. The result is the same for any number of threads.

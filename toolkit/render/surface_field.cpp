@@ -32,23 +32,28 @@ Status check(const surface::Surface& s) {
   return Done{};
 }
 
-Result<SurfaceField> uniform_field(const surface::Surface& s, PrepareReport& report) {
+Result<SurfaceDecision> decide_uniform(const surface::Surface& s) {
   if (const Status right = check(s); !right) return right.error();
+  SurfaceDecision decided;
+  decided.stiffness_n_per_mm = s.stiffness_n_per_mm * (1.0 - s.deformation);
+  decided.largest_stiffness_n_per_mm = decided.stiffness_n_per_mm;
+  decided.friction = s.friction;
+  if (s.friction.any()) decided.features |= kFriction;
+  if (!s.texture.any()) return decided;
+  decided.features |= kTexture;
+  decided.texture = s.texture;
+  if (const double steepest = s.texture.steepest(); steepest > surface::kMaxTextureSlope)
+    decided.texture.depth_mm *= surface::kMaxTextureSlope / steepest;
+  return decided;
+}
+
+SurfaceField field_of(const surface::Surface& s, const SurfaceDecision& decided, PrepareReport& report) {
+  if (decided.texture.depth_mm < s.texture.depth_mm)
+    report.notes.push_back(fmt::format(
+        "texture: {:.3g} mm deep would slope by {:.3g}; made {:.3g} mm deep, a slope of {:.3g}",
+        s.texture.depth_mm, s.texture.steepest(), decided.texture.depth_mm, surface::kMaxTextureSlope));
   SurfaceField field;
-  field.stiffness_n_per_mm = s.stiffness_n_per_mm * (1.0 - s.deformation);
-  field.largest_stiffness_n_per_mm = field.stiffness_n_per_mm;
-  field.friction = s.friction;
-  if (s.friction.any()) field.features |= kFriction;
-  if (!s.texture.any()) return field;
-  field.features |= kTexture;
-  field.texture = s.texture;
-  const double steepest = s.texture.steepest();
-  if (steepest > surface::kMaxTextureSlope) {
-    field.texture.depth_mm *= surface::kMaxTextureSlope / steepest;
-    report.notes.push_back(
-        fmt::format("texture: {:.3g} mm deep would slope by {:.3g}; made {:.3g} mm deep, a slope of {:.3g}",
-                    s.texture.depth_mm, steepest, field.texture.depth_mm, surface::kMaxTextureSlope));
-  }
+  static_cast<SurfaceDecision&>(field) = decided;
   return field;
 }
 
@@ -62,48 +67,118 @@ Status check_lengths(const surface::PointProperties& p, std::size_t n) {
   return Done{};
 }
 
-}  // namespace
-
-Result<SurfaceField> build_uniform_surface_field(const surface::Surface& surface, PrepareReport& report) {
-  return uniform_field(surface, report);
+/// The surface at one of the cloud's points, of a model with properties that vary.
+surface::Surface surface_at(const surface::Surface& whole, std::size_t i) {
+  const surface::PointProperties& p = *whole.per_point;
+  surface::Surface s = whole;
+  if (!p.stiffness_n_per_mm.empty()) s.stiffness_n_per_mm = static_cast<double>(p.stiffness_n_per_mm[i]);
+  if (!p.static_friction.empty()) s.friction.static_coefficient = static_cast<double>(p.static_friction[i]);
+  // One coefficient alone means both.
+  if (!p.dynamic_friction.empty())
+    s.friction.dynamic_coefficient = static_cast<double>(p.dynamic_friction[i]);
+  else if (!p.static_friction.empty())
+    s.friction.dynamic_coefficient = s.friction.static_coefficient;
+  if (!p.deformation.empty()) s.deformation = static_cast<double>(p.deformation[i]);
+  return s;
 }
 
-Result<SurfaceField> build_surface_field(const ModelInput& model, std::span<const std::uint32_t> order,
-                                         PrepareReport& report) {
-  Result<SurfaceField> built = uniform_field(model.surface, report);
-  if (!built || model.surface.per_point == nullptr) return built;
-  SurfaceField& field = *built;
+double felt_stiffness(const surface::Surface& s) {
+  return s.stiffness_n_per_mm * (1.0 - s.deformation);
+}
+
+/// Frames in contact with a stage less those without, feature_costs; they say what to expect, nothing rests
+/// on them.
+constexpr double kFrictionUs = 0.05, kVariedUs = 0.02, kTextureUs = 0.11;
+
+/// One property that may be absent, uniform or per point.
+Decision property(const char* name, bool any, bool per_point, std::string value, std::uint64_t places) {
+  if (per_point)
+    return {name, "per point",
+            fmt::format("it differs from point to point: {} bytes for each of {}, for all that differs",
+                        sizeof(PlaceSurface), places)};
+  if (any)
+    return {name, "one value, " + std::move(value), "it is the same all over the model: no byte for it"};
+  return {name, "none",
+          "the scene asks for none: its stage is not in the frame function, and no byte is stored"};
+}
+
+Decision left_out_of(const char* name) {
+  return {name, "left out", "the scene asks for it, and this renderer has none"};
+}
+
+}  // namespace
+
+Result<SurfaceDecision> decide_surface(const ModelInput& model) {
+  Result<SurfaceDecision> decided = decide_uniform(model.surface);
+  if (!decided || model.surface.per_point == nullptr) return decided;
   const surface::PointProperties& p = *model.surface.per_point;
-  if (const Status right = check_lengths(p, model.cloud->size()); !right) return right.error();
-  if (!p.varies_stiffness() && !p.varies_friction()) return built;
-  field.features |= kVaried;
-  field.of_place.resize(order.size());
-  field.largest_stiffness_n_per_mm = 0.0;
+  const std::size_t n = model.cloud->size();
+  if (const Status right = check_lengths(p, n); !right) return right.error();
+  if (!p.varies_stiffness() && !p.varies_friction()) return decided;
+  decided->features |= kVaried;
+  decided->largest_stiffness_n_per_mm = 0.0;
   bool rubs = false;
-  for (std::size_t place = 0; place < order.size(); ++place) {
-    const std::size_t i = order[place];
-    surface::Surface s = model.surface;
-    if (!p.stiffness_n_per_mm.empty()) s.stiffness_n_per_mm = static_cast<double>(p.stiffness_n_per_mm[i]);
-    if (!p.static_friction.empty()) s.friction.static_coefficient = static_cast<double>(p.static_friction[i]);
-    // One coefficient alone means both.
-    if (!p.dynamic_friction.empty())
-      s.friction.dynamic_coefficient = static_cast<double>(p.dynamic_friction[i]);
-    else if (!p.static_friction.empty())
-      s.friction.dynamic_coefficient = s.friction.static_coefficient;
-    if (!p.deformation.empty()) s.deformation = static_cast<double>(p.deformation[i]);
+  for (std::size_t i = 0; i < n; ++i) {
+    const surface::Surface s = surface_at(model.surface, i);
     if (const Status right = check(s); !right) {
       Error error = right.error();
       error.what = fmt::format("point {}: {}", i, error.what);
       return error;
     }
-    const double stiffness = s.stiffness_n_per_mm * (1.0 - s.deformation);
-    field.of_place[place] = {static_cast<float>(stiffness), static_cast<float>(s.friction.static_coefficient),
-                             static_cast<float>(s.friction.dynamic_coefficient)};
-    field.largest_stiffness_n_per_mm = std::max(field.largest_stiffness_n_per_mm, stiffness);
+    decided->largest_stiffness_n_per_mm = std::max(decided->largest_stiffness_n_per_mm, felt_stiffness(s));
     rubs |= s.friction.any();
   }
-  field.features = rubs ? field.features | kFriction : field.features & ~unsigned{kFriction};
-  return built;
+  decided->features = rubs ? decided->features | kFriction : decided->features & ~unsigned{kFriction};
+  return decided;
+}
+
+void say_surface(const ModelInput& model, const SurfaceDecision& decision, Features felt,
+                 std::uint64_t places, ModelDecisions& out) {
+  const surface::PointProperties* const p = model.surface.per_point.get();
+  const bool varied = (decision.features & kVaried) != 0;
+  const bool rubs = (decision.features & kFriction) != 0, textured = (decision.features & kTexture) != 0;
+  out.decisions.push_back(
+      rubs && !felt.has(Feature::kFriction)
+          ? left_out_of("friction")
+          : property("friction", rubs, rubs && p != nullptr && p->varies_friction(),
+                     fmt::format("static {:.3g}, dynamic {:.3g}", decision.friction.static_coefficient,
+                                 decision.friction.dynamic_coefficient),
+                     places));
+  out.decisions.push_back(property("stiffness and deformation", true, p != nullptr && p->varies_stiffness(),
+                                   fmt::format("{:.3g} N/mm", decision.stiffness_n_per_mm), places));
+  out.decisions.push_back(
+      textured && !felt.has(Feature::kTexture)
+          ? left_out_of("texture")
+          : property("texture", textured, false,
+                     fmt::format("{:.3g} mm deep over {:.3g} mm", decision.texture.depth_mm,
+                                 decision.texture.wavelength_mm),
+                     places));
+  if (varied) out.bytes += sizeof(PlaceSurface) * places;
+  if (out.frame_us)
+    *out.frame_us += (rubs && felt.has(Feature::kFriction) ? kFrictionUs : 0.0) + (varied ? kVariedUs : 0.0) +
+                     (textured && felt.has(Feature::kTexture) ? kTextureUs : 0.0);
+}
+
+Result<SurfaceField> build_uniform_surface_field(const surface::Surface& surface, PrepareReport& report) {
+  const Result<SurfaceDecision> decided = decide_uniform(surface);
+  if (!decided) return decided.error();
+  return field_of(surface, *decided, report);
+}
+
+Result<SurfaceField> build_surface_field(const ModelInput& model, std::span<const std::uint32_t> order,
+                                         PrepareReport& report) {
+  const Result<SurfaceDecision> decided = decide_surface(model);
+  if (!decided) return decided.error();
+  SurfaceField field = field_of(model.surface, *decided, report);
+  if ((field.features & kVaried) == 0) return field;
+  field.of_place.resize(order.size());
+  for (std::size_t place = 0; place < order.size(); ++place) {
+    const surface::Surface s = surface_at(model.surface, order[place]);
+    field.of_place[place] = {static_cast<float>(felt_stiffness(s)),
+                             static_cast<float>(s.friction.static_coefficient),
+                             static_cast<float>(s.friction.dynamic_coefficient)};
+  }
+  return field;
 }
 
 std::size_t blend_stiffness(SurfaceField& field, std::span<const surface::SurfacePoint> points,

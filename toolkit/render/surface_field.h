@@ -8,6 +8,7 @@
 #include "toolkit/core/large_pages.h"
 #include "toolkit/core/result.h"
 #include "toolkit/neighbourhood/neighbour_table.h"
+#include "toolkit/render/capabilities.h"
 #include "toolkit/render/renderer.h"
 #include "toolkit/surface/planes.h"
 #include "toolkit/surface/surface.h"
@@ -29,13 +30,27 @@ struct PlaceSurface {
   float dynamic_friction;
 };
 
-struct SurfaceField {
+/// What a surface asks of frame and memory, decided from the scene alone.
+struct SurfaceDecision {
   unsigned features = 0;                    ///< of SurfaceFeature
   double stiffness_n_per_mm = 0.5;          ///< where nothing varies, of the deformed surface
   surface::Friction friction;               ///< where nothing varies
   double largest_stiffness_n_per_mm = 0.5;  ///< anywhere on the model
-  LargeVector<PlaceSurface> of_place;       ///< empty where nothing varies
   surface::Texture texture;
+};
+
+/// Values that make no sense (stiffness not above 0, deformation outside [0, 1), dynamic friction above
+/// static, arrays of another length) are an Error. O(n) where properties differ from point to point, else
+/// O(1).
+[[nodiscard]] Result<SurfaceDecision> decide_surface(const ModelInput& model);
+
+/// In words: what is stored for each of `places`, what stages the frame has, and which of the features that a
+/// renderer lacks (not in `felt`) it leaves out. Adds to bytes and to a frame time that is known.
+void say_surface(const ModelInput& model, const SurfaceDecision& decision, Features felt,
+                 std::uint64_t places, ModelDecisions& out);
+
+struct SurfaceField : SurfaceDecision {
+  LargeVector<PlaceSurface> of_place;  ///< empty where nothing varies
 
   [[nodiscard]] double static_friction(std::uint32_t place) const noexcept {
     return of_place.empty() ? friction.static_coefficient
@@ -44,9 +59,8 @@ struct SurfaceField {
   [[nodiscard]] std::size_t bytes() const noexcept { return of_place.capacity() * sizeof(PlaceSurface); }
 };
 
-/// `order`: cloud index of each place, as many places as there are. Notes go to `report`. Values that make no
-/// sense (stiffness not above 0, deformation outside [0, 1), dynamic friction above static, arrays of another
-/// length) are an Error. O(n).
+/// What decide_surface() says, with its values for each place. `order`: cloud index of each place, as many
+/// places as there are. Notes go to `report`. Errors as there. O(n).
 [[nodiscard]] Result<SurfaceField> build_surface_field(const ModelInput& model,
                                                        std::span<const std::uint32_t> order,
                                                        PrepareReport& report);

@@ -26,19 +26,34 @@ constexpr int kMostEvents = 16;
 
 }  // namespace
 
+Result<ModelDecisions> AnalyticRenderer::decide_model(const ModelInput& input,
+                                                      const PrepareContext& /*context*/) const {
+  if (!input.analytic)
+    return Error{fmt::format("model '{}' has no formula", input.name),
+                 "use 'analytic' with generated models only",
+                 {},
+                 0};
+  ModelDecisions out;
+  out.name = input.name;
+  out.points = input.cloud->size();
+  out.decisions.push_back(
+      {"surface", input.analytic->formula(), "the formula it was generated from; no point is read"});
+  out.bytes = sizeof(AnalyticModel);
+  out.prepare_ms = 0.0;
+  return out;
+}
+
 Status AnalyticRenderer::add_models(const SceneInput& scene, const PrepareContext& context,
                                     PrepareReport& report) {
   PreparePhases phases(report, context);
   phases.begin("set up");
   for (const ModelInput& input : scene.models) {
-    if (!input.analytic)
-      return Error{fmt::format("model '{}' has no formula", input.name),
-                   "use 'analytic' with generated models only",
-                   {},
-                   0};
+    Result<ModelDecisions> decided = decide_model(input, context);
+    if (!decided) return std::move(decided).error();
+    phases.note(fmt::format("{}: {}", input.name, decided->decisions.front().choice));
+    report.decisions.models.push_back(std::move(*decided));
     models_.add(
         std::make_unique<AnalyticModel>(input, kSubStepPerBox * input.analytic->box_mm().extent_mm().norm()));
-    phases.note(fmt::format("{}: {}", input.name, input.analytic->formula()));
     report.bytes += sizeof(AnalyticModel);
   }
   phases.end();

@@ -52,7 +52,8 @@ class AnalyticRenderer final : public ShellRenderer<AnalyticModel> {
   [[nodiscard]] Description describe() const override;
 
  private:
-  /// Fails when a model has no formula.
+  /// Fails when the model has no formula.
+  Result<ModelDecisions> decide_model(const ModelInput& input, const PrepareContext& context) const override;
   Status add_models(const SceneInput& scene, const PrepareContext& context, PrepareReport& report) override;
 };
 

@@ -135,6 +135,8 @@ class BruteModel {
   bool contact_ = false;
 };
 
+constexpr Features kFelt = kAllOfRigidSurfaces | Feature::kJointContact;
+
 class BruteForce final : public ShellRenderer<BruteModel> {
  public:
   explicit BruteForce(const Options& options) : ShellRenderer(options) {}
@@ -145,14 +147,34 @@ class BruteForce final : public ShellRenderer<BruteModel> {
   }
 
  private:
+  [[nodiscard]] Decision shading_decision() const {
+    const std::string& shading = options_.text("shading");
+    if (shading == "auto") return {"shading", "none", "the nearest point answers as it is"};
+    return {"shading", shading, "as given", true};
+  }
+  Result<ModelDecisions> decide_model(const ModelInput& input, const PrepareContext& context) const override {
+    const Result<PointModelDecision> decided =
+        decide_point_model(input, point_model_options(options_), context);
+    if (!decided) return decided.error();
+    return said(input, *decided);
+  }
+  [[nodiscard]] ModelDecisions said(const ModelInput& input, const PointModelDecision& decided) const {
+    ModelDecisions out;
+    out.name = input.name;
+    say_points(*input.cloud, point_model_options(options_), decided.points, out);
+    out.decisions.push_back({"search", "none", "every point is read in every frame"});
+    out.decisions.push_back(shading_decision());
+    say_surface(input, decided.surface, kFelt, input.cloud->size(), out);
+    return out;
+  }
+
   Status add_models(const SceneInput& scene, const PrepareContext& context, PrepareReport& report) override {
     const PointModelOptions o = point_model_options(options_);
-    const std::string& shading = options_.text("shading");
     for (const ModelInput& input : scene.models) {
       Result<PointBody> built = build_point_body(input, o, context, report);
       if (!built) return std::move(built).error();
-      models_.add(std::make_unique<BruteModel>(std::move(*built),
-                                               shading == "auto" ? Shading::kNone : parse_shading(shading)));
+      report.decisions.models.push_back(said(input, built->decided()));
+      models_.add(std::make_unique<BruteModel>(std::move(*built), parse_shading(shading_decision().choice)));
     }
     return Done{};
   }
@@ -166,7 +188,7 @@ RendererInfo brute_force_info() {
   info.summary = "every point, every frame: the oracle of tests";
   info.source = "oracle";
   info.role = Role::kOracle;
-  info.supports = kAllOfRigidSurfaces | Feature::kJointContact;
+  info.supports = kFelt;
   for (OptionSpec& spec : point_model_specs())
     if (spec.key != "cell") info.options.push_back(std::move(spec));  // it looks into no grid
   info.options.push_back(shading_spec("force shading; auto: none"));

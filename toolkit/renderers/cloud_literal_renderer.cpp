@@ -2,12 +2,17 @@
 
 #include <memory>
 
+#include "toolkit/render/shading_decision.h"
 #include "toolkit/render/shell_renderer.h"
 #include "toolkit/renderers/literal_model.h"
-#include "toolkit/renderers/literal_shading.h"
 
 namespace palpate::render {
 namespace {
+
+constexpr Features kFelt = kAllOfRigidSurfaces.without(Feature::kTexture);
+
+// Measured, what to expect (see kExpectedOn): tables 7 of reproduce.
+constexpr double kFrameUs = 0.32, kMsPerMillion = 160.0;
 
 class CloudLiteral final : public ShellRenderer<LiteralModel> {
  public:
@@ -21,7 +26,7 @@ class CloudLiteral final : public ShellRenderer<LiteralModel> {
   }
 
  private:
-  Status add_models(const SceneInput& scene, const PrepareContext& context, PrepareReport& report) override {
+  [[nodiscard]] LiteralOptions literal_options() const {
     const std::string& cells = options_.text("cells");
     LiteralOptions literal;
     literal.cells = cells == "sampled"   ? CellRule::kSampled
@@ -29,16 +34,57 @@ class CloudLiteral final : public ShellRenderer<LiteralModel> {
                                          : CellRule::kAdjacent;
     literal.text_form = options_.text("exit_test") == "text";
     literal.count_missed = options_.flag("count_missed");
+    return literal;
+  }
+  [[nodiscard]] PointModelOptions point_options() const {
     PointModelOptions o = point_model_options(options_);
     o.normals = false;
+    return o;
+  }
+  [[nodiscard]] ShadingDecision shading_of(const PointDecision& points) const {
+    return decide_literal_shading(options_.text("shading"), points.resolution_mm);
+  }
+
+  Result<ModelDecisions> decide_model(const ModelInput& input, const PrepareContext& context) const override {
+    const Result<PointModelDecision> decided = decide_point_model(input, point_options(), context);
+    if (!decided) return decided.error();
+    return said(input, *decided);
+  }
+  [[nodiscard]] ModelDecisions said(const ModelInput& input, const PointModelDecision& decided) const {
+    const PointDecision& points = decided.points;
+    ModelDecisions out;
+    out.name = input.name;
+    say_points(*input.cloud, point_options(), points, out);
+    out.prepare_ms = kMsPerMillion * 1e-6 * static_cast<double>(input.cloud->size());
+    out.frame_us = kFrameUs;
+    const bool sampled = literal_options().cells == CellRule::kSampled;
+    out.decisions.push_back(
+        sampled && points.sphere_mm > 0.0
+            ? Decision{"cells", "crossed",
+                       "all that the swept sphere crosses, which no sampling of a segment finds"}
+            : Decision{
+                  "cells", options_.text("cells"),
+                  sampled ? "those of the sub-segments' starting points, as printed (3.1.3)" : "as given",
+                  !sampled});
+    out.decisions.push_back(shading_of(points).said);
+    say_surface(input, decided.surface, kFelt, input.cloud->size(), out);
+    return out;
+  }
+
+  Status add_models(const SceneInput& scene, const PrepareContext& context, PrepareReport& report) override {
+    const LiteralOptions literal = literal_options();
+    const PointModelOptions o = point_options();
     if (literal.cells == CellRule::kSampled && o.swept_sphere)
       report.notes.push_back(
           "cells: all that the swept sphere crosses, which no sampling of a segment finds");
     for (const ModelInput& input : scene.models) {
       Result<PointBody> built = build_point_body(input, o, context, report);
       if (!built) return std::move(built).error();
-      const Shading shading = literal_shading(options_.text("shading"), built->points->resolution_mm, report);
-      models_.add(std::make_unique<LiteralModel>(std::move(*built), shading, literal));
+      const PointModelDecision decided = built->decided();
+      const ShadingDecision shading = shading_of(decided.points);
+      report.decisions.models.push_back(said(input, decided));
+      if (!shading.said.given) report.notes.push_back(note_of(shading.said));
+      models_.add(std::make_unique<LiteralModel>(std::move(*built), shading.shading, literal));
     }
     return Done{};
   }
@@ -54,7 +100,7 @@ RendererInfo cloud_literal_info() {
   info.summary = "chapter 3 of the thesis as printed, defects included";
   info.source = "El-Far, chapter 3, figures 36 and 42";
   info.role = Role::kLiteral;
-  info.supports = kAllOfRigidSurfaces.without(Feature::kTexture);
+  info.supports = kFelt;
   info.options = point_model_specs(false);
   for (OptionSpec& spec : box_test_specs()) info.options.push_back(std::move(spec));
   info.options.push_back(shading_spec("force shading; auto: area-raw above 0.2 mm, else none"));

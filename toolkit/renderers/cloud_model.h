@@ -27,7 +27,6 @@ class CloudModel {
   [[nodiscard]] ModelPose& pose() noexcept { return body.pose; }
   [[nodiscard]] const ModelPose& pose() const noexcept { return body.pose; }
   [[nodiscard]] unsigned features() const noexcept { return body.surface.features; }
-  [[nodiscard]] bool changes() const noexcept { return deformer != nullptr; }
   [[nodiscard]] bool moves_by_itself() const noexcept { return moves != nullptr; }
   [[nodiscard]] const geometry::Aabb& box_mm() const noexcept { return prepared_box_mm; }
   [[nodiscard]] bool touching() const noexcept { return contact.contact(); }

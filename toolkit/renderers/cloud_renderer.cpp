@@ -6,8 +6,8 @@
 #include <cmath>
 #include <utility>
 
-#include "toolkit/core/tolerances.h"
 #include "toolkit/deformation/editable.h"
+#include "toolkit/render/shading_decision.h"
 #include "toolkit/render/shell_renderer.h"
 #include "toolkit/renderers/cloud_model.h"
 
@@ -19,6 +19,15 @@ constexpr double kSpareShare = 0.125;
 constexpr std::size_t kLeastSpare = 256;
 /// Changes remembered for undo: some four thousand frames of a full dent, 32 MB.
 constexpr std::size_t kJournalPoints = std::size_t{1} << 19;
+
+constexpr Features kFelt =
+    kAllOfRigidSurfaces | Feature::kDent | Feature::kMovedPoints | Feature::kJointContact;
+
+// Measured (see kExpectedOn); they say what to expect, no decision rests on them. A frame in contact:
+// bench_frame at 1,002,001 points. Preparation on two threads: reproduce, neighbours known from a scan's
+// order or searched.
+constexpr double kFrameUs = 0.25;
+constexpr double kScanOrderMsPerMillion = 450.0, kSearchMsPerMillion = 900.0;
 
 class Cloud final : public BoxedShellRenderer<CloudModel>, public Editable {
  public:
@@ -72,29 +81,75 @@ class Cloud final : public BoxedShellRenderer<CloudModel>, public Editable {
     return model < models_.size() && models_[model].deformer != nullptr;
   }
 
-  Status prepare_model(const ModelInput& input, const PrepareContext& context, PrepareReport& report) {
-    auto made = std::make_unique<CloudModel>();
+  /// What the options mean for a model.
+  [[nodiscard]] PointModelOptions options_for(const ModelInput& input) const {
     PointModelOptions o = point_model_options(options_);
     o.blend_resolutions = kBlendResolutions;
-    const bool gives = input.surface.dent.any() || input.moves != nullptr;
-    if (gives) {
-      o.moving = true;
+    o.moving = input.surface.dent.any() || input.moves != nullptr;
+    if (o.moving)
       o.spare_points =
           static_cast<std::size_t>(kSpareShare * static_cast<double>(input.cloud->size())) + kLeastSpare;
+    return o;
+  }
+  static Deformer::Options deformer_options(const ModelInput& input, const PointDecision& points) {
+    Deformer::Options deform;
+    deform.spare_points = points.spare_points;
+    deform.journal_points = std::min(input.cloud->size() + points.spare_points, kJournalPoints);
+    return deform;
+  }
+  [[nodiscard]] ShadingDecision shading_of(const PointModelDecision& decided) const {
+    return decide_shading(options_.text("shading"), decided.surface.largest_stiffness_n_per_mm,
+                          decided.points.max_spacing_mm, decided.points.moving);
+  }
+
+  Result<ModelDecisions> decide_model(const ModelInput& input, const PrepareContext& context) const override {
+    const Result<PointModelDecision> decided = decide_point_model(input, options_for(input), context);
+    if (!decided) return decided.error();
+    return said(input, *decided);
+  }
+  [[nodiscard]] ModelDecisions said(const ModelInput& input, const PointModelDecision& decided) const {
+    const PointDecision& points = decided.points;
+    ModelDecisions out;
+    out.name = input.name;
+    say_points(*input.cloud, options_for(input), points, out);
+    const double millions = 1e-6 * static_cast<double>(input.cloud->size());
+    out.prepare_ms = millions * (points.from_scan ? kScanOrderMsPerMillion : kSearchMsPerMillion);
+    out.frame_us = kFrameUs;
+    out.decisions.push_back(shading_of(decided).said);
+    say_surface(input, decided.surface, kFelt, input.cloud->size(), out);
+    if (points.moving) {
+      const Deformer::Options deform = deformer_options(input, points);
+      out.decisions.push_back({"deformable geometry", "points move with their links",
+                               fmt::format("up to {} points a frame, {} spare ones, {} changes undone; the "
+                                           "first shape is kept",
+                                           kMaxMovedPoints, deform.spare_points, deform.journal_points),
+                               true});
+      out.bytes += Deformer::bytes_for(input.cloud->size(), deform);
     }
-    Result<PointBody> built = build_point_body(input, o, context, report);
+    if (input.motion != nullptr)
+      out.decisions.push_back({"motion", "pose read in each frame", "the scene moves it", true});
+    return out;
+  }
+
+  Status prepare_model(const ModelInput& input, const PrepareContext& context, PrepareReport& report) {
+    auto made = std::make_unique<CloudModel>();
+    Result<PointBody> built = build_point_body(input, options_for(input), context, report);
     if (!built) return std::move(built).error();
     made->body = std::move(*built);
     const PointModel& points = *made->body.points;
-    choose_shading(*made, gives, report);
+    const PointModelDecision decided = made->body.decided();
+    const ShadingDecision shading = shading_of(decided);
+    report.decisions.models.push_back(said(input, decided));
+    if (!shading.said.given) report.notes.push_back(note_of(shading.said));
+    made->shading = shading.shading;
+    made->by_spacing = shading.by_spacing;
+    made->felt_spacing_sq_mm2 = shading.felt_spacing_mm * shading.felt_spacing_mm;
     made->contact.attach(points);
     for (const StoredPoint& p : points.points) made->prepared_box_mm.add(p.at());
     made->prepared_box_mm.low_mm -= points.largest_half_box_mm;
     made->prepared_box_mm.high_mm += points.largest_half_box_mm;
-    if (gives) {
-      Deformer::Options deform;
-      deform.spare_points = o.spare_points;
-      deform.journal_points = std::min(points.points.size() + o.spare_points, kJournalPoints);
+    if (decided.points.moving) {
+      const Deformer::Options deform = deformer_options(input, decided.points);
       made->deformer = std::make_unique<Deformer>(*made->body.moving, made->body.surface, deform);
       made->dent = input.surface.dent;
       if (input.moves != nullptr) made->moves = input.moves->subscribe();
@@ -106,25 +161,6 @@ class Cloud final : public BoxedShellRenderer<CloudModel>, public Editable {
     models_.add(std::move(made));
     return Done{};
   }
-
-  void choose_shading(CloudModel& model, bool gives, PrepareReport& report) const {
-    const std::string& shading = options_.text("shading");
-    if (shading != "auto") {
-      model.shading = parse_shading(shading);
-      return;
-    }
-    // Each change of point moves the force by stiffness x spacing; where no spacing is large enough, nothing
-    // is shaded and the frame is built without it.
-    const double stiffness = model.body.surface.largest_stiffness_n_per_mm;
-    const double largest = stiffness * model.body.points->max_spacing_mm;
-    model.by_spacing = largest > kFeltForceStepN || gives;  // stretching makes it larger
-    model.shading = model.by_spacing ? Shading::kFacet : Shading::kNone;
-    const double felt_mm = kFeltForceStepN / stiffness;
-    model.felt_spacing_sq_mm2 = felt_mm * felt_mm;
-    report.notes.push_back(fmt::format("shading: {}, stiffness x spacing is at most {:.3g} N ({} N is felt)",
-                                       model.by_spacing ? "facet where spacing asks for it" : "none", largest,
-                                       kFeltForceStepN));
-  }
 };
 
 }  // namespace
@@ -135,7 +171,7 @@ RendererInfo cloud_info() {
   info.summary = "chapter 3 made right: a contact state with a side, shading by stiffness and spacing";
   info.source = "El-Far, chapter 3; contact side, creases, friction cone, joint contact and bounds are ours";
   info.role = Role::kOurs;
-  info.supports = kAllOfRigidSurfaces | Feature::kDent | Feature::kMovedPoints | Feature::kJointContact;
+  info.supports = kFelt;
   info.options = point_model_specs();
   for (OptionSpec& spec : info.options) {
     if (spec.key != "cell") continue;

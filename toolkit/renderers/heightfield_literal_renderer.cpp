@@ -6,9 +6,8 @@
 
 #include "toolkit/heightfield/heightfield_model.h"
 #include "toolkit/render/roll_back.h"
-#include "toolkit/render/shading.h"
+#include "toolkit/render/shading_decision.h"
 #include "toolkit/render/shell_renderer.h"
-#include "toolkit/renderers/literal_shading.h"
 
 namespace palpate::render {
 namespace {
@@ -205,6 +204,10 @@ class LiteralHeightField {
   SurfaceAnswer answer_;  ///< of the last touch
 };
 
+constexpr Features kFelt = kAllOfRigidSurfaces.without(Feature::kTexture);
+// Measured, what to expect (see kExpectedOn): table 12 of reproduce.
+constexpr double kWalkUs = 2.7, kLookUpUs = 0.039, kMsPerMillion = 45.0;
+
 class HeightFieldLiteral final : public ShellRenderer<LiteralHeightField> {
  public:
   explicit HeightFieldLiteral(const Options& options) : ShellRenderer(options) {}
@@ -220,14 +223,39 @@ class HeightFieldLiteral final : public ShellRenderer<LiteralHeightField> {
   }
 
  private:
+  [[nodiscard]] ShadingDecision shading_of(const HeightFieldDecision& decision) const {
+    if (walks()) return decide_literal_shading(options_.text("shading"), decision.lattice.plan_resolution_mm);
+    ShadingDecision none;
+    none.said = {"shading", "none", "the box top over the HIP is looked up, no point is walked to"};
+    return none;
+  }
+
+  Result<ModelDecisions> decide_model(const ModelInput& input,
+                                      const PrepareContext& /*context*/) const override {
+    const Result<HeightFieldDecision> decided = decide_heights(input, {});
+    if (!decided) return decided.error();
+    return said(input, *decided);
+  }
+  [[nodiscard]] ModelDecisions said(const ModelInput& input, const HeightFieldDecision& decision) const {
+    ModelDecisions out;
+    out.prepare_ms = kMsPerMillion * 1e-6 * static_cast<double>(decision.lattice.posts());
+    out.frame_us = walks() ? kWalkUs : kLookUpUs;
+    say_heights(input, {}, decision, kFelt, out);
+    out.decisions.push_back(walks()
+                                ? Decision{"response", "walk", "from the entry cell on, as printed (4.3.2)"}
+                                : Decision{"response", "lookup", "as given", true});
+    out.decisions.push_back(shading_of(decision).said);
+    return out;
+  }
+
   Status add_models(const SceneInput& scene, const PrepareContext& context, PrepareReport& report) override {
     for (const ModelInput& input : scene.models) {
       Result<HeightFieldModel> built = build_height_field_model(input, {}, context, report);
       if (!built) return std::move(built).error();
-      const Shading shading =
-          walks() ? literal_shading(options_.text("shading"), built->field().plan_resolution_mm(), report)
-                  : Shading::kNone;
-      models_.add(std::make_unique<LiteralHeightField>(*std::move(built), walks(), shading));
+      const ShadingDecision shading = shading_of(built->decided());
+      report.decisions.models.push_back(said(input, built->decided()));
+      if (walks() && !shading.said.given) report.notes.push_back(note_of(shading.said));
+      models_.add(std::make_unique<LiteralHeightField>(*std::move(built), walks(), shading.shading));
     }
     return Done{};
   }
@@ -244,7 +272,7 @@ RendererInfo heightfield_literal_info() {
   info.source = "El-Far, chapter 4";
   info.role = Role::kLiteral;
   info.geometry = Geometry::kHeights;
-  info.supports = kAllOfRigidSurfaces.without(Feature::kTexture);
+  info.supports = kFelt;
   info.options = {
       {"response",
        OptionKind::kChoice,

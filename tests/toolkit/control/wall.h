@@ -11,11 +11,18 @@ class Wall final : public render::HapticRenderer {
   double out_stiffness_n_per_mm = 0.5;  ///< on the way out: more than on the way in is energy from nowhere
   double limit_n = -1.0;                ///< as prepare() saw it
 
+  [[nodiscard]] Result<render::Decisions> decide(const render::SceneInput& scene,
+                                                 const render::PrepareContext& /*context*/) const override {
+    render::Decisions decided;
+    decided.decisions.push_back(render::force_limit_decision(scene.force_limit_n));
+    return decided;
+  }
   [[nodiscard]] Result<render::PrepareReport> prepare(const render::SceneInput& scene,
                                                       const render::PrepareContext& /*context*/) override {
     limit_n = scene.force_limit_n;
     render::PrepareReport report;
     report.bytes = 1;
+    report.decisions = decide(scene, {}).value();
     return report;
   }
   void restart(const Vec3& hip_mm, double /*t_s*/) noexcept override {

@@ -121,20 +121,23 @@ TEST(Holes, TheForceIsThatOfTheFormula) {
 
 TEST(Holes, ThePlanKnowsThem) {
   const render::Scene half = random_holes(kSheet, 0.5, 3), thin = random_holes(kSheet, 0.92, 3);
-  const Decision chosen = choose_renderer(half.input);
+  const render::Decision chosen = choose_renderer(half.input);
   EXPECT_EQ(chosen.choice, "heightfield");
   EXPECT_NE(chosen.reason.find("without a point (5"), std::string::npos) << chosen.reason;
   EXPECT_NE(chosen.reason.find("the widest hole"), std::string::npos) << chosen.reason;
-  const Decision other = choose_renderer(thin.input);
+  const render::Decision other = choose_renderer(thin.input);
   EXPECT_EQ(other.choice, "cloud");
   EXPECT_NE(other.reason.find("one post in 16"), std::string::npos) << other.reason;
   // What the renderer would refuse, the plan refuses; bytes are those of posts, not of points.
   const auto planned = [](const render::Scene& scene, const std::string& renderer) {
-    return make_plan(scene.input, parse_named_options(renderer).value(), 1);
+    render::Registry registry;
+    render::register_toolkit_renderers(registry);
+    return make_plan(scene.input, parse_named_options(renderer).value(), registry, {1, nullptr});
   };
   EXPECT_FALSE(planned(thin, "heightfield"));
   EXPECT_FALSE(planned(thin, "heightfield-literal"));
-  EXPECT_EQ(planned(half, "heightfield")->bytes, 4u * 40401u);
+  // 13 x 13 tops of blocks of 16 x 16 cells beside the posts.
+  EXPECT_EQ(planned(half, "heightfield")->decided.bytes, 4u * (40401u + 169u));
   EXPECT_NE(text(*planned(half, "heightfield")).find("filled from the points around"), std::string::npos);
   for (const char* open : {"heightfield:holes=open", "heightfield-literal"})
     EXPECT_NE(text(*planned(half, open)).find("left open"), std::string::npos) << open;

@@ -14,6 +14,9 @@ namespace {
 class Wall final : public render::HapticRenderer {
  public:
   explicit Wall(bool forgets = false) : forgets_(forgets) {}
+  Result<render::Decisions> decide(const render::SceneInput&, const render::PrepareContext&) const override {
+    return render::Decisions{};
+  }
   Result<render::PrepareReport> prepare(const render::SceneInput&, const render::PrepareContext&) override {
     return render::PrepareReport{};
   }

@@ -1,0 +1,82 @@
+#include "baselines/renderers/mesh_decision.h"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+namespace palpate::baselines {
+namespace {
+
+using render::Decision;
+
+/// Measured: mesh, links of facets, tree.
+constexpr double kBytesPerFacet = 226.0;
+/// Of decimation, 500,000 facets (docs/meshes.md).
+constexpr double kDecimateMsPerMillion = 40'000.0;
+constexpr double kPerMillion = 1e-6;
+
+Decision repair_decision(const MeshDecision& d) {
+  if (d.repairs)
+    return {"repair", "on", "oriented, cut where too many facets meet, small holes filled", true};
+  return {"repair", "none", "the mesh is felt as it is"};
+}
+
+Decision refine_decision(const MeshDecision& d) {
+  if (d.smoothing == 0 && !(d.keeps < 1.0))
+    return {"facets", "all, where they are", "nothing asks for fewer"};
+  std::string choice = d.keeps < 1.0 ? fmt::format("{:.3g} of them", d.keeps) : "all";
+  if (d.smoothing > 0) choice += fmt::format(", smoothed {} times", d.smoothing);
+  return {"facets", std::move(choice), "as given", true};
+}
+
+}  // namespace
+
+Result<MeshDecision> decide_body(const render::ModelInput& input, const Options& options,
+                                 const MeshProbeKind& kind) {
+  Result<MeshSource> source = decide_mesh(input, options);
+  if (!source.ok()) return std::move(source).error();
+  Result<render::SurfaceDecision> surface = render::decide_surface(input);
+  if (!surface.ok()) return std::move(surface).error();
+  MeshDecision decided;
+  decided.source = std::move(source).value();
+  decided.repairs = options.flag("repair");
+  decided.smoothing = options.integer("smooth");
+  decided.keeps = options.number("decimate");
+  decided.normals = options.text("shading") == "interpolated";
+  decided.crossings = kind.crossings;
+  decided.surface = std::move(surface).value();
+  return decided;
+}
+
+render::ModelDecisions said(const render::ModelInput& input, const MeshDecision& decision,
+                            const MeshProbeKind& kind) {
+  render::ModelDecisions out;
+  out.name = input.name;
+  out.points = input.cloud->size();
+  const double made = decision.source.facets, facets = made * decision.keeps;
+  out.bytes = static_cast<std::uint64_t>(kBytesPerFacet * facets);
+  out.prepare_ms = expected_ms(decision.source, out.points);
+  if (decision.repairs || decision.smoothing > 0) out.prepare_ms.reset();
+  if (out.prepare_ms)
+    *out.prepare_ms += kPerMillion * (kind.ms_per_million_facets * facets +
+                                      (decision.keeps < 1.0 ? kDecimateMsPerMillion * made : 0.0));
+  out.frame_us = kind.frame_us;
+  out.decisions.push_back(decision.source.said);
+  out.decisions.push_back(repair_decision(decision));
+  out.decisions.push_back(refine_decision(decision));
+  out.decisions.push_back(kind.probe);
+  out.decisions.push_back(
+      decision.crossings
+          ? Decision{"crossing facets", "found", "where sheets cross, both hold a point"}
+          : Decision{"crossing facets", "not looked for", "a sphere rides over folds and gaps"});
+  out.decisions.push_back(decision.normals
+                              ? Decision{"shading", "interpolated vertex normals", "as given", true}
+                              : Decision{"shading", "none", "a facet's own plane"});
+  render::say_surface(input, decision.surface, kMeshFeels,
+                      decision.source.made ? out.points : input.original_mesh->vertices_mm.size(), out);
+  if (input.motion != nullptr)
+    out.decisions.push_back({"motion", "pose read in each frame", "the scene moves it", true});
+  return out;
+}
+
+}  // namespace palpate::baselines

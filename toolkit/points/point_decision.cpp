@@ -1,0 +1,282 @@
+#include "toolkit/points/point_decision.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "toolkit/cloud/statistics.h"
+#include "toolkit/core/nearest_rank.h"
+#include "toolkit/core/parallel.h"
+#include "toolkit/core/tolerances.h"
+#include "toolkit/neighbourhood/builders.h"
+#include "toolkit/neighbourhood/walkable.h"
+#include "toolkit/partition/uniform_grid.h"
+#include "toolkit/render/prepare_phases.h"
+#include "toolkit/surface/planes.h"
+
+namespace palpate::render {
+namespace {
+
+/// Enough for a median that is right to some percent.
+constexpr std::size_t kSampledPoints = 4096;
+/// A box is as long as the cloud's resolution: in smaller cells it would reach beyond the cells around.
+constexpr double kLeastCellPerResolution = 0.5;
+/// Coordinates are floats relative to the middle of the box: they round to 2^-25 of the extent. A hundredth
+/// of the spacing moves no point past another and no normal by more than half a degree.
+constexpr double kFloatShare = 0.01;
+
+// Bytes of the partitions, measured on spheres, sinusoids and Stanford scans. A grid has 16 bytes a slot and
+// two to four slots an occupied cell; a surface goes through some 1.5 cells for each that would lie flat in
+// it.
+constexpr double kSlotBytes = 16.0, kSlotsPerCell = 3.0, kAskew = 1.5;
+constexpr double kTreeBytes = 4.0;
+// Where points move: two links, a bit and a place for each, and what each leaf counts.
+constexpr double kMovingBytes = 13.0;
+
+/// Its links are mutual and go all ways already.
+bool follows_scanner(const std::string& name) {
+  const std::vector<neighbourhood::Builder> all = neighbourhood::builders();
+  return std::any_of(all.begin(), all.end(), [&](const neighbourhood::Builder& builder) {
+    return builder.name == name && builder.follows_scanner;
+  });
+}
+
+Result<neighbourhood::NeighbourTable> neighbours_of(const cloud::Cloud& cloud, const std::string& builder,
+                                                    const PointModelOptions& options, int threads,
+                                                    PrepareReport& report) {
+  NamedOptions wanted{builder, {}};
+  report.notes.push_back("neighbours: " + builder);
+  if (builder == "modified-knn") wanted.options.set("complete", options.complete_to_eight ? "true" : "false");
+  Result<neighbourhood::Built> built = neighbourhood::build_neighbours(wanted, cloud, threads);
+  if (!built) return std::move(built).error();
+  report.notes.insert(report.notes.end(), built->notes.begin(), built->notes.end());
+  return std::move(built->table);
+}
+
+/// The largest of value(i) over all points.
+template <class Value>
+auto largest(std::size_t n, int threads, const Value& value) {
+  using Found = decltype(value(std::size_t{}));
+  std::vector<Found> worst((n + kPointsPerChunk - 1) / kPointsPerChunk, Found{});
+  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+    Found here{};
+    for (std::size_t i = begin; i < end; ++i) here = std::max(here, value(i));
+    worst[begin / kPointsPerChunk] = here;
+  });
+  return *std::max_element(worst.begin(), worst.end());
+}
+
+/// The largest distance between immediate neighbours (section 1.6).
+double worst_resolution(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& table, int threads) {
+  return std::sqrt(largest(cloud.size(), threads, [&](std::size_t i) {
+    double square = 0.0;
+    for (const std::uint32_t other : table.of[i])
+      square = std::max(square, (cloud.local_mm(other) - cloud.local_mm(i)).squaredNorm());
+    return square;
+  }));
+}
+
+/// The median over points spread evenly through the file of a distance squared, as a distance.
+template <class Square>
+double median_of(const cloud::Cloud& cloud, const Square& square_of) {
+  const std::size_t n = cloud.size(), count = std::min(n, kSampledPoints);
+  std::vector<double> square(count, 0.0);
+  for (std::size_t k = 0; k < count; ++k) square[k] = square_of(k * n / count);
+  return std::sqrt(upper_median(std::move(square)));
+}
+
+/// To the last neighbour.
+double median_local_resolution(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& table) {
+  return median_of(cloud, [&](std::size_t i) {
+    double square = 0.0;
+    for (const std::uint32_t other : table.of[i])
+      square = std::max(square, (cloud.local_mm(other) - cloud.local_mm(i)).squaredNorm());
+    return square;
+  });
+}
+
+/// To the first that stands elsewhere.
+double median_nearest(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& table) {
+  return median_of(cloud, [&](std::size_t i) {
+    double square = 0.0;
+    for (const std::uint32_t other : table.of[i]) {
+      const double way = (cloud.local_mm(other) - cloud.local_mm(i)).squaredNorm();
+      if (way > 0.0 && !(square > 0.0 && square <= way)) square = way;
+    }
+    return square;
+  });
+}
+
+/// The thesis sizes cells by the resolution, which is that of the cloud's sparsest place. Where points
+/// are unevenly spaced such cells hold thousands of them, and all are looked at while the HIP is near.
+double cell_edge_mm(const cloud::Cloud& cloud, const PointModelOptions& options,
+                    const neighbourhood::NeighbourTable& table, double resolution_mm) {
+  if (options.cell_per_resolution > 0.0) return options.cell_per_resolution * resolution_mm;
+  return std::clamp(kCellPerResolution * median_local_resolution(cloud, table),
+                    kLeastCellPerResolution * resolution_mm, kCellPerResolution * resolution_mm);
+}
+
+/// The largest half lengths of boxes of a size per vertex.
+Vec3 largest_half_box(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& table, BoxSize box,
+                      int threads) {
+  Vec3 most = Vec3::Zero();
+  for (int axis = 0; axis < 3; ++axis)
+    most[axis] = largest(cloud.size(), threads, [&](std::size_t i) {
+      double half = 0.0;
+      for (const std::uint32_t other : table.of[i])
+        half = std::max(half, std::abs(cloud.local_mm(other)[axis] - cloud.local_mm(i)[axis]));
+      return half;
+    });
+  if (box == BoxSize::kPerVertexCube) most.setConstant(most.maxCoeff());
+  for (int axis = 0; axis < 3; ++axis) most[axis] = static_cast<double>(stored_half_box(most[axis]));
+  return most;
+}
+
+const char* name_of(PartitionKind kind) {
+  return kind == PartitionKind::kGrid ? "grid" : kind == PartitionKind::kOctree ? "octree" : "quadtree";
+}
+
+Decision neighbours_decision(const cloud::Cloud& cloud, const PointModelOptions& options,
+                             const PointDecision& decision) {
+  if (options.neighbours != "auto") return {"neighbours", decision.neighbours, "as given", true};
+  if (decision.from_scan)
+    return {"neighbours", decision.neighbours,
+            fmt::format("the points stand in a scanner's order, {} rows of {}: nothing has to be searched",
+                        cloud.raster->rows, cloud.raster->columns)};
+  return {"neighbours", decision.neighbours, "the order of the points says nothing about neighbours"};
+}
+
+Decision partition_decision(const PointModelOptions& options, const PointDecision& decision) {
+  const bool given = decision.partition != PartitionKind::kGrid;
+  const std::string name = std::string(decision.moving ? "moving " : "") + name_of(decision.partition);
+  if (given)
+    return {"partition", name,
+            fmt::format("leaves of {} points choose their own sizes", partition::kPointsPerLeaf), true};
+  return {"partition", name,
+          fmt::format("cells of {:.3g} mm, {:.3g} resolutions{}; memory follows the occupied ones",
+                      decision.cell_mm, decision.cell_mm / decision.resolution_mm,
+                      options.cell_per_resolution > 0.0 ? ""
+                                                        : ", five times the median local resolution where "
+                                                          "that is between half and five of them")};
+}
+
+Decision box_decision(const PointModelOptions& options, const PointDecision& decision) {
+  if (decision.box == BoxSize::kGlobal)
+    return {"boxes", fmt::format("one size, {:.3g} mm", decision.box_mm),
+            options.box_mm > 0.0 ? "as given" : "the resolution: boxes of neighbours touch",
+            options.box_mm > 0.0};
+  return {"boxes", decision.box == BoxSize::kPerVertex ? "per vertex" : "per vertex, cubes",
+          fmt::format("as large as the way to the neighbours, at most {:.3g} mm",
+                      2.0 * decision.largest_half_box_mm.maxCoeff()),
+          true};
+}
+
+Decision coordinates_decision(const PointDecision& decision) {
+  const double nearest = decision.median_nearest_mm;
+  const bool fits = nearest <= 0.0 || decision.rounding_mm <= kFloatShare * nearest;
+  return {"coordinates", "float, relative to the middle of the box",
+          fmt::format("they round to {:.2g} mm, {:.2g} of the median spacing{}", decision.rounding_mm,
+                      nearest > 0.0 ? decision.rounding_mm / nearest : 0.0,
+                      fits ? "" : ": TOO COARSE, cut the cloud into several models")};
+}
+
+}  // namespace
+
+std::string neighbours_for(const cloud::Cloud& cloud, const PointModelOptions& options) {
+  if (options.neighbours != "auto") return options.neighbours;
+  return cloud.raster ? "scanner-path" : "modified-knn";
+}
+
+Result<PointSurvey> survey_points(const cloud::Cloud& cloud, const PointModelOptions& options,
+                                  const PrepareContext& context, PrepareReport& report) {
+  if (cloud.empty()) return Error{"the cloud has no points", "give a file with at least one point", {}, 0};
+  PointSurvey found;
+  PointDecision& decided = found.decision;
+  decided.neighbours = neighbours_for(cloud, options);
+  decided.from_scan = follows_scanner(decided.neighbours);
+
+  PreparePhases phases(report, context);
+  phases.begin("neighbours");
+  Result<neighbourhood::NeighbourTable> table =
+      neighbours_of(cloud, decided.neighbours, options, context.threads, report);
+  if (!table) return std::move(table).error();
+  found.neighbours = *std::move(table);
+  phases.end();
+
+  phases.begin("resolution");
+  decided.max_spacing_mm = worst_resolution(cloud, found.neighbours, context.threads);
+  decided.median_nearest_mm = median_nearest(cloud, found.neighbours);
+  decided.resolution_mm = options.resolution_mm > 0.0 ? options.resolution_mm : decided.max_spacing_mm;
+  decided.coincident = !(decided.resolution_mm > 0.0);
+  if (decided.coincident) {
+    decided.resolution_mm = cloud::stand_in_spacing_mm(cloud);
+    report.notes.push_back("all points coincide: the resolution is a stand-in");
+  }
+  phases.end();
+
+  // The resolution is that of the nearest eight; links out of clumps may be longer. The scanner's path has a
+  // link back for each of its own.
+  decided.normals = options.normals;
+  if (decided.normals && !decided.from_scan) {
+    phases.begin("links");
+    const neighbourhood::WalkableReport mended =
+        neighbourhood::make_walkable(cloud, found.neighbours, context.threads);
+    if (mended.spread + mended.returned > 0)
+      report.notes.push_back(fmt::format("neighbours spread at {} points, links back given to {}",
+                                         mended.spread, mended.returned));
+    phases.end();
+  }
+
+  decided.partition = options.partition;
+  decided.cell_mm = cell_edge_mm(cloud, options, found.neighbours, decided.resolution_mm);
+  if (decided.partition == PartitionKind::kGrid)
+    decided.cell_mm = partition::UniformGrid::cell_for(cloud, decided.cell_mm, context.threads);
+  decided.box = options.box;
+  decided.box_mm = options.box_mm > 0.0 ? options.box_mm : decided.resolution_mm;
+  decided.largest_half_box_mm = decided.box == BoxSize::kGlobal
+                                    ? Vec3(Vec3::Constant(0.5 * decided.box_mm))
+                                    : largest_half_box(cloud, found.neighbours, decided.box, context.threads);
+  if (options.swept_sphere)
+    decided.sphere_mm = options.sphere_mm > 0.0 ? options.sphere_mm : decided.largest_half_box_mm.maxCoeff();
+  decided.moving = options.moving;
+  decided.spare_points = options.spare_points;
+  decided.rounding_mm = cloud.box_mm().extent_mm().maxCoeff() * kUnitRoundoffFloat * 0.5;
+  return found;
+}
+
+Result<PointModelDecision> decide_point_model(const ModelInput& input, const PointModelOptions& options,
+                                              const PrepareContext& context) {
+  PrepareReport unused;
+  const Result<PointSurvey> survey = survey_points(*input.cloud, options, context, unused);
+  if (!survey) return survey.error();
+  Result<SurfaceDecision> surface = decide_surface(input);
+  if (!surface) return std::move(surface).error();
+  return PointModelDecision{survey->decision, *std::move(surface)};
+}
+
+void say_points(const cloud::Cloud& cloud, const PointModelOptions& options, const PointDecision& decision,
+                ModelDecisions& out) {
+  out.points = cloud.size();
+  out.spacing_mm = decision.max_spacing_mm;
+  std::vector<Decision>& say = out.decisions;
+  say.push_back(neighbours_decision(cloud, options, decision));
+  say.push_back(partition_decision(options, decision));
+  say.push_back(box_decision(options, decision));
+  if (options.swept_sphere)
+    say.push_back({"box test", fmt::format("swept sphere, {:.3g} mm", decision.sphere_mm),
+                   options.sphere_mm > 0.0 ? "as given" : "half the edge of the largest box", true});
+  say.push_back(coordinates_decision(decision));
+  const double edge = decision.median_nearest_mm > 0.0 ? decision.cell_mm / decision.median_nearest_mm : 1.0;
+  const double grid_bytes = kSlotBytes * kSlotsPerCell / std::max(1.0, edge * edge / kAskew);
+  const double each = sizeof(surface::SurfacePoint) + sizeof(neighbourhood::Neighbours) +
+                      (decision.box == BoxSize::kGlobal ? 0.0 : sizeof(Vec3f)) +
+                      (decision.partition == PartitionKind::kGrid ? grid_bytes : kTreeBytes) +
+                      (decision.moving ? kMovingBytes : 0.0);
+  out.bytes += static_cast<std::uint64_t>(each * static_cast<double>(cloud.size()));
+}
+
+}  // namespace palpate::render

@@ -1,0 +1,87 @@
+#include "toolkit/render/decision.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "toolkit/render/renderer.h"
+
+namespace palpate::render {
+namespace {
+
+/// The broad phase and the loop over models, in each frame: feature_costs.
+constexpr double kManyUs = 0.02;
+
+bool gives_way(const ModelInput& model) {
+  return model.surface.dent.any() || model.moves != nullptr;
+}
+
+Decision broad_phase_decision(const SceneInput& scene, const SceneDecision& decided) {
+  if (!decided.many) return {"broad phase", "none", "one model at rest: there is nothing to choose from"};
+  const bool moves = std::any_of(scene.models.begin(), scene.models.end(),
+                                 [](const ModelInput& model) { return model.motion != nullptr; });
+  const std::string what =
+      fmt::format("{} model{}{}", scene.models.size(), scene.models.size() > 1 ? "s" : "",
+                  moves ? ", some of them moving" : "");
+  if (decided.broad_phase)
+    return {"broad phase", "tree of model boxes",
+            what + ": a frame looks only at those near the HIP, wherever their points go"};
+  return {"broad phase", "none", what + ": this renderer looks at every one in every frame"};
+}
+
+/// The sum, or nothing where a part is not known.
+std::optional<double> plus(const std::optional<double>& a, const std::optional<double>& b) {
+  return a && b ? std::optional<double>(*a + *b) : std::nullopt;
+}
+
+}  // namespace
+
+SceneDecision decide_scene(const SceneInput& scene, const FrameKind& kind, Combine combine) {
+  SceneDecision decided;
+  decided.many = scene.models.size() > 1 ||
+                 std::any_of(scene.models.begin(), scene.models.end(), [&](const auto& model) {
+                   return model.motion != nullptr || (kind.changes && gives_way(model));
+                 });
+  decided.broad_phase = decided.many && kind.boxed;
+  decided.combine = kind.sums ? Combine::kSum : combine;
+  decided.force_limit_n = scene.force_limit_n;
+  return decided;
+}
+
+void say_scene(const SceneInput& scene, const SceneDecision& scene_decision, Decisions& decided) {
+  decided.decisions.push_back(broad_phase_decision(scene, scene_decision));
+  if (scene.models.size() > 1)
+    decided.decisions.push_back(
+        scene_decision.combine == Combine::kSum
+            ? Decision{"models touched at once", "sum", "each answers for itself, and the forces are added"}
+            : Decision{"models touched at once", "joint", "one god object is held by all of them together"});
+  decided.decisions.push_back(force_limit_decision(scene_decision.force_limit_n));
+  decided.prepare_ms = 0.0;
+  decided.frame_us = scene_decision.many ? kManyUs : 0.0;
+  std::optional<double> slowest = 0.0;
+  for (const ModelDecisions& model : decided.models) {
+    decided.bytes += model.bytes;
+    decided.prepare_ms = plus(decided.prepare_ms, model.prepare_ms);
+    slowest =
+        slowest && model.frame_us ? std::optional<double>(std::max(*slowest, *model.frame_us)) : std::nullopt;
+  }
+  decided.frame_us = plus(decided.frame_us, slowest);
+}
+
+Decision force_limit_decision(double force_limit_n) {
+  if (force_limit_n > 0.0)
+    return {"force limit", fmt::format("{:.3g} N", force_limit_n), "the scene sets it", true};
+  return {"force limit", "none", "the scene sets none; a device has its own"};
+}
+
+Decision chosen_or_given(std::string about, const std::string& value, const std::string& usual,
+                         std::string choice, std::string reason) {
+  return {std::move(about), std::move(choice), std::move(reason), value != usual};
+}
+
+std::string note_of(const Decision& decision) {
+  return fmt::format("{}: {}, {}", decision.about, decision.choice, decision.reason);
+}
+
+}  // namespace palpate::render
