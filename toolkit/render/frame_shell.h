@@ -67,6 +67,7 @@ class FrameShell {
     m.touching();
   };
   static constexpr bool kHasBody = requires(const Model& m) { m.body_mm(); };
+  static constexpr bool kMovesByItself = requires(const Model& m) { m.moves_by_itself(); };
   /// Features of the frame: SurfaceFeature, and that there are several models or one that moves.
   static constexpr unsigned kFeatureBits = kComposed ? kSurfaceFeatures : 1;
   static constexpr unsigned kScene = kFeatureBits;
@@ -79,317 +80,303 @@ class FrameShell {
   }
   void add(std::unique_ptr<Model> model) { models_.push_back(std::move(model)); }
   /// What decide_scene() needs to know of the models.
-  static constexpr FrameKind kKind{kBoxed, requires(const Model& m){m.moves_by_itself();
-}, kSums
-};  // namespace palpate::render
+  static constexpr FrameKind kKind{kBoxed, kMovesByItself, kSums};
 
-/// All models are there. Allocates.
-void finish(const SceneDecision& decided, PrepareReport& report) {
-  limit_n_ = decided.force_limit_n > 0.0 ? decided.force_limit_n : std::numeric_limits<double>::infinity();
-  sums_ = decided.combine == Combine::kSum;
-  unsigned features = decided.many ? kScene : 0;
-  for (const auto& model : models_)
-    if constexpr (kComposed) features |= model->features();
-  frame_ = composed(std::make_integer_sequence<unsigned, 2 * kScene>{})[features];
-  touched_.assign(models_.size(), 0);
-  if constexpr (kBoxed)
-    if (decided.broad_phase) index_boxes(report);
-  all_.resize(models_.size());
-  for (std::uint32_t i = 0; i < all_.size(); ++i) all_[i] = i;
-  restart(Vec3::Zero(), 0.0);
-}
+  /// All models are there. Allocates.
+  void finish(const SceneDecision& decided, PrepareReport& report) {
+    limit_n_ = decided.force_limit_n > 0.0 ? decided.force_limit_n : std::numeric_limits<double>::infinity();
+    sums_ = decided.combine == Combine::kSum;
+    unsigned features = decided.many ? kScene : 0;
+    for (const auto& model : models_)
+      if constexpr (kComposed) features |= model->features();
+    frame_ = composed(std::make_integer_sequence<unsigned, 2 * kScene>{})[features];
+    touched_.assign(models_.size(), 0);
+    if constexpr (kBoxed)
+      if (decided.broad_phase) index_boxes(report);
+    all_.resize(models_.size());
+    for (std::uint32_t i = 0; i < all_.size(); ++i) all_[i] = i;
+    restart(Vec3::Zero(), 0.0);
+  }
 
-[[nodiscard]] std::size_t size() const noexcept {
-  return models_.size();
-}
-[[nodiscard]] Model& operator[](std::size_t i) noexcept {
-  return *models_[i];
-}
-[[nodiscard]] const Model& operator[](std::size_t i) const noexcept {
-  return *models_[i];
-}
-[[nodiscard]] FrameCounters& counters() noexcept {
-  return counters_;
-}
-[[nodiscard]] const FrameCounters& counters() const noexcept {
-  return counters_;
-}
-[[nodiscard]] NearModels& near() noexcept {
-  return near_;
-}
+  [[nodiscard]] std::size_t size() const noexcept { return models_.size(); }
+  [[nodiscard]] Model& operator[](std::size_t i) noexcept { return *models_[i]; }
+  [[nodiscard]] const Model& operator[](std::size_t i) const noexcept { return *models_[i]; }
+  [[nodiscard]] FrameCounters& counters() noexcept { return counters_; }
+  [[nodiscard]] const FrameCounters& counters() const noexcept { return counters_; }
+  [[nodiscard]] NearModels& near() noexcept { return near_; }
 
-void restart(const Vec3& hip_mm, double t_s) noexcept {
-  counters_ = {};
-  time_.restart(t_s);
-  for (const auto& model : models_) {
-    model->pose().take(t_s);
-    const Vec3 h = model->pose().to_local(hip_mm);
-    if constexpr (requires { model->restart(h); })
-      model->restart(h);
+  void restart(const Vec3& hip_mm, double t_s) noexcept {
+    counters_ = {};
+    time_.restart(t_s);
+    for (const auto& model : models_) {
+      model->pose().take(t_s);
+      const Vec3 h = model->pose().to_local(hip_mm);
+      if constexpr (requires { model->restart(h); })
+        model->restart(h);
+      else
+        model->let_go(h);
+    }
+    near_.restart(hip_mm, t_s, [](std::uint32_t, const Vec3&, double) noexcept {});
+  }
+
+  void let_go(const Vec3& hip_mm) noexcept {
+    time_.let_go();
+    for (std::uint32_t i = 0; i < models_.size(); ++i) enter(i, hip_mm, time_.now_s());
+    near_.let_go(hip_mm);
+  }
+
+  /// The frame is composed of what the scene asks for: one of them is ever run.
+  [[nodiscard]] Frame step(const Vec3& hip_mm, double t_s) noexcept {
+    dt_s_ = time_.advance(t_s);
+    return (this->*frame_)(hip_mm);
+  }
+
+ private:
+  struct Touch {
+    Model* owner = nullptr;
+    std::int32_t model = -1;
+    typename Model::Memory memory;
+    SurfaceContact contact;  ///< local
+    [[nodiscard]] const ModelPose& pose() const noexcept { return owner->pose(); }
+  };
+
+  using FrameFunction = Frame (FrameShell::*)(const Vec3&) noexcept;
+  template <unsigned... kFeatures>
+  static constexpr std::array<FrameFunction, sizeof...(kFeatures)> composed(
+      std::integer_sequence<unsigned, kFeatures...>) noexcept {
+    return {&FrameShell::frame<kFeatures>...};
+  }
+
+  void index_boxes(PrepareReport& report) {
+    std::vector<ModelBox> boxes;
+    for (const auto& model : models_) {
+      const ModelPose& pose = model->pose();
+      const geometry::Aabb local = model->box_mm();
+      boxes.push_back({{local.low_mm + pose.origin_mm, local.high_mm + pose.origin_mm},
+                       pose.world_from_model,
+                       pose.motion});
+    }
+    near_.build(std::move(boxes));
+    if constexpr (requires { models_[0]->moves_by_itself(); })
+      for (std::uint32_t i = 0; i < models_.size(); ++i)
+        if (models_[i]->moves_by_itself()) near_.always_near(i);
+    report.bytes += near_.bytes();
+  }
+
+  template <unsigned kFeatures>
+  Frame frame(const Vec3& hip_mm) noexcept {
+    ++counters_.frames;
+    Frame frame;
+    if (!is_finite(hip_mm)) {
+      frame.status = FrameStatus::kNonFinite;
+      return frame;
+    }
+    frame.god_object_mm = hip_mm;
+    if constexpr ((kFeatures & kScene) != 0)
+      many<kFeatures & ~kScene>(hip_mm, frame);
     else
-      model->let_go(h);
-  }
-  near_.restart(hip_mm, t_s, [](std::uint32_t, const Vec3&, double) noexcept {});
-}
-
-void let_go(const Vec3& hip_mm) noexcept {
-  time_.let_go();
-  for (std::uint32_t i = 0; i < models_.size(); ++i) enter(i, hip_mm, time_.now_s());
-  near_.let_go(hip_mm);
-}
-
-/// The frame is composed of what the scene asks for: one of them is ever run.
-[[nodiscard]] Frame step(const Vec3& hip_mm, double t_s) noexcept {
-  dt_s_ = time_.advance(t_s);
-  return (this->*frame_)(hip_mm);
-}
-
-private:
-struct Touch {
-  Model* owner = nullptr;
-  std::int32_t model = -1;
-  typename Model::Memory memory;
-  SurfaceContact contact;  ///< local
-  [[nodiscard]] const ModelPose& pose() const noexcept { return owner->pose(); }
-};
-
-using FrameFunction = Frame (FrameShell::*)(const Vec3&) noexcept;
-template <unsigned... kFeatures>
-static constexpr std::array<FrameFunction, sizeof...(kFeatures)> composed(
-    std::integer_sequence<unsigned, kFeatures...>) noexcept {
-  return {&FrameShell::frame<kFeatures>...};
-}
-
-void index_boxes(PrepareReport& report) {
-  std::vector<ModelBox> boxes;
-  for (const auto& model : models_) {
-    const ModelPose& pose = model->pose();
-    const geometry::Aabb local = model->box_mm();
-    boxes.push_back({{local.low_mm + pose.origin_mm, local.high_mm + pose.origin_mm},
-                     pose.world_from_model,
-                     pose.motion});
-  }
-  near_.build(std::move(boxes));
-  if constexpr (requires { models_[0]->moves_by_itself(); })
-    for (std::uint32_t i = 0; i < models_.size(); ++i)
-      if (models_[i]->moves_by_itself()) near_.always_near(i);
-  report.bytes += near_.bytes();
-}
-
-template <unsigned kFeatures>
-Frame frame(const Vec3& hip_mm) noexcept {
-  ++counters_.frames;
-  Frame frame;
-  if (!is_finite(hip_mm)) {
-    frame.status = FrameStatus::kNonFinite;
+      single<kFeatures>(hip_mm, frame);
+    counters_.bound_hits += frame.status == FrameStatus::kBoundHit;
     return frame;
   }
-  frame.god_object_mm = hip_mm;
-  if constexpr ((kFeatures & kScene) != 0)
-    many<kFeatures & ~kScene>(hip_mm, frame);
-  else
-    single<kFeatures>(hip_mm, frame);
-  counters_.bound_hits += frame.status == FrameStatus::kBoundHit;
-  return frame;
-}
 
-template <unsigned kFeatures>
-bool touch(Model& model, const Vec3& goal, const Vec3& h, typename Model::Memory& memory,
-           SurfaceContact& contact, FrameStatus& status) noexcept {
-  if constexpr (kComposed)
-    return model.template touch<kFeatures>(goal, h, memory, contact, status, counters_);
-  else
-    return model.touch(goal, h, memory, contact, status, counters_);
-}
-template <unsigned kFeatures>
-static SurfaceAnswer respond(Model& model, const SurfaceContact& contact) noexcept {
-  if constexpr (kComposed)
-    return model.template respond<kFeatures>(contact);
-  else
-    return model.respond(contact);
-}
+  template <unsigned kFeatures>
+  bool touch(Model& model, const Vec3& goal, const Vec3& h, typename Model::Memory& memory,
+             SurfaceContact& contact, FrameStatus& status) noexcept {
+    if constexpr (kComposed)
+      return model.template touch<kFeatures>(goal, h, memory, contact, status, counters_);
+    else
+      return model.touch(goal, h, memory, contact, status, counters_);
+  }
+  template <unsigned kFeatures>
+  static SurfaceAnswer respond(Model& model, const SurfaceContact& contact) noexcept {
+    if constexpr (kComposed)
+      return model.template respond<kFeatures>(contact);
+    else
+      return model.respond(contact);
+  }
 
-template <unsigned kFeatures>
-void single(const Vec3& hip_mm, Frame& frame) noexcept {
-  Model& model = *models_.front();
-  const Vec3 h = model.pose().to_local(hip_mm);
-  typename Model::Memory memory;
-  SurfaceContact contact;
-  if (touch<kFeatures>(model, h, h, memory, contact, frame.status))
-    answer<kFeatures>(model, 0, contact, h, frame);
-  else if constexpr (!kComposed || kFeatures != 0)
-    model.release();
-}
-
-/// The frame of one contact.
-template <unsigned kFeatures>
-void answer(Model& model, std::int32_t index, const SurfaceContact& contact, [[maybe_unused]] const Vec3& h,
-            Frame& frame) noexcept {
-  if constexpr (kHasBody) {
-    if (!model.felt(h)) {
+  template <unsigned kFeatures>
+  void single(const Vec3& hip_mm, Frame& frame) noexcept {
+    Model& model = *models_.front();
+    const Vec3 h = model.pose().to_local(hip_mm);
+    typename Model::Memory memory;
+    SurfaceContact contact;
+    if (touch<kFeatures>(model, h, h, memory, contact, frame.status))
+      answer<kFeatures>(model, 0, contact, h, frame);
+    else if constexpr (!kComposed || kFeatures != 0)
       model.release();
-      return;
+  }
+
+  /// The frame of one contact.
+  template <unsigned kFeatures>
+  void answer(Model& model, std::int32_t index, const SurfaceContact& contact, [[maybe_unused]] const Vec3& h,
+              Frame& frame) noexcept {
+    if constexpr (kHasBody) {
+      if (!model.felt(h)) {
+        model.release();
+        return;
+      }
+    }
+    const SurfaceAnswer answer = respond<kFeatures>(model, contact);
+    frame.contact = true;
+    frame.model = index;
+    frame.god_object_mm = model.pose().to_world(answer.god_object_mm);
+    frame.force_n = held_to_limit(model.pose().direction_to_world(answer.force_n));
+  }
+
+  /// `limited`, without a root where nothing is limited.
+  [[nodiscard]] Vec3 held_to_limit(const Vec3& force_n) const noexcept {
+    return force_n.squaredNorm() <= limit_n_ * limit_n_ ? force_n : limited(force_n, limit_n_);
+  }
+
+  /// The models near the HIP, each with its pose of this instant: the HIP's way is taken in each one's own
+  /// frame, so that a model that moves on to a resting HIP meets it.
+  template <unsigned kFeatures>
+  void many(const Vec3& hip_mm, Frame& frame) noexcept {
+    if (!choose(hip_mm)) frame.status = FrameStatus::kBoundHit;
+    for (const std::uint32_t index : looked_at()) {
+      models_[index]->pose().take(time_.now_s());
+      touched_[index] = 0;
+      if constexpr (requires(Model & m) { m.before_frame(counters_); })
+        models_[index]->before_frame(counters_);
+    }
+    touches_.clear();
+    look<kFeatures>(hip_mm, hip_mm, frame);
+    hold<kFeatures>(hip_mm, frame);
+    for (const std::uint32_t index : looked_at())
+      if (touched_[index] == 0) models_[index]->release();
+    near_.done(hip_mm, time_.now_s());
+    answer_all<kFeatures>(hip_mm, frame);
+    if constexpr (requires(Model & m, const SurfaceContact& c) { m.after_frame(c, 0.0); })
+      for (Touch& touch : touches_.all())
+        if (!touch.owner->after_frame(touch.contact, dt_s_))
+          near_.keep_near(static_cast<std::uint32_t>(touch.model));
+  }
+
+  [[nodiscard]] bool choose([[maybe_unused]] const Vec3& hip_mm) noexcept {
+    if constexpr (kBoxed)
+      return near_.choose(
+          hip_mm, time_.now_s(),
+          [this](std::uint32_t i, const Vec3& hip, double t_s) noexcept { enter(i, hip, t_s); },
+          [this](std::uint32_t i) noexcept { return models_[i]->touching(); });
+    else
+      return true;
+  }
+  [[nodiscard]] std::span<const std::uint32_t> looked_at() const noexcept {
+    if constexpr (kBoxed)
+      return near_.models();
+    else
+      return all_;
+  }
+
+  /// Adds the models near that a proxy pulled to `goal_mm` touches and that were not touched yet; true where
+  /// there were any.
+  template <unsigned kFeatures>
+  bool look(const Vec3& goal_mm, const Vec3& hip_mm, Frame& frame) noexcept {
+    bool any = false;
+    for (const std::uint32_t index : looked_at()) {
+      if (touched_[index] != 0) continue;
+      Model& model = *models_[index];
+      Touch& touched = touches_.next();
+      if (!touch<kFeatures>(model, model.pose().to_local(goal_mm), model.pose().to_local(hip_mm),
+                            touched.memory, touched.contact, frame.status))
+        continue;
+      touched.owner = &model;
+      touched.model = static_cast<std::int32_t>(index);
+      touched_[index] = 1;
+      any = true;
+      if (touches_.keep()) continue;
+      // It stays in contact; what it remembers of a force ends here.
+      touches_.next().owner->release();
+      frame.status = FrameStatus::kBoundHit;
+    }
+    return any;
+  }
+
+  /// Several touched models hold the god object together. What holds a proxy's body may push it into a model
+  /// that the HIP itself is clear of.
+  template <unsigned kFeatures>
+  void hold(const Vec3& hip_mm, Frame& frame) noexcept {
+    if constexpr (kHasBody) {
+      for (int look_again = 1; !touches_.all().empty(); ++look_again) {
+        const Vec3 body = hold_together(hip_mm);
+        if (look_again == kJointLooks || sums_) return;
+        if (!look<kFeatures>(body, hip_mm, frame)) return;
+      }
+    } else if constexpr (!kSums) {
+      if (touches_.all().size() > 1 && !sums_) (void)hold_together(hip_mm);
     }
   }
-  const SurfaceAnswer answer = respond<kFeatures>(model, contact);
-  frame.contact = true;
-  frame.model = index;
-  frame.god_object_mm = model.pose().to_world(answer.god_object_mm);
-  frame.force_n = held_to_limit(model.pose().direction_to_world(answer.force_n));
-}
 
-/// `limited`, without a root where nothing is limited.
-[[nodiscard]] Vec3 held_to_limit(const Vec3& force_n) const noexcept {
-  return force_n.squaredNorm() <= limit_n_ * limit_n_ ? force_n : limited(force_n, limit_n_);
-}
-
-/// The models near the HIP, each with its pose of this instant: the HIP's way is taken in each one's own
-/// frame, so that a model that moves on to a resting HIP meets it.
-template <unsigned kFeatures>
-void many(const Vec3& hip_mm, Frame& frame) noexcept {
-  if (!choose(hip_mm)) frame.status = FrameStatus::kBoundHit;
-  for (const std::uint32_t index : looked_at()) {
-    models_[index]->pose().take(time_.now_s());
-    touched_[index] = 0;
-    if constexpr (requires(Model & m) { m.before_frame(counters_); }) models_[index]->before_frame(counters_);
+  /// Where the touched models hold the proxy; of several each gets its share of the way.
+  Vec3 hold_together(const Vec3& hip_mm) noexcept {
+    const std::span<Touch> touches = touches_.all();
+    double skin = 0.0;
+    if constexpr (kHasBody) {
+      const Touch& first = touches.front();
+      if (touches.size() == 1 || sums_) return first.pose().to_world(first.owner->body_mm());
+      for (const Touch& touch : touches) skin = std::max(skin, touch.owner->skin_mm());
+    }
+    return constrain_jointly(
+        hip_mm, touches,
+        [this](Touch& touch, [[maybe_unused]] const Vec3& at, JointPlanes& planes) noexcept {
+          if constexpr (requires { touch.owner->planes_near(touch.memory, at, planes, counters_); })
+            touch.owner->planes_near(touch.memory, at, planes, counters_);
+          else
+            add_plane(touch, planes);
+        },
+        skin);
   }
-  touches_.clear();
-  look<kFeatures>(hip_mm, hip_mm, frame);
-  hold<kFeatures>(hip_mm, frame);
-  for (const std::uint32_t index : looked_at())
-    if (touched_[index] == 0) models_[index]->release();
-  near_.done(hip_mm, time_.now_s());
-  answer_all<kFeatures>(hip_mm, frame);
-  if constexpr (requires(Model & m, const SurfaceContact& c) { m.after_frame(c, 0.0); })
-    for (Touch& touch : touches_.all())
-      if (!touch.owner->after_frame(touch.contact, dt_s_))
-        near_.keep_near(static_cast<std::uint32_t>(touch.model));
-}
+  /// The plane of a contact: through its god object, square to the pull.
+  static void add_plane(const Touch& touch, JointPlanes& planes) noexcept {
+    const double depth = touch.contact.pull.norm();
+    if (!(depth > 0.0)) return;
+    const Vec3 normal = touch.pose().direction_to_world(touch.contact.pull / depth);
+    planes.add({normal, normal.dot(touch.pose().to_world(touch.contact.hip + touch.contact.pull))});
+  }
 
-[[nodiscard]] bool choose([[maybe_unused]] const Vec3& hip_mm) noexcept {
-  if constexpr (kBoxed)
-    return near_.choose(
-        hip_mm, time_.now_s(),
-        [this](std::uint32_t i, const Vec3& hip, double t_s) noexcept { enter(i, hip, t_s); },
-        [this](std::uint32_t i) noexcept { return models_[i]->touching(); });
-  else
-    return true;
-}
-[[nodiscard]] std::span<const std::uint32_t> looked_at() const noexcept {
-  if constexpr (kBoxed)
-    return near_.models();
-  else
-    return all_;
-}
+  /// The frame of all touches.
+  template <unsigned kFeatures>
+  void answer_all(const Vec3& hip_mm, Frame& frame) noexcept {
+    const std::span<Touch> touches = touches_.all();
+    if (touches.empty()) return;
+    if (touches.size() == 1) {
+      Touch& only = touches.front();
+      answer<kFeatures>(*only.owner, only.model, only.contact, only.pose().to_local(hip_mm), frame);
+      return;
+    }
+    if constexpr (kHasBody) {
+      const bool any = std::any_of(touches.begin(), touches.end(),
+                                   [](const Touch& touch) { return touch.contact.pull != Vec3::Zero(); });
+      if (!any) {  // a skin that has not come under any surface
+        for (const Touch& touch : touches) touch.owner->release();
+        return;
+      }
+    }
+    add_up(
+        touches, [](Touch& touch) noexcept { return respond<kFeatures>(*touch.owner, touch.contact); },
+        limit_n_, frame);
+  }
 
-/// Adds the models near that a proxy pulled to `goal_mm` touches and that were not touched yet; true where
-/// there were any.
-template <unsigned kFeatures>
-bool look(const Vec3& goal_mm, const Vec3& hip_mm, Frame& frame) noexcept {
-  bool any = false;
-  for (const std::uint32_t index : looked_at()) {
-    if (touched_[index] != 0) continue;
+  /// A model that comes near was clear of the HIP up to then; its contact starts there.
+  void enter(std::uint32_t index, const Vec3& hip_mm, double t_s) noexcept {
     Model& model = *models_[index];
-    Touch& touched = touches_.next();
-    if (!touch<kFeatures>(model, model.pose().to_local(goal_mm), model.pose().to_local(hip_mm),
-                          touched.memory, touched.contact, frame.status))
-      continue;
-    touched.owner = &model;
-    touched.model = static_cast<std::int32_t>(index);
-    touched_[index] = 1;
-    any = true;
-    if (touches_.keep()) continue;
-    // It stays in contact; what it remembers of a force ends here.
-    touches_.next().owner->release();
-    frame.status = FrameStatus::kBoundHit;
+    model.pose().take(t_s);
+    model.let_go(model.pose().to_local(hip_mm));
   }
-  return any;
-}
 
-/// Several touched models hold the god object together. What holds a proxy's body may push it into a model
-/// that the HIP itself is clear of.
-template <unsigned kFeatures>
-void hold(const Vec3& hip_mm, Frame& frame) noexcept {
-  if constexpr (kHasBody) {
-    for (int look_again = 1; !touches_.all().empty(); ++look_again) {
-      const Vec3 body = hold_together(hip_mm);
-      if (look_again == kJointLooks || sums_) return;
-      if (!look<kFeatures>(body, hip_mm, frame)) return;
-    }
-  } else if constexpr (!kSums) {
-    if (touches_.all().size() > 1 && !sums_) (void)hold_together(hip_mm);
-  }
-}
-
-/// Where the touched models hold the proxy; of several each gets its share of the way.
-Vec3 hold_together(const Vec3& hip_mm) noexcept {
-  const std::span<Touch> touches = touches_.all();
-  double skin = 0.0;
-  if constexpr (kHasBody) {
-    const Touch& first = touches.front();
-    if (touches.size() == 1 || sums_) return first.pose().to_world(first.owner->body_mm());
-    for (const Touch& touch : touches) skin = std::max(skin, touch.owner->skin_mm());
-  }
-  return constrain_jointly(
-      hip_mm, touches,
-      [this](Touch& touch, [[maybe_unused]] const Vec3& at, JointPlanes& planes) noexcept {
-        if constexpr (requires { touch.owner->planes_near(touch.memory, at, planes, counters_); })
-          touch.owner->planes_near(touch.memory, at, planes, counters_);
-        else
-          add_plane(touch, planes);
-      },
-      skin);
-}
-/// The plane of a contact: through its god object, square to the pull.
-static void add_plane(const Touch& touch, JointPlanes& planes) noexcept {
-  const double depth = touch.contact.pull.norm();
-  if (!(depth > 0.0)) return;
-  const Vec3 normal = touch.pose().direction_to_world(touch.contact.pull / depth);
-  planes.add({normal, normal.dot(touch.pose().to_world(touch.contact.hip + touch.contact.pull))});
-}
-
-/// The frame of all touches.
-template <unsigned kFeatures>
-void answer_all(const Vec3& hip_mm, Frame& frame) noexcept {
-  const std::span<Touch> touches = touches_.all();
-  if (touches.empty()) return;
-  if (touches.size() == 1) {
-    Touch& only = touches.front();
-    answer<kFeatures>(*only.owner, only.model, only.contact, only.pose().to_local(hip_mm), frame);
-    return;
-  }
-  if constexpr (kHasBody) {
-    const bool any = std::any_of(touches.begin(), touches.end(),
-                                 [](const Touch& touch) { return touch.contact.pull != Vec3::Zero(); });
-    if (!any) {  // a skin that has not come under any surface
-      for (const Touch& touch : touches) touch.owner->release();
-      return;
-    }
-  }
-  add_up(
-      touches, [](Touch& touch) noexcept { return respond<kFeatures>(*touch.owner, touch.contact); },
-      limit_n_, frame);
-}
-
-/// A model that comes near was clear of the HIP up to then; its contact starts there.
-void enter(std::uint32_t index, const Vec3& hip_mm, double t_s) noexcept {
-  Model& model = *models_[index];
-  model.pose().take(t_s);
-  model.let_go(model.pose().to_local(hip_mm));
-}
-
-std::vector<std::unique_ptr<Model>> models_;
-std::vector<std::uint8_t> touched_;  ///< in this frame, each model
-std::vector<std::uint32_t> all_;     ///< 0, 1, 2, ..
-Touches<Touch> touches_;
-NearModels near_;  ///< built in a scene of several models, or moving ones
-FrameFunction frame_ = nullptr;
-bool sums_ = false;
-double limit_n_ = std::numeric_limits<double>::infinity();
-double dt_s_ = 0.0;
-FrameTime time_;
-FrameCounters counters_;
-}
-;
+  std::vector<std::unique_ptr<Model>> models_;
+  std::vector<std::uint8_t> touched_;  ///< in this frame, each model
+  std::vector<std::uint32_t> all_;     ///< 0, 1, 2, ..
+  Touches<Touch> touches_;
+  NearModels near_;  ///< built in a scene of several models, or moving ones
+  FrameFunction frame_ = nullptr;
+  bool sums_ = false;
+  double limit_n_ = std::numeric_limits<double>::infinity();
+  double dt_s_ = 0.0;
+  FrameTime time_;
+  FrameCounters counters_;
+};
 
 }  // namespace palpate::render
