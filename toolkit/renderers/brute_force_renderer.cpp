@@ -135,10 +135,10 @@ class BruteModel {
   bool contact_ = false;
 };
 
-constexpr Features kFelt = kAllOfRigidSurfaces | Feature::kJointContact;
-
 class BruteForce final : public ShellRenderer<BruteModel> {
  public:
+  static constexpr Features kFelt = kAllOfRigidSurfaces | Feature::kJointContact;
+
   explicit BruteForce(const Options& options) : ShellRenderer(options) {}
 
   Description describe() const override {
@@ -188,7 +188,7 @@ RendererInfo brute_force_info() {
   info.summary = "every point, every frame: the oracle of tests";
   info.source = "oracle";
   info.role = Role::kOracle;
-  info.supports = kFelt;
+  info.supports = BruteForce::kFelt;
   for (OptionSpec& spec : point_model_specs())
     if (spec.key != "cell") info.options.push_back(std::move(spec));  // it looks into no grid
   info.options.push_back(shading_spec("force shading; auto: none"));

@@ -9,13 +9,12 @@
 namespace palpate::render {
 namespace {
 
-constexpr Features kFelt = kAllOfRigidSurfaces.without(Feature::kTexture);
-
-// Measured, what to expect (see kExpectedOn): tables 7 of reproduce.
-constexpr double kFrameUs = 0.32, kMsPerMillion = 160.0;
-
 class CloudLiteral final : public ShellRenderer<LiteralModel> {
  public:
+  static constexpr Features kFelt = kAllOfRigidSurfaces.without(Feature::kTexture);
+  // Measured, what to expect (see kExpectedOn): tables 7 of reproduce.
+  static constexpr double kFrameUs = 0.32, kMsPerMillion = 160.0;
+
   explicit CloudLiteral(const Options& options) : ShellRenderer(options) {}
 
   Description describe() const override {
@@ -100,7 +99,7 @@ RendererInfo cloud_literal_info() {
   info.summary = "chapter 3 of the thesis as printed, defects included";
   info.source = "El-Far, chapter 3, figures 36 and 42";
   info.role = Role::kLiteral;
-  info.supports = kFelt;
+  info.supports = CloudLiteral::kFelt;
   info.options = point_model_specs(false);
   for (OptionSpec& spec : box_test_specs()) info.options.push_back(std::move(spec));
   info.options.push_back(shading_spec("force shading; auto: area-raw above 0.2 mm, else none"));

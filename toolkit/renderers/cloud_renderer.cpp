@@ -20,17 +20,16 @@ constexpr std::size_t kLeastSpare = 256;
 /// Changes remembered for undo: some four thousand frames of a full dent, 32 MB.
 constexpr std::size_t kJournalPoints = std::size_t{1} << 19;
 
-constexpr Features kFelt =
-    kAllOfRigidSurfaces | Feature::kDent | Feature::kMovedPoints | Feature::kJointContact;
-
-// Measured (see kExpectedOn); they say what to expect, no decision rests on them. A frame in contact:
-// bench_frame at 1,002,001 points. Preparation on two threads: reproduce, neighbours known from a scan's
-// order or searched.
-constexpr double kFrameUs = 0.25;
-constexpr double kScanOrderMsPerMillion = 450.0, kSearchMsPerMillion = 900.0;
-
 class Cloud final : public BoxedShellRenderer<CloudModel>, public Editable {
  public:
+  static constexpr Features kFelt =
+      kAllOfRigidSurfaces | Feature::kDent | Feature::kMovedPoints | Feature::kJointContact;
+  // Measured (see kExpectedOn); they say what to expect, no decision rests on them. A frame in contact:
+  // bench_frame at 1,002,001 points. Preparation on two threads: reproduce, neighbours known from a scan's
+  // order or searched.
+  static constexpr double kFrameUs = 0.25;
+  static constexpr double kScanOrderMsPerMillion = 450.0, kSearchMsPerMillion = 900.0;
+
   explicit Cloud(const Options& options) : BoxedShellRenderer(options) {}
 
   bool undo(std::size_t model) noexcept override {
@@ -171,7 +170,7 @@ RendererInfo cloud_info() {
   info.summary = "chapter 3 made right: a contact state with a side, shading by stiffness and spacing";
   info.source = "El-Far, chapter 3; contact side, creases, friction cone, joint contact and bounds are ours";
   info.role = Role::kOurs;
-  info.supports = kFelt;
+  info.supports = Cloud::kFelt;
   info.options = point_model_specs();
   for (OptionSpec& spec : info.options) {
     if (spec.key != "cell") continue;

@@ -204,12 +204,12 @@ class LiteralHeightField {
   SurfaceAnswer answer_;  ///< of the last touch
 };
 
-constexpr Features kFelt = kAllOfRigidSurfaces.without(Feature::kTexture);
-// Measured, what to expect (see kExpectedOn): table 12 of reproduce.
-constexpr double kWalkUs = 2.7, kLookUpUs = 0.039, kMsPerMillion = 45.0;
-
 class HeightFieldLiteral final : public ShellRenderer<LiteralHeightField> {
  public:
+  static constexpr Features kFelt = kAllOfRigidSurfaces.without(Feature::kTexture);
+  // Measured, what to expect (see kExpectedOn): table 12 of reproduce.
+  static constexpr double kWalkUs = 2.7, kLookUpUs = 0.039, kMsPerMillion = 45.0;
+
   explicit HeightFieldLiteral(const Options& options) : ShellRenderer(options) {}
 
   Description describe() const override {
@@ -272,7 +272,7 @@ RendererInfo heightfield_literal_info() {
   info.source = "El-Far, chapter 4";
   info.role = Role::kLiteral;
   info.geometry = Geometry::kHeights;
-  info.supports = kFelt;
+  info.supports = HeightFieldLiteral::kFelt;
   info.options = {
       {"response",
        OptionKind::kChoice,

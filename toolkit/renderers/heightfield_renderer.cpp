@@ -281,12 +281,12 @@ class HeightFieldSurface {
   SheetSide side_ = SheetSide::kNowhere;  ///< of tested_to_
 };
 
-constexpr Features kFelt = kAllOfRigidSurfaces | Feature::kJointContact;
-// Measured, what to expect (see kExpectedOn): bench_frame at 1,002,001 posts, and table 12 of reproduce.
-constexpr double kFrameUs = 0.10, kMsPerMillion = 45.0;
-
 class HeightFieldRenderer final : public BoxedShellRenderer<HeightFieldSurface> {
  public:
+  static constexpr Features kFelt = kAllOfRigidSurfaces | Feature::kJointContact;
+  // Measured, what to expect (see kExpectedOn): bench_frame at 1,002,001 posts, and table 12 of reproduce.
+  static constexpr double kFrameUs = 0.10, kMsPerMillion = 45.0;
+
   explicit HeightFieldRenderer(const Options& options) : BoxedShellRenderer(options) {}
 
   Description describe() const override {
@@ -343,7 +343,7 @@ RendererInfo heightfield_info() {
   info.source = "El-Far, chapter 4; bilinear surface and side are ours";
   info.role = Role::kOurs;
   info.geometry = Geometry::kHeights;
-  info.supports = kFelt;
+  info.supports = HeightFieldRenderer::kFelt;
   info.options = {
       {"shading",
        OptionKind::kChoice,
