@@ -152,7 +152,9 @@ TEST(Decisions, AMeshIsDecidedWithoutBeingMade) {
   const render::Decisions decided = renderer->decide(loaded.scene.input, {1, nullptr}).value();
   EXPECT_EQ(choice(decided.models[0].decisions, "mesh"), "advancing-front");
   EXPECT_EQ(choice(decided.models[0].decisions, "neighbours"), "");
-  const render::PrepareReport report = renderer->prepare(loaded.scene.input, {1, nullptr}).value();
+  const Result<render::PrepareReport> prepared = renderer->prepare(loaded.scene.input, {1, nullptr});
+  ASSERT_TRUE(prepared) << prepared.error().message();
+  const render::PrepareReport& report = *prepared;
   EXPECT_TRUE(decided == report.decisions);
   expect_bytes(decided, report);
   const auto original = parse_named_options("mesh-godobject:mesh=original").value();

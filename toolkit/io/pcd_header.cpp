@@ -14,7 +14,7 @@
 namespace palpate::io {
 namespace {
 
-constexpr std::size_t kMaxHeaderBytes = std::size_t{1} << 20;
+constexpr std::size_t kMaxPcdHeaderBytes = std::size_t{1} << 20;
 constexpr std::size_t kMaxFields = 256;
 // Descriptors of some hundred floats exist; a point is never larger than this.
 constexpr std::uint64_t kMaxPointBytes = std::uint64_t{1} << 16;
@@ -24,7 +24,7 @@ constexpr std::uint64_t kMaxCloudBytes = (std::uint64_t{1} << 31) - 1;
 constexpr std::uint64_t kLzfMaxRatio = 264 / 3;
 constexpr std::size_t kCompressedSizes = 8;  // two 32-bit sizes stand before the compressed data
 
-Error malformed(std::string what, std::int64_t line = 0) {
+Error malformed_pcd(std::string what, std::int64_t line = 0) {
   return Error{
       "malformed PCD header: " + std::move(what), "check that the file is a PCD file and whole", {}, line};
 }
@@ -61,7 +61,7 @@ struct Raw {
 Status parse_number(std::string_view key, const std::vector<std::string_view>& values, std::int64_t line,
                     std::optional<std::int64_t>& out) {
   out = values.size() == 1 ? parse_whole(values[0]) : std::nullopt;
-  if (!out || *out < 0) return malformed(fmt::format("{} needs one whole number from 0 on", key), line);
+  if (!out || *out < 0) return malformed_pcd(fmt::format("{} needs one whole number from 0 on", key), line);
   return Done{};
 }
 
@@ -69,7 +69,8 @@ Status parse_line(std::string_view line, std::int64_t number, Raw& raw) {
   std::string_view rest = line;
   const std::string_view key = next_token(rest);
   std::vector<std::string_view> values = tokens_of(rest);
-  if (values.size() > kMaxFields) return malformed(fmt::format("more than {} values", kMaxFields), number);
+  if (values.size() > kMaxFields)
+    return malformed_pcd(fmt::format("more than {} values", kMaxFields), number);
   if (key == "FIELDS" || key == "COLUMNS") {
     raw.names = std::move(values);
   } else if (key == "SIZE") {
@@ -93,20 +94,20 @@ Status parse_line(std::string_view line, std::int64_t number, Raw& raw) {
     } else if (kind == "binary_compressed") {
       raw.data = PcdData::kCompressed;
     } else {
-      return malformed(fmt::format("the data {} is not ascii, binary or binary_compressed", quoted(kind)),
-                       number);
+      return malformed_pcd(fmt::format("the data {} is not ascii, binary or binary_compressed", quoted(kind)),
+                           number);
     }
   } else if (key != "VERSION" && key != "VIEWPOINT") {
-    return malformed(fmt::format("unknown keyword {}", quoted(key)), number);
+    return malformed_pcd(fmt::format("unknown keyword {}", quoted(key)), number);
   }
   return Done{};
 }
 
 Status take_fields(const Raw& raw, PcdHeader& header) {
-  if (raw.names.empty()) return malformed("no FIELDS");
+  if (raw.names.empty()) return malformed_pcd("no FIELDS");
   if (raw.sizes.size() != raw.names.size() || raw.types.size() != raw.names.size() ||
       (!raw.counts.empty() && raw.counts.size() != raw.names.size()))
-    return malformed("FIELDS, SIZE, TYPE and COUNT differ in their number of values");
+    return malformed_pcd("FIELDS, SIZE, TYPE and COUNT differ in their number of values");
   int axes = 0;
   for (std::size_t i = 0; i < raw.names.size(); ++i) {
     PcdField field;
@@ -118,28 +119,29 @@ Status take_fields(const Raw& raw, PcdHeader& header) {
     const bool whole = (field.type == 'I' || field.type == 'U') &&
                        (bytes == 1 || bytes == 2 || bytes == sizeof(float) || bytes == sizeof(double));
     if (!real && !whole)
-      return malformed(fmt::format("field {} has the type {} and size {}, which do not go together",
-                                   quoted(field.name), quoted(raw.types[i]), quoted(raw.sizes[i])));
+      return malformed_pcd(fmt::format("field {} has the type {} and size {}, which do not go together",
+                                       quoted(field.name), quoted(raw.types[i]), quoted(raw.sizes[i])));
     if (count < 1 || static_cast<std::uint64_t>(count) > kMaxPointBytes)
-      return malformed(fmt::format("field {} has the count {}", quoted(field.name), quoted(raw.counts[i])));
+      return malformed_pcd(
+          fmt::format("field {} has the count {}", quoted(field.name), quoted(raw.counts[i])));
     field.bytes = static_cast<std::uint32_t>(bytes);
     field.count = static_cast<std::uint32_t>(count);
     header.point_bytes += std::uint64_t{field.bytes} * field.count;
     if (field.name == "x" || field.name == "y" || field.name == "z") axes += field.count == 1 ? 1 : 0;
     for (const PcdField& other : header.fields) {
       if (other.name == field.name && field.name != "_")
-        return malformed(fmt::format("field {} stands twice", quoted(field.name)));
+        return malformed_pcd(fmt::format("field {} stands twice", quoted(field.name)));
     }
     header.fields.push_back(std::move(field));
   }
   if (axes != 3) return Error{"the PCD file has no scalar fields x, y and z", "check its FIELDS line", {}, 0};
   if (header.point_bytes > kMaxPointBytes)
-    return malformed(fmt::format("a point of {} bytes", header.point_bytes));
+    return malformed_pcd(fmt::format("a point of {} bytes", header.point_bytes));
   return Done{};
 }
 
 Status take_size(const Raw& raw, PcdHeader& header) {
-  if (!raw.width) return malformed("no WIDTH");
+  if (!raw.width) return malformed_pcd("no WIDTH");
   const auto width = static_cast<std::uint64_t>(*raw.width);
   const auto height = static_cast<std::uint64_t>(raw.height.value_or(1));
   if (width > kMaxPoints || height > kMaxPoints || (height > 0 && width > kMaxPoints / height))
@@ -149,7 +151,7 @@ Status take_size(const Raw& raw, PcdHeader& header) {
         {},
         0};
   if (raw.points && static_cast<std::uint64_t>(*raw.points) != width * height)
-    return malformed(fmt::format("POINTS is {}, but WIDTH x HEIGHT is {}", *raw.points, width * height));
+    return malformed_pcd(fmt::format("POINTS is {}, but WIDTH x HEIGHT is {}", *raw.points, width * height));
   if (width * height == 0)
     return Error{"the file holds no points", "give a file with at least one point", {}, 0};
   header.width = static_cast<std::uint32_t>(width);
@@ -268,8 +270,8 @@ Result<PcdHeader> check_pcd(std::span<const std::byte> file, const ReadOptions& 
   Raw raw;
   std::string_view line;
   while (!raw.data) {
-    if (lines.at > kMaxHeaderBytes || !lines.next(line))
-      return malformed("no DATA line; is this a PCD file?", lines.number);
+    if (lines.at > kMaxPcdHeaderBytes || !lines.next(line))
+      return malformed_pcd("no DATA line; is this a PCD file?", lines.number);
     if (line.empty() || line.front() == '#') continue;
     PALPATE_TRY(parse_line(line, lines.number, raw));
   }

@@ -14,7 +14,7 @@ namespace palpate::io {
 namespace {
 
 // Thousands of comment lines fit; a binary file that only starts like a PLY does not go on for long.
-constexpr std::size_t kMaxHeaderBytes = std::size_t{1} << 20;
+constexpr std::size_t kMaxPlyHeaderBytes = std::size_t{1} << 20;
 // A row's fixed part must fit into one block of Input::take; real files have some dozen properties.
 constexpr std::size_t kMaxProperties = 4096;
 constexpr std::size_t kMaxElements = 256;
@@ -47,7 +47,7 @@ std::optional<PlyScalar> type_of(std::string_view name) {
   return std::nullopt;
 }
 
-Error malformed(std::string what) {
+Error malformed_ply(std::string what) {
   return Error{
       "malformed PLY header: " + std::move(what), "check that the file is a PLY file and whole", {}, 0};
 }
@@ -62,10 +62,10 @@ Status parse_format(std::string_view rest, PlyHeader& header) {
   } else if (name == "binary_big_endian") {
     header.format = PlyFormat::kBigEndian;
   } else {
-    return malformed(
+    return malformed_ply(
         fmt::format("the format {} is not ascii, binary_little_endian or binary_big_endian", quoted(name)));
   }
-  if (version != "1.0") return malformed(fmt::format("the version {} is not 1.0", quoted(version)));
+  if (version != "1.0") return malformed_ply(fmt::format("the version {} is not 1.0", quoted(version)));
   return Done{};
 }
 
@@ -75,20 +75,20 @@ Status parse_element(std::string_view rest, PlyHeader& header) {
   const std::string_view count_text = next_token(rest);
   const std::optional<std::int64_t> count = parse_whole(count_text);
   if (element.name.empty() || !count || *count < 0)
-    return malformed(fmt::format("the count {} of element {} is not a whole number from 0 on",
-                                 quoted(count_text), quoted(element.name)));
+    return malformed_ply(fmt::format("the count {} of element {} is not a whole number from 0 on",
+                                     quoted(count_text), quoted(element.name)));
   element.count = static_cast<std::uint64_t>(*count);
   for (const PlyElement& other : header.elements) {
     if (other.name == element.name)
-      return malformed(fmt::format("element {} stands twice", quoted(element.name)));
+      return malformed_ply(fmt::format("element {} stands twice", quoted(element.name)));
   }
-  if (header.elements.size() >= kMaxElements) return malformed("too many elements");
+  if (header.elements.size() >= kMaxElements) return malformed_ply("too many elements");
   header.elements.push_back(std::move(element));
   return Done{};
 }
 
 Status parse_property(std::string_view rest, PlyHeader& header) {
-  if (header.elements.empty()) return malformed("a property before the first element");
+  if (header.elements.empty()) return malformed_ply("a property before the first element");
   PlyProperty property;
   std::string_view type_name = next_token(rest);
   if (type_name == "list") {
@@ -96,20 +96,20 @@ Status parse_property(std::string_view rest, PlyHeader& header) {
     const std::string_view count_name = next_token(rest);
     const std::optional<PlyScalar> count_type = type_of(count_name);
     if (!count_type || *count_type == PlyScalar::kFloat32 || *count_type == PlyScalar::kFloat64)
-      return malformed(fmt::format("{} is no type for a list's count", quoted(count_name)));
+      return malformed_ply(fmt::format("{} is no type for a list's count", quoted(count_name)));
     property.count_type = *count_type;
     type_name = next_token(rest);
   }
   const std::optional<PlyScalar> type = type_of(type_name);
-  if (!type) return malformed(fmt::format("unknown type {}", quoted(type_name)));
+  if (!type) return malformed_ply(fmt::format("unknown type {}", quoted(type_name)));
   property.type = *type;
   property.name = next_token(rest);
-  if (property.name.empty()) return malformed("a property without a name");
+  if (property.name.empty()) return malformed_ply("a property without a name");
   std::vector<PlyProperty>& properties = header.elements.back().properties;
-  if (properties.size() >= kMaxProperties) return malformed("too many properties");
+  if (properties.size() >= kMaxProperties) return malformed_ply("too many properties");
   for (const PlyProperty& other : properties) {
     if (other.name == property.name)
-      return malformed(fmt::format("property {} stands twice", quoted(other.name)));
+      return malformed_ply(fmt::format("property {} stands twice", quoted(other.name)));
   }
   properties.push_back(std::move(property));
   return Done{};
@@ -189,14 +189,14 @@ Result<PlyHeader> read_ply_header(Input& in) {
   std::size_t bytes = 0;
   while (in.next_line(line)) {
     bytes += line.size() + 1;
-    if (bytes > kMaxHeaderBytes)
-      return malformed(fmt::format("no end_header within {} bytes", kMaxHeaderBytes))
+    if (bytes > kMaxPlyHeaderBytes)
+      return malformed_ply(fmt::format("no end_header within {} bytes", kMaxPlyHeaderBytes))
           .in_file({}, in.line_number());
     std::string_view rest = line;
     const std::string_view key = next_token(rest);
     Status parsed = Done{};
     if (key == "end_header") {
-      if (!have_format) return malformed("no format line").in_file({}, in.line_number());
+      if (!have_format) return malformed_ply("no format line").in_file({}, in.line_number());
       PALPATE_TRY(check_promises(header, in));
       return header;
     }
@@ -210,11 +210,11 @@ Result<PlyHeader> read_ply_header(Input& in) {
     } else if (key == "comment" || key == "obj_info") {
       parse_remark(rest, header);
     } else if (!key.empty()) {
-      parsed = malformed(fmt::format("unknown keyword {}", quoted(key)));
+      parsed = malformed_ply(fmt::format("unknown keyword {}", quoted(key)));
     }
     if (!parsed) return std::move(parsed).error().in_file({}, in.line_number());
   }
-  return in.error_or(malformed("the file ends before end_header"));
+  return in.error_or(malformed_ply("the file ends before end_header"));
 }
 
 }  // namespace palpate::io

@@ -16,7 +16,7 @@ Error at_line(const Input& in, std::string what) {
 }
 
 // The next line that holds anything, without its comment.
-bool next_row(Input& in, std::string_view& row) {
+bool next_off_row(Input& in, std::string_view& row) {
   while (in.next_line(row)) {
     row = trimmed(row.substr(0, row.find('#')));
     if (!row.empty()) return true;
@@ -51,7 +51,7 @@ Result<std::string_view> after_keyword(const Input& in, std::string_view row) {
 }
 
 Result<Counts> read_counts(Input& in, std::string_view rest) {
-  if (rest.empty() && !next_row(in, rest))
+  if (rest.empty() && !next_off_row(in, rest))
     return at_line(in, "the file ends before the counts of vertices and faces");
   std::array<std::uint64_t, 2> numbers{};
   for (std::uint64_t& number : numbers) {
@@ -91,7 +91,7 @@ Status ends_early(const Input& in, std::uint64_t have, std::uint64_t promised, s
 Status read_vertices(Input& in, std::uint64_t count, Watch& watch, DecodedFile& decoded) {
   std::string_view row;
   for (std::uint64_t i = 0; i < count; ++i) {
-    if (!next_row(in, row)) return ends_early(in, i, count, "vertices");
+    if (!next_off_row(in, row)) return ends_early(in, i, count, "vertices");
     Vec3 point;
     for (int axis = 0; axis < 3; ++axis) {
       const std::string_view token = next_token(row);
@@ -110,7 +110,7 @@ Status read_vertices(Input& in, std::uint64_t count, Watch& watch, DecodedFile& 
 Status read_faces(Input& in, std::uint64_t count, Watch& watch, FaceBuilder& faces) {
   std::string_view row;
   for (std::uint64_t i = 0; i < count; ++i) {
-    if (!next_row(in, row)) return ends_early(in, i, count, "faces");
+    if (!next_off_row(in, row)) return ends_early(in, i, count, "faces");
     std::string_view token = next_token(row);
     const std::optional<std::int64_t> corners = parse_whole(token);
     if (!corners || *corners < 0)
@@ -135,7 +135,7 @@ Status read_faces(Input& in, std::uint64_t count, Watch& watch, FaceBuilder& fac
 Result<DecodedFile> read_off(const ReaderInput& input) {
   Input in(input.bytes);
   std::string_view row;
-  if (!next_row(in, row)) return at_line(in, "this is no OFF file: it does not start with OFF");
+  if (!next_off_row(in, row)) return at_line(in, "this is no OFF file: it does not start with OFF");
   PALPATE_ASSIGN(const std::string_view rest, after_keyword(in, row));
   PALPATE_ASSIGN(const Counts counts, read_counts(in, rest));
   PALPATE_TRY(check_promise(in, counts, input.options));

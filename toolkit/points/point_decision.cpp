@@ -29,10 +29,11 @@ constexpr double kLeastCellPerResolution = 0.5;
 /// of the spacing moves no point past another and no normal by more than half a degree.
 constexpr double kFloatShare = 0.01;
 
-// Bytes of the partitions, measured on spheres, sinusoids and Stanford scans. A grid has 16 bytes a slot and
+// Bytes of the partitions for each point, estimates that no decision rests on. A grid has 16 bytes a slot and
 // two to four slots an occupied cell; a surface goes through some 1.5 cells for each that would lie flat in
 // it.
 constexpr double kSlotBytes = 16.0, kSlotsPerCell = 3.0, kAskew = 1.5;
+// A node of some ten points.
 constexpr double kTreeBytes = 4.0;
 // Where points move: two links, a bit and a place for each, and what each leaf counts.
 constexpr double kMovingBytes = 13.0;

@@ -75,11 +75,6 @@ Decision force_limit_decision(double force_limit_n) {
   return {"force limit", "none", "the scene sets none; a device has its own"};
 }
 
-Decision chosen_or_given(std::string about, const std::string& value, const std::string& usual,
-                         std::string choice, std::string reason) {
-  return {std::move(about), std::move(choice), std::move(reason), value != usual};
-}
-
 std::string note_of(const Decision& decision) {
   return fmt::format("{}: {}, {}", decision.about, decision.choice, decision.reason);
 }

@@ -74,10 +74,6 @@ void say_scene(const SceneInput& scene, const SceneDecision& scene_decision, Dec
 /// The decision on the force limit, which control takes over where there is any.
 [[nodiscard]] Decision force_limit_decision(double force_limit_n);
 
-/// A value of an option: given, where it is not the one that leaves the choice to us.
-[[nodiscard]] Decision chosen_or_given(std::string about, const std::string& value, const std::string& usual,
-                                       std::string choice, std::string reason);
-
 /// "shading: none, a change of point moves .."
 [[nodiscard]] std::string note_of(const Decision& decision);
 
