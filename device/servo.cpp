@@ -2,10 +2,12 @@
 
 #include <utility>
 
+#include "toolkit/core/try.h"
+
 namespace palpate::device {
 
 Status Servo::start(const std::optional<Vec3>& free_mm) {
-  if (Status opened = device_.open(); !opened) return opened;
+  PALPATE_TRY(device_.open());
   last_free_mm_ = free_mm;
   // A period before the first tick: the bring-up goes on from there.
   if (free_mm) renderer_.restart(*free_mm, clock_.now_s() - governor_.options().period_s);

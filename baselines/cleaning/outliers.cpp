@@ -4,12 +4,13 @@
 
 #include "baselines/cleaning/steps.h"
 #include "baselines/reconstruct/cgal_points.h"
+#include "toolkit/core/try.h"
 
 namespace palpate::baselines {
 
 Result<scene::StepOutput> remove_outliers(const scene::StepInput& input) {
   const auto k = static_cast<unsigned>(input.options.integer("neighbours"));
-  if (const Status enough = enough_points(input, k + 1); !enough) return enough.error();
+  PALPATE_TRY(enough_points(input, k + 1));
   std::vector<CgalPoint> points = cgal_points(input.cloud, input.spacing_mm);
   const auto end = CGAL::remove_outliers<CGAL::Sequential_tag>(
       points, k,

@@ -9,6 +9,7 @@
 
 #include "baselines/cleaning/steps.h"
 #include "baselines/reconstruct/cgal_points.h"
+#include "toolkit/core/try.h"
 
 namespace palpate::baselines {
 namespace {
@@ -76,7 +77,7 @@ Result<scene::StepOutput> smooth(const scene::StepInput& input) {
         "give it more neighbours, or a lower degree",
         {},
         0};
-  if (const Status enough = enough_points(input, k + 1); !enough) return enough.error();
+  PALPATE_TRY(enough_points(input, k + 1));
   std::vector<CgalPoint> points = cgal_points(input.cloud, input.spacing_mm);
   std::size_t left = 0;
   if (!jet) left = bilateral(input, k, points);

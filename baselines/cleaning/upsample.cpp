@@ -5,6 +5,7 @@
 
 #include "baselines/cleaning/steps.h"
 #include "baselines/reconstruct/cgal_points.h"
+#include "toolkit/core/try.h"
 
 namespace palpate::baselines {
 namespace {
@@ -15,7 +16,7 @@ constexpr std::size_t kRing = 6;
 }  // namespace
 
 Result<scene::StepOutput> upsample(const scene::StepInput& input) {
-  if (const Status enough = enough_points(input, kRing + 1); !enough) return enough.error();
+  PALPATE_TRY(enough_points(input, kRing + 1));
   const std::vector<Vec3> normals = plane_normals(input);
   std::vector<CgalPoint> points;
   for (CgalPoint& p : cgal_points(input.cloud, input.spacing_mm)) {

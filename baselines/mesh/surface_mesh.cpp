@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "toolkit/core/parallel.h"
+#include "toolkit/core/try.h"
 
 namespace palpate::baselines {
 namespace {
@@ -83,7 +84,7 @@ constexpr std::uint64_t edge_use(std::uint32_t high, std::uint32_t facet, std::u
 }  // namespace
 
 Result<SurfaceMesh> SurfaceMesh::build(const geometry::TriangleMesh& mesh, int threads) {
-  if (Status sound = check(mesh); !sound.ok()) return std::move(sound).error();
+  PALPATE_TRY(check(mesh));
   SurfaceMesh result;
   const std::vector<std::uint32_t> welded = weld(mesh.vertices_mm, result.vertices_);
   result.counts_.vertices = result.vertices_.size();

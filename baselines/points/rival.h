@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "toolkit/core/try.h"
 #include "toolkit/render/registry.h"
 #include "toolkit/render/shell_renderer.h"
 #include "toolkit/render/surface_response.h"
@@ -143,8 +144,7 @@ class RivalRenderer final : public render::ShellRenderer<LocalRival<Model>> {
       if (!surface.ok()) return std::move(surface).error();
       model->surface = std::move(surface).value();
       model->place = render::ModelPose(input, input.cloud->origin_mm);
-      if (Status done = Model::prepare(*model, input, options_, context, report); !done.ok())
-        return std::move(done).error();
+      PALPATE_TRY(Model::prepare(*model, input, options_, context, report));
       models_.add(std::move(model));
     }
     return Done{};
@@ -153,7 +153,7 @@ class RivalRenderer final : public render::ShellRenderer<LocalRival<Model>> {
   Result<render::ModelDecisions> set_numbers(LocalRival<Model>& model, const render::ModelInput& input,
                                              const render::PrepareContext& context,
                                              render::PrepareReport& report) const {
-    if (Status fit = check(input); !fit.ok()) return std::move(fit).error();
+    PALPATE_TRY(check(input));
     const Result<render::SurfaceDecision> surface = render::decide_surface(input);
     if (!surface.ok()) return surface.error();
     render::ModelDecisions out;
@@ -161,8 +161,7 @@ class RivalRenderer final : public render::ShellRenderer<LocalRival<Model>> {
     out.points = input.cloud->size();
     out.frame_us = Model::kText.frame_us;
     out.prepare_ms = Model::kText.ms_per_million * 1e-6 * static_cast<double>(out.points);
-    if (Status done = Model::decide(model, input, options_, context, report, out); !done.ok())
-      return std::move(done).error();
+    PALPATE_TRY(Model::decide(model, input, options_, context, report, out));
     render::say_surface(input, *surface, rival_feels<Model>(), out.points, out);
     return out;
   }

@@ -11,6 +11,7 @@
 #include "toolkit/core/cache_folder.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/input_file.h"
+#include "toolkit/core/try.h"
 
 namespace palpate::baselines {
 namespace {
@@ -117,7 +118,7 @@ Status MeshCache::keep(const std::string& key, const Result<Reconstruction>& ans
   body.value(hash_of(body.bytes()));
   std::error_code code;
   fs::create_directories(folder_, code);
-  if (Status written = write_file(file_of(key).string(), body.bytes()); !written) return written;
+  PALPATE_TRY(write_file(file_of(key).string(), body.bytes()));
   make_room();
   return Done{};
 }

@@ -7,6 +7,7 @@
 
 #include "baselines/reference/facet_tree.h"
 #include "toolkit/core/nearest_rank.h"
+#include "toolkit/core/try.h"
 
 namespace palpate::baselines {
 namespace {
@@ -174,8 +175,7 @@ std::string exactness(const Tally& t, double edge_mm, const MeshReferenceOptions
 Result<trace::ReferenceTrace> mesh_reference(const MeshTruth& truth, const trace::ProbePath& path,
                                              double stiffness_n_per_mm, double force_limit_n,
                                              Progress& progress, const MeshReferenceOptions& options) {
-  if (Status starts_free = metrics::check_starts_free(path, truth); !starts_free.ok())
-    return std::move(starts_free).error();
+  PALPATE_TRY(metrics::check_starts_free(path, truth));
   const SurfaceMesh& mesh = truth.mesh();
   const FacetTree& tree = truth.tree();
   const geometry::RigidTransform& world_from_model = truth.world_from_model();

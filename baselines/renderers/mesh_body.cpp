@@ -13,6 +13,7 @@
 #include "toolkit/core/hash.h"
 #include "toolkit/core/nearest_rank.h"
 #include "toolkit/core/parallel.h"
+#include "toolkit/core/try.h"
 #include "toolkit/partition/point_search.h"
 #include "toolkit/render/model_store.h"
 #include "toolkit/render/prepare_phases.h"
@@ -192,8 +193,7 @@ Result<std::unique_ptr<MeshBody>> prepare_body(const render::ModelInput& input, 
   body->pose = render::ModelPose(input, body->mesh().origin_mm());
   render::PreparePhases phases(report, context);
   if (input.surface.per_point != nullptr) phases.begin("surface of the vertices");
-  if (Status done = prepare_surface(input, *body, context, report); !done.ok())
-    return std::move(done).error();
+  PALPATE_TRY(prepare_surface(input, *body, context, report));
   if (input.surface.per_point != nullptr) phases.end();
   report.bytes += body->surface.bytes();
   return body;

@@ -7,6 +7,7 @@
 
 #include "baselines/mesh/refine.h"
 #include "baselines/proximity/mesh_gap.h"
+#include "toolkit/core/try.h"
 
 namespace palpate::baselines {
 namespace {
@@ -105,8 +106,7 @@ std::vector<OptionSpec> mesh_refine_specs() {
 Result<MeshPointer> refined(MeshPointer source, const render::ModelInput& input, const Options& options,
                             int threads, render::PreparePhases& phases) {
   MeshPointer mesh = source;
-  if (options.flag("repair"))
-    if (Status done = repair(mesh, options, phases); !done.ok()) return std::move(done).error();
+  if (options.flag("repair")) PALPATE_TRY(repair(mesh, options, phases));
   if (const long long rounds = options.integer("smooth"); rounds > 0) {
     phases.begin("smooth (OpenMesh)");
     auto made = smoothed(*mesh, static_cast<int>(rounds));
@@ -124,8 +124,7 @@ Result<MeshPointer> refined(MeshPointer source, const render::ModelInput& input,
   }
   if (mesh == source) return mesh;
   phases.begin("measure the refined mesh");
-  if (Status done = measure(*source, *mesh, *input.cloud, threads, phases); !done.ok())
-    return std::move(done).error();
+  PALPATE_TRY(measure(*source, *mesh, *input.cloud, threads, phases));
   phases.end();
   return mesh;
 }

@@ -9,6 +9,7 @@
 
 #include "baselines/mesh_holder.h"
 #include "baselines/renderers/mesh_slot.h"
+#include "toolkit/core/try.h"
 #include "toolkit/render/shell_renderer.h"
 
 namespace palpate::baselines {
@@ -58,8 +59,7 @@ class MeshScene final : public render::BoxedShellRenderer<MeshSlot<Probe>>, publ
       if (!body.ok()) return std::move(body).error();
       bodies.push_back(std::move(body).value());
     }
-    if (survey_)
-      if (Status done = survey_(bodies, report); !done.ok()) return std::move(done).error();
+    if (survey_) PALPATE_TRY(survey_(bodies, report));
     for (auto& body : bodies) {
       Probe probe = make_probe_(*body);
       models_.add(std::make_unique<Slot>(std::move(body), std::move(probe)));

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "toolkit/core/try.h"
+
 namespace palpate::experiments {
 namespace {
 
@@ -115,7 +117,7 @@ Result<BehaviourMatrix> run_behaviours(std::vector<Behaviour> behaviours,
     for (const Behaviour& behaviour : matrix.behaviours)
       row.push_back(observe(behaviour, request, registry, threads, progress));
     if (kept == nullptr) continue;
-    if (const Status done = kept->keep(request, row); !done) return done.error();
+    PALPATE_TRY(kept->keep(request, row));
   }
   return matrix;
 }

@@ -3,6 +3,7 @@
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
 #include "experiments/report/page.h"
+#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
@@ -18,7 +19,7 @@ int run_compare(const RunArguments& arguments, Context& context) {
   return run_study(
       StudyKind::kCompare, arguments, context, [&](const OutputFolder& folder) -> Result<std::string> {
         context.progress.report("drawing the report", -1.0);
-        if (const Status drawn = draw_report(folder); !drawn) return drawn.error();
+        PALPATE_TRY(draw_report(folder));
         return fmt::format("report: {}\n", std::filesystem::absolute(folder.file(kReportFile)).string());
       });
 }

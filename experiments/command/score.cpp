@@ -10,6 +10,7 @@
 #include "experiments/session/terminal.h"
 #include "experiments/session/version.h"
 #include "experiments/study/scoring.h"
+#include "toolkit/core/try.h"
 #include "toolkit/metrics/score_io.h"
 
 namespace palpate::experiments {
@@ -22,8 +23,7 @@ Status write_scores(const Study& study, const OutputFolder& folder) {
     if (name.empty()) continue;
     const Result<std::string> file = folder.claim(name);
     if (!file) return file.error();
-    if (Status written = metrics::write_scores_csv(study.path, study.runs[i].per_frame, *file); !written)
-      return written;
+    PALPATE_TRY(metrics::write_scores_csv(study.path, study.runs[i].per_frame, *file));
   }
   return folder.write(kResultFile, metrics::to_json(study.document));
 }

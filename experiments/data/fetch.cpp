@@ -309,7 +309,7 @@ Status check_download(const Scan& scan, const ScanSource& source, const fs::path
                        : "that of an earlier fetch was another; the download was deleted; --force keeps it";
     return error;
   }
-  if (const Status right = check_content(scan, source, file, options, progress); !right) return right;
+  PALPATE_TRY(check_content(scan, source, file, options, progress));
   return write_file(checksum_record(target).string(), sum + "\n");
 }
 

@@ -12,6 +12,7 @@
 #include "toolkit/core/atomic_file.h"
 #include "toolkit/core/input_file.h"
 #include "toolkit/core/numbers.h"
+#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
@@ -223,7 +224,7 @@ Result<std::vector<std::string>> write_page_figures(const fs::path& checkout) {
   std::vector<std::string> written;
   for (const PageWithFigures& page : *pages) {
     if (page.before == page.after) continue;
-    if (const Status s = write_file(page.file.string(), page.after); !s) return s.error();
+    PALPATE_TRY(write_file(page.file.string(), page.after));
     written.push_back(page.file.string());
   }
   return written;

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "experiments/run/cleaning.h"
+#include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
 #include "toolkit/scene/scene.h"
 #include "toolkit/trace/trace_io.h"
@@ -87,7 +88,7 @@ Result<RendererRequest> request_of(NamedOptions named, const render::Registry& r
       request.options.set(key, value);
     }
   }
-  if (const Status label = check_label(request.label); !label) return label.error();
+  PALPATE_TRY(check_label(request.label));
   // Making one checks the name and every option; nothing is prepared.
   if (Result<std::unique_ptr<render::HapticRenderer>> made = registry.make(request.name, request.options);
       !made) {
@@ -179,7 +180,7 @@ Result<trace::ProbePath> open_path(const std::string& argument, const std::strin
         0};
   if (generated) return trace::make_path(*named, target);
   if (exists || ends_in(named->name, ".traj")) {
-    if (const Status added = add_columns(columns, *named); !added) return added.error();
+    PALPATE_TRY(add_columns(columns, *named));
     return read_recording(*named, max_bytes);
   }
   if (ends_in(argument, ".csv")) return trace::read_path_csv(argument, max_bytes);

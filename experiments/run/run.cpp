@@ -12,6 +12,7 @@
 #include "toolkit/control/controlled_renderer.h"
 #include "toolkit/core/clock.h"
 #include "toolkit/core/parallel.h"
+#include "toolkit/core/try.h"
 #include "toolkit/deformation/editable.h"
 #include "toolkit/io/write_mesh.h"
 #include "toolkit/metrics/score_io.h"
@@ -168,9 +169,7 @@ Result<Run> run_renderer(const Stage& stage, const RendererRequest& request, con
   if (cleaned) put_before(cleaned->phases, cleaned->notes, *run.result.prepare);
   for (const scene::Provenance& p : stage.scene.provenance)
     put_before(p.cleaning, p.cleaned, *run.result.prepare);
-  if (!options.save_mesh.empty())
-    if (const Status saved = save_mesh(inner, options.save_mesh, run.saved_mesh); !saved)
-      return saved.error();
+  if (!options.save_mesh.empty()) PALPATE_TRY(save_mesh(inner, options.save_mesh, run.saved_mesh));
 
   trace::ReplayOptions replay;
   replay.paced_frames = options.paced_frames;
@@ -190,8 +189,7 @@ Result<Run> run_renderer(const Stage& stage, const RendererRequest& request, con
                   "Nothing is felt under the surface after a border or a hole until the HIP has been above "
                   "again: it came there {} time{}.",
                   report->counters.edges, report->counters.edges == 1 ? "" : "s"));
-  if (!options.save_edited.empty())
-    if (const Status saved = save_edited(inner, options.save_edited); !saved) return saved.error();
+  if (!options.save_edited.empty()) PALPATE_TRY(save_edited(inner, options.save_edited));
   run.trace = std::move(report->trace);
   run.trace.label = request.label;
   if (!stage.starts_free && run.trace.frames.front().contact)
@@ -274,7 +272,7 @@ Status write_run(const Stage& stage, Run& run, bool alone, const OutputFolder& f
   run.result.trace_file = trace_name(run.result.label, alone);
   const Result<std::string> file = folder.claim(run.result.trace_file);
   if (!file) return file.error();
-  if (Status written = trace::write_trace_csv(stage.path, run.trace, *file); !written) return written;
+  PALPATE_TRY(trace::write_trace_csv(stage.path, run.trace, *file));
   if (run.per_frame.missed_contact.empty()) return Done{};
   run.result.scores_file = scores_name(run.result.label, alone);
   const Result<std::string> scores = folder.claim(run.result.scores_file);
@@ -283,10 +281,8 @@ Status write_run(const Stage& stage, Run& run, bool alone, const OutputFolder& f
 }
 
 Status write_study(StagedStudy& study, const OutputFolder& folder) {
-  if (Status written = write_stage(study, folder); !written) return written;
-  for (Run& run : study.runs)
-    if (Status written = write_run(study.stage, run, study.runs.size() == 1, folder); !written)
-      return written;
+  PALPATE_TRY(write_stage(study, folder));
+  for (Run& run : study.runs) PALPATE_TRY(write_run(study.stage, run, study.runs.size() == 1, folder));
   finish_document(study);
   return folder.write(kResultFile, metrics::to_json(study.document));
 }

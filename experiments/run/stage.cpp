@@ -8,6 +8,7 @@
 #include "experiments/run/choices.h"
 #include "experiments/run/doubts.h"
 #include "experiments/run/ground_truth.h"
+#include "toolkit/core/try.h"
 #include "toolkit/metrics/reference.h"
 #include "toolkit/neighbourhood/knn.h"
 #include "toolkit/trace/paths.h"
@@ -155,7 +156,7 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
   stage.scene = *std::move(loaded);
   for (const scene::Provenance& p : stage.scene.provenance)
     for (const std::string& warning : p.warnings) stage.warnings.push_back(warning);
-  if (const Status surfaces = check_surfaces(stage.scene); !surfaces) return surfaces.error();
+  PALPATE_TRY(check_surfaces(stage.scene));
   add(stage.warnings, request.surfaces.warnings);
   add(stage.warnings, doubts_about_models(stage.scene));
   add(stage.notes, request.surfaces.notes);
@@ -196,8 +197,7 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
   for (const render::ModelInput& m : stage.scene.input.models) {
     formulas = formulas && m.analytic != nullptr;
     if (!m.analytic) continue;
-    if (const Status free = trace::check_path_starts_free(stage.path, *m.analytic, m.world_from_model); !free)
-      return free.error();
+    PALPATE_TRY(trace::check_path_starts_free(stage.path, *m.analytic, m.world_from_model));
   }
   stage.starts_free = formulas || *choice != ReferenceChoice::kNone || is_generated_path(named);
   const surface::Surface& surface = model.surface;
@@ -208,9 +208,7 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
         "The ground truth is the rigid surface without friction, deformation or texture: contact is compared "
         "with "
         "it, forces are not.");
-  if (*choice != ReferenceChoice::kNone)
-    if (const Status added = add_reference(stage, model, *choice, nearest, progress); !added)
-      return added.error();
+  if (*choice != ReferenceChoice::kNone) PALPATE_TRY(add_reference(stage, model, *choice, nearest, progress));
   if (*choice == ReferenceChoice::kMeshFile) add(stage.warnings, doubts_about_alignment(stage));
   cut(stage, request.contact_frames);
   return stage;

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "toolkit/core/options.h"
+#include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
 
 namespace palpate::experiments {
@@ -83,7 +84,7 @@ Status check_sources(const scene::SceneFile& scene, const scene::SceneModel& mod
        {std::tuple{"stiffness", given.stiffness_n_per_mm.has_value(), column(s.stiffness_column)},
         {"friction", given.friction.has_value(), friction},
         {"deformation", given.deformation.has_value(), column(s.deformation_column)}})
-    if (const Status good = check_source(scene, model, option, is_given, source); !good) return good;
+    PALPATE_TRY(check_source(scene, model, option, is_given, source));
   return Done{};
 }
 
@@ -121,7 +122,7 @@ Result<SurfaceReport> set_surfaces(const SurfaceArguments& arguments, scene::Sce
   const Result<Given> given = parse(arguments);
   if (!given) return given.error();
   for (scene::SceneModel& model : scene.models) {
-    if (const Status good = check_sources(scene, model, *given); !good) return good.error();
+    PALPATE_TRY(check_sources(scene, model, *given));
     set(*given, model, report);
   }
   report.notes.push_back(fmt::format("From the command line, for every model: {}.", text_of(*given)));

@@ -15,6 +15,7 @@
 #include "experiments/session/session.h"
 #include "experiments/session/terminal.h"
 #include "toolkit/core/at_stop.h"
+#include "toolkit/core/try.h"
 #include "toolkit/io/write_mesh.h"
 
 namespace palpate::experiments {
@@ -89,7 +90,7 @@ std::string key_of(const RunArguments& arguments, const StageRequest& stage) {
 Status check_outputs(const RunArguments& arguments, const StageRequest& stage) {
   const std::vector<std::string> read = files_read(stage);
   if (!arguments.save_mesh.empty())
-    if (Status good = check_output({arguments.save_mesh, {"ply"}, arguments.force}, read); !good) return good;
+    PALPATE_TRY(check_output({arguments.save_mesh, {"ply"}, arguments.force}, read));
   if (!arguments.save_edited.empty())
     if (Status good = check_output({arguments.save_edited, io::cloud_endings(), arguments.force}, read);
         !good)
@@ -132,7 +133,7 @@ class OneByOne {
 };
 
 Status OneByOne::begin(const std::string& key, Context& context) {
-  if (Status begun = begin_run(folder_, key, context); !begun) return begun;
+  PALPATE_TRY(begin_run(folder_, key, context));
   std::string taken;
   for (const RendererRequest& request : requests_) {
     const auto use = [&](const std::string& text) {
@@ -148,7 +149,7 @@ Status OneByOne::begin(const std::string& key, Context& context) {
   }
   if (!taken.empty())
     study_.stage.notes.push_back("Finished by an earlier run, which was interrupted: " + taken + ".");
-  if (Status written = write_stage(study_, folder_); !written) return written;
+  PALPATE_TRY(write_stage(study_, folder_));
   return write_result();
 }
 
@@ -182,9 +183,9 @@ Status OneByOne::run_the_rest(ProgressBar& progress, int& status) {
 Status OneByOne::take(const RendererRequest& request, Run run) {
   saved_mesh_ = saved_mesh_ || run.saved_mesh;
   folder_.start_part();
-  if (Status written = write_run(study_.stage, run, requests_.size() == 1, folder_); !written) return written;
+  PALPATE_TRY(write_run(study_.stage, run, requests_.size() == 1, folder_));
   const auto hold = hold_stop();  // what is kept is what result.json says is finished
-  if (Status kept = folder_.keep(request.label, key_of(request), to_text(run)); !kept) return kept;
+  PALPATE_TRY(folder_.keep(request.label, key_of(request), to_text(run)));
   finished_.emplace(request.label, std::move(run));
   return write_result();
 }

@@ -259,10 +259,9 @@ Status OutputFolder::keep(const std::string& part, const std::string& key, const
     if (fs::exists(s.root / name, code)) kept["files"][name] = hash_of(s.root / name);
   fs::create_directories(s.root / kParts, code);
   const std::string name = kParts + part;
-  if (s.ours.insert(name).second)
-    if (const Status listed = s.append(kFile + name); !listed) return listed;
+  if (s.ours.insert(name).second) PALPATE_TRY(s.append(kFile + name));
   const std::string all = kept.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
-  if (Status written = palpate::write_file((s.root / name).string(), all); !written) return written;
+  PALPATE_TRY(palpate::write_file((s.root / name).string(), all));
   const auto hold = hold_stop();
   s.parts.insert(part);
   return Done{};
@@ -289,7 +288,7 @@ Status OutputFolder::complete() const {
   const auto hold = hold_stop();
   State& s = *state_;
   s.unfinished.clear();
-  if (Status marked = s.write_mark(); !marked) return marked;
+  PALPATE_TRY(s.write_mark());
   s.completed = true;
   for (const std::string& name : s.ours)
     if (!s.claimed.contains(name)) s.remove(name);

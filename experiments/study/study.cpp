@@ -53,7 +53,7 @@ class Reading {
     if (trace::trace_hash(run.trace) != result.trace_hash)
       return Error{fmt::format("is not the trace of {}, whose hash stands in {}", result.label, kResultFile),
                    again(), file, 0};
-    if (Status taken = take_path(std::move(read.path), file); !taken) return taken;
+    PALPATE_TRY(take_path(std::move(read.path), file));
     return scores(result, run);
   }
 

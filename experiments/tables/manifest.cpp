@@ -7,6 +7,7 @@
 
 #include "toolkit/core/input_file.h"
 #include "toolkit/core/options.h"
+#include "toolkit/core/try.h"
 #include "toolkit/scene/toml_fields.h"
 
 namespace palpate::experiments {
@@ -158,8 +159,7 @@ Result<Manifest> parse_manifest(std::string_view text, const std::string& name) 
     manifest.kind = *kind;
     manifest.source = text;
     const std::string word = kKinds[static_cast<std::size_t>(*kind)];
-    if (Status read = scene::read_fields(root, fields_of(manifest, word), "a manifest", word, in_file); !read)
-      return std::move(read).error();
+    PALPATE_TRY(scene::read_fields(root, fields_of(manifest, word), "a manifest", word, in_file));
     if (const toml::node* number = root.get("table"); number != nullptr && manifest.table == 0)
       return in_file.at(*number, "'table' must be 1 or more");
     return manifest;

@@ -10,6 +10,7 @@
 #include "experiments/session/run_key.h"
 #include "experiments/session/terminal.h"
 #include "experiments/tables/reproduction.h"
+#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
@@ -116,7 +117,7 @@ Result<scene::SceneFile> scene_of(const ManifestModel& model, Reproduction& r) {
   }
   if (!scene) return scene;
   if (r.arguments.quick && !model.quick.empty()) {
-    if (const Status quick = make_quick(*scene, model.quick); !quick) return quick.error();
+    PALPATE_TRY(make_quick(*scene, model.quick));
     return scene;
   }
   FetchOptions fetch;

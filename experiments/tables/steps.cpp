@@ -7,6 +7,7 @@
 #include "experiments/session/run_key.h"
 #include "experiments/tables/reproduction.h"
 #include "toolkit/core/input_file.h"
+#include "toolkit/core/try.h"
 #include "toolkit/metrics/result_keys.h"
 
 namespace palpate::experiments {
@@ -153,8 +154,7 @@ Status draw_reproduction(const OutputFolder& folder) {
       return Error{"is not of the schema " + std::string(kSchema), "run reproduce again", file, 0};
     Page page = begin_page(document.at("title").get<std::string>(), head_from(document));
     std::vector<std::string> missing;
-    for (const Json& step : document.at("steps"))
-      if (Status drawn = draw_step(page, step, missing, folder); !drawn) return drawn;
+    for (const Json& step : document.at("steps")) PALPATE_TRY(draw_step(page, step, missing, folder));
     finish_page(page, missing);
     return write_page(page, folder);
   } catch (const nlohmann::json::exception& error) {

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <utility>
 
+#include "toolkit/core/try.h"
+
 namespace palpate::control {
 namespace {
 
@@ -138,9 +140,8 @@ std::unique_ptr<render::HapticRenderer> choose(std::unique_ptr<render::HapticRen
 }  // namespace
 
 Status check(const ControlOptions& options) {
-  if (options.coupling)
-    if (Status right = check(*options.coupling); !right) return right;
-  if (Status right = check(options.filter); !right) return right;
+  if (options.coupling) PALPATE_TRY(check(*options.coupling));
+  PALPATE_TRY(check(options.filter));
   if (options.passivity) {
     const double limit = options.passivity->damping_limit_n_s_per_mm;
     if (!std::isfinite(limit) || !(limit > 0.0))

@@ -74,7 +74,7 @@ Status check_number(const char* name, double value, bool zero_allowed) {
 }  // namespace
 
 Status check(const ForceFilterOptions& options) {
-  if (Status rate = check_number("rate_limit_n_per_s", options.rate_limit_n_per_s, true); !rate) return rate;
+  PALPATE_TRY(check_number("rate_limit_n_per_s", options.rate_limit_n_per_s, true));
   return check_number("turn_limit_deg_per_s", options.turn_limit_deg_per_s, true);
 }
 

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <utility>
 
+#include "toolkit/core/try.h"
+
 namespace palpate::control {
 namespace {
 
@@ -56,7 +58,7 @@ Status add_four_rates(RateScheduler& scheduler, const FourRates& rates, FourTask
                            Loop{"narrow phase", rates.narrow_phase_hz, tasks.narrow_phase},
                            Loop{"graphics", rates.graphics_hz, tasks.graphics}}) {
     if (!loop.task) continue;
-    if (Status added = scheduler.add(loop.name, loop.hz, std::move(loop.task)); !added) return added;
+    PALPATE_TRY(scheduler.add(loop.name, loop.hz, std::move(loop.task)));
   }
   return Done{};
 }

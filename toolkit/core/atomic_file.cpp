@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "toolkit/core/locked_file.h"
+#include "toolkit/core/try.h"
 
 namespace palpate {
 namespace {
@@ -101,7 +102,7 @@ Status AtomicFile::commit() {
 Status write_file(const std::string& path, std::string_view text) {
   Result<AtomicFile> file = AtomicFile::create(path);
   if (!file) return std::move(file).error();
-  if (Status written = file->write(text); !written) return written;
+  PALPATE_TRY(file->write(text));
   return file->commit();
 }
 

@@ -10,6 +10,8 @@
 #include <cstring>
 #include <utility>
 
+#include "toolkit/core/try.h"
+
 namespace palpate {
 namespace {
 
@@ -48,13 +50,13 @@ Result<InputFile> InputFile::open(const std::string& path) {
   struct stat status {};
   // Asked before it is opened: opening alone rewinds a tape, and waits for the other end of a pipe.
   if (::stat(path.c_str(), &status) != 0) return cannot_open(path);
-  if (const Status regular = check_regular(path, status.st_mode); !regular) return regular.error();
+  PALPATE_TRY(check_regular(path, status.st_mode));
   // O_NONBLOCK in case the name leads elsewhere by now; on regular files it does nothing.
   const int fd = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
   if (fd < 0) return cannot_open(path);
   InputFile file(path, fd, 0);
   if (::fstat(fd, &status) != 0) return cannot_open(path);
-  if (const Status regular = check_regular(path, status.st_mode); !regular) return regular.error();
+  PALPATE_TRY(check_regular(path, status.st_mode));
   file.size_ = static_cast<std::uint64_t>(std::max<off_t>(status.st_size, 0));
   return file;
 }

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "toolkit/core/option_text.h"
+#include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
 
 namespace palpate {
@@ -220,11 +221,11 @@ Result<Options> validate(const Options& given, std::span<const OptionSpec> specs
                    {},
                    0};
     }
-    if (const Status status = check(*spec, value, owner); !status) return status.error();
+    PALPATE_TRY(check(*spec, value, owner));
     complete.set(key, value);
   }
   for (const auto& [key, value] : given.all())
-    if (const Status acts = check_acts(*find(specs, key), complete, specs, owner); !acts) return acts.error();
+    PALPATE_TRY(check_acts(*find(specs, key), complete, specs, owner));
   return complete;
 }
 

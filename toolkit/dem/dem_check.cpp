@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "toolkit/core/try.h"
 #include "toolkit/io/height_grid.h"
 #include "toolkit/io/text.h"
 
@@ -120,7 +121,7 @@ Status check_size(DemFormat format, std::uint64_t columns, std::uint64_t rows, s
   io::HeightGrid grid;
   grid.columns = columns;
   grid.rows = rows;
-  if (const Status fits = io::check_grid(grid, options); !fits) return fits;
+  PALPATE_TRY(io::check_grid(grid, options));
   if (columns * rows <= most_posts(format, bytes)) return Done{};
   return Error{
       fmt::format("the header promises {} x {} posts, more than its {} bytes can hold", columns, rows, bytes),

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "toolkit/cloud/height_field_holes.h"
+#include "toolkit/core/try.h"
 #include "toolkit/render/model_store.h"
 #include "toolkit/render/prepare_phases.h"
 
@@ -133,7 +134,7 @@ Result<HeightFieldModel> build_height_field_model(const ModelInput& input, const
   if (!grid) return std::move(grid).error();
   model.grid = *std::move(grid);
   model.pose = ModelPose(input, model.field().origin_mm);
-  if (const Status done = prepare_surface(input, model, report); !done) return done.error();
+  PALPATE_TRY(prepare_surface(input, model, report));
   if (build.blend_resolutions > 0.0 && (model.surface.features & kVaried) != 0)
     blend(model, build.blend_resolutions * model.field().plan_resolution_mm(), report);
   report.bytes += model.surface.bytes();

@@ -65,7 +65,7 @@ Result<Counts> read_counts(Input& in, std::string_view rest) {
 }
 
 Status check_promise(const Input& in, const Counts& counts, const ReadOptions& options) {
-  if (Status fits = check_memory(counts.vertices, sizeof(Vec3), "vertices", options); !fits) return fits;
+  PALPATE_TRY(check_memory(counts.vertices, sizeof(Vec3), "vertices", options));
   const std::optional<std::uint64_t> remaining = in.remaining();
   if (!remaining) return Done{};
   constexpr std::uint64_t kVertexBytes = 6;  // "0 0 0" and the end of the line

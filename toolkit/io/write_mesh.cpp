@@ -129,7 +129,7 @@ Status write_cloud_text(const std::string& path, const cloud::Cloud& cloud, char
       fmt::format_to(out, "{}{}", separator, property.values[i]);
     text.push_back('\n');
     if (text.size() < kBlock && i + 1 < cloud.size()) continue;
-    if (Status written = file.write(std::string_view(text.data(), text.size())); !written) return written;
+    PALPATE_TRY(file.write(std::string_view(text.data(), text.size())));
     text.clear();
   }
   return file.commit();

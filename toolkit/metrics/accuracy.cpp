@@ -254,10 +254,10 @@ namespace {
 /// Lengths that agree, and numbers that are finite throughout.
 Status check_all(const trace::ProbePath& path, const trace::ForceTrace& trace,
                  const trace::ReferenceTrace& reference) {
-  if (Status s = check_lengths(path, trace.frames.size(), "the trace"); !s) return s;
-  if (Status s = check_lengths(path, reference.frames.size(), "the reference"); !s) return s;
-  if (Status s = check_finite(path, trace.frames, "the trace"); !s) return s;
-  if (Status s = check_finite(path, as_trace(reference).frames, "the reference"); !s) return s;
+  PALPATE_TRY(check_lengths(path, trace.frames.size(), "the trace"));
+  PALPATE_TRY(check_lengths(path, reference.frames.size(), "the reference"));
+  PALPATE_TRY(check_finite(path, trace.frames, "the trace"));
+  PALPATE_TRY(check_finite(path, as_trace(reference).frames, "the reference"));
   for (const trace::TruthFrame& frame : reference.frames) {
     if (is_finite(frame.normal) && std::isfinite(frame.signed_distance_mm) &&
         std::isfinite(frame.local_resolution_mm))

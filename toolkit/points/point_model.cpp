@@ -10,6 +10,7 @@
 #include "toolkit/core/nearest_rank.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/tolerances.h"
+#include "toolkit/core/try.h"
 #include "toolkit/neighbourhood/builders.h"
 #include "toolkit/neighbourhood/walkable.h"
 #include "toolkit/render/model_store.h"
@@ -275,7 +276,7 @@ Result<PointBody> build_point_body(const ModelInput& input, const PointModelOpti
   if (!points) return std::move(points).error();
   body.points = *std::move(points);
   body.pose = ModelPose(input, body.points->origin_mm);
-  if (const Status done = prepare_surface(input, o, body, report); !done) return done.error();
+  PALPATE_TRY(prepare_surface(input, o, body, report));
   if (own != nullptr && o.keep_order) with_partition(*own, [](auto& p) { p.drop_order(); });
   if (o.moving) body.moving = std::move(own);
   return body;

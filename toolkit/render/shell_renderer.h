@@ -5,6 +5,7 @@
 
 #include <utility>
 
+#include "toolkit/core/try.h"
 #include "toolkit/render/frame_shell.h"
 #include "toolkit/render/model_store.h"
 #include "toolkit/render/renderer.h"
@@ -34,7 +35,7 @@ class ShellRenderer : public HapticRenderer {
     ModelStore own;
     PrepareContext with = context;
     if (with.store == nullptr && scene.models.size() > 1) with.store = &own;
-    if (Status added = add_models(scene, with, report); !added.ok()) return std::move(added).error();
+    PALPATE_TRY(add_models(scene, with, report));
     const SceneDecision decided = decide_scene(scene, FrameShell<Model>::kKind, combine());
     models_.finish(decided, report);
     say_scene(scene, decided, report.decisions);

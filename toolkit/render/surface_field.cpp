@@ -7,6 +7,8 @@
 #include <queue>
 #include <vector>
 
+#include "toolkit/core/try.h"
+
 namespace palpate::render {
 namespace {
 
@@ -33,7 +35,7 @@ Status check(const surface::Surface& s) {
 }
 
 Result<SurfaceDecision> decide_uniform(const surface::Surface& s) {
-  if (const Status right = check(s); !right) return right.error();
+  PALPATE_TRY(check(s));
   SurfaceDecision decided;
   decided.stiffness_n_per_mm = s.stiffness_n_per_mm * (1.0 - s.deformation);
   decided.largest_stiffness_n_per_mm = decided.stiffness_n_per_mm;
@@ -113,7 +115,7 @@ Result<SurfaceDecision> decide_surface(const ModelInput& model) {
   if (!decided || model.surface.per_point == nullptr) return decided;
   const surface::PointProperties& p = *model.surface.per_point;
   const std::size_t n = model.cloud->size();
-  if (const Status right = check_lengths(p, n); !right) return right.error();
+  PALPATE_TRY(check_lengths(p, n));
   if (!p.varies_stiffness() && !p.varies_friction()) return decided;
   decided->features |= kVaried;
   decided->largest_stiffness_n_per_mm = 0.0;

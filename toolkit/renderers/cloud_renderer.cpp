@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "toolkit/core/try.h"
 #include "toolkit/deformation/editable.h"
 #include "toolkit/render/shading_decision.h"
 #include "toolkit/render/shell_renderer.h"
@@ -68,8 +69,7 @@ class Cloud final : public BoxedShellRenderer<CloudModel>, public Editable {
 
  private:
   Status add_models(const SceneInput& scene, const PrepareContext& context, PrepareReport& report) override {
-    for (const ModelInput& input : scene.models)
-      if (const Status done = prepare_model(input, context, report); !done) return done.error();
+    for (const ModelInput& input : scene.models) PALPATE_TRY(prepare_model(input, context, report));
     return Done{};
   }
   [[nodiscard]] Combine combine() const override {

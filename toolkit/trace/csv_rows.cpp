@@ -135,8 +135,8 @@ Status read_rows(LineReader& reader, std::string_view header, std::string_view o
   std::vector<double> values(1 + static_cast<std::size_t>(std::count(header.begin(), header.end(), ',')));
   bool any = false;
   while (reader.next(line)) {
-    if (Status parsed = parse_row(reader, line, values); !parsed) return parsed;
-    if (Status taken = row(values); !taken) return taken;
+    PALPATE_TRY(parse_row(reader, line, values));
+    PALPATE_TRY(row(values));
     any = true;
   }
   if (reader.failure()) return *reader.failure();

@@ -98,8 +98,8 @@ Result<ProbePath> read_path_csv(const std::string& file, std::uint64_t max_bytes
   ProbePath path;
   path.name = file;
   const Status read = read_rows(reader, kPathHeader, kOtherColumns, [&](std::span<const double> v) {
-    if (Status time = check_time(reader, path, v[0]); !time) return time;
-    if (Status fits = reader.fits(path, kPathFields * sizeof(double)); !fits) return fits;
+    PALPATE_TRY(check_time(reader, path, v[0]));
+    PALPATE_TRY(reader.fits(path, kPathFields * sizeof(double)));
     path.t_s.push_back(v[0]);
     path.hip_mm.emplace_back(v[1], v[2], v[3]);
     return Status(Done{});
@@ -144,8 +144,8 @@ Result<PathAndTrace> read_trace_csv(const std::string& file, std::uint64_t max_b
   PathAndTrace both;
   both.path.name = file;
   const Status read = read_rows(reader, kTraceHeader, "", [&](std::span<const double> v) {
-    if (Status time = check_time(reader, both.path, v[0]); !time) return time;
-    if (Status fits = reader.fits(both.path, kTraceFields * sizeof(double)); !fits) return fits;
+    PALPATE_TRY(check_time(reader, both.path, v[0]));
+    PALPATE_TRY(reader.fits(both.path, kTraceFields * sizeof(double)));
     if (v[7] != 0.0 && v[7] != 1.0) return Status(reader.error("contact is neither 0 nor 1", "write 0 or 1"));
     if (!(std::abs(v[11]) <= kLargestNs))
       return Status(reader.error("frame_ns is out of range", "write nanoseconds, 0 where not timed"));
@@ -189,8 +189,8 @@ Result<PathAndReference> read_reference_csv(const std::string& file, std::uint64
   PathAndReference both;
   both.path.name = file;
   const Status read = read_rows(reader, kReferenceHeader, "", [&](std::span<const double> v) {
-    if (Status time = check_time(reader, both.path, v[0]); !time) return time;
-    if (Status fits = reader.fits(both.path, kReferenceFields * sizeof(double)); !fits) return fits;
+    PALPATE_TRY(check_time(reader, both.path, v[0]));
+    PALPATE_TRY(reader.fits(both.path, kReferenceFields * sizeof(double)));
     if (v[7] != 0.0 && v[7] != 1.0) return Status(reader.error("contact is neither 0 nor 1", "write 0 or 1"));
     both.path.t_s.push_back(v[0]);
     both.path.hip_mm.emplace_back(v[1], v[2], v[3]);
