@@ -6,9 +6,10 @@
 //   <!-- end of figures -->
 //
 // Results are docs/figures/FILE.json: {"commit", "date", "machine", "documents": {"table7/result.json": ..}},
-// documents as `palpate reproduce` writes them, reduced to what is shown. {table7 cloud frame.mean_us µs} is
-// a key of a renderer, with its unit ("s" of a key in ms, "µs", "%", or none); {table6/neighbours.json
-// modified_knn[dragon].points} one of any document; {commit} says where all of it comes from.
+// documents as a run wrote them, reduced to what is shown; a text is shown as it stands. {table7 cloud
+// frame.mean_us µs} is a key of a renderer, with its unit ("s" of a key in ms, "µs", "%", or none);
+// {table6/neighbours.json modified_knn[dragon].points} one of any document; {commit} says where all of it
+// comes from.
 #pragma once
 
 #include <filesystem>
