@@ -3,7 +3,6 @@
 
 #include <cmath>
 #include <memory>
-#include <optional>
 #include <string>
 #include <utility>
 
@@ -20,24 +19,24 @@ struct Ready {
   render::PrepareReport report;
 };
 
-/// Prepared, or nothing where the renderer does not take the scene.
-std::optional<Ready> ready(const render::Registry& registry, const render::RendererInfo& info,
-                           const render::SceneInput& scene, render::ModelStore* store) {
+/// Prepared, or null where the renderer does not take the scene.
+std::unique_ptr<Ready> ready(const render::Registry& registry, const render::RendererInfo& info,
+                             const render::SceneInput& scene, render::ModelStore* store) {
   Options options;
   for (const OptionSpec& option : info.options)
     if (option.key == "mesh") options.set("mesh", "original");
-  Ready made;
-  made.renderer = registry.make(info.name, options).value();
+  auto made = std::make_unique<Ready>();
+  made->renderer = registry.make(info.name, options).value();
   render::PrepareContext context;
   context.store = store;
-  Result<render::PrepareReport> report = made.renderer->prepare(scene, context);
-  if (!report) return std::nullopt;
-  made.report = std::move(*report);
+  Result<render::PrepareReport> report = made->renderer->prepare(scene, context);
+  if (!report) return nullptr;
+  made->report = std::move(*report);
   return made;
 }
 
 std::string hash_of(render::HapticRenderer& renderer, const CorpusScene& corpus) {
-  return trace::trace_hash(trace::replay(renderer, corpus).value());
+  return trace::trace_hash(trace::replay(renderer, corpus.path).value());
 }
 
 /// Rivals build what only they read; a formula is shared before any store.
@@ -56,12 +55,12 @@ TEST(ModelStore, TwoRenderersHoldOneGeometryAndFeelTheSame) {
     const CorpusScene corpus = load_corpus(scene_file, path_file);
     for (const render::RendererInfo& info : registry.all()) {
       SCOPED_TRACE(info.name + " on " + scene_file);
-      std::optional<Ready> alone = ready(registry, info, corpus.scene.input, nullptr);
+      std::unique_ptr<Ready> alone = ready(registry, info, corpus.scene.input, nullptr);
       if (!alone) continue;
       EXPECT_EQ(alone->report.shared_bytes, 0u);
       render::ModelStore store;
-      std::optional<Ready> first = ready(registry, info, corpus.scene.input, &store);
-      std::optional<Ready> second = ready(registry, info, corpus.scene.input, &store);
+      std::unique_ptr<Ready> first = ready(registry, info, corpus.scene.input, &store);
+      std::unique_ptr<Ready> second = ready(registry, info, corpus.scene.input, &store);
       ASSERT_TRUE(first && second);
       EXPECT_EQ(first->report.shared_bytes, 0u);
       EXPECT_EQ(first->report.bytes, alone->report.bytes);
@@ -126,10 +125,10 @@ TEST(ModelStore, PointsThatGiveWayAreNeverShared) {
   soft.models[0].surface.dent = {0.1, 3.0, 20.0};
   const render::RendererInfo& cloud = *registry.find("cloud");
   render::ModelStore store;
-  std::optional<Ready> rigid = ready(registry, cloud, corpus.scene.input, &store);
+  std::unique_ptr<Ready> rigid = ready(registry, cloud, corpus.scene.input, &store);
   const std::string before = hash_of(*rigid->renderer, corpus);
-  std::optional<Ready> first = ready(registry, cloud, soft, &store),
-                       second = ready(registry, cloud, soft, &store);
+  std::unique_ptr<Ready> first = ready(registry, cloud, soft, &store),
+                         second = ready(registry, cloud, soft, &store);
   ASSERT_TRUE(first && second);
   EXPECT_EQ(store.size(), 1u) << "the rigid one's alone";
   EXPECT_EQ(second->report.shared_bytes, 0u);
@@ -148,8 +147,8 @@ TEST(ModelStore, OneCloudTwiceInAScene) {
   twice.models[1].world_from_model.translation_mm += Vec3(500, 0, 0);
   for (const char* name : {"cloud", "brute-force", "cloud-literal"}) {
     SCOPED_TRACE(name);
-    const std::optional<Ready> one = ready(registry, *registry.find(name), corpus.scene.input, nullptr);
-    const std::optional<Ready> two = ready(registry, *registry.find(name), twice, nullptr);
+    const std::unique_ptr<Ready> one = ready(registry, *registry.find(name), corpus.scene.input, nullptr);
+    const std::unique_ptr<Ready> two = ready(registry, *registry.find(name), twice, nullptr);
     ASSERT_TRUE(one && two);
     EXPECT_GT(two->report.shared_bytes, 0.8 * static_cast<double>(one->report.bytes));
     EXPECT_EQ(hash_of(*two->renderer, corpus), hash_of(*one->renderer, corpus));

@@ -2,6 +2,7 @@
 // known.
 #pragma once
 
+#include <ranges>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -15,7 +16,7 @@ namespace palpate {
 [[nodiscard]] std::string joined(const std::vector<std::string>& words, std::string_view between = ", ");
 
 /// The names of things that have a `name`.
-template <class Things>
+template <std::ranges::range Things>
 [[nodiscard]] std::vector<std::string> names_of(const Things& things) {
   std::vector<std::string> names;
   for (const auto& thing : things) names.push_back(thing.name);

@@ -97,7 +97,7 @@ Result<ProbePath> read_path_csv(const std::string& file, std::uint64_t max_bytes
   PALPATE_ASSIGN(LineReader reader, LineReader::open(file, max_bytes));
   ProbePath path;
   path.name = file;
-  const Status read = read_rows(reader, kPathHeader, kOtherColumns, [&](std::span<const double> v) {
+  const Status read = read_rows(reader, kPathHeader, kOtherColumns, [&](std::span<const double> v) -> Status {
     PALPATE_TRY(check_time(reader, path, v[0]));
     PALPATE_TRY(reader.fits(path, kPathFields * sizeof(double)));
     path.t_s.push_back(v[0]);
@@ -143,7 +143,7 @@ Result<PathAndTrace> read_trace_csv(const std::string& file, std::uint64_t max_b
   constexpr double kLargestNs = 9007199254740992.0;
   PathAndTrace both;
   both.path.name = file;
-  const Status read = read_rows(reader, kTraceHeader, "", [&](std::span<const double> v) {
+  const Status read = read_rows(reader, kTraceHeader, "", [&](std::span<const double> v) -> Status {
     PALPATE_TRY(check_time(reader, both.path, v[0]));
     PALPATE_TRY(reader.fits(both.path, kTraceFields * sizeof(double)));
     if (v[7] != 0.0 && v[7] != 1.0) return Status(reader.error("contact is neither 0 nor 1", "write 0 or 1"));
@@ -188,7 +188,7 @@ Result<PathAndReference> read_reference_csv(const std::string& file, std::uint64
   PALPATE_ASSIGN(LineReader reader, LineReader::open(file, max_bytes));
   PathAndReference both;
   both.path.name = file;
-  const Status read = read_rows(reader, kReferenceHeader, "", [&](std::span<const double> v) {
+  const Status read = read_rows(reader, kReferenceHeader, "", [&](std::span<const double> v) -> Status {
     PALPATE_TRY(check_time(reader, both.path, v[0]));
     PALPATE_TRY(reader.fits(both.path, kReferenceFields * sizeof(double)));
     if (v[7] != 0.0 && v[7] != 1.0) return Status(reader.error("contact is neither 0 nor 1", "write 0 or 1"));

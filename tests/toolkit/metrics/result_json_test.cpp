@@ -41,7 +41,7 @@ ResultDocument full_document() {
   r.options = {{"shading", "auto"}, {"box", "worst"}};
   r.model = RendererResult::Model{1'002'001, 0.288};
   r.prepare = render::PrepareReport{
-      12.5, {{"grid", 4.5}, {"neighbours", 8.0}}, 48'096'048, {"shading off"}, {"rough"}};
+      12.5, {{"grid", 4.5}, {"neighbours", 8.0}}, 48'096'048, 0, {"shading off"}, {"rough"}};
   r.threads = 2;
   trace::FrameStatistics s;
   s.frames = 50'000;
