@@ -242,9 +242,10 @@ Status take_page_figures(const fs::path& checkout, const std::string& file, cons
         wrong = document.error();
         return std::nullopt;
       }
-      // "2026-11-21T16:31:21Z"
-      taken["commit"] = document->value("commit", "");
-      taken["date"] = document->value("started_utc", "").substr(0, std::size_t{10});
+      // Not every document says where it comes from; those of one run that do agree.
+      if (const std::string commit = document->value("commit", ""); !commit.empty()) taken["commit"] = commit;
+      if (const std::string began = document->value("started_utc", ""); !began.empty())
+        taken["date"] = began.substr(0, std::size_t{10});  // "2026-11-21T16:31:21Z"
       if (const Json* cpu = find(*document, "machine.cpu")) taken["machine"] = *cpu;
       read[asked.document] = *std::move(document);
     }

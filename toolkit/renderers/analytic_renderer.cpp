@@ -35,7 +35,7 @@ Result<ModelDecisions> AnalyticRenderer::decide_model(const ModelInput& input,
                  0};
   ModelDecisions out;
   out.name = input.name;
-  out.points = input.cloud->size();
+  out.points = input.cloud != nullptr ? input.cloud->size() : 0;  // none is read
   out.decisions.push_back(
       {"surface", input.analytic->formula(), "the formula it was generated from; no point is read"});
   out.bytes = sizeof(AnalyticModel);
