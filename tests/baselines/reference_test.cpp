@@ -75,6 +75,8 @@ TEST(MeshReference, AgreesWithTheClosestPointAndWithTheRenderer) {
   ASSERT_TRUE(renderer.ok());
   render::SceneInput scene;
   scene.models.resize(1);
+  scene.models[0].cloud = std::make_shared<cloud::Cloud>(
+      cloud::build_cloud(mesh->vertices_mm, cloud::NonFinite::kRefuse).value());
   scene.models[0].original_mesh = mesh;
   scene.models[0].surface.stiffness_n_per_mm = 0.5;
   ASSERT_TRUE((*renderer)->prepare(scene, {1, nullptr}).ok());
