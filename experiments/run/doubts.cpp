@@ -8,6 +8,7 @@
 #include "toolkit/cloud/spread.h"
 #include "toolkit/core/nearest_rank.h"
 #include "toolkit/core/numbers.h"
+#include "toolkit/core/words.h"
 #include "toolkit/metrics/approach.h"
 
 namespace palpate::experiments {
@@ -172,6 +173,25 @@ std::vector<std::string> doubts_about_alignment(const Stage& stage) {
       fmt::format("The model's points lie {} mm (median) off the reference, {} times the distance to their "
                   "eighth neighbour: is it in the model's frame, unit and scale?",
                   short_number(median), short_number(median / spacing))};
+}
+
+std::vector<std::string> remarks_on_reference(const StagedStudy& study) {
+  if (!study.stage.reference || study.stage.reference->name != "original-mesh") return {};
+  std::vector<std::string> same;
+  for (const Run& run : study.runs) {
+    if (!run.result.prepare || run.result.prepare->decisions.models.empty()) continue;
+    bool as_it_is = false;  // the file's faces, none of them changed
+    for (const render::Decision& d : run.result.prepare->decisions.models.front().decisions) {
+      if (d.about == "mesh") as_it_is = d.choice == "original";
+      if ((d.about == "repair" || d.about == "facets") && d.given) as_it_is = false;
+    }
+    if (as_it_is) same.push_back(run.result.label);
+  }
+  if (same.empty()) return {};
+  return {fmt::format(
+      "The ground truth is the file's own faces, and {} feels the same ones: an error of 0 says that "
+      "it follows them, not that they are the thing that was scanned.",
+      joined(same, " as well as "))};
 }
 
 std::vector<std::string> doubts_about_contact(const StagedStudy& study) {

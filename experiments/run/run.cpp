@@ -207,6 +207,7 @@ void finish_document(StagedStudy& study) {
   study.document.warnings = study.stage.warnings;
   for (std::string& doubt : doubts_about_contact(study)) study.document.warnings.push_back(std::move(doubt));
   study.document.notes = study.stage.notes;
+  for (std::string& remark : remarks_on_reference(study)) study.document.notes.push_back(std::move(remark));
   study.document.renderers.clear();
   for (const Run& run : study.runs) study.document.renderers.push_back(run.result);
 }

@@ -183,6 +183,9 @@ TEST_F(UsualFolder, OnesOwnScanIsComparedInOneCommand) {
       EXPECT_GT(renderer["frame"]["contact_frames"], 5000);
       EXPECT_EQ(renderer["accuracy"].is_object(), faces) << "its own faces are the truth";
     }
+    const std::string remark =
+        "The ground truth is the file's own faces, and mesh-godobject feels the same ones";
+    EXPECT_EQ(result["notes"].dump().find(remark) != std::string::npos, faces) << result["notes"];
     const std::string mesh = result["renderers"][1]["prepare"]["notes"].dump();
     EXPECT_NE(mesh.find(faces ? "own 1152 faces (auto)" : "advancing-front"), std::string::npos) << mesh;
     // Once more, without a new folder.

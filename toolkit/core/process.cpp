@@ -123,6 +123,7 @@ Status Child::start(const std::vector<std::string>& arguments) {
   if (!out_.open_pipe() || !err_.open_pipe() || (options_.talk != nullptr && !talk_.open_socket()))
     return cannot_start(arguments[0], errno);
   std::vector<char*> argv;
+  argv.reserve(arguments.size() + 1);
   for (const std::string& a : arguments) argv.push_back(const_cast<char*>(a.c_str()));
   argv.push_back(nullptr);
   posix_spawn_file_actions_t actions;
@@ -267,9 +268,10 @@ Result<ProcessOutcome> run_process(const std::vector<std::string>& arguments, co
 bool program_exists(const std::string& name) {
   const char* path = std::getenv("PATH");
   if (path == nullptr) return false;
-  for (const std::string& folder : split_list(path, ':'))
-    if (::access((folder + "/" + name).c_str(), X_OK) == 0) return true;
-  return false;
+  const std::vector<std::string> folders = split_list(path, ':');
+  return std::any_of(folders.begin(), folders.end(), [&](const std::string& folder) {
+    return ::access((folder + "/" + name).c_str(), X_OK) == 0;
+  });
 }
 
 }  // namespace palpate

@@ -2,6 +2,8 @@
 // known.
 #pragma once
 
+#include <algorithm>
+#include <iterator>
 #include <ranges>
 #include <string>
 #include <string_view>
@@ -19,7 +21,7 @@ namespace palpate {
 template <std::ranges::range Things>
 [[nodiscard]] std::vector<std::string> names_of(const Things& things) {
   std::vector<std::string> names;
-  for (const auto& thing : things) names.push_back(thing.name);
+  std::ranges::transform(things, std::back_inserter(names), [](const auto& thing) { return thing.name; });
   return names;
 }
 

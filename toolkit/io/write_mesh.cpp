@@ -136,8 +136,8 @@ Status write_cloud_text(const std::string& path, const cloud::Cloud& cloud, char
 }
 
 const std::vector<std::string>& cloud_endings() {
-  static const std::vector<std::string> endings = {"ply", "xyz", "txt", "asc", "csv"};
-  return endings;
+  static const std::vector<std::string> kEndings = {"ply", "xyz", "txt", "asc", "csv"};
+  return kEndings;
 }
 
 Status write_cloud(const std::string& path, const cloud::Cloud& cloud) {

@@ -386,9 +386,9 @@ Result<ReplayReport> measure(HapticRenderer& renderer, const ProbePath& path, co
   for (const Wanted& wanted : {Wanted{options.paced_frames, 0, report.paced},
                                Wanted{options.paced_evicted_frames, kEvictedBytes, report.paced_evicted}}) {
     if (wanted.frames == 0) continue;
-    PALPATE_ASSIGN(PacedStatistics paced, paced_pass(course, path, report.trace, wanted.frames,
-                                                     wanted.evicted_bytes, report, options.progress));
-    wanted.out = std::move(paced);
+    PALPATE_ASSIGN(const PacedStatistics paced, paced_pass(course, path, report.trace, wanted.frames,
+                                                           wanted.evicted_bytes, report, options.progress));
+    wanted.out = paced;
   }
   return report;
 }
