@@ -322,6 +322,8 @@ TEST_F(Command, GrowthIsATableOfItsOwn) {
 TEST_F(Command, NeighboursOfTable6AreADocumentOfTheirOwn) {
   const ProcessOutcome run = palpate_command({"reproduce", "--tables", "6", "--quick", "--out", in("out")});
   ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_NE(file_text(in("out/report.html")).find("for the whole model"), std::string::npos)
+      << "a part is not compared with the thesis's whole";
   const std::string text = file_text(in("out/table6/neighbours.json"));
   EXPECT_EQ(schema_violations(schema("neighbours"), text), "");
   const json document = json::parse(text);
