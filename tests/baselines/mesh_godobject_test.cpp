@@ -1,31 +1,14 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cstdlib>
-#include <new>
 
 #include "baselines/mesh/facet.h"
 #include "baselines/mesh_holder.h"
 #include "baselines/register.h"
 #include "tests/baselines/mesh_probe_stand.h"
 #include "tests/baselines/meshes.h"
+#include "tests/house/allocation_count.h"
 #include "toolkit/core/random.h"
-
-namespace {
-std::size_t allocations = 0;
-}
-// Counts every allocation of this program.
-[[gnu::noinline]] void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* p = std::malloc(size == 0 ? 1 : size)) return p;
-  throw std::bad_alloc();
-}
-[[gnu::noinline]] void operator delete(void* p) noexcept {
-  std::free(p);
-}
-[[gnu::noinline]] void operator delete(void* p, std::size_t) noexcept {
-  std::free(p);
-}
 
 namespace palpate::baselines {
 namespace {
@@ -293,13 +276,13 @@ TEST(MeshGodObject, FramesAllocateNothing) {
   Probe probe = make(test::joined(flat, test::moved(flat, upright)));
   probe.renderer->restart({2, 2, 3});
   probe.to({2, 2, 2.9});
-  const std::size_t before = allocations;
+  const house::AllocationCount count;
   std::size_t contacts = 0;
   for (int i = 0; i < 10000; ++i) {
     const double t = i * 1e-3;
     contacts += probe.to({4 * std::sin(3 * t), 5 * std::sin(2 * t), 2.9 * std::cos(7 * t)}).contact;
   }
-  EXPECT_EQ(allocations, before);
+  EXPECT_EQ(count.count(), 0u);
   EXPECT_GT(contacts, 1000u);
 }
 

@@ -1,35 +1,16 @@
 // The ground-truth renderer, against closed forms and against a fine march; no allocation in a frame.
 #include <gtest/gtest.h>
 
-#include <atomic>
 #include <cmath>
-#include <cstdlib>
 #include <limits>
-#include <new>
 #include <numbers>
 #include <string>
 
+#include "tests/house/allocation_count.h"
 #include "toolkit/core/random.h"
 #include "toolkit/geometry/analytic_shapes.h"
 #include "toolkit/renderers/analytic_renderer.h"
 #include "toolkit/renderers/toolkit_renderers.h"
-
-namespace {
-std::atomic<std::uint64_t> allocations{0};
-}
-
-// Count every allocation of the program. Not inlined: the compiler would see malloc meet delete and warn.
-[[gnu::noinline]] void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* p = std::malloc(size == 0 ? 1 : size)) return p;
-  throw std::bad_alloc();
-}
-[[gnu::noinline]] void operator delete(void* p) noexcept {
-  std::free(p);
-}
-[[gnu::noinline]] void operator delete(void* p, std::size_t) noexcept {
-  std::free(p);
-}
 
 namespace palpate::render {
 namespace {
@@ -228,13 +209,13 @@ TEST(AnalyticRenderer, AllocatesNothingInAFrame) {
   AnalyticRenderer renderer;
   start(renderer, scene, {0, 0, 60});
   Random random(kSeed);
-  const std::uint64_t before = allocations;
+  const house::AllocationCount count;
   int contacts = 0;
   for (int k = 0; k < 10000; ++k) {
     const Vec3 hip(random.uniform(-40, 40), random.uniform(-40, 40), 30 * std::cos(0.01 * k));
     contacts += renderer.step(hip, kDt).contact;
   }
-  EXPECT_EQ(allocations - before, 0u);
+  EXPECT_EQ(count.count(), 0u);
   EXPECT_GT(contacts, 100);
 }
 
