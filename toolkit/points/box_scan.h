@@ -57,10 +57,11 @@ struct BoxScan {
   /// when all boxes of the segment have been tested. One choice a frame, always the same for a model.
   template <class Skip>
   bool advance(const PointModel& model, FrameCounters& counters, Skip&& skip) noexcept {
+    // The grid's scan is called here alone: the compiler then writes it into the frame, a tenth of its work
+    // less.
     if (model.tree.index() == 0) [[likely]]
       return scan_any(model, model.grid, counters, skip);
-    return with_partition(model,
-                          [&](const auto& tree) noexcept { return scan_any(model, tree, counters, skip); });
+    return with_tree(model, [&](const auto& tree) noexcept { return scan_any(model, tree, counters, skip); });
   }
 
   /// advance() for one partition, whose order of places is the model's. A partition that moves points while

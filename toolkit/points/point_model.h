@@ -80,15 +80,19 @@ struct PointBody {
                                                    const PointModelOptions& options,
                                                    const PrepareContext& context, PrepareReport& report);
 
-/// use(partition) for the one that a model has. Not std::visit, which may throw.
+/// use(tree) for what a model has instead of the grid. Not std::visit, which may throw.
 template <class Model, class Use>
-auto with_partition(Model& model, Use&& use) {
+auto with_tree(Model& model, Use&& use) {
   if (auto* octree = std::get_if<partition::Octree>(&model.tree)) return use(*octree);
   if (auto* quadtree = std::get_if<partition::Quadtree3d>(&model.tree)) return use(*quadtree);
   if (auto* grid = std::get_if<partition::DynamicGrid>(&model.tree)) return use(*grid);
   if (auto* moving = std::get_if<partition::DynamicOctree>(&model.tree)) return use(*moving);
-  if (auto* moving = std::get_if<partition::DynamicQuadtree3d>(&model.tree)) return use(*moving);
-  return use(model.grid);
+  return use(*std::get_if<partition::DynamicQuadtree3d>(&model.tree));
+}
+/// use(partition) for the one that a model has.
+template <class Model, class Use>
+auto with_partition(Model& model, Use&& use) {
+  return model.tree.index() == 0 ? use(model.grid) : with_tree(model, use);
 }
 
 /// The options every point renderer understands. `complete_to_eight`: the default of "complete".
