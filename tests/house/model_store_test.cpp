@@ -101,7 +101,7 @@ TEST(ModelStore, OtherOptionsAndOtherPointsAreOtherGeometry) {
     EXPECT_TRUE(renderer->prepare(corpus.scene.input, context).ok());
     return renderer;
   };
-  const auto plain = prepare("cloud");
+  const auto plain = prepare("cloud:surface=vertices");
   EXPECT_EQ(store.size(), 1u);
   const auto shaded = prepare("cloud:shading=none");  // no option of the geometry
   EXPECT_EQ(store.size(), 1u);
@@ -111,13 +111,20 @@ TEST(ModelStore, OtherOptionsAndOtherPointsAreOtherGeometry) {
   render::ModelInput& input = corpus.scene.input.models[0];
   auto copy = std::make_shared<cloud::Cloud>(*input.cloud);
   input.cloud = copy;
-  const auto again = prepare("cloud");
+  const auto again = prepare("cloud:surface=vertices");
   EXPECT_EQ(store.size(), 2u);
+  // A surface of stars is made of the same points, in another way: shared by all that have it.
+  const auto stars = prepare("cloud");
+  EXPECT_EQ(store.size(), 3u);
+  const auto more_stars = prepare("cloud:combine=sum");
+  EXPECT_EQ(store.size(), 3u);
   copy = std::make_shared<cloud::Cloud>(*copy);
   copy->z_mm[0] = std::nextafter(copy->z_mm[0], 1e9f);
   input.cloud = copy;
-  const auto other = prepare("cloud");
-  EXPECT_EQ(store.size(), 3u);
+  const auto other = prepare("cloud:surface=vertices");
+  EXPECT_EQ(store.size(), 4u);
+  const auto other_stars = prepare("cloud");
+  EXPECT_EQ(store.size(), 5u);
 }
 
 TEST(ModelStore, PointsThatGiveWayAreNeverShared) {

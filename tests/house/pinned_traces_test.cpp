@@ -33,8 +33,9 @@ const std::vector<std::pair<std::string, std::string>> kStands = {
 
 /// Beside the defaults of every renderer: what changes the frame's code or what it walks over. Meshes are
 /// those of the files: reconstruction has its own tests.
-const std::vector<std::string> kFurther = {"cloud:shading=none", "cloud:neighbours=exact-knn",
-                                           "cloud:partition=octree", "cloud-literal:shading=area-raw"};
+const std::vector<std::string> kFurther = {"cloud:surface=vertices", "cloud:shading=none",
+                                           "cloud:neighbours=exact-knn", "cloud:partition=octree",
+                                           "cloud-literal:shading=area-raw"};
 
 NamedOptions with_own_mesh(NamedOptions named, const render::RendererInfo& info) {
   for (const OptionSpec& option : info.options)

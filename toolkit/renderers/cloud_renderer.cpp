@@ -1,165 +1,109 @@
 #include "toolkit/renderers/cloud_renderer.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
-#include "toolkit/core/try.h"
 #include "toolkit/deformation/editable.h"
-#include "toolkit/render/shading_decision.h"
-#include "toolkit/render/shell_renderer.h"
-#include "toolkit/renderers/cloud_model.h"
+#include "toolkit/points/point_model.h"
+#include "toolkit/render/shading.h"
+#include "toolkit/render/slow_phase.h"
+#include "toolkit/renderers/cloud_on_stars.h"
+#include "toolkit/renderers/cloud_on_vertices.h"
 
 namespace palpate::render {
 namespace {
 
-/// Points that a surface that gives way may gain by stretching, as a share of those it has, and at least.
-constexpr double kSpareShare = 0.125;
-constexpr std::size_t kLeastSpare = 256;
-/// Changes remembered for undo: some four thousand frames of a full dent, 32 MB.
-constexpr std::size_t kJournalPoints = std::size_t{1} << 19;
+/// Options that only the surface of vertices has.
+std::vector<OptionSpec> vertex_specs() {
+  std::vector<OptionSpec> specs = point_model_specs();
+  for (OptionSpec& spec : specs) {
+    if (spec.key != "cell") continue;
+    spec.default_value = "0";
+    spec.only_with = {{"partition", {"grid"}}};  // the leaves of a tree choose their own sizes
+  }
+  for (OptionSpec& spec : box_test_specs()) specs.push_back(std::move(spec));
+  specs.push_back(partition_spec());
+  specs.push_back(shading_spec("force shading; auto: facet where stiffness x local spacing is felt"));
+  for (OptionSpec& spec : specs) spec.only_with.push_back({"surface", {"auto", "vertices"}});
+  return specs;
+}
 
-class Cloud final : public BoxedShellRenderer<CloudModel>, public Editable {
+/// One of the two surfaces, chosen once the scene is known.
+class CloudRenderer final : public HapticRenderer, public Editable, public SlowPhase {
  public:
-  static constexpr Features kFelt =
-      kAllOfRigidSurfaces | Feature::kDent | Feature::kMovedPoints | Feature::kJointContact;
-  // Measured (see kExpectedOn); they say what to expect, no decision rests on them. A frame in contact:
-  // bench_frame at 1,002,001 points. Preparation on two threads: reproduce, neighbours known from a scan's
-  // order or searched.
-  static constexpr double kFrameUs = 0.25;
-  static constexpr double kScanOrderMsPerMillion = 450.0, kSearchMsPerMillion = 900.0;
-
-  explicit Cloud(const Options& options) : BoxedShellRenderer(options) {}
-
-  bool undo(std::size_t model) noexcept override {
-    if (!gives_way(model)) return false;
-    CloudModel& cloud = models_[model];
-    bool any = false;
-    cloud.put_back(models_.counters(), [&](auto&& told) { any = cloud.deformer->undo(told); });
-    return any;
+  explicit CloudRenderer(const Options& options) : options_(options) {
+    const std::vector<OptionSpec> specs = vertex_specs();
+    asked_vertices_ = options.text("surface") == "vertices" ||
+                      std::any_of(specs.begin(), specs.end(), [&](const OptionSpec& spec) {
+                        return options.has(spec.key) && options.text(spec.key) != spec.default_value;
+                      });
+    made_ = make(asked_vertices_);
   }
+
+  Result<Decisions> decide(const SceneInput& scene, const PrepareContext& context) const override {
+    if (const Status right = check(scene); !right) return right.error();
+    return make(on_vertices(scene))->decide(scene, context);
+  }
+  Result<PrepareReport> prepare(const SceneInput& scene, const PrepareContext& context) override {
+    if (const Status right = check(scene); !right) return right.error();
+    made_ = make(on_vertices(scene));
+    editable_ = dynamic_cast<Editable*>(made_.get());
+    slow_ = dynamic_cast<SlowPhase*>(made_.get());
+    return made_->prepare(scene, context);
+  }
+  void restart(const Vec3& hip_mm, double t_s) noexcept override { made_->restart(hip_mm, t_s); }
+  void let_go(const Vec3& hip_mm) noexcept override { made_->let_go(hip_mm); }
+  [[nodiscard]] Frame step(const Vec3& hip_mm, double t_s) noexcept override {
+    return made_->step(hip_mm, t_s);
+  }
+  [[nodiscard]] FrameCounters counters() const noexcept override { return made_->counters(); }
+  [[nodiscard]] Description describe() const override { return made_->describe(); }
+
+  bool undo(std::size_t model) noexcept override { return editable_ != nullptr && editable_->undo(model); }
   void restore(std::size_t model) noexcept override {
-    if (!gives_way(model)) return;
-    CloudModel& cloud = models_[model];
-    cloud.put_back(models_.counters(), [&](auto&& told) { cloud.deformer->reset(told); });
+    if (editable_ != nullptr) editable_->restore(model);
   }
-  Result<cloud::Cloud> edited(std::size_t model) const override {
-    if (!gives_way(model))
+  [[nodiscard]] Result<cloud::Cloud> edited(std::size_t model) const override {
+    if (editable_ == nullptr)
       return Error{"this model does not give way", "give it a [model.surface.dent]", {}, 0};
-    return models_[model].deformer->edited();
+    return editable_->edited(model);
   }
-  DeformCounters deform_counters(std::size_t model) const noexcept override {
-    return gives_way(model) ? models_[model].deformer->counters() : DeformCounters{};
+  [[nodiscard]] DeformCounters deform_counters(std::size_t model) const noexcept override {
+    return editable_ == nullptr ? DeformCounters{} : editable_->deform_counters(model);
   }
-
-  Description describe() const override {
-    return {"cloud", "chapter 3 made right",
-            "El-Far, chapter 3; side, bounds, creases, friction cone and joint contact ours",
-            fmt::format("a model near the HIP: {} moves of the god object and {} along an edge, {} wider "
-                        "looks of 64 points, {} "
-                        "box tests, segments of {} cells, at a crease {} facets and as many lines a frame; "
-                        "what is left is done "
-                        "in the next; of models touched at once the {} deepest",
-                        kMaxWalkSteps, kMaxFaceMoves, kMaxRescues, kMaxBoxTests, kMaxSegmentCells,
-                        neighbourhood::kNeighbours, kMaxTouched),
-            options_};
+  void run_slow_phase_elsewhere() noexcept override {
+    if (slow_ != nullptr) slow_->run_slow_phase_elsewhere();
+  }
+  void slow_phase(double t_s, const Vec3& from_mm, const Vec3& to_mm) noexcept override {
+    if (slow_ != nullptr) slow_->slow_phase(t_s, from_mm, to_mm);
   }
 
  private:
-  Status add_models(const SceneInput& scene, const PrepareContext& context, PrepareReport& report) override {
-    for (const ModelInput& input : scene.models) PALPATE_TRY(prepare_model(input, context, report));
+  static bool gives_way(const SceneInput& scene) {
+    return std::any_of(scene.models.begin(), scene.models.end(), [](const ModelInput& input) {
+      return input.surface.dent.any() || input.moves != nullptr;
+    });
+  }
+  [[nodiscard]] Status check(const SceneInput& scene) const {
+    if (options_.text("surface") == "stars" && gives_way(scene))
+      return Error{"a surface of stars does not give way, and a model of the scene does",
+                   "leave out surface=stars, or take surface=vertices",
+                   {},
+                   0};
     return Done{};
   }
-  [[nodiscard]] Combine combine() const override {
-    return options_.text("combine") == "sum" ? Combine::kSum : Combine::kJoint;
+  [[nodiscard]] bool on_vertices(const SceneInput& scene) const {
+    return asked_vertices_ || gives_way(scene);
+  }
+  [[nodiscard]] std::unique_ptr<HapticRenderer> make(bool vertices) const {
+    return vertices ? make_cloud_on_vertices(options_) : make_cloud_on_stars(options_);
   }
 
-  [[nodiscard]] bool gives_way(std::size_t model) const noexcept {
-    return model < models_.size() && models_[model].deformer != nullptr;
-  }
-
-  /// What the options mean for a model.
-  [[nodiscard]] PointModelOptions options_for(const ModelInput& input) const {
-    PointModelOptions o = point_model_options(options_);
-    o.blend_resolutions = kBlendResolutions;
-    o.moving = input.surface.dent.any() || input.moves != nullptr;
-    if (o.moving)
-      o.spare_points =
-          static_cast<std::size_t>(kSpareShare * static_cast<double>(input.cloud->size())) + kLeastSpare;
-    return o;
-  }
-  static Deformer::Options deformer_options(const ModelInput& input, const PointDecision& points) {
-    Deformer::Options deform;
-    deform.spare_points = points.spare_points;
-    deform.journal_points = std::min(input.cloud->size() + points.spare_points, kJournalPoints);
-    return deform;
-  }
-  [[nodiscard]] ShadingDecision shading_of(const PointModelDecision& decided) const {
-    return decide_shading(options_.text("shading"), decided.surface.largest_stiffness_n_per_mm,
-                          decided.points.max_spacing_mm, decided.points.moving);
-  }
-
-  Result<ModelDecisions> decide_model(const ModelInput& input, const PrepareContext& context) const override {
-    const Result<PointModelDecision> decided = decide_point_model(input, options_for(input), context);
-    if (!decided) return decided.error();
-    return said(input, *decided);
-  }
-  [[nodiscard]] ModelDecisions said(const ModelInput& input, const PointModelDecision& decided) const {
-    const PointDecision& points = decided.points;
-    ModelDecisions out;
-    out.name = input.name;
-    say_points(*input.cloud, options_for(input), points, out);
-    const double millions = 1e-6 * static_cast<double>(input.cloud->size());
-    out.prepare_ms = millions * (points.from_scan ? kScanOrderMsPerMillion : kSearchMsPerMillion);
-    out.frame_us = kFrameUs;
-    out.decisions.push_back(shading_of(decided).said);
-    say_surface(input, decided.surface, kFelt, input.cloud->size(), out);
-    if (points.moving) {
-      const Deformer::Options deform = deformer_options(input, points);
-      out.decisions.push_back({"deformable geometry", "points move with their links",
-                               fmt::format("up to {} points a frame, {} spare ones, {} changes undone; the "
-                                           "first shape is kept",
-                                           kMaxMovedPoints, deform.spare_points, deform.journal_points),
-                               true});
-      out.bytes += Deformer::bytes_for(input.cloud->size(), deform);
-    }
-    if (input.motion != nullptr)
-      out.decisions.push_back({"motion", "pose read in each frame", "the scene moves it", true});
-    return out;
-  }
-
-  Status prepare_model(const ModelInput& input, const PrepareContext& context, PrepareReport& report) {
-    auto made = std::make_unique<CloudModel>();
-    Result<PointBody> built = build_point_body(input, options_for(input), context, report);
-    if (!built) return std::move(built).error();
-    made->body = std::move(*built);
-    const PointModel& points = *made->body.points;
-    const PointModelDecision decided = made->body.decided();
-    const ShadingDecision shading = shading_of(decided);
-    report.decisions.models.push_back(said(input, decided));
-    if (!shading.said.given) report.notes.push_back(note_of(shading.said));
-    made->shading = shading.shading;
-    made->by_spacing = shading.by_spacing;
-    made->felt_spacing_sq_mm2 = shading.felt_spacing_mm * shading.felt_spacing_mm;
-    made->contact.attach(points);
-    for (const StoredPoint& p : points.points) made->prepared_box_mm.add(p.at());
-    made->prepared_box_mm.low_mm -= points.largest_half_box_mm;
-    made->prepared_box_mm.high_mm += points.largest_half_box_mm;
-    if (decided.points.moving) {
-      const Deformer::Options deform = deformer_options(input, decided.points);
-      made->deformer = std::make_unique<Deformer>(*made->body.moving, made->body.surface, deform);
-      made->dent = input.surface.dent;
-      if (input.moves != nullptr) made->moves = input.moves->subscribe();
-      report.bytes += made->deformer->bytes();
-      report.notes.push_back(
-          fmt::format("deformation: up to {} points a frame, {} spare ones, {} changes undone",
-                      kMaxMovedPoints, deform.spare_points, deform.journal_points));
-    }
-    models_.add(std::move(made));
-    return Done{};
-  }
+  Options options_;
+  bool asked_vertices_ = false;
+  std::unique_ptr<HapticRenderer> made_;
+  Editable* editable_ = nullptr;  ///< made_, where it is one
+  SlowPhase* slow_ = nullptr;
 };
 
 }  // namespace
@@ -167,25 +111,25 @@ class Cloud final : public BoxedShellRenderer<CloudModel>, public Editable {
 RendererInfo cloud_info() {
   RendererInfo info;
   info.name = "cloud";
-  info.summary = "chapter 3 made right: a contact state with a side, shading by stiffness and spacing";
-  info.source = "El-Far, chapter 3; contact side, creases, friction cone, joint contact and bounds are ours";
+  info.summary = "chapter 3 made right: the points' own triangles, a god object that only descends";
+  info.source =
+      "El-Far, chapter 3; stars of points, contact side, friction cone, joint contact and bounds are ours";
   info.role = Role::kOurs;
-  info.supports = Cloud::kFelt;
-  info.options = point_model_specs();
-  for (OptionSpec& spec : info.options) {
-    if (spec.key != "cell") continue;
-    spec.default_value = "0";
-    spec.only_with = {{"partition", {"grid"}}};  // the leaves of a tree choose their own sizes
-  }
-  for (OptionSpec& spec : box_test_specs()) info.options.push_back(std::move(spec));
-  info.options.push_back(partition_spec());
-  info.options.push_back(shading_spec("force shading; auto: facet where stiffness x local spacing is felt"));
+  info.supports = kFeltOnVertices;
+  info.options = vertex_specs();
   info.options.push_back({"combine",
                           OptionKind::kChoice,
                           "joint",
                           "several models touched at once: constrained jointly, or the sum of their forces",
                           {"joint", "sum"}});
-  info.make = [](const Options& options) { return std::make_unique<Cloud>(options); };
+  info.options.push_back(
+      {"surface",
+       OptionKind::kChoice,
+       "auto",
+       "what is felt: triangles that the points agree on (stars), or a plane at every point; auto: stars, "
+       "unless points give way or an option of the vertices is given",
+       {"auto", "stars", "vertices"}});
+  info.make = [](const Options& options) { return std::make_unique<CloudRenderer>(options); };
   return info;
 }
 

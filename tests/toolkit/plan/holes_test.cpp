@@ -114,8 +114,10 @@ TEST(Holes, TheForceIsThatOfTheFormula) {
     // Measured: 0.826 % on the whole lattice, 0.842 % with 70 % of it gone, 0.925 % with 85 %; cloud
     // 0.88, 4.7 and 6.5 %.
     EXPECT_LT(ours.rms_percent, share < 0.8 ? 1.05 * whole : 1.2 * whole);
-    EXPECT_LT(ours.rms_percent,
-              against_the_formula(*render::prepared(scene.input, "cloud"), scene, path).rms_percent);
+    // On the whole lattice both feel the same triangles, but for which diagonal cuts a square: 0.826 and
+    // 0.826 %.
+    const Errors cloud = against_the_formula(*render::prepared(scene.input, "cloud"), scene, path);
+    EXPECT_LT(ours.rms_percent, share > 0.0 ? cloud.rms_percent : 1.01 * cloud.rms_percent);
   }
 }
 

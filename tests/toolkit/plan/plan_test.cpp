@@ -44,7 +44,8 @@ Plan planned(const render::SceneInput& scene, const std::string& renderer = {}) 
 render::PrepareReport built(const render::SceneInput& scene, const std::string& name) {
   render::Registry registry;
   render::register_toolkit_renderers(registry);
-  return registry.make(name, {}).value()->prepare(scene, {1, nullptr}).value();
+  const NamedOptions named = parse_named_options(name).value();
+  return registry.make(named.name, named.options).value()->prepare(scene, {1, nullptr}).value();
 }
 
 TEST(Plan, HeightFieldsTakeTheirOwnRenderer) {
@@ -92,6 +93,9 @@ render::SceneInput flat_grid(double diagonal_mm, double& stored_diagonal_mm) {
 
 // The step of force is stiffness x the largest spacing: just under what is felt nothing is shaded, just over
 // it everything that asks for it is, in the plan as in what is built.
+// Only there is a facet's plane a choice.
+constexpr const char* kOnVertices = "cloud:surface=vertices";
+
 TEST(Plan, ShadingTurnsExactlyWhereAStepIsFelt) {
   constexpr double kStiffness = 0.5;
   const double felt_mm = kFeltForceStepN / kStiffness;
@@ -103,11 +107,11 @@ TEST(Plan, ShadingTurnsExactlyWhereAStepIsFelt) {
     const bool shades = kStiffness * spacing_mm > kFeltForceStepN;
     EXPECT_EQ(shades, share > 1.0) << "too near for float coordinates";
     (shades ? shaded : bare) += 1;
-    const Plan plan = planned(scene, "cloud");
+    const Plan plan = planned(scene, kOnVertices);
     EXPECT_DOUBLE_EQ(plan.decided.models[0].spacing_mm.value(), spacing_mm);
     const std::string wanted = shades ? "facet, where a point's spacing asks for it" : "none";
     EXPECT_EQ(choice(plan.decided.models[0].decisions, "shading"), wanted);
-    EXPECT_EQ(choice(built(scene, "cloud").decisions.models[0].decisions, "shading"), wanted);
+    EXPECT_EQ(choice(built(scene, kOnVertices).decisions.models[0].decisions, "shading"), wanted);
   }
   EXPECT_EQ(shaded, 4);
   EXPECT_EQ(bare, 4);
@@ -117,13 +121,13 @@ TEST(Plan, ShadingTurnsExactlyWhereAStepIsFelt) {
 // the scanner's path does.
 TEST(Plan, ShadingGoesByTheNeighboursThatAreBuilt) {
   const render::Scene scene = render::generated("sinusoid:points=10201:extent_mm=5:amplitude_mm=1");
-  const double by_path = planned(scene.input, "cloud").decided.models[0].spacing_mm.value();
+  const double by_path = planned(scene.input, kOnVertices).decided.models[0].spacing_mm.value();
   const double nearest =
       planned(scene.input, "cloud:neighbours=exact-knn").decided.models[0].spacing_mm.value();
   ASSERT_GT(nearest, 1.5 * by_path);
   render::Scene between = scene;
   between.input.models[0].surface.stiffness_n_per_mm = kFeltForceStepN / std::sqrt(by_path * nearest);
-  EXPECT_EQ(choice(planned(between.input, "cloud").decided.models[0].decisions, "shading"), "none");
+  EXPECT_EQ(choice(planned(between.input, kOnVertices).decided.models[0].decisions, "shading"), "none");
   EXPECT_NE(
       choice(planned(between.input, "cloud:neighbours=exact-knn").decided.models[0].decisions, "shading"),
       "none");

@@ -69,11 +69,11 @@ TEST(AnyPartition, DrivesCloudToTheSameTrace) {
   for (const auto& [model, path] : settings) {
     const Setting made = setting(model, path);
     for (const std::string box : {"global", "per-vertex"}) {
-      const Ran grid = run(made, "cloud:box=" + box);
+      const Ran grid = run(made, "cloud:surface=vertices:box=" + box);
       EXPECT_GT(grid.contacts, 0u) << model;
       EXPECT_LT(grid.contacts, made.path.size()) << model;
       for (const std::string other : {"octree", "quadtree"}) {
-        const Ran tree = run(made, "cloud:box=" + box + ":partition=" + other);
+        const Ran tree = run(made, "cloud:surface=vertices:box=" + box + ":partition=" + other);
         EXPECT_EQ(tree.hash, grid.hash) << model << " " << path << " " << other << " " << box;
         EXPECT_EQ(tree.contacts, grid.contacts) << model;
         // Ten points a leaf instead of some twenty-five a cell: far fewer boxes are looked at.
@@ -106,7 +106,7 @@ TEST(AnyPartition, DrivesDentsToTheSameTrace) {
 // The side of a contact is judged by planes, so finding a sheet earlier changes nothing but the work.
 TEST(SweptSphere, FindsMoreBoxesAndChangesNoFrameOfCloud) {
   const Setting made = setting("sinusoid:points=10000", "weave:frames=4000");
-  const Ran box = run(made, "cloud");
+  const Ran box = run(made, "cloud:surface=vertices");
   EXPECT_EQ(box.counters.sphere_only, 0u);
   std::uint64_t last = 0;
   for (const std::string sphere : {"0.05", "0", "2"}) {
@@ -147,7 +147,7 @@ TEST(Cells, OfUnevenCloudsHoldFewPointsAndChangeNoFrame) {
       trace::make_path(parse_named_options("exploration:frames=20000:seed=2").value(), target).value();
   std::vector<FrameCounters> counters;
   std::vector<std::vector<Frame>> frames;
-  for (const char* spec : {"cloud:cell=5", "cloud"}) {
+  for (const char* spec : {"cloud:cell=5", "cloud:surface=vertices"}) {
     const auto renderer = prepared(uneven, spec);
     renderer->restart(path.hip_mm[0]);
     std::vector<Frame>& own = frames.emplace_back();

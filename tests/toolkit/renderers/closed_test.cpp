@@ -30,8 +30,8 @@ std::vector<Vec3> sphere_points(double radius, const Vec3& centre, bool with_hol
   return points;
 }
 
-test::Stepped sphere(bool with_hole) {
-  return prepared(cloud_of(sphere_points(kRadius, Vec3::Zero(), with_hole)), "cloud");
+test::Stepped sphere(bool with_hole, const char* renderer = "cloud") {
+  return prepared(cloud_of(sphere_points(kRadius, Vec3::Zero(), with_hole)), renderer);
 }
 
 Frame glide(const test::Stepped& renderer, const Vec3& from, const Vec3& to) {
@@ -61,9 +61,44 @@ TEST(ClosedCloud, IsTouchedFromInsideWhereTheHipStartsInside) {
   EXPECT_EQ(frame.force_n, Vec3::Zero());
 }
 
-// In by the hole, out through the surface, and everything is as it was before.
+// In by the hole: the wall is felt from inside, as a vase's is, and from outside again afterwards.
+TEST(ClosedCloud, WithAHoleIsFeltFromBothSides) {
+  const auto cloud = sphere(true, "cloud:surface=stars");
+  const Vec3 before(kRadius + 10, 0, 0), middle(0, 0, 0), wall(0, 0.3, kRadius + 1);
+  cloud->restart(before);
+  EXPECT_FALSE(glide(cloud, before, middle).contact);
+  Frame frame = glide(cloud, middle, wall);
+  ASSERT_TRUE(frame.contact);
+  EXPECT_LT(frame.force_n.z(), 0.0);
+  EXPECT_FALSE(glide(cloud, wall, middle).contact);
+  EXPECT_FALSE(glide(cloud, middle, before).contact);
+  const Vec3 around(kRadius + 10, 0, kRadius + 10);
+  EXPECT_FALSE(glide(cloud, before, around).contact);
+  EXPECT_FALSE(glide(cloud, around, Vec3(0, 0.3, kRadius + 5)).contact);
+  frame = glide(cloud, Vec3(0, 0.3, kRadius + 5), Vec3(0, 0.3, kRadius - 1));
+  ASSERT_TRUE(frame.contact);
+  EXPECT_GT(frame.force_n.z(), 0.0);
+}
+
+// Pressed against the wall, then along it into the mouth and to the middle: nothing is felt in free air.
+TEST(ClosedCloud, AMouthLetsGoOfWhoSlidesIntoIt) {
+  const auto cloud = sphere(true, "cloud:surface=stars");
+  constexpr double kBeside = 0.3;  // of the way around, from the axis of the mouth
+  const auto at = [](double angle, double radius) {
+    return Vec3(radius * std::cos(angle), radius * std::sin(angle), 0.0);
+  };
+  cloud->restart(at(kBeside, kRadius + 2));
+  Frame frame = glide(cloud, at(kBeside, kRadius + 2), at(kBeside, kRadius - 1));
+  ASSERT_TRUE(frame.contact);
+  frame = glide(cloud, at(kBeside, kRadius - 1), at(0.0, kRadius - 1));
+  EXPECT_FALSE(frame.contact);
+  EXPECT_FALSE(glide(cloud, at(0.0, kRadius - 1), Vec3::Zero()).contact);
+}
+
+// On planes at every point, a sphere with a hole is taken for a whole one: in by the hole, out through the
+// surface, and everything is as it was before.
 TEST(ClosedCloud, AHoleDoesNotTurnItInsideOut) {
-  const auto cloud = sphere(true);
+  const auto cloud = sphere(true, "cloud:surface=vertices");
   const Vec3 before(kRadius + 10, 0, 0), middle(0, 0, 0), above(0, 0.3, kRadius + 5);
   cloud->restart(before);
   Frame frame = glide(cloud, before, middle);

@@ -1,0 +1,163 @@
+// The contact of a HIP with a star mesh against the obvious slow way: all triangles looked at.
+#include "toolkit/stars/star_contact.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/toolkit/stars/clouds.h"
+
+namespace palpate::stars {
+namespace {
+
+struct Felt {
+  explicit Felt(const std::vector<Vec3>& points)
+      : mesh(StarMesh::build(cloud_of(points), 2)), tree(StarTree::build(mesh, 2)) {
+    contact.attach(mesh, tree);
+  }
+  [[nodiscard]] Vec3 local(const Vec3& p) const { return p - mesh.origin_mm(); }
+  StarMesh mesh;
+  StarTree tree;
+  StarContact contact;
+};
+
+/// Every triangle that the open segment goes through, by a test of its own.
+int pierced(const StarMesh& mesh, const Vec3& from, const Vec3& to) {
+  int count = 0;
+  for (std::uint32_t i = 0; i < mesh.size(); ++i)
+    mesh.for_triangles_of(i, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+      Eigen::Matrix3d m;
+      m.col(0) = mesh.at(b) - mesh.at(a);
+      m.col(1) = mesh.at(c) - mesh.at(a);
+      m.col(2) = from - to;
+      if (std::abs(m.determinant()) < 1e-18) return;
+      const Vec3 s = m.inverse() * (from - mesh.at(a));
+      count += s.x() > 0.0 && s.y() > 0.0 && s.x() + s.y() < 1.0 && s.z() > 0.0 && s.z() < 1.0;
+    });
+  return count;
+}
+
+double nearest_anywhere_sq(const StarMesh& mesh, const Vec3& h) {
+  double least = HUGE_VAL;
+  for (std::uint32_t i = 0; i < mesh.size(); ++i)
+    mesh.for_triangles_of(i, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+      least = std::min(least, foot_on(Facet(mesh, a, b, c), h).distance_sq);
+    });
+  return least;
+}
+
+TEST(StarContact, ComesWhereTheWayGoesThroughATriangle) {
+  Felt felt(random_torus(3000, 0.0, 21));
+  Random random(22);
+  int contacts = 0;
+  for (int i = 0; i < 3000; ++i) {
+    // From outside: short ways near the tube, long ones through everything.
+    const double u = random.uniform(0.0, 6.3), v = random.uniform(0.0, 6.3), out = random.uniform(10.5, 13.0);
+    const Vec3 from((30 + out * std::cos(v)) * std::cos(u), (30 + out * std::cos(v)) * std::sin(u),
+                    out * std::sin(v));
+    const Vec3 way = Vec3(random.normal(), random.normal(), random.normal()) * (i % 3 == 0 ? 20.0 : 1.5);
+    felt.contact.reset(felt.local(from));
+    StarCounters counters;
+    const bool held = felt.contact.update(felt.local(from + way), counters);
+    const int through = pierced(felt.mesh, felt.local(from), felt.local(from + way));
+    if (through == 0) {
+      EXPECT_FALSE(held) << i;
+    } else if (through % 2 == 1) {
+      EXPECT_TRUE(held) << i;
+    }
+    contacts += held;
+  }
+  EXPECT_GT(contacts, 300);
+}
+
+TEST(StarContact, OnlyDescendsAndStaysTheNearestNearby) {
+  struct Case {
+    std::vector<Vec3> points;
+    Vec3 start, middle;
+  };
+  const Vec3 above(30, 0, 13), tube(30, 0, 9);
+  for (const Case& c : {Case{random_torus(20000, 0.0, 23), above, tube},
+                        Case{random_roof(5000, 24), Vec3(5, 0, 2), Vec3(3, 0, -4)},
+                        Case{random_torus(20000, 0.1, 25), above, tube}}) {
+    Felt felt(c.points);
+    Random random(26);
+    Vec3 h = felt.local(c.start);
+    felt.contact.reset(h);
+    Vec3 velocity = Vec3::Zero(), g = Vec3::Zero();
+    int held = 0, nearest = 0;
+    bool was = false;
+    for (int i = 0; i < 20000; ++i) {
+      velocity = 0.95 * velocity + 0.01 * Vec3(random.normal(), random.normal(), random.normal()) -
+                 0.0005 * (h - felt.local(c.middle));
+      h += velocity;
+      StarCounters counters;
+      const bool is = felt.contact.update(h, counters);
+      EXPECT_FALSE(felt.contact.bound_hit());
+      if (is) {
+        const Vec3 now = h + felt.contact.pull();
+        if (was) {
+          EXPECT_LE((h - now).squaredNorm(), (h - g).squaredNorm() * (1.0 + 1e-12)) << i;
+        }
+        g = now;
+        ++held;
+        if (i % 50 == 0)
+          nearest += (h - g).squaredNorm() <= nearest_anywhere_sq(felt.mesh, h) * (1.0 + 1e-9) + 1e-18;
+      }
+      was = is;
+    }
+    EXPECT_GT(held, 2000);
+    EXPECT_GT(nearest, 0);
+  }
+}
+
+TEST(StarContact, LetsGoBesideASheet) {
+  std::vector<Vec3> sheet;
+  Random random(27);
+  for (int i = 0; i < 10000; ++i)
+    sheet.emplace_back(random.uniform(-10.0, 10.0), random.uniform(-10.0, 10.0), 0.0);
+  Felt felt(sheet);
+  StarCounters counters;
+  // 0.6 mm beside the border, 0.2 mm below it: three spacings, past any edge there.
+  felt.contact.reset(felt.local(Vec3(10.6, 0, 1)));
+  EXPECT_FALSE(felt.contact.update(felt.local(Vec3(10.6, 0, -0.2)), counters));
+  for (double y = 0.0; y < 5.0; y += 0.05)
+    EXPECT_FALSE(felt.contact.update(felt.local(Vec3(10.6, y, -0.2)), counters)) << y;
+  // Pressed, then over the border.
+  felt.contact.reset(felt.local(Vec3(9, 0, 1)));
+  EXPECT_TRUE(felt.contact.update(felt.local(Vec3(9, 0, -0.2)), counters));
+  bool held = true;
+  for (double x = 9.0; x < 10.8; x += 0.05)
+    held = felt.contact.update(felt.local(Vec3(x, 0, -0.2)), counters);
+  EXPECT_FALSE(held);
+}
+
+TEST(StarContact, MeetsWhatIsTouchedExactly) {
+  std::vector<Vec3> lattice;
+  for (int x = -8; x <= 8; ++x)
+    for (int y = -8; y <= 8; ++y) lattice.emplace_back(x, y, 0);
+  Felt felt(lattice);
+  StarCounters counters;
+  // On points, on edges, along them and slantwise through them: never past.
+  for (const Vec3& start :
+       {Vec3(0, 0, 1), Vec3(0.5, 0, 1), Vec3(0.5, 0.5, 1), Vec3(0.25, 0, 1), Vec3(0, 1, 0.5)})
+    for (const Vec3& end : {Vec3(0, 0, -1), Vec3(1, 0, -1), Vec3(0.5, 0.5, -1), Vec3(3, 3, -0.5)}) {
+      felt.contact.reset(felt.local(start));
+      bool held = false;
+      for (int k = 1; k <= 8; ++k)
+        held = felt.contact.update(felt.local(start + (end - start) * (k / 8.0)), counters);
+      EXPECT_TRUE(held) << start.transpose() << " to " << end.transpose();
+      EXPECT_NEAR(felt.contact.pull().z(), -felt.local(end).z() + felt.local(Vec3::Zero()).z(), 1e-12);
+    }
+}
+
+TEST(StarContact, WorkDoesNotGrowWithThePoints) {
+  for (const std::size_t count : {std::size_t{3000}, std::size_t{300000}}) {
+    Felt felt(random_torus(count, 0.0, 28));
+    felt.contact.reset(felt.local(Vec3(30, 0, 12)));
+    StarCounters counters;
+    for (int i = 0; i <= 400; ++i)
+      (void)felt.contact.update(felt.local(Vec3(30, 0.02 * i, 12 - 0.01 * i)), counters);
+    EXPECT_LT(counters.tested, 20000u) << count;
+  }
+}
+
+}  // namespace
+}  // namespace palpate::stars

@@ -1,0 +1,218 @@
+// Triangles that the points agree on: each in the rings of its corners, one side a piece, and the same
+// whatever the order of the points and the number of threads.
+#include "toolkit/stars/star_mesh.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <map>
+#include <set>
+#include <string>
+
+#include "tests/toolkit/stars/clouds.h"
+
+namespace palpate::stars {
+namespace {
+
+using Triple = std::array<std::uint32_t, 3>;
+
+/// Of the cloud's indices, the lowest first, the way around kept.
+std::vector<Triple> triangles_of(const StarMesh& mesh) {
+  std::vector<Triple> all = mesh.as_mesh().triangles;
+  for (Triple& t : all) std::rotate(t.begin(), std::min_element(t.begin(), t.end()), t.end());
+  std::sort(all.begin(), all.end());
+  return all;
+}
+
+struct Named {
+  std::string name;
+  std::vector<Vec3> points;
+};
+std::vector<Named> all_clouds() {
+  std::vector<Vec3> doubled = random_spheres({5.0}, 0.3, 4);
+  for (std::size_t i = 0, n = doubled.size(); i < n; i += 3) doubled.push_back(doubled[i]);
+  std::vector<Vec3> line, pile(50, Vec3(1, 2, 3));
+  for (int i = 0; i < 60; ++i) line.emplace_back(0.1 * i, 0.2 * i, -0.3 * i);
+  std::vector<Vec3> chaos;
+  Random random(8);
+  for (int i = 0; i < 3000; ++i) chaos.emplace_back(random.uniform(), random.uniform(), random.uniform());
+  return {{"torus", random_torus(20000, 0.0, 1)},
+          {"noisy torus", random_torus(20000, 0.22, 2)},
+          {"shells", random_spheres({10.0, 9.6}, 0.2, 3)},
+          {"roof", random_roof(8000, 5)},
+          {"lines", scan_lines(6)},
+          {"step", density_step(20000, 7)},
+          {"doubled", doubled},
+          {"line", line},
+          {"pile", pile},
+          {"chaos", chaos},
+          {"one", {Vec3(1, 1, 1)}},
+          {"two", {Vec3(1, 1, 1), Vec3(2, 1, 1)}},
+          {"three", {Vec3(1, 1, 1), Vec3(2, 1, 1), Vec3(1, 2, 1)}}};
+}
+
+/// What no cloud may break: every triangle stands in the rings of its three corners, the same way around, and
+/// an edge has two at most, which run along it in opposite ways.
+void expect_sound(const StarMesh& mesh) {
+  std::map<std::array<std::uint32_t, 2>, int> edges;
+  std::uint64_t triangles = 0;
+  for (std::uint32_t i = 0; i < mesh.size(); ++i) {
+    const Ring ring = mesh.ring(i);
+    std::set<std::uint32_t> seen;
+    for (std::uint32_t k = 0; k < ring.size; ++k) {
+      EXPECT_TRUE(seen.insert(ring.of[k]).second) << i << " has " << ring.of[k] << " twice";
+      EXPECT_NE(ring.of[k], i);
+      if (!ring.has_sector(k)) continue;
+      ++triangles;
+      const std::uint32_t b = ring.of[k], c = ring.of[ring.next(k)];
+      ++edges[{b, c}];
+      for (const auto& [at, from, to] : {Triple{b, c, i}, Triple{c, i, b}}) {
+        const Ring other = mesh.ring(at);
+        const std::uint32_t k2 = other.find(from);
+        ASSERT_LT(k2, other.size);
+        EXPECT_TRUE(other.has_sector(k2));
+        EXPECT_EQ(other.of[other.next(k2)], to);
+      }
+    }
+  }
+  for (const auto& [edge, count] : edges) EXPECT_EQ(count, 1) << edge[0] << ' ' << edge[1];
+  EXPECT_EQ(triangles, 3 * mesh.counts().triangles);
+}
+
+TEST(StarMesh, IsSoundOnAnyPoints) {
+  for (const Named& cloud : all_clouds()) {
+    SCOPED_TRACE(cloud.name);
+    expect_sound(StarMesh::build(cloud_of(cloud.points), 2));
+  }
+}
+
+TEST(StarMesh, OfRandomPointsIsWhole) {
+  const StarMesh torus = StarMesh::build(cloud_of(random_torus(100000, 0.0, 11)), 2);
+  EXPECT_EQ(torus.counts().pieces, 1u);
+  EXPECT_EQ(torus.counts().closed_pieces, 1u);
+  EXPECT_EQ(torus.counts().open_points, 0u);
+  EXPECT_EQ(torus.counts().torn, 0u);
+  // Euler: V - E + F = 0 on a torus, with 2 E = 3 F.
+  const std::uint64_t used = torus.size() - torus.counts().welded - torus.counts().unused;
+  EXPECT_EQ(torus.counts().triangles, 2 * used);
+  EXPECT_LT(torus.counts().unused + torus.counts().welded, torus.size() / 500);
+  EXPECT_LT(torus.counts().voted + torus.counts().filled, torus.size() / 500);
+}
+
+TEST(StarMesh, PointsOutOfClosedPieces) {
+  const StarMesh mesh = StarMesh::build(cloud_of(random_spheres({10.0}, 0.2, 12)), 2);
+  ASSERT_EQ(mesh.counts().closed_pieces, 1u);
+  for (std::uint32_t i = 0; i < mesh.size(); ++i)
+    mesh.for_triangles_of(i, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+      const Vec3 n = (mesh.at(b) - mesh.at(a)).cross(mesh.at(c) - mesh.at(a));
+      EXPECT_GT(n.dot(mesh.at(a) + mesh.origin_mm()), 0.0);
+    });
+}
+
+TEST(StarMesh, KeepsSheetsApart) {
+  const StarMesh mesh = StarMesh::build(cloud_of(random_spheres({20.0, 19.4}, 0.2, 13)), 2);
+  EXPECT_EQ(mesh.counts().closed_pieces, 2u);
+  EXPECT_EQ(mesh.counts().open_points, 0u);
+  // An even lattice on both, one spacing apart: what a scan of sheet metal is.
+  std::vector<Vec3> sheets;
+  for (int x = 0; x < 80; ++x)
+    for (int y = 0; y < 80; ++y)
+      for (const double z : {0.0, 0.2}) sheets.emplace_back(0.2 * x, 0.2 * y, z);
+  const StarMesh thin = StarMesh::build(cloud_of(sheets), 2);
+  EXPECT_EQ(thin.counts().pieces, 2u);
+  EXPECT_EQ(thin.counts().triangles, 2u * 2u * 79u * 79u);
+}
+
+/// On a plane the stars are the Delaunay triangulation, but for the border and what had to be settled there:
+/// no circle of a triangle holds a point.
+TEST(StarMesh, IsDelaunayOnAPlane) {
+  Random random(14);
+  std::vector<Vec3> points;
+  for (int i = 0; i < 3000; ++i)
+    points.emplace_back(random.uniform(0.0, 50.0), random.uniform(0.0, 50.0), 0.0);
+  const StarMesh mesh = StarMesh::build(cloud_of(points), 2);
+  EXPECT_GT(mesh.counts().triangles, 5700u);
+  std::size_t wrong = 0;
+  for (std::uint32_t i = 0; i < mesh.size(); ++i)
+    mesh.for_triangles_of(i, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+      const Vec3 p = mesh.at(a), u = mesh.at(b) - p, v = mesh.at(c) - p, n = u.cross(v);
+      const Vec3 middle =
+          p + (u.squaredNorm() * v.cross(n) + v.squaredNorm() * n.cross(u)) / (2.0 * n.squaredNorm());
+      const double radius_sq = (middle - p).squaredNorm();
+      // The weights that settle lattices move a circle by up to a hundredth of the spacing's square.
+      const double slack = 0.05 * 50.0 * 50.0 / 3000.0;
+      bool empty = true;
+      for (std::uint32_t other = 0; other < mesh.size() && empty; ++other)
+        empty = (mesh.at(other) - middle).squaredNorm() > radius_sq - slack || other == a || other == b ||
+                other == c;
+      const bool inner = mesh.ring(a).open == 0 && mesh.ring(b).open == 0 && mesh.ring(c).open == 0;
+      wrong += static_cast<std::size_t>(!empty && inner);
+    });
+  // Those that were settled by vote need not be.
+  EXPECT_LE(wrong, mesh.counts().voted + mesh.counts().welded);
+  EXPECT_LT(mesh.counts().voted, 30u);
+}
+
+TEST(StarMesh, BordersEndWherePointsEnd) {
+  const StarMesh roof = StarMesh::build(cloud_of(random_roof(40000, 15)), 2);
+  double longest = 0.0;
+  for (std::uint32_t i = 0; i < roof.size(); ++i)
+    roof.for_triangles_of(i, [&](std::uint32_t a, std::uint32_t b, std::uint32_t) {
+      longest = std::max(longest, (roof.at(a) - roof.at(b)).norm());
+    });
+  const double spacing = std::sqrt(40.0 * 40.0 * std::sqrt(2.0) / 40000.0);
+  EXPECT_LT(longest, 7.0 * spacing);
+  EXPECT_EQ(roof.counts().pieces, 1u);
+  EXPECT_LT(roof.counts().torn, 20u);
+}
+
+TEST(StarMesh, IsTheSameForAnyThreadsAndOrder) {
+  for (const Named& cloud : all_clouds()) {
+    SCOPED_TRACE(cloud.name);
+    if (cloud.name == "pile" || cloud.name == "doubled")
+      continue;  // which of the doubles stays follows their order
+    const std::vector<Triple> once = triangles_of(StarMesh::build(cloud_of(cloud.points), 1));
+    EXPECT_EQ(triangles_of(StarMesh::build(cloud_of(cloud.points), 3)), once);
+    std::vector<std::uint32_t> order(cloud.points.size());
+    for (std::uint32_t i = 0; i < order.size(); ++i) order[i] = i;
+    Random random(16);
+    for (std::size_t i = order.size(); i > 1; --i) std::swap(order[i - 1], order[random.below(i)]);
+    std::vector<Vec3> shuffled;
+    for (const std::uint32_t i : order) shuffled.push_back(cloud.points[i]);
+    std::vector<Triple> again = triangles_of(StarMesh::build(cloud_of(shuffled), 2));
+    for (Triple& t : again) {
+      for (std::uint32_t& i : t) i = order[i];
+      std::rotate(t.begin(), std::min_element(t.begin(), t.end()), t.end());
+    }
+    std::sort(again.begin(), again.end());
+    EXPECT_EQ(again, once);
+  }
+}
+
+TEST(StarMesh, KnowsNoScale) {
+  const std::vector<Vec3> points = random_torus(20000, 0.0, 17);
+  const std::vector<Triple> once = triangles_of(StarMesh::build(cloud_of(points), 2));
+  for (const double scale : {0x1p-20, 0x1p30}) {
+    std::vector<Vec3> scaled = points;
+    for (Vec3& p : scaled) p *= scale;
+    EXPECT_TRUE(triangles_of(StarMesh::build(cloud_of(scaled), 2)) == once) << scale;
+  }
+  std::vector<Vec3> far = points;
+  for (Vec3& p : far) p += Vec3(1e6, -2e6, 5e5);
+  const StarMesh moved = StarMesh::build(cloud_of(far), 2);
+  EXPECT_EQ(moved.counts().closed_pieces, 1u);
+  EXPECT_EQ(moved.counts().open_points, 0u);
+}
+
+TEST(StarMesh, FewPointsHaveNoSurface) {
+  for (const std::size_t count : {std::size_t{1}, std::size_t{2}}) {
+    const std::vector<Vec3> points(count, Vec3(1, 2, 3));
+    const StarMesh mesh = StarMesh::build(cloud_of(points), 1);
+    EXPECT_EQ(mesh.size(), count);
+    EXPECT_EQ(mesh.counts().triangles, 0u);
+  }
+}
+
+}  // namespace
+}  // namespace palpate::stars

@@ -1,0 +1,175 @@
+#include "toolkit/renderers/cloud_on_stars.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "toolkit/core/try.h"
+#include "toolkit/render/model_store.h"
+#include "toolkit/render/prepare_phases.h"
+#include "toolkit/render/shell_renderer.h"
+#include "toolkit/renderers/star_model.h"
+
+namespace palpate::render {
+namespace {
+
+// Measured (see kExpectedOn): what to expect, no decision rests on them.
+constexpr double kStarFrameUs = 0.1, kStarMsPerMillion = 2'500.0;
+// Points and rings, long rings of one point in thirty, the tree.
+constexpr double kStarBytesPerPoint = 52.9;
+/// More open points than this share are not borders: the points are too noisy or too few for facets.
+constexpr double kDoubtfulShare = 0.05;
+
+double share(std::uint64_t part, std::uint64_t all) noexcept {
+  return all == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(all);
+}
+
+class CloudOnStars final : public BoxedShellRenderer<StarModel> {
+ public:
+  explicit CloudOnStars(const Options& options) : BoxedShellRenderer(options) {}
+
+  Description describe() const override {
+    return {
+        "cloud", "chapter 3 made right: the points' own triangles, a god object that only descends",
+        "El-Far, chapter 3; stars of points, their frame, friction cone and joint contact ours",
+        fmt::format(
+            "a model near the HIP: {} moves of the god object from facet to facet, {} flights of {} nodes of "
+            "eight boxes and {} triangles; what is left is done in the next; of models touched at once the "
+            "{} deepest",
+            stars::kMaxFacetMoves, stars::kMaxFlights, stars::kMaxNodes, stars::kMaxTested, kMaxTouched),
+        options_};
+  }
+
+ private:
+  Status add_models(const SceneInput& scene, const PrepareContext& context, PrepareReport& report) override {
+    for (const ModelInput& input : scene.models) PALPATE_TRY(prepare_model(input, context, report));
+    return Done{};
+  }
+  [[nodiscard]] Combine combine() const override {
+    return options_.text("combine") == "sum" ? Combine::kSum : Combine::kJoint;
+  }
+
+  Result<ModelDecisions> decide_model(const ModelInput& input,
+                                      const PrepareContext& /*context*/) const override {
+    if (input.cloud->empty()) return no_points();
+    const Result<SurfaceDecision> surface = decide_surface(input);
+    if (!surface) return surface.error();
+    return said(input, *surface);
+  }
+  static Error no_points() {
+    return {"the cloud has no points", "give a file with at least one point", {}, 0};
+  }
+
+  static ModelDecisions said(const ModelInput& input, const SurfaceDecision& surface) {
+    ModelDecisions out;
+    out.name = input.name;
+    out.points = input.cloud->size();
+    const auto n = static_cast<double>(out.points);
+    out.decisions.push_back(
+        {"surface", "stars",
+         "triangles that the points agree on; points that give way, and options of the vertices' "
+         "boxes, take vertices"});
+    out.bytes = static_cast<std::uint64_t>(kStarBytesPerPoint * n);
+    out.prepare_ms = 1e-6 * n * kStarMsPerMillion;
+    out.frame_us = kStarFrameUs;
+    say_surface(input, surface, kFeltOnStars, out.points, out);
+    if (input.motion != nullptr)
+      out.decisions.push_back({"motion", "pose read in each frame", "the scene moves it", true});
+    return out;
+  }
+
+  Status prepare_model(const ModelInput& input, const PrepareContext& context, PrepareReport& report) {
+    if (input.cloud->empty()) return no_points();
+    auto made = std::make_unique<StarModel>();
+    const bool varied = input.surface.per_point != nullptr;
+    Result<std::shared_ptr<const StarGeometry>> geometry = held_or_made<StarGeometry>(
+        context, report,
+        [&] {
+          return fmt::format("stars {:016x} {} {}", cloud::content_hash(*input.cloud), input.cloud->size(),
+                             varied);
+        },
+        [&](PrepareReport& to) { return build_geometry(*input.cloud, varied, context, to); });
+    if (!geometry) return std::move(geometry).error();
+    made->geometry = *std::move(geometry);
+    const stars::StarMesh& mesh = made->geometry->mesh;
+    made->pose_ = ModelPose(input, mesh.origin_mm());
+    Result<SurfaceField> field = build_surface_field(input, mesh.order(), report);
+    if (!field) return std::move(field).error();
+    made->surface = *std::move(field);
+    blend(mesh, made->surface, report);
+    report.bytes += made->surface.bytes();
+    made->contact.attach(mesh, made->geometry->tree);
+    report.decisions.models.push_back(said(input, made->surface));
+    models_.add(std::move(made));
+    return Done{};
+  }
+
+  static Result<std::shared_ptr<const StarGeometry>> build_geometry(const cloud::Cloud& cloud,
+                                                                    bool keep_order,
+                                                                    const PrepareContext& context,
+                                                                    PrepareReport& report) {
+    auto made = std::make_shared<StarGeometry>();
+    PreparePhases phases(report, context);
+    bool running = false;
+    made->mesh = stars::StarMesh::build(cloud, context.threads, [&](std::string_view step) {
+      if (running) phases.end();
+      phases.begin(std::string(step));
+      running = true;
+    });
+    phases.end();
+    phases.begin("tree");
+    made->tree = stars::StarTree::build(made->mesh, context.threads);
+    if (!keep_order) made->mesh.drop_order();
+    phases.end();
+    report.bytes += made->bytes();
+    note(made->mesh.counts(), made->mesh.size(), report);
+    return std::shared_ptr<const StarGeometry>(std::move(made));
+  }
+
+  static void note(const stars::StarCounts& counts, std::uint64_t points, PrepareReport& report) {
+    report.notes.push_back(fmt::format(
+        "{} triangles in {} pieces, {} of them closed; of {} points {:.3g} % agree with all around them; {} "
+        "triangles by "
+        "vote, {} in small gaps, {} torn; {} points doubled, {} without a triangle, {} at borders and gaps",
+        counts.triangles, counts.pieces, counts.closed_pieces, points,
+        100.0 * share(counts.agreed_points, points), counts.voted, counts.filled, counts.torn, counts.welded,
+        counts.unused, counts.open_points));
+    if (const double open = share(counts.open_points + counts.unused, points); open > kDoubtfulShare)
+      report.warnings.push_back(
+          fmt::format("{:.0f} % of the points lie at gaps: they are too noisy, or too few, for facets "
+                      "between them; clean "
+                      "them (palpate clean)",
+                      100.0 * open));
+  }
+
+  /// Stiffness that varies rises no faster than what can be felt as a slope, see blend_stiffness().
+  static void blend(const stars::StarMesh& mesh, SurfaceField& field, PrepareReport& report) {
+    if (field.of_place.empty()) return;
+    std::vector<surface::SurfacePoint> points(mesh.size());
+    std::vector<neighbourhood::Neighbours> links(mesh.size());
+    double longest_sq = 0.0;
+    for (std::uint32_t i = 0; i < mesh.size(); ++i) {
+      const Vec3f p = mesh.at(i).cast<float>();
+      points[i] = {p.x(), p.y(), p.z(), surface::kNoNormal};
+      const stars::Ring ring = mesh.ring(i);
+      links[i].fill(i);
+      std::copy_n(ring.of, std::min<std::size_t>(ring.size, links[i].size()), links[i].begin());
+      for (const std::uint32_t other : links[i])
+        longest_sq = std::max(longest_sq, (mesh.at(other) - mesh.at(i)).squaredNorm());
+    }
+    const double blend_mm = kBlendResolutions * std::sqrt(longest_sq);
+    if (const std::size_t softer = blend_stiffness(field, points, links, blend_mm); softer > 0)
+      report.notes.push_back(
+          fmt::format("stiffness blended over {:.3g} mm: {} points made softer", blend_mm, softer));
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<HapticRenderer> make_cloud_on_stars(const Options& options) {
+  return std::make_unique<CloudOnStars>(options);
+}
+
+}  // namespace palpate::render

@@ -1,0 +1,120 @@
+// The local model of `cloud` on stars: one cloud's triangles with the contact of one HIP, and how that is
+// read.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+
+#include "toolkit/geometry/aabb.h"
+#include "toolkit/render/joint_contact.h"
+#include "toolkit/render/surface_response.h"
+#include "toolkit/stars/star_contact.h"
+
+namespace palpate::render {
+
+/// What is prepared of a cloud and never changes.
+struct StarGeometry {
+  stars::StarMesh mesh;
+  stars::StarTree tree;
+  [[nodiscard]] std::size_t bytes() const noexcept { return mesh.bytes() + tree.bytes(); }
+};
+
+/// Belongs to one thread. Not moved once its contact is attached.
+class StarModel {
+ public:
+  struct Memory {};
+  static constexpr bool kComposed = true;
+
+  [[nodiscard]] ModelPose& pose() noexcept { return pose_; }
+  [[nodiscard]] const ModelPose& pose() const noexcept { return pose_; }
+  [[nodiscard]] unsigned features() const noexcept { return surface.features; }
+  [[nodiscard]] geometry::Aabb box_mm() const noexcept { return geometry->tree.box_mm(); }
+  [[nodiscard]] bool touching() const noexcept { return contact.contact(); }
+
+  void restart(const Vec3& h) noexcept {
+    contact.reset(h);
+    release();
+  }
+  void let_go(const Vec3& h) noexcept {
+    contact.start_from(h);
+    release();
+  }
+  void release() noexcept { state.release(); }
+
+  template <unsigned kFeatures>
+  [[nodiscard]] bool touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/, SurfaceContact& answer,
+                           FrameStatus& status, FrameCounters& counters) noexcept {
+    stars::StarCounters work;
+    const bool held = contact.update(h, work);
+    counters.walk_steps += work.moves;
+    counters.box_tests += work.tested;
+    counters.cells_visited += work.blocks;
+    if (contact.bound_hit()) [[unlikely]]
+      status = FrameStatus::kBoundHit;
+    if (held) read_contact<kFeatures>(h, answer);
+    return held;
+  }
+  template <unsigned kFeatures>
+  [[nodiscard]] SurfaceAnswer respond(const SurfaceContact& at) noexcept {
+    return state.respond<kFeatures>(at, surface.texture, pose_.origin_mm);
+  }
+  /// Of the facets that hold the god object of `at`: one, or those of an edge or corner, which is concave
+  /// seen from the touched side.
+  void planes_near(const Memory& /*memory*/, const Vec3& at_world, JointPlanes& planes,
+                   FrameCounters& counters) const noexcept {
+    stars::Stand stand = contact.stand();
+    int moves = stars::kMaxFacetMoves;
+    (void)stars::descend(geometry->mesh, pose_.to_local(at_world), stand, moves);
+    counters.walk_steps += static_cast<std::uint64_t>(stars::kMaxFacetMoves - moves);
+    stars::for_facets_at(geometry->mesh, stand, [&](const stars::Facet& facet) noexcept {
+      const Vec3 normal = facet.area_normal();
+      const double size = normal.norm();
+      if (!(size > 0.0)) return;
+      const Vec3 n = pose_.direction_to_world(normal * (contact.side() / size));
+      planes.add({n, n.dot(pose_.to_world(stand.foot.point))});
+    });
+  }
+
+  std::shared_ptr<const StarGeometry> geometry;
+  stars::StarContact contact;
+  SurfaceField surface;  ///< by place
+  SurfaceState state;
+  ModelPose pose_;
+
+ private:
+  template <unsigned kFeatures>
+  void read_contact(const Vec3& h, SurfaceContact& at) const noexcept {
+    at.hip = h;
+    at.pull = contact.pull();
+    if constexpr ((kFeatures & kVaried) != 0) {
+      if (!surface.of_place.empty()) {
+        read_properties(h, at);
+        return;
+      }
+    }
+    at.stiffness_n_per_mm = surface.stiffness_n_per_mm;
+    at.static_friction = surface.friction.static_coefficient;
+    at.dynamic_friction = surface.friction.dynamic_coefficient;
+  }
+  /// Stiffness linear over the facet, friction that of the nearest corner.
+  void read_properties(const Vec3& h, SurfaceContact& at) const noexcept {
+    const stars::Facet& facet = contact.facet();
+    const Vec3 g = h + at.pull;
+    std::array<double, 3> k;
+    std::size_t nearest = 0;
+    for (std::size_t i = 0; i < 3; ++i) {
+      k[i] = static_cast<double>(surface.of_place[facet.place[i]].stiffness_n_per_mm);
+      if ((facet.corner[i] - g).squaredNorm() < (facet.corner[nearest] - g).squaredNorm()) nearest = i;
+    }
+    const FacetStiffness stiffness =
+        stiffness_on_facet(facet.corner[0], facet.corner[1], facet.corner[2], k[0], k[1], k[2], g);
+    const PlaceSurface& here = surface.of_place[facet.place[nearest]];
+    at.stiffness_n_per_mm = stiffness.n_per_mm;
+    at.stiffness_gradient = stiffness.gradient;
+    at.static_friction = static_cast<double>(here.static_friction);
+    at.dynamic_friction = static_cast<double>(here.dynamic_friction);
+  }
+};
+
+}  // namespace palpate::render

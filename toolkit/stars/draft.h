@@ -1,0 +1,94 @@
+// Internal to stars: what is known of every point while its star is being made.
+#pragma once
+
+#include <Eigen/Geometry>  // cross products
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "toolkit/cloud/cloud.h"
+#include "toolkit/core/vec.h"
+#include "toolkit/stars/flat_cell.h"
+
+namespace palpate::stars {
+
+/// Nearest points that a star is made of. A random point's star reaches its twelfth neighbour in one of a
+/// thousand; sixteen leave some for what the layout rejects.
+inline constexpr std::size_t kNear = 16;
+using Near = std::array<std::uint32_t, kNear>;
+/// In place of a point: none.
+inline constexpr std::uint32_t kNoPoint = 0xFFFFFFFFu;
+
+/// The triangles around a point, as it sees them: its ring of neighbours, counter-clockwise about its normal;
+/// sector k lies between ring points k and k + 1.
+struct Star {
+  std::array<std::uint32_t, kMaxCorners> ring{};
+  std::uint32_t size = 0;
+  std::uint32_t open = 0;    ///< bit k: sector k has no triangle
+  std::uint32_t agreed = 0;  ///< bit k: the stars of its two other corners have the triangle too
+
+  [[nodiscard]] std::uint32_t next(std::uint32_t k) const noexcept { return k + 1 == size ? 0 : k + 1; }
+  [[nodiscard]] bool has_sector(std::uint32_t k) const noexcept { return (open >> k & 1u) == 0; }
+  [[nodiscard]] bool is_agreed(std::uint32_t k) const noexcept { return (agreed >> k & 1u) != 0; }
+  [[nodiscard]] std::uint32_t sectors() const noexcept {
+    return size - static_cast<std::uint32_t>(__builtin_popcount(open));
+  }
+  [[nodiscard]] std::uint32_t agreements() const noexcept {
+    return static_cast<std::uint32_t>(__builtin_popcount(agreed));
+  }
+  /// Whether the triangle with b and c, in either order, is in the star.
+  [[nodiscard]] bool holds(std::uint32_t b, std::uint32_t c) const noexcept {
+    for (std::uint32_t k = 0; k < size; ++k) {
+      if (ring[k] != b && ring[k] != c) continue;
+      const std::uint32_t other = ring[next(k)];
+      if (has_sector(k) && (ring[k] == b ? other == c : other == b)) return true;
+    }
+    return false;
+  }
+  [[nodiscard]] bool has_neighbour(std::uint32_t b) const noexcept {
+    for (std::uint32_t k = 0; k < size; ++k)
+      if (ring[k] == b) return true;
+    return false;
+  }
+  [[nodiscard]] bool closed_and_agreed() const noexcept {
+    return size >= 3 && open == 0 && agreements() == size;
+  }
+};
+
+struct Draft {
+  const cloud::Cloud* cloud = nullptr;
+  int threads = 0;
+  std::vector<Near> near;            ///< nearest first, unused places the point's own index
+  std::vector<Vec3f> normal;         ///< unit, either sign; zero where there is none
+  std::vector<float> scale_sq;       ///< squared length of the point's surroundings: to its fourth neighbour
+  std::vector<std::uint8_t> welded;  ///< 1: another point stands (nearly) at its place, it has no star
+  std::vector<std::uint8_t> sparse;  ///< 1: `near` are the nearest in each direction, others lie between
+  std::vector<std::uint8_t> doubtful;  ///< 1: not all that meet in its star agreed, see fill_gaps()
+  std::vector<Star> star;
+
+  [[nodiscard]] std::size_t size() const noexcept { return near.size(); }
+  [[nodiscard]] Vec3 at(std::uint32_t i) const noexcept { return cloud->local_mm(i); }
+};
+
+/// The nearest points, normals and scales; welds what is nearly doubled. Parallel.
+void find_near(Draft& draft);
+/// A star for every point, and where they agree. Parallel.
+void make_stars(Draft& draft);
+/// Points whose stars the neighbours do not confirm get new ones, laid out along the plane of what is
+/// confirmed. Parallel.
+void mend_stars(Draft& draft);
+
+/// How a point's surroundings are laid out.
+struct Layout {
+  Vec3 normal = Vec3::Zero();
+  double steepest = 1.0;  ///< a neighbour that rises more than this share of its distance is left out
+};
+/// Of the nearest points and `more`.
+[[nodiscard]] Star lay_out(const Draft& draft, std::uint32_t point, const Layout& layout,
+                           std::span<const std::uint32_t> more = {});
+/// Bits of the star's sectors that the stars of their corners have too.
+[[nodiscard]] std::uint32_t agreed_sectors(const Draft& draft, std::uint32_t point, const Star& star);
+
+}  // namespace palpate::stars

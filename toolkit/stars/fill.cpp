@@ -1,0 +1,304 @@
+#include "toolkit/stars/fill.h"
+
+#include <Eigen/Geometry>  // cross products
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace palpate::stars {
+namespace {
+
+using Pair = std::array<std::uint32_t, 2>;
+using Triple = std::array<std::uint32_t, 3>;
+
+/// Two triangles on one edge whose other corners are less than 60 degrees apart as seen along it lie nearly
+/// on one another: one of them is none of the surface's. cos 60 = 0.5.
+constexpr double kFoldCosine = 0.5;
+/// Loops of more edges are holes or borders: around a hole as wide as the widest circle that a triangle may
+/// have, 3.4 mean spacings, stand some twenty points.
+constexpr std::size_t kMaxLoop = 20;
+
+/// The triangles at one point, each as the edge that lies across.
+class Link {
+ public:
+  std::vector<Pair> edges;
+
+  [[nodiscard]] int degree(std::uint32_t b) const noexcept {
+    int n = 0;
+    for (const Pair& e : edges) n += static_cast<int>(e[0] == b) + static_cast<int>(e[1] == b);
+    return n;
+  }
+  /// The point across the edge to b; for one that has one triangle.
+  [[nodiscard]] std::uint32_t apex(std::uint32_t b) const noexcept {
+    for (const Pair& e : edges) {
+      if (e[0] == b) return e[1];
+      if (e[1] == b) return e[0];
+    }
+    return kNoPoint;
+  }
+  /// The other end of the chain that ends at b.
+  [[nodiscard]] std::uint32_t other_end(std::uint32_t b) const noexcept {
+    std::uint32_t at = b, from = kNoPoint;
+    for (std::size_t i = 0; i < edges.size(); ++i) {
+      std::uint32_t to = kNoPoint;
+      for (const Pair& e : edges) {
+        if (e[0] == at && e[1] != from) to = e[1];
+        if (e[1] == at && e[0] != from) to = e[0];
+      }
+      if (to == kNoPoint) break;
+      from = at;
+      at = to;
+    }
+    return at;
+  }
+  /// Whether the edge leaves the point's triangles a fan, or fans apart.
+  [[nodiscard]] bool takes(std::uint32_t b, std::uint32_t c) const noexcept {
+    const int at_b = degree(b), at_c = degree(c);
+    if (at_b > 1 || at_c > 1) return false;
+    if (!edges.empty() && chains() == 0) return false;  // closed already
+    if (at_b == 1 && at_c == 1 && other_end(b) == c) {
+      // It closes the fan: then there is nothing beside it, and three triangles at least.
+      return edges.size() >= 2 && chains() == 1;
+    }
+    // Each chain has one more ring point than triangles.
+    const std::size_t ring = edges.size() + 1 + chains() + static_cast<std::size_t>(at_b == 0 && at_c == 0);
+    return ring <= kMaxCorners;
+  }
+  [[nodiscard]] std::size_t chains() const noexcept {
+    std::size_t ends = 0;
+    for (const Pair& e : edges)
+      for (const std::uint32_t b : e) ends += degree(b) == 1;
+    return ends / 2;
+  }
+};
+
+class Filler {
+ public:
+  explicit Filler(Draft& draft) : draft_(draft), link_of_(draft.size(), kNoPoint) {
+    draft.doubtful.assign(draft.size(), 0);
+    for (std::uint32_t i = 0; i < draft.size(); ++i) {
+      const Star& star = draft.star[i];
+      if (draft.welded[i] != 0 || star.closed_and_agreed()) continue;
+      link_of_[i] = static_cast<std::uint32_t>(points_.size());
+      points_.push_back(i);
+      draft.doubtful[i] = 1;
+      Link link;
+      for (std::uint32_t k = 0; k < star.size; ++k)
+        if (star.is_agreed(k)) link.edges.push_back({star.ring[k], star.ring[star.next(k)]});
+      links_.push_back(std::move(link));
+    }
+  }
+
+  FillReport run() {
+    FillReport report;
+    report.voted = take_voted();
+    report.filled = fill_loops(true);
+    report.filled += fill_loops(false);
+    for (std::size_t l = 0; l < links_.size(); ++l) {
+      report.unused += links_[l].edges.empty();
+      draft_.star[points_[l]] = star_of(points_[l], links_[l]);
+    }
+    return report;
+  }
+
+ private:
+  [[nodiscard]] bool has_link(std::uint32_t i) const noexcept { return link_of_[i] != kNoPoint; }
+  Link& link(std::uint32_t i) noexcept { return links_[link_of_[i]]; }
+
+  [[nodiscard]] double circle_sq(const Triple& t) const noexcept {
+    const Vec3 a = draft_.at(t[0]), b = draft_.at(t[1]) - a, c = draft_.at(t[2]) - a;
+    const double area = 4.0 * b.cross(c).squaredNorm();
+    return area > 0.0 ? b.squaredNorm() * c.squaredNorm() * (b - c).squaredNorm() / area : HUGE_VAL;
+  }
+  /// Triangles (a, b, c) and, on its edge a b, (a, b, d).
+  [[nodiscard]] bool folds(std::uint32_t a, std::uint32_t b, std::uint32_t c,
+                           std::uint32_t d) const noexcept {
+    const Vec3 p = draft_.at(a);
+    const Vec3 e = (draft_.at(b) - p).normalized();
+    Vec3 pc = draft_.at(c) - p, pd = draft_.at(d) - p;
+    pc -= e * e.dot(pc);
+    pd -= e * e.dot(pd);
+    return pc.dot(pd) > kFoldCosine * pc.norm() * pd.norm();
+  }
+  [[nodiscard]] bool folds(const Triple& t) noexcept {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint32_t a = t[k], b = t[(k + 1) % 3], c = t[(k + 2) % 3];
+      if (link(a).degree(b) == 1 && folds(a, b, c, link(a).apex(b))) return true;
+    }
+    return false;
+  }
+  bool add(const Triple& t, bool flat) {
+    for (const std::uint32_t i : t)
+      if (!has_link(i)) return false;
+    for (std::size_t k = 0; k < 3; ++k)
+      if (!link(t[k]).takes(t[(k + 1) % 3], t[(k + 2) % 3])) return false;
+    if (flat && folds(t)) return false;
+    for (std::size_t k = 0; k < 3; ++k) link(t[k]).edges.push_back({t[(k + 1) % 3], t[(k + 2) % 3]});
+    return true;
+  }
+
+  /// Triangles that two stars have, then those that one has, the roundest first.
+  std::size_t take_voted() {
+    std::vector<Triple> seen;
+    for (const std::uint32_t i : points_) {
+      const Star& star = draft_.star[i];
+      for (std::uint32_t k = 0; k < star.size; ++k) {
+        if (!star.has_sector(k) || star.is_agreed(k)) continue;
+        Triple t = {i, star.ring[k], star.ring[star.next(k)]};
+        std::sort(t.begin(), t.end());
+        seen.push_back(t);
+      }
+    }
+    std::sort(seen.begin(), seen.end());
+    struct Voted {
+      int votes;
+      double circle_sq;
+      Triple corners;
+    };
+    std::vector<Voted> voted;
+    for (std::size_t i = 0; i < seen.size(); ++i) {
+      if (i > 0 && seen[i] == seen[i - 1])
+        ++voted.back().votes;
+      else
+        voted.push_back({1, circle_sq(seen[i]), seen[i]});
+    }
+    std::sort(voted.begin(), voted.end(), [](const Voted& a, const Voted& b) {
+      if (a.votes != b.votes) return a.votes > b.votes;
+      return a.circle_sq != b.circle_sq ? a.circle_sq < b.circle_sq : a.corners < b.corners;
+    });
+    std::size_t taken = 0;
+    for (const Voted& v : voted) taken += add(v.corners, true);
+    return taken;
+  }
+
+  /// The loop of open edges that begins with start -> first, around the hole; empty where it is long, or goes
+  /// through a point where fans meet.
+  std::vector<std::uint32_t> loop_from(std::uint32_t start, std::uint32_t first) {
+    std::vector<std::uint32_t> loop = {start};
+    std::uint32_t from = start, at = first;
+    while (at != start) {
+      if (loop.size() == kMaxLoop || !has_link(at) || link(at).chains() != 1) return {};
+      loop.push_back(at);
+      const std::uint32_t next = link(at).other_end(from);
+      from = at;
+      at = next;
+    }
+    return loop;
+  }
+  std::size_t fill_loops(bool flat) {
+    std::size_t filled = 0;
+    for (const std::uint32_t i : points_) {
+      if (link(i).edges.empty() || link(i).chains() != 1) continue;
+      for (const Pair& e : link(i).edges)
+        for (const std::uint32_t b : e)
+          if (link(i).degree(b) == 1) {
+            filled += fill(loop_from(i, b), flat);
+            goto next_point;  // its edges have changed
+          }
+    next_point:;
+    }
+    return filled;
+  }
+  [[nodiscard]] double reach_sq(std::uint32_t i) const noexcept {
+    const std::uint32_t far = draft_.near[i][kNear - 1];
+    const double r = 1.5;
+    return r * r * (draft_.at(far) - draft_.at(i)).squaredNorm();
+  }
+  /// Ears of the loop, the roundest first.
+  std::size_t fill(std::vector<std::uint32_t> loop, bool flat) {
+    std::size_t filled = 0;
+    while (loop.size() >= 3) {
+      struct Ear {
+        double circle_sq;
+        std::size_t at;
+      };
+      std::vector<Ear> ears;
+      const std::size_t n = loop.size();
+      for (std::size_t j = 0; j < n; ++j) {
+        const Triple t = {loop[(j + n - 1) % n], loop[j], loop[(j + 1) % n]};
+        const double r = circle_sq(t);
+        if (r <= std::max({reach_sq(t[0]), reach_sq(t[1]), reach_sq(t[2])})) ears.push_back({r, j});
+      }
+      std::sort(ears.begin(), ears.end(), [](const Ear& a, const Ear& b) {
+        return a.circle_sq != b.circle_sq ? a.circle_sq < b.circle_sq : a.at < b.at;
+      });
+      bool added = false;
+      for (const Ear& ear : ears) {
+        const Triple t = {loop[(ear.at + n - 1) % n], loop[ear.at], loop[(ear.at + 1) % n]};
+        if (!add(t, flat)) continue;
+        added = true;
+        ++filled;
+        if (n == 3) return filled;
+        loop.erase(loop.begin() + static_cast<std::ptrdiff_t>(ear.at));
+        break;
+      }
+      if (!added) break;
+    }
+    return filled;
+  }
+
+  /// The link's chains one after the other around the point's normal.
+  [[nodiscard]] Star star_of(std::uint32_t i, const Link& link) const {
+    Star star;
+    if (link.edges.empty()) return star;
+    const Vec3 p = draft_.at(i), normal = draft_.normal[i].cast<double>();
+    const Vec3 e = normal.unitOrthogonal(), f = normal.cross(e);
+    struct Chain {
+      double angle;
+      bool closed;
+      std::vector<std::uint32_t> points;
+    };
+    std::vector<Chain> chains;
+    std::vector<std::uint8_t> used(link.edges.size(), 0);
+    for (std::size_t begin = 0; begin < link.edges.size(); ++begin) {
+      if (used[begin] != 0) continue;
+      // From an end of its chain, or from anywhere in a closed one.
+      std::uint32_t first = link.edges[begin][0];
+      const std::uint32_t end = link.degree(first) == 1 ? first : link.other_end(first);
+      const bool closed = link.degree(end) == 2;
+      Chain chain{0.0, closed, {}};
+      std::uint32_t at = closed ? first : end;
+      for (bool more = true; more;) {
+        chain.points.push_back(at);
+        more = false;
+        for (std::size_t k = 0; k < link.edges.size() && !more; ++k) {
+          if (used[k] != 0 || (link.edges[k][0] != at && link.edges[k][1] != at)) continue;
+          used[k] = 1;
+          at = link.edges[k][0] == at ? link.edges[k][1] : link.edges[k][0];
+          more = true;
+        }
+      }
+      if (closed) chain.points.pop_back();
+      Vec3 area = Vec3::Zero();
+      for (std::size_t k = 0; k + 1 < chain.points.size(); ++k)
+        area += (draft_.at(chain.points[k]) - p).cross(draft_.at(chain.points[k + 1]) - p);
+      if (area.dot(normal) < 0.0) std::reverse(chain.points.begin(), chain.points.end());
+      const Vec3 d = draft_.at(chain.points.front()) - p;
+      chain.angle = std::atan2(f.dot(d), e.dot(d));
+      chains.push_back(std::move(chain));
+    }
+    std::sort(chains.begin(), chains.end(), [](const Chain& a, const Chain& b) {
+      return a.angle != b.angle ? a.angle < b.angle : a.points.front() < b.points.front();
+    });
+    for (const Chain& chain : chains) {
+      for (const std::uint32_t b : chain.points) star.ring[star.size++] = b;
+      if (!chain.closed) star.open |= 1u << (star.size - 1);
+    }
+    for (std::uint32_t k = 0; k < star.size; ++k)
+      if (star.has_sector(k)) star.agreed |= 1u << k;
+    return star;
+  }
+
+  Draft& draft_;
+  std::vector<std::uint32_t> link_of_;
+  std::vector<std::uint32_t> points_;
+  std::vector<Link> links_;
+};
+
+}  // namespace
+
+FillReport fill_gaps(Draft& draft) {
+  return Filler(draft).run();
+}
+
+}  // namespace palpate::stars

@@ -1,0 +1,21 @@
+// Internal to stars: what the stars do not agree on is settled triangle by triangle, so that every edge has
+// at most two triangles and every point one fan, or fans apart.
+#pragma once
+
+#include <cstddef>
+
+#include "toolkit/stars/draft.h"
+
+namespace palpate::stars {
+
+struct FillReport {
+  std::size_t voted = 0;   ///< triangles that one or two of their three stars had
+  std::size_t filled = 0;  ///< triangles put into small loops
+  std::size_t unused = 0;  ///< points that no triangle has
+};
+
+/// Afterwards every star's sectors are agreed, and what is not is open. Points whose stars agreed keep them.
+/// The same for any number of threads. O(n), and O(m log m) in the m triangles in doubt.
+FillReport fill_gaps(Draft& draft);
+
+}  // namespace palpate::stars

@@ -1,0 +1,184 @@
+#include "toolkit/stars/star_contact.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate::stars {
+namespace {
+
+/// A piece's solid angle as a part of all around: outside it sees nothing of it, inside all.
+constexpr double kInsideShare = 0.5;
+
+/// Solid angle of a triangle seen from the origin (van Oosterom and Strackee 1983).
+double solid_angle(const Vec3& a, const Vec3& b, const Vec3& c) noexcept {
+  const double la = a.norm(), lb = b.norm(), lc = c.norm();
+  return 2.0 * std::atan2(a.dot(b.cross(c)), la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
+}
+
+/// d . (a x b), the same to the bit for both triangles of an edge.
+double along_edge(const Vec3& d, const Vec3& a, const Vec3& b, std::uint32_t place_a,
+                  std::uint32_t place_b) noexcept {
+  return place_a < place_b ? d.dot(a.cross(b)) : -d.dot(b.cross(a));
+}
+
+bool shares(const Stand& left, std::uint32_t a, std::uint32_t b, std::uint32_t c) noexcept {
+  const auto has = [&](std::uint32_t place) { return place == a || place == b || place == c; };
+  const Feature f = left.foot.feature;
+  const auto& place = left.facet.place;
+  if (f == Feature::kInside) return has(place[0]) && has(place[1]) && has(place[2]);
+  const std::uint32_t k = number_of(f);
+  return has(place[k]) && (!is_edge(f) || has(place[corner_after(k)]));
+}
+
+}  // namespace
+
+void StarContact::attach(const StarMesh& mesh, const StarTree& tree) {
+  mesh_ = &mesh;
+  tree_ = &tree;
+  free_side_.assign(mesh.counts().closed_pieces, 1.0);
+}
+
+void StarContact::reset(const Vec3& h) noexcept {
+  start_from(h);
+  if (free_side_.empty()) return;
+  std::fill(free_side_.begin(), free_side_.end(), 0.0);
+  for (std::uint32_t i = 0; i < mesh_->size(); ++i) {
+    if (!mesh_->is_closed(i)) continue;
+    double& angle = free_side_[mesh_->closed_piece(i)];
+    mesh_->for_triangles_of(i, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+      angle += solid_angle(mesh_->at(a) - h, mesh_->at(b) - h, mesh_->at(c) - h);
+    });
+  }
+  constexpr double kAllAround = 4.0 * M_PI;
+  for (double& angle : free_side_) angle = std::abs(angle) > kInsideShare * kAllAround ? -1.0 : 1.0;
+}
+
+bool StarContact::update_slowly(const Vec3& h, StarCounters& counters) noexcept {
+  const Stand* left = nullptr;
+  for (int flight = 0; flight < kMaxFlights; ++flight) {
+    if (!contact_) {
+      Hit hit;
+      const bool all = first_entry(from_, h, left, counters, hit);
+      if (hit.place[0] == kNoPlace) {
+        if (all) from_ = h;
+        bound_hit_ = !all;
+        return false;
+      }
+      stand_on(hit);
+    }
+    if (follow(h, counters)) return true;
+    contact_ = false;
+    from_ = stand_.foot.point;
+    left = &stand_;
+    forget_blocks();
+  }
+  bound_hit_ = true;
+  return false;
+}
+
+void StarContact::stand_on(const Hit& hit) noexcept {
+  stand_.facet = Facet(*mesh_, hit.place[0], hit.place[1], hit.place[2]);
+  side_ = hit.side;
+  contact_ = true;
+}
+
+bool StarContact::follow(const Vec3& h, StarCounters& counters) noexcept {
+  int moves = kMaxFacetMoves;
+  const std::uint32_t before = stand_.facet.place[0];
+  const bool finished = descend(*mesh_, h, stand_, moves);
+  counters.moves += static_cast<std::uint64_t>(kMaxFacetMoves - moves);
+  if (stand_.facet.place[0] != before)
+    for (const std::uint32_t place : stand_.facet.place) {
+      const Ring ring = mesh_->ring(place);
+      for (std::uint32_t k = 0; k < ring.size; ++k) mesh_->prefetch(ring.of[k]);
+    }
+  frame_ = FacetFrame(stand_.facet, side_);
+  pull_ = stand_.foot.point - h;
+  if (!finished) {  // its side is not judged on the way
+    bound_hit_ = true;
+    return true;
+  }
+  const Side side = side_of(*mesh_, stand_, h);
+  if (side_ * side.height > 0.0) return false;
+  return !(side.border && past_border_sq(stand_, h) > stand_.facet.longest_edge_sq());
+}
+
+void StarContact::test_block(std::uint32_t block, const Vec3& from, const Vec3& to, const Stand* left,
+                             Hit& hit, std::uint32_t& tested) const noexcept {
+  const Vec3 d = to - from;
+  const std::uint32_t first = block * kBlockPlaces;
+  const std::uint32_t last = std::min(first + kBlockPlaces, mesh_->size());
+  for (std::uint32_t place = first; place < last; ++place)
+    mesh_->for_triangles_of(place, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+      ++tested;
+      const Vec3 pa = mesh_->at(a), pb = mesh_->at(b), pc = mesh_->at(c);
+      const Vec3 n = (pb - pa).cross(pc - pa);
+      const double before = n.dot(from - pa), behind = n.dot(to - pa);
+      const bool in = before >= 0.0 && behind < 0.0, out = before <= 0.0 && behind > 0.0;
+      if (!in && !out) return;
+      const double fraction = before / (before - behind);
+      if (!(fraction < hit.fraction)) return;
+      const Vec3 ra = pa - from, rb = pb - from, rc = pc - from;
+      const double u = along_edge(d, ra, rb, a, b), v = along_edge(d, rb, rc, b, c),
+                   w = along_edge(d, rc, ra, c, a);
+      if (!((u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0))) return;
+      if (left != nullptr && shares(*left, a, b, c)) return;
+      const double side = in ? 1.0 : -1.0;
+      if (mesh_->is_closed(a) && free_side_[mesh_->closed_piece(a)] != side) return;
+      hit = {{a, b, c}, fraction, side};
+    });
+}
+
+bool StarContact::look_around(const Vec3& at, double reach, StarCounters& counters) noexcept {
+  near_count_ = 0;
+  near_at_ = at;
+  near_reach_ = reach;
+  const Vec3 half = Vec3::Constant(reach);
+  for (BoxNode& node : near_box_)
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      node.low[axis].fill(HUGE_VALF);
+      node.high[axis].fill(-HUGE_VALF);
+    }
+  const bool all =
+      tree_->for_blocks({at - half, at + half}, kMaxNodes,
+                        [&](std::uint32_t block, const BoxNode& node, std::uint32_t child) noexcept {
+                          if (near_count_ == kMaxBlocksNear) return false;
+                          BoxNode& box = near_box_[near_count_ / kFanOut];
+                          const std::uint32_t slot = near_count_ % kFanOut;
+                          for (std::size_t axis = 0; axis < 3; ++axis) {
+                            box.low[axis][slot] = node.low[axis][child];
+                            box.high[axis][slot] = node.high[axis][child];
+                          }
+                          near_block_[near_count_++] = block;
+                          return true;
+                        });
+  ++counters.blocks;
+  if (!all) forget_blocks();
+  return all;
+}
+
+bool StarContact::first_entry(const Vec3& from, const Vec3& to, const Stand* left, StarCounters& counters,
+                              Hit& hit) noexcept {
+  std::uint32_t tested = 0;
+  const geometry::Aabb way{from.cwiseMin(to), from.cwiseMax(to)};
+  const auto covered = [&](const Vec3& p) { return (p - near_at_).cwiseAbs().maxCoeff() <= near_reach_; };
+  bool near = covered(from) && covered(to);
+  if (!near) near = look_around(to, kStepsAhead * (to - from).cwiseAbs().maxCoeff(), counters);
+  bool all = true;
+  if (near) {
+    const FloatBox box = FloatBox::around(way);
+    for (std::uint32_t node = 0; node * kFanOut < near_count_; ++node)
+      for (unsigned mask = near_box_[node].meets(box); mask != 0; mask &= mask - 1)
+        test_block(near_block_[node * kFanOut + static_cast<std::uint32_t>(__builtin_ctz(mask))], from, to,
+                   left, hit, tested);
+  } else {
+    all = tree_->for_blocks(way, kMaxNodes, [&](std::uint32_t block, const BoxNode&, std::uint32_t) noexcept {
+      test_block(block, from, to, left, hit, tested);
+      return tested < kMaxTested;
+    });
+  }
+  counters.tested += tested;
+  return all;
+}
+
+}  // namespace palpate::stars

@@ -1,0 +1,131 @@
+// A surface of triangles that the points themselves agree on: every point lays its neighbours out in its own
+// plane and takes the Delaunay star there; a triangle stands where all three corners have it. No surface is
+// reconstructed: what the points allow no triangle for stays open and is counted.
+//
+// Points are in Morton order, called places here; a point and the ring around it are read together in a
+// frame.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <string_view>
+#include <vector>
+
+#include "toolkit/cloud/cloud.h"
+#include "toolkit/core/large_pages.h"
+#include "toolkit/core/result.h"
+#include "toolkit/core/vec.h"
+#include "toolkit/geometry/triangle_mesh.h"
+
+namespace palpate::stars {
+
+/// Ring points that fit beside the point; of random points one in thirty has more, kept apart.
+inline constexpr std::uint32_t kShortRing = 8;
+inline constexpr std::uint32_t kNoPlace = 0xFFFFFFFFu;
+
+struct StarPoint {
+  float x_mm, y_mm, z_mm;
+  std::uint32_t info;  ///< see StarMesh
+
+  [[nodiscard]] Vec3 at() const noexcept {
+    return {static_cast<double>(x_mm), static_cast<double>(y_mm), static_cast<double>(z_mm)};
+  }
+};
+
+/// The ring of a place, counter-clockwise seen from outside: sector k is the triangle of the place and ring
+/// points k and k + 1, unless it is open.
+struct Ring {
+  const std::uint32_t* of;
+  std::uint32_t size;
+  std::uint32_t open;  ///< bit k: sector k has no triangle
+
+  [[nodiscard]] std::uint32_t next(std::uint32_t k) const noexcept { return k + 1 == size ? 0 : k + 1; }
+  [[nodiscard]] std::uint32_t previous(std::uint32_t k) const noexcept { return k == 0 ? size - 1 : k - 1; }
+  [[nodiscard]] bool has_sector(std::uint32_t k) const noexcept { return (open >> k & 1u) == 0; }
+  /// Where `place` stands in the ring, or size.
+  [[nodiscard]] std::uint32_t find(std::uint32_t place) const noexcept {
+    std::uint32_t k = 0;
+    while (k < size && of[k] != place) ++k;
+    return k;
+  }
+};
+
+/// What the surface is made of, and what it lacks.
+struct StarCounts {
+  std::uint64_t triangles = 0;
+  std::uint64_t agreed_points = 0;  ///< whose whole star the neighbours had at once, or after another look
+  std::uint64_t voted = 0;          ///< triangles that one or two of three stars had
+  std::uint64_t filled = 0;         ///< triangles put into small loops
+  std::uint64_t torn = 0;           ///< triangles left out where sides would not agree
+  std::uint64_t welded = 0;         ///< points that stand where another does
+  std::uint64_t unused = 0;         ///< other points without a triangle
+  std::uint64_t open_points = 0;    ///< at borders and holes
+  std::uint64_t pieces = 0, closed_pieces = 0;
+};
+
+/// Called with the name of each step of a build before it begins.
+using OnStep = std::function<void(std::string_view)>;
+
+/// Immutable after build. Local coordinates, mm.
+class StarMesh {
+ public:
+  /// Parallel; the same for any number of threads and any order of the points. O(n) for clouds of bounded
+  /// density variation.
+  static StarMesh build(const cloud::Cloud& cloud, int threads, const OnStep& on_step = {});
+
+  [[nodiscard]] std::uint32_t size() const noexcept { return static_cast<std::uint32_t>(points_.size()); }
+  [[nodiscard]] const Vec3& origin_mm() const noexcept { return origin_mm_; }
+  [[nodiscard]] Vec3 at(std::uint32_t place) const noexcept { return points_[place].at(); }
+  [[nodiscard]] Ring ring(std::uint32_t place) const noexcept {
+    const std::uint32_t info = points_[place].info;
+    const std::uint32_t* row = rings_[place].data();
+    const std::uint32_t size = info & kSizeMask;
+    if (size != kLong) [[likely]]
+      return {row, size, info >> kOpenShift & kOpenMask};
+    return {long_rings_.data() + row[0], row[1], row[2]};
+  }
+  /// On a piece that encloses a volume.
+  [[nodiscard]] bool is_closed(std::uint32_t place) const noexcept {
+    return (points_[place].info & kClosed) != 0;
+  }
+  /// The closed piece of a place that is on one: below counts().closed_pieces.
+  [[nodiscard]] std::uint32_t closed_piece(std::uint32_t place) const noexcept {
+    return closed_piece_of_.empty() ? 0 : closed_piece_of_[place];
+  }
+  void prefetch(std::uint32_t place) const noexcept {
+    __builtin_prefetch(&points_[place]);
+    __builtin_prefetch(&rings_[place]);
+  }
+  /// Of each place its index in the cloud.
+  [[nodiscard]] const std::vector<std::uint32_t>& order() const noexcept { return order_; }
+  void drop_order() noexcept { order_ = {}; }
+  [[nodiscard]] const StarCounts& counts() const noexcept { return counts_; }
+  [[nodiscard]] std::size_t bytes() const noexcept;
+  /// visit(a, b, c) for every triangle, from its lowest place, counter-clockwise seen from outside.
+  template <class Visit>
+  void for_triangles_of(std::uint32_t a, Visit&& visit) const noexcept {
+    const Ring r = ring(a);
+    for (std::uint32_t k = 0; k < r.size; ++k) {
+      const std::uint32_t b = r.of[k], c = r.of[r.next(k)];
+      if (r.has_sector(k) && a < b && a < c) visit(a, b, c);
+    }
+  }
+  /// As a mesh of the cloud's points, in its order: what reconstructions make.
+  [[nodiscard]] geometry::TriangleMesh as_mesh() const;
+
+ private:
+  friend class StarMeshBuilder;
+  static constexpr std::uint32_t kSizeMask = 0xF, kLong = 0xF, kClosed = 0x10;
+  static constexpr std::uint32_t kOpenShift = 8, kOpenMask = 0xFF;
+
+  Vec3 origin_mm_ = Vec3::Zero();
+  LargeVector<StarPoint> points_;
+  LargeVector<std::array<std::uint32_t, kShortRing>> rings_;
+  std::vector<std::uint32_t> long_rings_;
+  LargeVector<std::uint32_t> closed_piece_of_;
+  std::vector<std::uint32_t> order_;
+  StarCounts counts_;
+};
+
+}  // namespace palpate::stars

@@ -1,0 +1,96 @@
+#include "toolkit/stars/star_tree.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "toolkit/core/parallel.h"
+
+namespace palpate::stars {
+namespace {
+
+constexpr float kFar = std::numeric_limits<float>::infinity();
+constexpr std::size_t kNodesPerChunk = 256;
+
+BoxNode empty_node() noexcept {
+  BoxNode node;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    node.low[axis].fill(kFar);
+    node.high[axis].fill(-kFar);
+  }
+  return node;
+}
+
+void grow(BoxNode& node, std::uint32_t child, const Vec3f& p) noexcept {
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    node.low[axis][child] = std::min(node.low[axis][child], p[static_cast<int>(axis)]);
+    node.high[axis][child] = std::max(node.high[axis][child], p[static_cast<int>(axis)]);
+  }
+}
+
+}  // namespace
+
+FloatBox FloatBox::around(const geometry::Aabb& box) noexcept {
+  FloatBox out;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const double low = box.low_mm[static_cast<int>(axis)], high = box.high_mm[static_cast<int>(axis)];
+    const auto a = static_cast<float>(low), b = static_cast<float>(high);
+    out.low[axis] = static_cast<double>(a) <= low ? a : std::nextafter(a, -kFar);
+    out.high[axis] = static_cast<double>(b) >= high ? b : std::nextafter(b, kFar);
+  }
+  return out;
+}
+
+StarTree StarTree::build(const StarMesh& mesh, int threads) {
+  StarTree tree;
+  const std::size_t blocks = (mesh.size() + kBlockPlaces - 1) / kBlockPlaces;
+  std::size_t count = (blocks + kFanOut - 1) / kFanOut;
+  if (count == 0) return tree;
+  tree.levels_.emplace_back(count, empty_node());
+  parallel_chunks(count, kNodesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      BoxNode& node = tree.levels_[0][i];
+      for (std::uint32_t child = 0; child < kFanOut; ++child) {
+        const std::size_t first = (i * kFanOut + child) * kBlockPlaces;
+        const std::size_t last = std::min<std::size_t>(first + kBlockPlaces, mesh.size());
+        for (std::size_t place = first; place < last; ++place)
+          mesh.for_triangles_of(static_cast<std::uint32_t>(place),
+                                [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+                                  for (const std::uint32_t corner : {a, b, c})
+                                    grow(node, child, mesh.at(corner).cast<float>());
+                                });
+      }
+    }
+  });
+  while (count > 1) {
+    const LargeVector<BoxNode>& below = tree.levels_.back();
+    const std::size_t above = (count + kFanOut - 1) / kFanOut;
+    LargeVector<BoxNode> level(above, empty_node());
+    for (std::size_t i = 0; i < count; ++i)
+      for (std::uint32_t k = 0; k < kFanOut; ++k) {
+        if (below[i].low[0][k] > below[i].high[0][k]) continue;
+        const auto child = static_cast<std::uint32_t>(i % kFanOut);
+        grow(level[i / kFanOut], child, {below[i].low[0][k], below[i].low[1][k], below[i].low[2][k]});
+        grow(level[i / kFanOut], child, {below[i].high[0][k], below[i].high[1][k], below[i].high[2][k]});
+      }
+    tree.levels_.push_back(std::move(level));
+    count = above;
+  }
+  const BoxNode& root = tree.levels_.back()[0];
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const auto at = static_cast<int>(axis);
+    tree.box_mm_.low_mm[at] =
+        static_cast<double>(*std::min_element(root.low[axis].begin(), root.low[axis].end()));
+    tree.box_mm_.high_mm[at] =
+        static_cast<double>(*std::max_element(root.high[axis].begin(), root.high[axis].end()));
+  }
+  return tree;
+}
+
+std::size_t StarTree::bytes() const noexcept {
+  std::size_t sum = 0;
+  for (const auto& level : levels_) sum += level.capacity() * sizeof(BoxNode);
+  return sum;
+}
+
+}  // namespace palpate::stars

@@ -1,0 +1,99 @@
+// The god object on a star mesh: it only ever descends in its distance to the HIP, over facets, edges and
+// corners, so that no energy is made whatever the surface is (it is the envelope theorem: on one facet the
+// force is the gradient of the stored energy, and a change of facet only lowers it).
+#pragma once
+
+#include <cstdint>
+
+#include "toolkit/core/tolerances.h"
+#include "toolkit/stars/facet.h"
+
+namespace palpate::stars {
+
+/// Facets that a frame may move over, each with its neighbours looked at. At 1 mm a frame and points 0.05 mm
+/// apart some 40 are needed; what is left is done in the next frame.
+inline constexpr int kMaxFacetMoves = 256;
+/// A move must shorten the squared distance by more than its rounding: the difference, three squares and two
+/// sums.
+inline constexpr double kDescent = 1.0 - 8.0 * kUnitRoundoff;
+
+/// Where the god object stands.
+struct Stand {
+  Facet facet;
+  Foot foot;
+};
+
+/// Moves `stand` over the mesh to the local minimum of the distance to h. False where `moves` ran out.
+inline bool descend(const StarMesh& mesh, const Vec3& h, Stand& stand, int& moves) noexcept {
+  stand.foot = foot_on(stand.facet, h);
+  while (stand.foot.feature != Feature::kInside) {
+    if (moves == 0) return false;
+    --moves;
+    const double to_beat = stand.foot.distance_sq * kDescent;
+    const std::uint32_t k = number_of(stand.foot.feature);
+    std::array<std::uint32_t, 3> best{};
+    Foot nearest;
+    nearest.distance_sq = to_beat;
+    if (is_edge(stand.foot.feature)) {
+      const Facet other = across(mesh, stand.facet, k);
+      if (other.place[0] == kNoPlace) return true;
+      const Foot foot = foot_on(other, h);
+      if (foot.distance_sq < nearest.distance_sq) {
+        nearest = foot;
+        best = other.place;
+      }
+    } else {
+      const std::uint32_t at = stand.facet.place[k];
+      const Ring ring = mesh.ring(at);
+      for (std::uint32_t s = 0; s < ring.size; ++s) {
+        if (!ring.has_sector(s)) continue;
+        const Facet other(mesh, at, ring.of[s], ring.of[ring.next(s)]);
+        const Foot foot = foot_on(other, h);
+        if (foot.distance_sq < nearest.distance_sq) {
+          nearest = foot;
+          best = other.place;
+        }
+      }
+    }
+    if (!(nearest.distance_sq < to_beat)) return true;
+    stand.facet = Facet(mesh, best[0], best[1], best[2]);
+    stand.foot = nearest;
+  }
+  return true;
+}
+
+/// What a place is at rest in front of or behind: `height` above 0 where h is outside, by the pseudonormal of
+/// the feature (Baerentzen and Aanaes 2005). `border`: the foot is on an edge that only one facet has.
+struct Side {
+  double height = 0.0;
+  bool border = false;
+};
+[[nodiscard]] Side side_of(const StarMesh& mesh, const Stand& stand, const Vec3& h) noexcept;
+
+/// How far h is past the border that the foot is on, sideways, squared.
+[[nodiscard]] inline double past_border_sq(const Stand& stand, const Vec3& h) noexcept {
+  const Vec3 n = stand.facet.area_normal();
+  const Vec3 r = h - stand.foot.point;
+  const double square = n.squaredNorm();
+  return square > 0.0 ? (r - n * (n.dot(r) / square)).squaredNorm() : r.squaredNorm();
+}
+
+/// visit(facet) for the facets that meet where the stand's foot is; its own first.
+template <class Visit>
+void for_facets_at(const StarMesh& mesh, const Stand& stand, Visit&& visit) noexcept {
+  visit(stand.facet);
+  if (stand.foot.feature == Feature::kInside) return;
+  const std::uint32_t k = number_of(stand.foot.feature);
+  if (is_edge(stand.foot.feature)) {
+    const Facet other = across(mesh, stand.facet, k);
+    if (other.place[0] != kNoPlace) visit(other);
+    return;
+  }
+  const std::uint32_t at = stand.facet.place[k];
+  const Ring ring = mesh.ring(at);
+  for (std::uint32_t s = 0; s < ring.size; ++s)
+    if (ring.has_sector(s) && ring.of[s] != stand.facet.place[corner_after(k)])
+      visit(Facet(mesh, at, ring.of[s], ring.of[ring.next(s)]));
+}
+
+}  // namespace palpate::stars

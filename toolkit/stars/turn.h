@@ -1,0 +1,22 @@
+// Internal to stars: one side for each piece.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "toolkit/stars/draft.h"
+
+namespace palpate::stars {
+
+struct Pieces {
+  std::vector<std::uint32_t> of;     ///< by point; kNoPoint where it has no triangle
+  std::vector<std::uint8_t> closed;  ///< by piece: it encloses a volume
+  std::size_t torn = 0;              ///< triangles left out where sides would not agree
+};
+
+/// Turns the stars so that neighbours run the same way around; of closed pieces, counter-clockwise seen from
+/// outside. Every sector must be agreed. O(n), serial.
+Pieces turn_stars(Draft& draft);
+
+}  // namespace palpate::stars
