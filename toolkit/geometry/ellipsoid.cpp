@@ -89,7 +89,7 @@ SurfacePoint Ellipsoid::closest(const Vec3& p) const noexcept {
   }
   // In the plane across the shortest axis and near the middle there is no such root: both ends of that axis
   // are as near, and the upper one is taken.
-  if (q[least_] == 0.0 && sum < 1.0) x[least_] = std::sqrt(1.0 - sum);
+  if (q[least_] == 0.0 && s == 0.0 && sum < 1.0) x[least_] = std::sqrt(1.0 - sum);
   for (int i = 0; i < 3; ++i)
     if (p[i] < 0.0) x[i] = -x[i];
   return seen_at(x.cwiseProduct(axes_));

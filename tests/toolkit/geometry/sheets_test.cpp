@@ -37,6 +37,7 @@ TEST(Sheets, KnownPoints) {
   // Where the long way is closed in by the short one: x < a - c^2 / a, the closest is off the axis.
   EXPECT_LT(ellipsoid->closest({1, 0, 0}).point_mm.x(), 2.0);
   EXPECT_NEAR(ellipsoid->closest({1, 0, 0}).point_mm.x(), 16.0 / 15.0, 1e-14);
+  EXPECT_NEAR(ellipsoid->signed_distance_mm({4 * 0.6, 2 * 0.8, 0}), 0.0, 1e-15) << "in a plane of symmetry";
   const auto ball = make_ellipsoid({3, 3, 3});
   EXPECT_DOUBLE_EQ(ball->signed_distance_mm({0, 5, 0}), 2.0);
   EXPECT_DOUBLE_EQ(ball->signed_distance_mm({0, 0, 0}), -3.0);
