@@ -3,18 +3,25 @@
 //
 //   felt_surface [--sets a,b] [--renderers list] [--frames N] [--closed-paths N] [--quick] [--threads N]
 //                [--prepare-limit-s S] [--json FILE] [--list]
+//   felt_surface --slice FILE.svg [--sets edge|hole|thin|noise] [--renderers list]
 //
+// Renderers as the palpate command takes them; label=NAME among the options names their rows.
+#include <fmt/chrono.h>
 #include <fmt/format.h>
 
 #include <cstdio>
-#include <fstream>
+#include <ctime>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "baselines/register.h"
+#include "experiments/benchmarks/felt_surface/slice.h"
 #include "experiments/benchmarks/felt_surface/trial.h"
+#include "toolkit/core/atomic_file.h"
+#include "toolkit/core/input_file.h"
 #include "toolkit/core/options.h"
+#include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
 #include "toolkit/renderers/toolkit_renderers.h"
 
@@ -22,13 +29,15 @@ namespace palpate::felt {
 namespace {
 
 constexpr int kBadArguments = 2;
+constexpr std::uint64_t kCpuInfoBytes = 1 << 24;  ///< of hundreds of cores
 constexpr std::size_t kFrames = 20'000, kQuickFrames = 10'000;
 
 struct Arguments {
-  std::vector<std::string> sets, renderers = {"cloud", "mesh-godobject:mesh=advancing-front", "mls-proxy"};
+  std::vector<std::string> sets;
+  std::vector<Tried> renderers;
   std::size_t frames = 0;  ///< 0: as usual
   bool quick = false, list = false;
-  std::string json;
+  std::string json, slice, started_utc;
   TrialOptions trial;
 };
 
@@ -60,13 +69,21 @@ void print_row(const Row& row) {
       number(row.p999_us), row.prepare_ms, row.bytes_per_point, row.bound_hits);
 }
 
+std::string cpu_name() {
+  const Result<std::string> text = read_file("/proc/cpuinfo", kCpuInfoBytes);
+  const std::string key = "model name\t: ";
+  const std::size_t at = text ? text->find(key) : std::string::npos;
+  if (at == std::string::npos) return "not known";
+  return text->substr(at + key.size(), text->find('\n', at) - at - key.size());
+}
+
 template <class T>
 nlohmann::ordered_json or_null(const std::optional<T>& x) {
   return x ? nlohmann::ordered_json(*x) : nlohmann::ordered_json(nullptr);
 }
 
 nlohmann::ordered_json json_of(const Row& row) {
-  nlohmann::ordered_json json = {{"label", row.set + " " + row.renderer},
+  nlohmann::ordered_json json = {{"label", row.set + "/" + row.renderer},
                                  {"set", row.set},
                                  {"renderer", row.renderer},
                                  {"points", row.points},
@@ -74,6 +91,7 @@ nlohmann::ordered_json json_of(const Row& row) {
                                  {"status", row.failed.empty() ? "ok" : "failed"}};
   if (!row.failed.empty()) {
     json["reason"] = row.failed;
+    json["summary"] = json["times"] = "fails";
     return json;
   }
   const metrics::Accuracy& a = row.accuracy;
@@ -98,24 +116,30 @@ nlohmann::ordered_json json_of(const Row& row) {
   json["prepare_ms"] = row.prepare_ms;
   json["bytes_per_point"] = row.bytes_per_point;
   json["bound_hits"] = row.bound_hits;
+  json["summary"] = fmt::format("{} / {} / {} / {}", number(a.force_rms_percent), a.excess_jumps.value_or(0),
+                                a.missed_contact_frames + a.false_contact_frames, number(row.energy_percent));
+  json["times"] = fmt::format("{:.3g} / {:.3g} / {:.3g}", row.contact_ns, row.all_ns, row.prepare_ms);
   json["trace_hash"] = row.trace_hash;
   json["warnings"] = row.warnings;
   return json;
 }
 
-void write_json(const Arguments& arguments, const nlohmann::ordered_json& sets,
-                const std::vector<Row>& rows) {
-  if (arguments.json.empty()) return;
+[[nodiscard]] Status write_json(const Arguments& arguments, const nlohmann::ordered_json& sets,
+                                const std::vector<Row>& rows) {
+  if (arguments.json.empty()) return Done{};
   nlohmann::ordered_json document = {{"schema", "palpate.felt-surface/1"},
+                                     {"started_utc", arguments.started_utc},
+                                     {"machine", {{"cpu", cpu_name()}}},
                                      {"quick", arguments.quick},
                                      {"stiffness_n_per_mm", kStiffness},
                                      {"closed_paths", arguments.trial.loops},
                                      {"sets", sets}};
   for (const Row& row : rows) document["rows"].push_back(json_of(row));
-  std::ofstream(arguments.json) << document.dump(1) << '\n';
+  return write_file(arguments.json, document.dump(1) + '\n');
 }
 
 [[nodiscard]] Status read(int argc, char** argv, Arguments& arguments) {
+  std::string renderers = "cloud,mesh-godobject:mesh=advancing-front,mls-proxy";
   for (int i = 1; i < argc; ++i) {
     const std::string key = argv[i];
     if (key == "--quick") {
@@ -133,9 +157,11 @@ void write_json(const Arguments& arguments, const nlohmann::ordered_json& sets,
     if (key == "--sets") {
       arguments.sets = split_list(value);
     } else if (key == "--renderers") {
-      arguments.renderers = split_list(value);
+      renderers = value;
     } else if (key == "--json") {
       arguments.json = value;
+    } else if (key == "--slice") {
+      arguments.slice = value;
     } else if (!count) {
       return Error{key + ": " + count.error().message(), {}, {}, 0};
     } else if (key == "--frames") {
@@ -150,7 +176,9 @@ void write_json(const Arguments& arguments, const nlohmann::ordered_json& sets,
       return Error{key + " is not known", "see the head of felt_surface.cpp", {}, 0};
     }
   }
+  PALPATE_ASSIGN(arguments.renderers, read_tried(renderers));
   if (arguments.frames == 0) arguments.frames = arguments.quick ? kQuickFrames : kFrames;
+  if (!arguments.slice.empty()) return Done{};
   if (arguments.sets.empty())
     for (const DataSet& set : data_sets()) arguments.sets.push_back(set.name);
   for (const std::string& name : arguments.sets)
@@ -160,10 +188,21 @@ void write_json(const Arguments& arguments, const nlohmann::ordered_json& sets,
   return Done{};
 }
 
-int run(const Arguments& arguments) {
+int report(const Error& error, int status) {
+  fmt::print(stderr, "felt_surface: {}\n", error.message());
+  return status;
+}
+
+int run(Arguments& arguments) {
+  arguments.started_utc = fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
   render::Registry registry;
   render::register_toolkit_renderers(registry);
   baselines::register_baseline_renderers(registry);
+  if (!arguments.slice.empty()) {
+    const std::string name = arguments.sets.empty() ? "edge" : arguments.sets.front();
+    const Status drawn = draw_slice(name, arguments.renderers, registry, arguments.slice);
+    return drawn.ok() ? 0 : report(drawn.error(), 1);
+  }
   std::vector<Row> rows;
   nlohmann::ordered_json sets = nlohmann::ordered_json::array();
   print_head();
@@ -182,11 +221,12 @@ int run(const Arguments& arguments) {
                     {"frames", ground->path.size()},
                     {"truth", ground->reference.exactness}});
     const std::vector<trace::ProbePath> loops = closed_loops(*ground, arguments.trial.loops);
-    for (const std::string& renderer : arguments.renderers) {
+    for (const Tried& renderer : arguments.renderers) {
       rows.push_back(run_trial(set, *ground, renderer, loops, registry, arguments.trial));
       print_row(rows.back());
       std::fflush(stdout);
-      write_json(arguments, sets, rows);
+      if (const Status written = write_json(arguments, sets, rows); !written.ok())
+        return report(written.error(), 1);
     }
   }
   return 0;
@@ -199,8 +239,7 @@ int main(int argc, char** argv) {
   using namespace palpate;
   felt::Arguments arguments;
   if (const Status done = felt::read(argc, argv, arguments); !done.ok()) {
-    fmt::print(stderr, "{}\n", done.error().message());
-    return felt::kBadArguments;
+    return felt::report(done.error(), felt::kBadArguments);
   }
   if (!arguments.list) return felt::run(arguments);
   for (const felt::DataSet& set : felt::data_sets())

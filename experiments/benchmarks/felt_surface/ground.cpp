@@ -87,6 +87,32 @@ trace::ProbePath border_path(double half) {
   return path;
 }
 
+/// Pressed down beside the ridge of a roof, slid along one face, and up; then across the ridge near its tip.
+/// At places by chance.
+trace::ProbePath ridge_path(double half, std::size_t frames) {
+  constexpr double kAsideMm = 2.5, kAlongMm = 3.0, kTipShare = 0.25;
+  Random random(kSeed);
+  trace::ProbePath path;
+  path.name = "ridge";
+  add_point(path, {-0.5 * half, 0.0, kClearanceMm});
+  while (path.t_s.size() < frames) {
+    const double side = random.uniform() < 0.5 ? -1.0 : 1.0, depth = random.uniform(0.0, kDepthMm);
+    const double x = side * random.uniform(0.0, kAsideMm), x_end = side * random.uniform(0.0, kAsideMm);
+    const double y = random.uniform(-0.8, 0.8) * half, y_end = y + random.uniform(-kAlongMm, kAlongMm);
+    go_to(path, {x, y, kClearanceMm});
+    go_to(path, {x, y, -std::abs(x) - depth});
+    go_to(path, {x_end, y_end, -std::abs(x_end) - depth});
+    go_to(path, {x_end, y_end, kClearanceMm});
+    const double tip = kTipShare * depth;
+    go_to(path, {-side * kAsideMm, y_end, -tip});
+    go_to(path, {side * kAsideMm, y, -tip});
+    go_to(path, {side * kAsideMm, y, kClearanceMm});
+  }
+  path.t_s.resize(frames);
+  path.hip_mm.resize(frames);
+  return path;
+}
+
 /// Nothing is there to be touched; distances are to the square |x|, |y| <= half at z = 0.
 trace::ReferenceTrace free_reference(const trace::ProbePath& path, double half) {
   trace::ReferenceTrace reference;
@@ -189,6 +215,8 @@ Status add_formula_truth(Ground& ground, const DataSet& set, std::size_t frames)
     const double radius = -box.low_mm.z(),
                  rim_deg = std::acos(-box.high_mm.z() / radius) * 180.0 / std::numbers::pi;
     ground.path = mouth_path(radius, rim_deg);
+  } else if (set.stroke == Stroke::kRidge) {
+    ground.path = ridge_path(box.high_mm.x(), frames);
   } else {
     PALPATE_ASSIGN(ground.path, weave(ground, frames));
   }

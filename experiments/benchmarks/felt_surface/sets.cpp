@@ -51,11 +51,12 @@ std::vector<DataSet> round_sets() {
 
 std::vector<DataSet> height_field_sets() {
   return {
-      generated("roof", "roof of 90 degrees", "wedge:extent_mm=60:sampling=blue:points=@", "160000", "60000"),
+      generated("roof", "roof of 90 degrees", "wedge:extent_mm=60:sampling=blue:points=@", "160000", "60000",
+                Stroke::kRidge),
       generated("roof10", "roof, noise .1", "wedge:extent_mm=60:sampling=blue:noise=0.1:points=@", "160000",
-                "60000"),
+                "60000", Stroke::kRidge),
       generated("roof20", "roof, noise .2", "wedge:extent_mm=60:sampling=blue:noise=0.2:points=@", "160000",
-                "60000"),
+                "60000", Stroke::kRidge),
       generated("corner", "floor that meets a wall",
                 "wedge:angle_deg=270:extent_mm=60:sampling=blue:points=@", "160000", "60000"),
       generated("sin24k", "sinusoid", "sinusoid:points=@", "24025", "24025"),

@@ -11,6 +11,8 @@ namespace palpate::felt {
 enum class Stroke {
   kWeave,   ///< all over, in and out
   kMouth,   ///< presses the wall of a ball, slides into its mouth, goes to the middle
+  kRidge,   ///< pressed beside a ridge and slid along and down one face, and across it near its tip; deeper
+            ///< across, a HIP is caught behind a face, and a hair's breadth decides for how long
   kBorder,  ///< passes beside the border of a sheet, below its plane
 };
 

@@ -94,10 +94,9 @@ void look_at_free_frames(const Ground& ground, const trace::ForceTrace& trace, R
   if (free > 0) row.held_share = 100.0 * static_cast<double>(held) / static_cast<double>(free);
 }
 
-[[nodiscard]] Status run(const Ground& ground, const std::string& spec,
+[[nodiscard]] Status run(const Ground& ground, const NamedOptions& named,
                          const std::vector<trace::ProbePath>& loops, const render::Registry& registry,
                          const TrialOptions& options, Row& row) {
-  PALPATE_ASSIGN(const NamedOptions named, parse_named_options(spec));
   if (registry.find(named.name) == nullptr)
     return Error{"there is no renderer of this name", "see palpate renderers", {}, 0};
   PALPATE_ASSIGN(const std::unique_ptr<render::HapticRenderer> renderer,
@@ -132,15 +131,34 @@ void look_at_free_frames(const Ground& ground, const trace::ForceTrace& trace, R
 
 }  // namespace
 
-Row run_trial(const DataSet& set, const Ground& ground, const std::string& renderer,
+Result<std::vector<Tried>> read_tried(const std::string& list) {
+  std::vector<Tried> all;
+  const std::vector<std::string> texts = split_list(list);
+  for (const std::string& text : texts) {
+    PALPATE_ASSIGN(const NamedOptions named, parse_named_options(text));
+    Tried tried{named.name, {named.name, {}}};
+    for (const auto& [key, value] : named.options.all())
+      if (key == "label")
+        tried.label = value;
+      else
+        tried.spec.options.set(key, value);
+    all.push_back(std::move(tried));
+  }
+  for (std::size_t i = 0; i < all.size(); ++i)
+    for (std::size_t j = 0; j < i; ++j)
+      if (all[i].label == all[j].label) all[i].label = texts[i];
+  return all;
+}
+
+Row run_trial(const DataSet& set, const Ground& ground, const Tried& tried,
               const std::vector<trace::ProbePath>& loops, const render::Registry& registry,
               const TrialOptions& options) {
   Row row;
   row.set = set.name;
-  row.renderer = renderer;
+  row.renderer = tried.label;
   row.points = ground.points().size();
   row.spacing_mm = ground.spacing_mm;
-  if (const Status done = run(ground, renderer, loops, registry, options, row); !done.ok())
+  if (const Status done = run(ground, tried.spec, loops, registry, options, row); !done.ok())
     row.failed = done.error().message();
   return row;
 }

@@ -7,10 +7,19 @@
 #include <vector>
 
 #include "experiments/benchmarks/felt_surface/ground.h"
+#include "toolkit/core/options.h"
 #include "toolkit/metrics/accuracy.h"
 #include "toolkit/render/registry.h"
 
 namespace palpate::felt {
+
+/// A renderer to try, as the palpate command takes it.
+struct Tried {
+  std::string label;  ///< of its rows: label=NAME among the options, else the name
+  NamedOptions spec;
+};
+/// Labels that are twice become the whole text.
+[[nodiscard]] Result<std::vector<Tried>> read_tried(const std::string& list);
 
 struct Row {
   std::string set, renderer;
@@ -39,7 +48,7 @@ struct TrialOptions {
   double prepare_limit_s = 0.0;  ///< 0 = none
 };
 
-[[nodiscard]] Row run_trial(const DataSet& set, const Ground& ground, const std::string& renderer,
+[[nodiscard]] Row run_trial(const DataSet& set, const Ground& ground, const Tried& tried,
                             const std::vector<trace::ProbePath>& loops, const render::Registry& registry,
                             const TrialOptions& options);
 
