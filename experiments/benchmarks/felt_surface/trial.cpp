@@ -37,7 +37,7 @@ double contact_pass(render::HapticRenderer& renderer, const Ground& ground) {
     std::size_t end = i;
     while (end < path.size() && ground.reference.frames[end].frame.contact == contact) ++end;
     const std::int64_t start = monotonic_ns();
-    for (std::size_t k = i; k < end; ++k) renderer.step(path.hip_mm[k], path.t_s[k]);
+    for (std::size_t k = i; k < end; ++k) static_cast<void>(renderer.step(path.hip_mm[k], path.t_s[k]));
     if (contact) {
       ns += monotonic_ns() - start;
       frames += end - i;
@@ -50,7 +50,7 @@ double contact_pass(render::HapticRenderer& renderer, const Ground& ground) {
 double whole_pass(render::HapticRenderer& renderer, const trace::ProbePath& path) {
   renderer.restart(path.hip_mm.front(), -kStepS);
   const std::int64_t start = monotonic_ns();
-  for (std::size_t k = 0; k < path.size(); ++k) renderer.step(path.hip_mm[k], path.t_s[k]);
+  for (std::size_t k = 0; k < path.size(); ++k) static_cast<void>(renderer.step(path.hip_mm[k], path.t_s[k]));
   return static_cast<double>(monotonic_ns() - start) / static_cast<double>(path.size());
 }
 
