@@ -53,4 +53,29 @@ namespace palpate::geometry {
 /// The closed box of extent x extent x thickness centred at the origin. at(u, v) runs over its upper face.
 [[nodiscard]] std::shared_ptr<const AnalyticSurface> make_slab(double extent_mm, double thickness_mm);
 
+/// (x / a)^2 + (y / b)^2 + (z / c)^2 = 1 with the semi-axes (a, b, c).
+[[nodiscard]] std::shared_ptr<const AnalyticSurface> make_ellipsoid(const Vec3& semi_axes_mm);
+
+/// A closed box whose edges and corners are parts of cylinders and spheres of `radius_mm`, at most half of
+/// its shortest side. at(u, v) runs over all of it.
+[[nodiscard]] std::shared_ptr<const AnalyticSurface> make_rounded_box(const Vec3& extent_mm,
+                                                                      double radius_mm);
+/// The point of a rounded box that the place `share` on the surface of the cube [-1, 1]^3 is mapped to: equal
+/// ways on a face, and on an edge between two of them, are equal ways on the box. `box` must come from
+/// make_rounded_box().
+[[nodiscard]] Vec3 on_rounded_box(const AnalyticSurface& box, const Vec3& share) noexcept;
+/// Half of the way along the surface from the middle of one face to that of the opposite one, by axis.
+[[nodiscard]] Vec3 half_ways_of_rounded_box(const Vec3& extent_mm, double radius_mm) noexcept;
+
+/// From which side an open surface is felt.
+enum class Felt { kInside, kOutside };
+/// The part of a sphere about the origin within `rim_deg` (1 to 179) of its lowest point: an open sheet, felt
+/// from one side. It ends at its rim: a god object whose HIP has slid off the rim sideways is let go, which
+/// track() says by a normal that points to the HIP. It has no inside: no distance to it is negative.
+[[nodiscard]] std::shared_ptr<const AnalyticSurface> make_bowl(double radius_mm, double rim_deg, Felt felt);
+
+/// A hollow ball: the sphere of `radius_mm`, and another one `gap_mm` further in that bounds the hollow. Two
+/// sheets; the god object stays on that which was entered. at(u, v) runs over the outer one.
+[[nodiscard]] std::shared_ptr<const AnalyticSurface> make_shells(double radius_mm, double gap_mm);
+
 }  // namespace palpate::geometry

@@ -7,24 +7,10 @@
 #include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/analytic_shapes.h"
 #include "toolkit/geometry/entry_search.h"
+#include "toolkit/geometry/segment_sphere.h"
 
 namespace palpate::geometry {
 namespace {
-
-/// The parameters at which a -> b is within the sphere of this radius about the origin, or none; within [0,
-/// 1].
-std::optional<std::pair<double, double>> within_sphere(const Vec3& a, const Vec3& d, double radius) noexcept {
-  const double dd = d.squaredNorm();
-  if (!(dd > 0.0)) return std::nullopt;
-  const double nearest = -a.dot(d) / dd;
-  // From the point nearest to the centre, not from a: no cancellation for far starts.
-  const double miss_sq = (a + nearest * d).squaredNorm();
-  const double half_sq = (radius * radius - miss_sq) / dd;
-  if (half_sq < 0.0) return std::nullopt;
-  const double half = std::sqrt(half_sq);
-  if (nearest + half < 0.0 || nearest - half > 1.0) return std::nullopt;
-  return std::pair{nearest - half, nearest + half};
-}
 
 class Sphere final : public AnalyticSurface {
  public:

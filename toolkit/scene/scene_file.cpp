@@ -98,7 +98,7 @@ Status read_model(const toml::table& table, SceneModel& model, const InFile& in_
   if (scan != nullptr) model.name = model.scan;
   if (generator == nullptr) return Done{};
   // A wrong value is found here, where the line is known.
-  const Result<Options> checked = validate(model.generate->options, generator->options, generator->name);
+  const Result<Options> checked = cloud::complete_options(*generator, model.generate->options);
   if (!checked) return in_file.at(table, checked.error().what, checked.error().remedy);
   return Done{};
 }
@@ -305,7 +305,7 @@ Result<SceneFile> open_scene(const std::string& argument) {
                    nearest_generator(argument.substr(0, argument.find(':')),
                                      "give a scene (.toml), a model file, or one of the generators "),
                    argument, 0};
-    PALPATE_TRY(validate(named->options, generator->options, named->name));
+    PALPATE_TRY(cloud::complete_options(*generator, named->options));
     model.name = named->name;
     model.generate = *std::move(named);
   }

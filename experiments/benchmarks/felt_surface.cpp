@@ -1,0 +1,248 @@
+// The trial of the felt surface: points that the suite does not have, every renderer on one path a set,
+// scored against the exact truth. See docs/surface.md.
+//
+//   felt_surface [--sets a,b] [--renderers list] [--frames N] [--closed-paths N] [--quick] [--threads N]
+//                [--prepare-limit-s S] [--json FILE] [--list]
+//   felt_surface --slice FILE.svg [--sets edge|hole|thin|noise] [--renderers list]
+//
+// Renderers as the palpate command takes them; label=NAME among the options names their rows.
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <ctime>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "baselines/register.h"
+#include "experiments/benchmarks/felt_surface/slice.h"
+#include "experiments/benchmarks/felt_surface/trial.h"
+#include "toolkit/core/atomic_file.h"
+#include "toolkit/core/input_file.h"
+#include "toolkit/core/options.h"
+#include "toolkit/core/try.h"
+#include "toolkit/core/words.h"
+#include "toolkit/renderers/toolkit_renderers.h"
+
+namespace palpate::felt {
+namespace {
+
+constexpr int kBadArguments = 2;
+constexpr std::uint64_t kCpuInfoBytes = 1 << 24;  ///< of hundreds of cores
+constexpr std::size_t kFrames = 20'000, kQuickFrames = 10'000;
+
+struct Arguments {
+  std::vector<std::string> sets;
+  std::vector<Tried> renderers;
+  std::size_t frames = 0;  ///< 0: as usual
+  bool quick = false, list = false;
+  std::string json, slice, started_utc;
+  TrialOptions trial;
+};
+
+std::string number(const std::optional<double>& x, const char* format = "{:.3g}") {
+  return x ? fmt::format(fmt::runtime(format), *x) : "-";
+}
+
+void print_head() {
+  fmt::print(
+      "{:8} {:30} {:>8} {:>6} {:>6} {:>6} {:>6} {:>4} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>7} {:>6} "
+      "{:>5}\n",
+      "set", "renderer", "RMS %", "jumps", "missed", "false", "stick", "pops", "energy %", "loops %",
+      "free N", "cont ns", "all ns", "p999 us", "prep ms", "B/pt", "bound");
+}
+
+void print_row(const Row& row) {
+  if (!row.failed.empty()) {
+    fmt::print("{:8} {:30} failed: {}\n", row.set, row.renderer, row.failed);
+    return;
+  }
+  const metrics::Accuracy& a = row.accuracy;
+  fmt::print(
+      "{:8} {:30} {:>8} {:>6} {:>6} {:>6} {:>6} {:>4} {:>8} {:>8} {:>7} {:>7.1f} {:>7.1f} {:>7} {:>7.0f} "
+      "{:>6.1f} {:>5}\n",
+      row.set, row.renderer, number(a.force_rms_percent), a.excess_jumps.value_or(0), a.missed_contact_frames,
+      a.false_contact_frames, a.longest_stick_frames,
+      a.pop_throughs ? fmt::format("{}", *a.pop_throughs) : "-", number(row.energy_percent),
+      number(row.loop_energy_percent), number(row.free_force_n), row.contact_ns, row.all_ns,
+      number(row.p999_us), row.prepare_ms, row.bytes_per_point, row.bound_hits);
+}
+
+std::string cpu_name() {
+  const Result<std::string> text = read_file("/proc/cpuinfo", kCpuInfoBytes);
+  const std::string key = "model name\t: ";
+  const std::size_t at = text ? text->find(key) : std::string::npos;
+  if (at == std::string::npos) return "not known";
+  return text->substr(at + key.size(), text->find('\n', at) - at - key.size());
+}
+
+template <class T>
+nlohmann::ordered_json or_null(const std::optional<T>& x) {
+  return x ? nlohmann::ordered_json(*x) : nlohmann::ordered_json(nullptr);
+}
+
+nlohmann::ordered_json json_of(const Row& row) {
+  nlohmann::ordered_json json = {{"label", row.set + "/" + row.renderer},
+                                 {"set", row.set},
+                                 {"renderer", row.renderer},
+                                 {"points", row.points},
+                                 {"spacing_mm", row.spacing_mm},
+                                 {"status", row.failed.empty() ? "ok" : "failed"}};
+  if (!row.failed.empty()) {
+    json["reason"] = row.failed;
+    json["summary"] = json["times"] = "fails";
+    return json;
+  }
+  const metrics::Accuracy& a = row.accuracy;
+  json["contact_frames"] = a.contact_frames;
+  json["force_rms_percent"] = or_null(a.force_rms_percent);
+  json["force_rms_n"] = or_null(a.force_rms_n);
+  json["force_max_n"] = or_null(a.force_max_n);
+  json["god_object_rms_mm"] = or_null(a.god_object_rms_mm);
+  json["excess_jumps"] = or_null(a.excess_jumps);
+  json["missed_contact_frames"] = a.missed_contact_frames;
+  json["false_contact_frames"] = a.false_contact_frames;
+  json["longest_stick_frames"] = a.longest_stick_frames;
+  json["pop_throughs"] = or_null(a.pop_throughs);
+  json["energy_generated_percent"] = or_null(row.energy_percent);
+  json["loops_generated_percent"] = or_null(row.loop_energy_percent);
+  json["worst_loop_generated_percent"] = or_null(row.worst_loop_percent);
+  json["free_force_n"] = row.free_force_n;
+  json["free_frames_held_percent"] = row.held_share;
+  json["contact_ns"] = row.contact_ns;
+  json["all_ns"] = row.all_ns;
+  json["p999_us"] = or_null(row.p999_us);
+  json["prepare_ms"] = row.prepare_ms;
+  json["bytes_per_point"] = row.bytes_per_point;
+  json["bound_hits"] = row.bound_hits;
+  json["summary"] = fmt::format("{} / {} / {} / {}", number(a.force_rms_percent), a.excess_jumps.value_or(0),
+                                a.missed_contact_frames + a.false_contact_frames, number(row.energy_percent));
+  json["times"] = fmt::format("{:.3g} / {:.3g} / {:.3g}", row.contact_ns, row.all_ns, row.prepare_ms);
+  json["trace_hash"] = row.trace_hash;
+  json["warnings"] = row.warnings;
+  return json;
+}
+
+[[nodiscard]] Status write_json(const Arguments& arguments, const nlohmann::ordered_json& sets,
+                                const std::vector<Row>& rows) {
+  if (arguments.json.empty()) return Done{};
+  nlohmann::ordered_json document = {{"schema", "palpate.felt-surface/1"},
+                                     {"started_utc", arguments.started_utc},
+                                     {"machine", {{"cpu", cpu_name()}}},
+                                     {"quick", arguments.quick},
+                                     {"stiffness_n_per_mm", kStiffness},
+                                     {"closed_paths", arguments.trial.loops},
+                                     {"sets", sets}};
+  for (const Row& row : rows) document["rows"].push_back(json_of(row));
+  return write_file(arguments.json, document.dump(1) + '\n');
+}
+
+[[nodiscard]] Status read(int argc, char** argv, Arguments& arguments) {
+  std::string renderers = "cloud,mesh-godobject:mesh=advancing-front,mls-proxy";
+  for (int i = 1; i < argc; ++i) {
+    const std::string key = argv[i];
+    if (key == "--quick") {
+      arguments.quick = true;
+      continue;
+    }
+    if (key == "--list") {
+      arguments.list = true;
+      continue;
+    }
+    if (i + 1 == argc)
+      return Error{key + " needs a value, or is not known", "see the head of felt_surface.cpp", {}, 0};
+    const std::string value = argv[++i];
+    const Result<double> count = read_number(value, {0.0, 1e9});
+    if (key == "--sets") {
+      arguments.sets = split_list(value);
+    } else if (key == "--renderers") {
+      renderers = value;
+    } else if (key == "--json") {
+      arguments.json = value;
+    } else if (key == "--slice") {
+      arguments.slice = value;
+    } else if (!count) {
+      return Error{key + ": " + count.error().message(), {}, {}, 0};
+    } else if (key == "--frames") {
+      arguments.frames = static_cast<std::size_t>(*count);
+    } else if (key == "--closed-paths") {
+      arguments.trial.loops = static_cast<std::size_t>(*count);
+    } else if (key == "--threads") {
+      arguments.trial.threads = static_cast<int>(*count);
+    } else if (key == "--prepare-limit-s") {
+      arguments.trial.prepare_limit_s = *count;
+    } else {
+      return Error{key + " is not known", "see the head of felt_surface.cpp", {}, 0};
+    }
+  }
+  PALPATE_ASSIGN(arguments.renderers, read_tried(renderers));
+  if (arguments.frames == 0) arguments.frames = arguments.quick ? kQuickFrames : kFrames;
+  if (!arguments.slice.empty()) return Done{};
+  if (arguments.sets.empty())
+    for (const DataSet& set : data_sets()) arguments.sets.push_back(set.name);
+  for (const std::string& name : arguments.sets)
+    if (find_set(name) == nullptr)
+      return Error{
+          fmt::format("there is no set '{}'", name), "choose from " + joined(names_of(data_sets())), {}, 0};
+  return Done{};
+}
+
+int report(const Error& error, int status) {
+  fmt::print(stderr, "felt_surface: {}\n", error.message());
+  return status;
+}
+
+int run(Arguments& arguments) {
+  arguments.started_utc = fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
+  render::Registry registry;
+  render::register_toolkit_renderers(registry);
+  baselines::register_baseline_renderers(registry);
+  if (!arguments.slice.empty()) {
+    const std::string name = arguments.sets.empty() ? "edge" : arguments.sets.front();
+    const Status drawn = draw_slice(name, arguments.renderers, registry, arguments.slice);
+    return drawn.ok() ? 0 : report(drawn.error(), 1);
+  }
+  std::vector<Row> rows;
+  nlohmann::ordered_json sets = nlohmann::ordered_json::array();
+  print_head();
+  for (const std::string& name : arguments.sets) {
+    const DataSet& set = *find_set(name);
+    const Result<Ground> ground = make_ground(set, arguments.quick, arguments.frames, no_progress());
+    if (!ground) {
+      fmt::print("{:8} {}: {}\n", name, ground.error().gave_up ? "skipped" : "failed",
+                 ground.error().message());
+      continue;
+    }
+    sets.push_back({{"label", name},
+                    {"about", set.about},
+                    {"model", arguments.quick ? set.quick : set.generate},
+                    {"points", ground->points().size()},
+                    {"frames", ground->path.size()},
+                    {"truth", ground->reference.exactness}});
+    const std::vector<trace::ProbePath> loops = closed_loops(*ground, arguments.trial.loops);
+    for (const Tried& renderer : arguments.renderers) {
+      rows.push_back(run_trial(set, *ground, renderer, loops, registry, arguments.trial));
+      print_row(rows.back());
+      std::fflush(stdout);
+      if (const Status written = write_json(arguments, sets, rows); !written.ok())
+        return report(written.error(), 1);
+    }
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace palpate::felt
+
+int main(int argc, char** argv) {
+  using namespace palpate;
+  felt::Arguments arguments;
+  if (const Status done = felt::read(argc, argv, arguments); !done.ok()) {
+    return felt::report(done.error(), felt::kBadArguments);
+  }
+  if (!arguments.list) return felt::run(arguments);
+  for (const felt::DataSet& set : felt::data_sets())
+    fmt::print("{:8} {:50} {}\n", set.name, set.about, set.generate);
+  return 0;
+}

@@ -1,0 +1,299 @@
+#include "experiments/benchmarks/felt_surface/ground.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <numbers>
+
+#include "baselines/reference/mesh_reference.h"
+#include "toolkit/cloud/generate.h"
+#include "toolkit/core/random.h"
+#include "toolkit/core/try.h"
+#include "toolkit/io/read_model.h"
+#include "toolkit/metrics/reference.h"
+#include "toolkit/neighbourhood/knn.h"
+#include "toolkit/neighbourhood/spacing.h"
+#include "toolkit/trace/paths.h"
+
+namespace palpate::felt {
+namespace {
+
+constexpr std::uint64_t kSeed = 11;
+/// Scans are felt at the size of a hand, with so many points, in quick trials fewer.
+constexpr double kScanMm = 150.0;
+constexpr std::size_t kScanPoints = 300'000, kQuickScanPoints = 60'000;
+
+void add_point(trace::ProbePath& path, const Vec3& hip) {
+  path.t_s.push_back(kStepS * static_cast<double>(path.t_s.size()));
+  path.hip_mm.push_back(hip);
+}
+
+/// On in a straight line at the probe's speed.
+void go_to(trace::ProbePath& path, const Vec3& to) {
+  const Vec3 from = path.hip_mm.back();
+  const int steps = std::max(1, static_cast<int>(std::ceil((to - from).norm() / (kSpeedMmS * kStepS))));
+  for (int i = 1; i <= steps; ++i) add_point(path, from + (to - from) * (static_cast<double>(i) / steps));
+}
+
+/// Down on the wall beside the equator, along it into the mouth, and to the middle, where it waits.
+trace::ProbePath mouth_path(double radius, double rim_deg) {
+  constexpr double kFromDeg = 100.0, kBeyondDeg = 12.0, kPressedMm = 1.0;
+  constexpr int kWaitFrames = 500;
+  const auto at = [](double deg, double r) {
+    const double angle = deg * std::numbers::pi / 180.0;
+    return Vec3(r * std::sin(angle), 0.0, -r * std::cos(angle));
+  };
+  trace::ProbePath path;
+  path.name = "mouth";
+  for (const double turn : {0.3, 0.7, 1.1}) {
+    const Eigen::AngleAxisd about(turn, Vec3::UnitZ());
+    const auto placed = [&](double deg, double r) { return Vec3(about * at(deg, r)); };
+    if (path.t_s.empty())
+      add_point(path, placed(kFromDeg, radius + kClearanceMm));
+    else
+      go_to(path, placed(kFromDeg, radius + kClearanceMm));
+    go_to(path, placed(kFromDeg, radius - kPressedMm));
+    for (double deg = kFromDeg; deg <= rim_deg + kBeyondDeg; deg += 0.5)
+      go_to(path, placed(deg, radius - kPressedMm));
+    go_to(path, Vec3::Zero());
+    for (int i = 0; i < kWaitFrames; ++i) add_point(path, Vec3::Zero());
+    go_to(path, Vec3(0.0, 0.0, radius + 2.0));
+    go_to(path, placed(rim_deg, radius + 2.0));
+  }
+  return path;
+}
+
+/// Down beside the border of a square sheet, along it, and up; on all four sides.
+trace::ProbePath border_path(double half) {
+  constexpr double kBesideMm = 0.6, kBelowMm = 0.2, kAboveMm = 1.0;
+  trace::ProbePath path;
+  path.name = "border";
+  for (int side = 0; side < 4; ++side) {
+    const Eigen::AngleAxisd about(0.5 * std::numbers::pi * side, Vec3::UnitZ());
+    const auto at = [&](double along, double z) { return Vec3(about * Vec3(half + kBesideMm, along, z)); };
+    if (path.t_s.empty())
+      add_point(path, at(-0.8 * half, kAboveMm));
+    else
+      go_to(path, at(-0.8 * half, kAboveMm));
+    go_to(path, at(-0.8 * half, -kBelowMm));
+    go_to(path, at(0.8 * half, -kBelowMm));
+    go_to(path, at(0.8 * half, kAboveMm));
+  }
+  return path;
+}
+
+/// Pressed down beside the ridge of a roof, slid along one face, and up; then across the ridge near its tip.
+/// At places by chance.
+trace::ProbePath ridge_path(double half, std::size_t frames) {
+  constexpr double kAsideMm = 2.5, kAlongMm = 3.0, kTipShare = 0.25;
+  Random random(kSeed);
+  trace::ProbePath path;
+  path.name = "ridge";
+  add_point(path, {-0.5 * half, 0.0, kClearanceMm});
+  while (path.t_s.size() < frames) {
+    const double side = random.uniform() < 0.5 ? -1.0 : 1.0, depth = random.uniform(0.0, kDepthMm);
+    const double x = side * random.uniform(0.0, kAsideMm), x_end = side * random.uniform(0.0, kAsideMm);
+    const double y = random.uniform(-0.8, 0.8) * half, y_end = y + random.uniform(-kAlongMm, kAlongMm);
+    go_to(path, {x, y, kClearanceMm});
+    go_to(path, {x, y, -std::abs(x) - depth});
+    go_to(path, {x_end, y_end, -std::abs(x_end) - depth});
+    go_to(path, {x_end, y_end, kClearanceMm});
+    const double tip = kTipShare * depth;
+    go_to(path, {-side * kAsideMm, y_end, -tip});
+    go_to(path, {side * kAsideMm, y, -tip});
+    go_to(path, {side * kAsideMm, y, kClearanceMm});
+  }
+  path.t_s.resize(frames);
+  path.hip_mm.resize(frames);
+  return path;
+}
+
+/// Nothing is there to be touched; distances are to the square |x|, |y| <= half at z = 0.
+trace::ReferenceTrace free_reference(const trace::ProbePath& path, double half) {
+  trace::ReferenceTrace reference;
+  reference.name = "free";
+  reference.exactness = "the path passes beside the sheet";
+  for (const Vec3& hip : path.hip_mm) {
+    trace::TruthFrame frame;
+    frame.frame.god_object_mm = hip;
+    const Vec3 nearest(std::clamp(hip.x(), -half, half), std::clamp(hip.y(), -half, half), 0.0);
+    frame.signed_distance_mm = (hip - nearest).norm();
+    reference.frames.push_back(frame);
+  }
+  return reference;
+}
+
+Result<trace::ProbePath> weave(const Ground& ground, std::size_t frames) {
+  trace::PathTarget target;
+  target.surface = ground.surface.get();
+  target.cloud = &ground.points();
+  target.mesh = ground.mesh.get();
+  target.box_mm = ground.points().box_mm();
+  target.spacing_mm = ground.spacing_mm;
+  const std::string spec = fmt::format("weave:frames={}:speed_mm_s={}:depth_mm={}:clearance_mm={}:seed=1",
+                                       frames, kSpeedMmS, kDepthMm, kClearanceMm);
+  return trace::make_path(parse_named_options(spec).value(), target);
+}
+
+/// Points anywhere on the faces, even by area, with noise along the faces' normals.
+cloud::Cloud points_on_faces(const geometry::TriangleMesh& mesh, std::size_t count, double noise) {
+  std::vector<double> up_to;
+  double area = 0.0;
+  const auto normal = [&](const std::array<std::uint32_t, 3>& t) -> Vec3 {
+    return (mesh.vertices_mm[t[1]] - mesh.vertices_mm[t[0]])
+        .cross(mesh.vertices_mm[t[2]] - mesh.vertices_mm[t[0]]);
+  };
+  for (const auto& t : mesh.triangles) up_to.push_back(area += 0.5 * normal(t).norm());
+  const double sigma = noise * std::sqrt(area / static_cast<double>(count));
+  Random random(kSeed);
+  std::vector<Vec3> points;
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto at = std::upper_bound(up_to.begin(), up_to.end() - 1, random.uniform() * area);
+    const auto& t = mesh.triangles[static_cast<std::size_t>(at - up_to.begin())];
+    const double r = std::sqrt(random.uniform()), s = random.uniform();
+    points.push_back((1.0 - r) * mesh.vertices_mm[t[0]] + r * (1.0 - s) * mesh.vertices_mm[t[1]] +
+                     r * s * mesh.vertices_mm[t[2]] + random.normal() * sigma * normal(t).normalized());
+  }
+  return cloud::build_cloud(points, cloud::NonFinite::kDrop).value();
+}
+
+/// The scan's mesh at the size of a hand about the origin; an Error that gave up where there are no data.
+Result<std::shared_ptr<const geometry::TriangleMesh>> read_scan(const std::string& file, Progress& progress) {
+  const auto absent = [&](const std::string& why) {
+    Error error{why, "set PALPATE_DATA to the folder of the scans", file, 0};
+    error.gave_up = true;
+    return error;
+  };
+  const char* const data = std::getenv("PALPATE_DATA");
+  if (data == nullptr) return absent("PALPATE_DATA is not set");
+  std::error_code code;
+  const std::filesystem::path path = std::filesystem::path(data) / file;
+  if (!std::filesystem::exists(path, code)) return absent("this scan is not there");
+  io::Readers readers;
+  io::add_standard_readers(readers);
+  Result<io::ReadModel> read = readers.read(path.string(), {}, progress);
+  if (!read) return std::move(read).error();
+  if (read->mesh == nullptr) return absent("this scan has no faces");
+  auto mesh = std::make_shared<geometry::TriangleMesh>(*read->mesh);
+  geometry::Aabb box;
+  for (const Vec3& p : mesh->vertices_mm) box.add(p);
+  const double scale = kScanMm / box.extent_mm().maxCoeff();
+  const Vec3 middle = box.centre_mm();
+  for (Vec3& p : mesh->vertices_mm) p = (p - middle) * scale;
+  return std::shared_ptr<const geometry::TriangleMesh>(std::move(mesh));
+}
+
+void add_model(Ground& ground, const std::string& name, cloud::Cloud&& points) {
+  render::ModelInput model;
+  model.name = name;
+  model.cloud = std::make_shared<const cloud::Cloud>(std::move(points));
+  model.surface.stiffness_n_per_mm = kStiffness;
+  ground.scene.models.push_back(std::move(model));
+}
+
+Status add_scan_truth(Ground& ground, std::size_t frames, Progress& progress) {
+  PALPATE_ASSIGN(auto truth, baselines::MeshTruth::build(*ground.mesh, {}));
+  PALPATE_ASSIGN(ground.path, weave(ground, frames));
+  PALPATE_ASSIGN(ground.reference, baselines::mesh_reference(*truth, ground.path, kStiffness, 0.0, progress));
+  ground.truth = std::move(truth);
+  return Done{};
+}
+
+Status add_formula_truth(Ground& ground, const DataSet& set, std::size_t frames) {
+  const geometry::Aabb box = ground.surface->box_mm();
+  if (set.stroke == Stroke::kBorder) {
+    ground.path = border_path(box.high_mm.x());
+    ground.reference = free_reference(ground.path, box.high_mm.x());
+    return Done{};
+  }
+  if (set.stroke == Stroke::kMouth) {
+    const double radius = -box.low_mm.z(),
+                 rim_deg = std::acos(-box.high_mm.z() / radius) * 180.0 / std::numbers::pi;
+    ground.path = mouth_path(radius, rim_deg);
+  } else if (set.stroke == Stroke::kRidge) {
+    ground.path = ridge_path(box.high_mm.x(), frames);
+  } else {
+    PALPATE_ASSIGN(ground.path, weave(ground, frames));
+  }
+  metrics::ReferenceOptions options;
+  options.check_halving = false;
+  PALPATE_ASSIGN(ground.reference,
+                 metrics::analytic_reference(*ground.surface, ground.path, kStiffness, 0.0, {}, options));
+  ground.truth = std::make_unique<metrics::AnalyticTruth>(*ground.surface, geometry::RigidTransform{});
+  return Done{};
+}
+
+}  // namespace
+
+Result<Ground> make_ground(const DataSet& set, bool quick, std::size_t frames, Progress& progress) {
+  Ground ground;
+  if (set.is_scan) {
+    PALPATE_ASSIGN(ground.mesh, read_scan(set.generate, progress));
+    add_model(ground, set.name,
+              points_on_faces(*ground.mesh, quick ? kQuickScanPoints : kScanPoints, set.noise));
+  } else {
+    PALPATE_ASSIGN(cloud::GeneratedModel made,
+                   cloud::generate(parse_named_options(quick ? set.quick : set.generate).value()));
+    ground.surface = made.surface;
+    add_model(ground, set.name, std::move(made.cloud));
+  }
+  const neighbourhood::NeighbourTable nearest = neighbourhood::exact_knn(ground.points(), 0);
+  ground.spacing_mm = neighbourhood::describe_spacing(ground.points(), nearest).nearest_mm.p50;
+  PALPATE_TRY(set.is_scan ? add_scan_truth(ground, frames, progress)
+                          : add_formula_truth(ground, set, frames));
+  PALPATE_TRY(metrics::fill_local_resolution(ground.reference, ground.path, ground.points(), nearest, {}));
+  return ground;
+}
+
+std::vector<trace::ProbePath> closed_loops(const Ground& ground, std::size_t count) {
+  std::vector<trace::ProbePath> loops;
+  if (ground.surface == nullptr || ground.reference.name == "free") return loops;
+  constexpr double kTwoPi = 2.0 * std::numbers::pi;
+  constexpr int kPieces = 4096;  // of a loop, to measure its length
+  Random random(kSeed);
+  while (loops.size() < count) {
+    // Round the parameters on a closed curve of two frequencies, in and out so often.
+    const double u = random.uniform(0.3, 0.7), v = random.uniform(0.3, 0.7),
+                 wide = random.uniform(0.02, 0.15);
+    const double phase = random.uniform(0.0, kTwoPi), other = random.uniform(0.0, kTwoPi);
+    const auto turns = static_cast<double>(1 + random.below(3)),
+               dips = static_cast<double>(1 + random.below(3));
+    const double depth = random.uniform(0.3, 1.0) * kDepthMm;
+    const auto hip = [&](double s) -> Vec3 {
+      const auto at = ground.surface->at(u + wide * std::cos(kTwoPi * s + phase),
+                                         v + wide * std::sin(kTwoPi * turns * s + other));
+      const double lift =
+          0.5 * (depth + kClearanceMm) * std::cos(kTwoPi * dips * s) - 0.5 * (depth - kClearanceMm);
+      return at.point_mm + lift * at.normal;
+    };
+    // Where the normal jumps, the probe goes straight on.
+    std::vector<Vec3> places = {hip(0.0)};
+    std::vector<double> length = {0.0};
+    for (int i = 1; i <= kPieces; ++i) {
+      places.push_back(i == kPieces ? places.front() : hip(static_cast<double>(i) / kPieces));
+      length.push_back(length.back() + (places.back() - *(places.end() - 2)).norm());
+    }
+    const double step = kSpeedMmS * kStepS;
+    const auto frames = static_cast<std::size_t>(std::ceil(length.back() / step));
+    trace::ProbePath path;
+    path.name = fmt::format("loop {}", loops.size());
+    for (std::size_t k = 0; k <= frames; ++k) {
+      const double way = length.back() * static_cast<double>(k) / static_cast<double>(frames);
+      const auto next = std::upper_bound(length.begin() + 1, length.end() - 1, way);
+      const auto i = static_cast<std::size_t>(next - length.begin());
+      const double part =
+          length[i] > length[i - 1] ? (way - length[i - 1]) / (length[i] - length[i - 1]) : 0.0;
+      add_point(path,
+                k == frames ? places.front() : Vec3(places[i - 1] + part * (places[i] - places[i - 1])));
+    }
+    loops.push_back(std::move(path));
+  }
+  return loops;
+}
+
+}  // namespace palpate::felt

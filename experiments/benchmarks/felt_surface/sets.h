@@ -1,0 +1,32 @@
+// The points that felt_surface tries renderers on, none of them the suite's.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace palpate::felt {
+
+/// What the probe does on a set.
+enum class Stroke {
+  kWeave,   ///< all over, in and out
+  kMouth,   ///< presses the wall of a ball, slides into its mouth, goes to the middle
+  kRidge,   ///< pressed beside a ridge and slid along and down one face, and across it near its tip; deeper
+            ///< across, a HIP is caught behind a face, and a hair's breadth decides for how long
+  kBorder,  ///< passes beside the border of a sheet, below its plane
+};
+
+struct DataSet {
+  std::string name;
+  std::string about;     ///< for a person
+  std::string generate;  ///< a generator with its options; of scans: the file under PALPATE_DATA
+  std::string quick;     ///< the same with fewer points
+  Stroke stroke = Stroke::kWeave;
+  bool is_scan = false;  ///< points off the vertices of a scan's own mesh, which is the truth
+  double noise = 0.0;    ///< of scans, in spacings
+};
+
+[[nodiscard]] const std::vector<DataSet>& data_sets();
+[[nodiscard]] const DataSet* find_set(std::string_view name);
+
+}  // namespace palpate::felt

@@ -1,0 +1,166 @@
+#include "experiments/benchmarks/felt_surface/trial.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "toolkit/cloud/statistics.h"
+#include "toolkit/core/clock.h"
+#include "toolkit/core/try.h"
+#include "toolkit/trace/replay.h"
+
+namespace palpate::felt {
+namespace {
+
+/// The machine is shared: the fastest pass is that which was least disturbed.
+constexpr int kPasses = 3;
+
+class TimeLimit final : public Progress {
+ public:
+  explicit TimeLimit(double limit_s) : limit_s_(limit_s) {}
+  void report(std::string_view, double) override {}
+  [[nodiscard]] bool cancelled() const override { return limit_s_ > 0.0 && watch_.ms() > 1e3 * limit_s_; }
+
+ private:
+  double limit_s_;
+  Stopwatch watch_;
+};
+
+/// Mean over the truth's contact frames, ns: one clock pair around each run of them, as replay.h says.
+double contact_pass(render::HapticRenderer& renderer, const Ground& ground) {
+  const trace::ProbePath& path = ground.path;
+  renderer.restart(path.hip_mm.front(), -kStepS);
+  std::int64_t ns = 0;
+  std::uint64_t frames = 0;
+  for (std::size_t i = 0; i < path.size();) {
+    const bool contact = ground.reference.frames[i].frame.contact;
+    std::size_t end = i;
+    while (end < path.size() && ground.reference.frames[end].frame.contact == contact) ++end;
+    const std::int64_t start = monotonic_ns();
+    for (std::size_t k = i; k < end; ++k) static_cast<void>(renderer.step(path.hip_mm[k], path.t_s[k]));
+    if (contact) {
+      ns += monotonic_ns() - start;
+      frames += end - i;
+    }
+    i = end;
+  }
+  return frames > 0 ? static_cast<double>(ns) / static_cast<double>(frames) : 0.0;
+}
+
+double whole_pass(render::HapticRenderer& renderer, const trace::ProbePath& path) {
+  renderer.restart(path.hip_mm.front(), -kStepS);
+  const std::int64_t start = monotonic_ns();
+  for (std::size_t k = 0; k < path.size(); ++k) static_cast<void>(renderer.step(path.hip_mm[k], path.t_s[k]));
+  return static_cast<double>(monotonic_ns() - start) / static_cast<double>(path.size());
+}
+
+/// Energy out minus in over each loop, of all its work.
+[[nodiscard]] Status run_loops(render::HapticRenderer& renderer, const std::vector<trace::ProbePath>& loops,
+                               Row& row) {
+  double generated = 0.0, work = 0.0, worst = 0.0;
+  for (const trace::ProbePath& loop : loops) {
+    PALPATE_ASSIGN(const trace::ForceTrace trace, trace::replay(renderer, loop));
+    double put_in = 0.0, moved = 0.0;
+    for (std::size_t i = 1; i < loop.size(); ++i) {
+      const double e =
+          -0.5 *
+          (trace.frames[i - 1].force_n + trace.frames[i].force_n).dot(loop.hip_mm[i] - loop.hip_mm[i - 1]);
+      put_in += e;
+      moved += 0.5 * std::abs(e);  // half of it in, half of it out
+    }
+    const double made = std::max(0.0, -put_in);
+    generated += made;
+    work += moved;
+    if (moved > 0.0) worst = std::max(worst, 100.0 * made / moved);
+  }
+  if (!(work > 0.0)) return Done{};
+  row.loop_energy_percent = 100.0 * generated / work;
+  row.worst_loop_percent = worst;
+  return Done{};
+}
+
+void look_at_free_frames(const Ground& ground, const trace::ForceTrace& trace, Row& row) {
+  std::size_t free = 0, held = 0;
+  for (std::size_t i = 0; i < trace.frames.size(); ++i) {
+    const trace::TruthFrame& truth = ground.reference.frames[i];
+    // Where nothing is to be touched at all, nothing may be felt however near.
+    const double near_mm = ground.truth == nullptr ? 0.0 : truth.local_resolution_mm;
+    if (truth.frame.contact || !(truth.signed_distance_mm > near_mm)) continue;
+    ++free;
+    const double force = trace.frames[i].force_n.norm();
+    held += force > 0.0;
+    row.free_force_n = std::max(row.free_force_n, force);
+  }
+  if (free > 0) row.held_share = 100.0 * static_cast<double>(held) / static_cast<double>(free);
+}
+
+[[nodiscard]] Status run(const Ground& ground, const NamedOptions& named,
+                         const std::vector<trace::ProbePath>& loops, const render::Registry& registry,
+                         const TrialOptions& options, Row& row) {
+  if (registry.find(named.name) == nullptr)
+    return Error{"there is no renderer of this name", "see palpate renderers", {}, 0};
+  PALPATE_ASSIGN(const std::unique_ptr<render::HapticRenderer> renderer,
+                 registry.make(named.name, named.options));
+  TimeLimit limit(options.prepare_limit_s);
+  PALPATE_ASSIGN(const render::PrepareReport prepared,
+                 renderer->prepare(ground.scene, {options.threads, &limit}));
+  row.prepare_ms = prepared.total_ms;
+  row.bytes_per_point = static_cast<double>(prepared.bytes) / static_cast<double>(row.points);
+  row.warnings = prepared.warnings;
+
+  PALPATE_ASSIGN(const trace::ReplayReport replayed, trace::measure(*renderer, ground.path, {}));
+  row.trace_hash = replayed.trace_hash;
+  row.bound_hits = replayed.counters.bound_hits;
+  row.p999_us = replayed.all ? replayed.all->p999_us : std::nullopt;
+  metrics::AccuracyOptions scoring;
+  scoring.stiffness_n_per_mm = kStiffness;
+  scoring.stored_rounding_mm = cloud::stored_rounding_mm(ground.points());
+  PALPATE_ASSIGN(row.accuracy,
+                 metrics::score(ground.path, replayed.trace, ground.reference, ground.truth.get(), scoring));
+  PALPATE_ASSIGN(const metrics::Energy energy,
+                 metrics::observe_energy(ground.path, replayed.trace, kStiffness));
+  row.energy_percent = energy.generated_percent;
+  look_at_free_frames(ground, replayed.trace, row);
+  row.contact_ns = row.all_ns = std::numeric_limits<double>::infinity();
+  for (int pass = 0; pass < kPasses; ++pass) {
+    row.contact_ns = std::min(row.contact_ns, contact_pass(*renderer, ground));
+    row.all_ns = std::min(row.all_ns, whole_pass(*renderer, ground.path));
+  }
+  return run_loops(*renderer, loops, row);
+}
+
+}  // namespace
+
+Result<std::vector<Tried>> read_tried(const std::string& list) {
+  std::vector<Tried> all;
+  const std::vector<std::string> texts = split_list(list);
+  for (const std::string& text : texts) {
+    PALPATE_ASSIGN(const NamedOptions named, parse_named_options(text));
+    Tried tried{named.name, {named.name, {}}};
+    for (const auto& [key, value] : named.options.all())
+      if (key == "label")
+        tried.label = value;
+      else
+        tried.spec.options.set(key, value);
+    all.push_back(std::move(tried));
+  }
+  for (std::size_t i = 0; i < all.size(); ++i)
+    for (std::size_t j = 0; j < i; ++j)
+      if (all[i].label == all[j].label) all[i].label = texts[i];
+  return all;
+}
+
+Row run_trial(const DataSet& set, const Ground& ground, const Tried& tried,
+              const std::vector<trace::ProbePath>& loops, const render::Registry& registry,
+              const TrialOptions& options) {
+  Row row;
+  row.set = set.name;
+  row.renderer = tried.label;
+  row.points = ground.points().size();
+  row.spacing_mm = ground.spacing_mm;
+  if (const Status done = run(ground, tried.spec, loops, registry, options, row); !done.ok())
+    row.failed = done.error().message();
+  return row;
+}
+
+}  // namespace palpate::felt

@@ -1,0 +1,55 @@
+// One renderer on one set: prepared, replayed, timed, scored.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "experiments/benchmarks/felt_surface/ground.h"
+#include "toolkit/core/options.h"
+#include "toolkit/metrics/accuracy.h"
+#include "toolkit/render/registry.h"
+
+namespace palpate::felt {
+
+/// A renderer to try, as the palpate command takes it.
+struct Tried {
+  std::string label;  ///< of its rows: label=NAME among the options, else the name
+  NamedOptions spec;
+};
+/// Labels that are twice become the whole text.
+[[nodiscard]] Result<std::vector<Tried>> read_tried(const std::string& list);
+
+struct Row {
+  std::string set, renderer;
+  std::string failed;  ///< why there is nothing more; empty: it ran
+  std::size_t points = 0;
+  double spacing_mm = 0.0;
+  metrics::Accuracy accuracy;
+  std::optional<double> energy_percent;       ///< generated along the path, of the largest stored
+  std::optional<double> loop_energy_percent;  ///< generated on closed loops, of their work
+  std::optional<double> worst_loop_percent;
+  double free_force_n = 0.0;  ///< largest where the truth is free by more than the local resolution; on
+                              ///< `border` anywhere
+  double held_share = 0.0;    ///< of the truth's free frames so far outside: percent with a force
+  /// Mean over the truth's contact frames and over all, ns: the fastest of three passes.
+  double contact_ns = 0.0, all_ns = 0.0;
+  std::optional<double> p999_us;
+  double prepare_ms = 0.0, bytes_per_point = 0.0;
+  std::uint64_t bound_hits = 0;
+  std::string trace_hash;
+  std::vector<std::string> warnings;
+};
+
+struct TrialOptions {
+  std::size_t loops = 100;
+  int threads = 0;
+  double prepare_limit_s = 0.0;  ///< 0 = none
+};
+
+[[nodiscard]] Row run_trial(const DataSet& set, const Ground& ground, const Tried& tried,
+                            const std::vector<trace::ProbePath>& loops, const render::Registry& registry,
+                            const TrialOptions& options);
+
+}  // namespace palpate::felt

@@ -1,0 +1,87 @@
+// The trial of the felt surface: what it prints and writes, on its smallest sets.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "tests/in_folder.h"
+#include "toolkit/core/process.h"
+
+namespace palpate::experiments {
+namespace {
+
+constexpr double kLimitS = 120.0;
+
+class FeltSurface : public InFolder {
+ protected:
+  void SetUp() override {
+    if (!std::filesystem::exists(PALPATE_FELT_SURFACE)) GTEST_SKIP() << "built without the benchmarks";
+  }
+  static ProcessOutcome run(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), PALPATE_FELT_SURFACE);
+    const Result<ProcessOutcome> done = run_process(arguments, {.time_limit_s = kLimitS});
+    EXPECT_TRUE(done) << (done ? "" : done.error().message());
+    return done ? *done : ProcessOutcome{};
+  }
+  static std::string text_of(const std::filesystem::path& file) {
+    std::ostringstream text;
+    text << std::ifstream(file).rdbuf();
+    return text.str();
+  }
+};
+
+TEST_F(FeltSurface, ScoresAndSaysWhyNot) {
+  const std::string file = (folder_ / "trial.json").string();
+  const ProcessOutcome done =
+      run({"--sets", "c5k,border", "--quick", "--frames", "2000", "--closed-paths", "3", "--json", file,
+           "--renderers", "cloud,cloud:shading=none:label=flat,heightfield,nothing"});
+  EXPECT_EQ(done.exit_code, 0) << done.err;
+  const auto document = nlohmann::json::parse(text_of(file));
+  ASSERT_EQ(document["rows"].size(), 8u);
+  const auto row = [&](const std::string& label) -> nlohmann::json {
+    for (const auto& one : document["rows"])
+      if (one["label"] == label) return one;
+    ADD_FAILURE() << "no row " << label;
+    return {};
+  };
+  const auto cloud = row("c5k/cloud"), flat = row("c5k/flat");
+  EXPECT_EQ(cloud["points"], 5000);
+  EXPECT_GT(cloud["contact_frames"], 1000);
+  EXPECT_GT(cloud["force_rms_percent"], 0.1);
+  EXPECT_LT(cloud["force_rms_percent"], 30.0);
+  EXPECT_GT(flat["force_rms_percent"], cloud["force_rms_percent"]);
+  EXPECT_GE(flat["loops_generated_percent"], 0.0);
+  EXPECT_GT(cloud["all_ns"], 0.0);
+  EXPECT_GT(cloud["bytes_per_point"], 10.0);
+  EXPECT_EQ(row("c5k/heightfield")["status"], "failed");
+  EXPECT_FALSE(row("c5k/heightfield")["reason"].get<std::string>().empty()) << "a torus is no height field";
+  EXPECT_NE(row("c5k/nothing")["reason"].get<std::string>().find("no renderer of this name"),
+            std::string::npos);
+  // Nothing is to be touched beside the sheet: what is felt there is told.
+  EXPECT_EQ(row("border/cloud")["contact_frames"].get<int>() > 0,
+            row("border/cloud")["free_force_n"].get<double>() > 0.0);
+  EXPECT_NE(done.out.find("failed: "), std::string::npos);
+}
+
+TEST_F(FeltSurface, DrawsASlice) {
+  const std::string file = (folder_ / "edge.svg").string();
+  const ProcessOutcome done = run({"--slice", file, "--sets", "edge", "--renderers", "cloud"});
+  EXPECT_EQ(done.exit_code, 0) << done.err;
+  const std::string svg = text_of(file);
+  EXPECT_EQ(svg.rfind("<svg", 0), 0u);
+  for (const char* part : {"<circle", "<polyline", ">truth<", ">cloud<", "</svg>"})
+    EXPECT_NE(svg.find(part), std::string::npos) << part;
+}
+
+TEST_F(FeltSurface, RefusesWhatItDoesNotKnow) {
+  EXPECT_EQ(run({"--sets", "elll"}).exit_code, 2);
+  EXPECT_NE(run({"--sets", "elll"}).err.find("choose from ell, rbox"), std::string::npos);
+  EXPECT_EQ(run({"--frames", "many"}).exit_code, 2);
+  EXPECT_EQ(run({"--fast"}).exit_code, 2);
+  EXPECT_EQ(run({"--renderers", ":a=1"}).exit_code, 2);
+}
+
+}  // namespace
+}  // namespace palpate::experiments

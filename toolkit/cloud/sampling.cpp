@@ -1,0 +1,282 @@
+#include "toolkit/cloud/sampling.h"
+
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "toolkit/core/hash.h"
+#include "toolkit/core/parallel.h"
+#include "toolkit/core/random.h"
+
+namespace palpate::cloud {
+namespace {
+
+/// Cells a side of a patch, whose areas say how likely each is. Within a cell places are even in the
+/// parameters.
+constexpr std::size_t kCells = 256;
+/// The least distance of blue noise over the mean spacing. Random places that keep a distance cover at most
+/// 0.547 of the plane by discs of half of it, which is 0.83 spacings; at 0.7 some ten candidates a point do.
+constexpr double kBlueDistance = 0.7;
+/// After so many candidates a point the distance shrinks: what is left open is too small to be found.
+constexpr double kCandidatesPerPoint = 16.0;
+constexpr double kShrink = 0.95;
+/// Outliers near the surface stand off by so many spacings: beyond any noise, and not too far to be taken for
+/// the surface.
+constexpr double kNearestOutlier = 2.0, kFarthestOutlier = 10.0;
+/// Pieces in which the length of a scan line is measured.
+constexpr int kPieces = 64;
+
+/// What a random number is for: each use has a sequence of its own.
+enum class Use : std::uint64_t { kPlace = 1, kLine, kNoise, kOutlier, kOrder };
+Random random_for(Use use, std::uint64_t seed, std::size_t index) {
+  // Odd multiples of the golden number's square keep the uses apart, and apart from the jitter.
+  const std::uint64_t apart = kGolden64 * kGolden64 * (2 * static_cast<std::uint64_t>(use) + 1);
+  return Random((seed ^ apart) + kGolden64 * (index + 1));
+}
+
+/// Of a surface's cells: how likely a point falls into those up to each.
+class AreaTable {
+ public:
+  AreaTable(const std::vector<Patch>& patches, const geometry::Aabb& box, double density)
+      : patches_(patches), middle_x_(box.centre_mm().x()), density_(density) {
+    up_to_.resize(patches.size() * kCells * kCells);
+    std::vector<double> area(up_to_.size());
+    parallel_chunks(patches.size() * kCells, 1, 0, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t row = begin; row < end; ++row) fill_row(row, area);
+    });
+    double sum = 0.0;
+    for (std::size_t i = 0; i < area.size(); ++i) {
+      area_ += area[i];
+      sum += area[i] * up_to_[i];
+      up_to_[i] = sum;
+    }
+  }
+  [[nodiscard]] double area_mm2() const { return area_; }
+  /// The sum of area x density.
+  [[nodiscard]] double weight() const { return up_to_.back(); }
+  /// Points per area at p over those where it is densest.
+  [[nodiscard]] double density_at(const Vec3& p) const { return p.x() > middle_x_ ? 1.0 : 1.0 / density_; }
+  struct Pick {
+    Vec3 point;
+    int sheet = 0;
+  };
+  [[nodiscard]] Pick pick(Random& random) const {
+    const double at = random.uniform() * up_to_.back();
+    const auto found = std::upper_bound(up_to_.begin(), up_to_.end() - 1, at);
+    const auto cell = static_cast<std::size_t>(found - up_to_.begin());
+    const Patch& patch = patches_[cell / (kCells * kCells)];
+    const double v = static_cast<double>(cell / kCells % kCells), u = static_cast<double>(cell % kCells);
+    const double du = random.uniform(), dv = random.uniform();
+    return {patch.point((u + du) / kCells, (v + dv) / kCells), patch.sheet};
+  }
+
+ private:
+  /// Areas of a row of cells, and in up_to_ their densities.
+  void fill_row(std::size_t row, std::vector<double>& area) {
+    const Patch& patch = patches_[row / kCells];
+    const double v0 = static_cast<double>(row % kCells) / kCells,
+                 v1 = static_cast<double>(row % kCells + 1) / kCells;
+    Vec3 low = patch.point(0.0, v0), high = patch.point(0.0, v1);
+    for (std::size_t i = 0; i < kCells; ++i) {
+      const double u = static_cast<double>(i + 1) / kCells;
+      const Vec3 next_low = patch.point(u, v0), next_high = patch.point(u, v1);
+      area[row * kCells + i] = 0.5 * (next_high - low).cross(high - next_low).norm();
+      up_to_[row * kCells + i] = density_at(0.25 * (low + high + next_low + next_high));
+      low = next_low;
+      high = next_high;
+    }
+  }
+
+  const std::vector<Patch>& patches_;
+  double middle_x_, density_;
+  double area_ = 0.0;
+  std::vector<double> up_to_;
+};
+
+/// Places so far, by cubes of space; those of one sheet keep apart.
+class Kept {
+ public:
+  Kept(std::size_t most, double cell_mm, const Vec3& low) : cell_(cell_mm), low_(low) {
+    std::size_t size = 1;
+    while (size < 2 * most) size *= 2;
+    first_.assign(size, kNone);
+  }
+  [[nodiscard]] bool far_from_all(const AreaTable::Pick& pick, double distance) const {
+    const auto cell = cell_of(pick.point);
+    for (std::int64_t x = -1; x <= 1; ++x)
+      for (std::int64_t y = -1; y <= 1; ++y)
+        for (std::int64_t z = -1; z <= 1; ++z)
+          for (std::uint32_t i = first_[slot(cell[0] + x, cell[1] + y, cell[2] + z)]; i != kNone;
+               i = next_[i])
+            if (sheets_[i] == pick.sheet && (points_[i] - pick.point).squaredNorm() < distance * distance)
+              return false;
+    return true;
+  }
+  void add(const AreaTable::Pick& pick) {
+    const auto cell = cell_of(pick.point);
+    std::uint32_t& first = first_[slot(cell[0], cell[1], cell[2])];
+    next_.push_back(first);
+    first = static_cast<std::uint32_t>(points_.size());
+    points_.push_back(pick.point);
+    sheets_.push_back(pick.sheet);
+  }
+  [[nodiscard]] std::size_t size() const { return points_.size(); }
+  [[nodiscard]] std::vector<Vec3>& points() { return points_; }
+
+ private:
+  static constexpr std::uint32_t kNone = ~std::uint32_t{0};
+  [[nodiscard]] std::array<std::int64_t, 3> cell_of(const Vec3& p) const {
+    const Vec3 at = ((p - low_) / cell_).array().floor();
+    return {static_cast<std::int64_t>(at.x()), static_cast<std::int64_t>(at.y()),
+            static_cast<std::int64_t>(at.z())};
+  }
+  [[nodiscard]] std::size_t slot(std::int64_t x, std::int64_t y, std::int64_t z) const {
+    auto key = static_cast<std::uint64_t>(x);
+    for (const std::int64_t next : {y, z})
+      key = (key ^ (key >> 32)) * kGolden64 + static_cast<std::uint64_t>(next);
+    key = (key ^ (key >> 32)) * kGolden64;
+    return static_cast<std::size_t>(key >> 20) & (first_.size() - 1);
+  }
+
+  double cell_;
+  Vec3 low_;
+  std::vector<std::uint32_t> first_, next_;
+  std::vector<Vec3> points_;
+  std::vector<int> sheets_;
+};
+
+std::vector<Vec3> random_places(const AreaTable& table, std::size_t count, std::uint64_t seed) {
+  std::vector<Vec3> points(count);
+  parallel_chunks(count, kPointsPerChunk, 0, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      Random random = random_for(Use::kPlace, seed, i);
+      points[i] = table.pick(random).point;
+    }
+  });
+  return points;
+}
+
+/// Dart throwing: candidates one after the other, each kept that is far enough from those before.
+std::vector<Vec3> blue_places(const AreaTable& table, std::size_t count, const geometry::Aabb& box,
+                              std::uint64_t seed) {
+  // Points per area where they are densest; the distance follows from the place's own density.
+  const double densest = static_cast<double>(count) / table.weight();
+  const double sparsest = densest * table.density_at(box.low_mm);
+  double distance = kBlueDistance;
+  Kept kept(count, kBlueDistance / std::sqrt(sparsest), box.low_mm);
+  std::vector<AreaTable::Pick> candidates(kPointsPerChunk);
+  double tried = 0.0;
+  for (std::size_t block = 0; kept.size() < count; ++block) {
+    parallel_chunks(candidates.size(), kPointsPerChunk / 16, 0, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        Random random = random_for(Use::kPlace, seed, block * candidates.size() + i);
+        candidates[i] = table.pick(random);
+      }
+    });
+    for (const AreaTable::Pick& pick : candidates) {
+      if (kept.size() == count) break;
+      const double spacing = 1.0 / std::sqrt(densest * table.density_at(pick.point));
+      if (kept.far_from_all(pick, distance * spacing)) kept.add(pick);
+      if (++tried < kCandidatesPerPoint * static_cast<double>(count)) continue;
+      tried = 0.0;
+      distance *= kShrink;
+    }
+  }
+  return std::move(kept.points());
+}
+
+double length_along(const Patch& patch, double fixed, bool along_u) {
+  double length = 0.0;
+  const auto at = [&](double s) { return along_u ? patch.point(s, fixed) : patch.point(fixed, s); };
+  Vec3 last = at(0.0);
+  for (int i = 1; i <= kPieces; ++i) {
+    const Vec3 next = at(static_cast<double>(i) / kPieces);
+    length += (next - last).norm();
+    last = next;
+  }
+  return length;
+}
+
+/// Lines along u, evenly spaced along v; each begins at a phase of its own.
+std::vector<Vec3> places_in_lines(const std::vector<Patch>& patches, double spacing_mm, double ratio,
+                                  std::uint64_t seed) {
+  const double along = spacing_mm / std::sqrt(ratio), across = spacing_mm * std::sqrt(ratio);
+  std::vector<Vec3> points;
+  std::size_t line = 0;
+  for (const Patch& patch : patches) {
+    const auto rows =
+        static_cast<std::size_t>(std::max(1.0, std::round(length_along(patch, 0.5, false) / across)));
+    for (std::size_t row = 0; row < rows; ++row) {
+      const double v = (static_cast<double>(row) + 0.5) / static_cast<double>(rows);
+      const auto columns =
+          static_cast<std::size_t>(std::max(1.0, std::round(length_along(patch, v, true) / along)));
+      Random random = random_for(Use::kLine, seed, line++);
+      const double phase = random.uniform();
+      for (std::size_t i = 0; i < columns; ++i)
+        points.push_back(patch.point((static_cast<double>(i) + phase) / static_cast<double>(columns), v));
+    }
+  }
+  return points;
+}
+
+}  // namespace
+
+double count_patches(const std::vector<Patch>& patches, const Common& common) {
+  if (!(common.spacing_mm > 0.0)) return common.points;
+  const AreaTable table(patches, {}, 1.0);
+  return std::max(4.0, std::round(table.area_mm2() / (common.spacing_mm * common.spacing_mm)));
+}
+
+Sampled sample_patches(const std::vector<Patch>& patches, const geometry::Aabb& box,
+                       const SamplingOptions& options, const Common& common) {
+  const AreaTable table(patches, box, options.density);
+  const auto count = static_cast<std::size_t>(count_patches(patches, common));
+  Sampled sampled;
+  sampled.spacing_mm = std::sqrt(table.area_mm2() / static_cast<double>(count));
+  switch (options.way) {
+    case Sampling::kLines:
+      sampled.points_mm = places_in_lines(patches, sampled.spacing_mm, options.ratio, common.seed);
+      break;
+    case Sampling::kBlue:
+      sampled.points_mm = blue_places(table, count, box, common.seed);
+      break;
+    default:
+      sampled.points_mm = random_places(table, count, common.seed);
+  }
+  return sampled;
+}
+
+void disturb(const Shape& shape, double spacing_mm, const SamplingOptions& options, std::uint64_t seed,
+             std::vector<Vec3>& points_mm) {
+  if (options.noise == 0.0 && options.outliers == 0.0) return;
+  const geometry::Aabb box = shape.surface->box_mm();
+  parallel_chunks(points_mm.size(), kPointsPerChunk, 0, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      Vec3& p = points_mm[i];
+      Random chance = random_for(Use::kOutlier, seed, i);
+      if (options.outliers > 0.0 && chance.uniform() < options.outliers) {
+        if (options.outliers_near) {
+          const double side = chance.uniform() < 0.5 ? -1.0 : 1.0;
+          p += side * chance.uniform(kNearestOutlier, kFarthestOutlier) * spacing_mm * shape.normal_at(p);
+        } else {
+          for (int axis = 0; axis < 3; ++axis) p[axis] = chance.uniform(box.low_mm[axis], box.high_mm[axis]);
+        }
+      } else if (options.noise > 0.0) {
+        Random random = random_for(Use::kNoise, seed, i);
+        p += random.normal() * options.noise * spacing_mm * shape.normal_at(p);
+      }
+    }
+  });
+}
+
+std::vector<std::uint32_t> shuffled(std::size_t count, std::uint64_t seed) {
+  std::vector<std::uint32_t> order(count);
+  std::iota(order.begin(), order.end(), 0u);
+  Random random = random_for(Use::kOrder, seed, 0);
+  for (std::size_t left = count; left > 1; --left) std::swap(order[left - 1], order[random.below(left)]);
+  return order;
+}
+
+}  // namespace palpate::cloud
