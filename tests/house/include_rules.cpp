@@ -39,7 +39,7 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
 // The line of modules inside toolkit: each sees itself and those before it.
 constexpr std::array kToolkitLine = {
     "core",   "geometry",    "cloud",       "partition", "neighbourhood", "surface", "render",
-    "points", "deformation", "heightfield", "renderers", "control",       "trace",   "metrics",
+    "points", "deformation", "smooth", "heightfield", "renderers", "control",       "trace",   "metrics",
     "io",     "pcd",         "voronoi",     "dem",       "scene",         "plan",
 };
 
