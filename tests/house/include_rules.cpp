@@ -38,9 +38,9 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
 
 // The line of modules inside toolkit: each sees itself and those before it.
 constexpr std::array kToolkitLine = {
-    "core",    "geometry", "cloud",       "partition",   "neighbourhood", "surface", "stars",
-    "render",  "points",   "deformation", "heightfield", "renderers",     "control", "trace",
-    "metrics", "io",       "pcd",         "voronoi",     "dem",           "scene",   "plan",
+    "core",   "geometry",    "cloud",   "partition",   "neighbourhood", "surface", "stars", "render",
+    "points", "deformation", "smooth",  "heightfield", "renderers",     "control", "trace", "metrics",
+    "io",     "pcd",         "voronoi", "dem",         "scene",         "plan",
 };
 
 // Libraries that are slow to compile, carry a licence or bring half a distribution: where their headers may

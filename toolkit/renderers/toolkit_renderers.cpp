@@ -4,6 +4,7 @@
 #include "toolkit/renderers/brute_force_renderer.h"
 #include "toolkit/renderers/cloud_literal_renderer.h"
 #include "toolkit/renderers/cloud_renderer.h"
+#include "toolkit/renderers/cloud_smooth_renderer.h"
 #include "toolkit/renderers/heightfield_literal_renderer.h"
 #include "toolkit/renderers/heightfield_renderer.h"
 
@@ -12,6 +13,7 @@ namespace palpate::render {
 void register_toolkit_renderers(Registry& registry) {
   registry.add(cloud_literal_info());
   registry.add(cloud_info());
+  registry.add(cloud_smooth_info());
   registry.add(heightfield_literal_info());
   registry.add(heightfield_info());
   registry.add(analytic_renderer_info());

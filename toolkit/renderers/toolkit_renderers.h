@@ -5,7 +5,7 @@
 
 namespace palpate::render {
 
-/// Adds cloud-literal, cloud, heightfield-literal, heightfield, analytic and brute-force. None of them may be
+/// Adds cloud-literal, cloud, cloud-smooth, heightfield-literal, heightfield, analytic and brute-force. None of them may be
 /// there already.
 void register_toolkit_renderers(Registry& registry);
 

@@ -1,0 +1,171 @@
+#include "toolkit/renderers/cloud_smooth_renderer.h"
+
+#include <fmt/format.h>
+
+#include <memory>
+#include <utility>
+
+#include "toolkit/render/shell_renderer.h"
+#include "toolkit/render/surface_response.h"
+#include "toolkit/smooth/smooth_contact.h"
+#include "toolkit/smooth/smooth_model.h"
+
+namespace palpate::render {
+namespace {
+
+/// The local model of `cloud-smooth`.
+class SmoothModel {
+ public:
+  struct Memory {};
+  static constexpr bool kComposed = true;
+
+  explicit SmoothModel(SmoothBody body) : body_(std::move(body)) { contact_.attach(body_.smooth->grid); }
+  SmoothModel(const SmoothModel&) = delete;  // the contact points into the bricks
+  SmoothModel& operator=(const SmoothModel&) = delete;
+
+  [[nodiscard]] ModelPose& pose() noexcept { return body_.pose; }
+  [[nodiscard]] const ModelPose& pose() const noexcept { return body_.pose; }
+  [[nodiscard]] unsigned features() const noexcept { return body_.surface.features; }
+  [[nodiscard]] const geometry::Aabb& box_mm() const noexcept { return body_.smooth->grid.box_mm; }
+  [[nodiscard]] bool touching() const noexcept { return contact_.contact(); }
+  void restart(const Vec3& h) noexcept {
+    contact_.restart(h);
+    state_.release();
+  }
+  void let_go(const Vec3& h) noexcept {
+    contact_.start_from(h);
+    state_.release();
+  }
+  void release() noexcept { state_.release(); }
+
+  template <unsigned kFeatures>
+  [[nodiscard]] bool touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/, SurfaceContact& contact,
+                           FrameStatus& status, FrameCounters& counters) noexcept {
+    const bool held = contact_.update(h, counters);
+    if (contact_.bound_hit()) status = FrameStatus::kBoundHit;
+    if (held) contact = contact_at<kFeatures>(h);
+    return held;
+  }
+  template <unsigned kFeatures>
+  [[nodiscard]] SurfaceAnswer respond(const SurfaceContact& contact) noexcept {
+    return state_.respond<kFeatures>(contact, body_.surface.texture, body_.pose.origin_mm);
+  }
+
+ private:
+  template <unsigned kFeatures>
+  [[nodiscard]] SurfaceContact contact_at(const Vec3& h) const noexcept {
+    SurfaceContact contact = uniform_contact(body_.surface, h, contact_.god_object_mm() - h);
+    if constexpr ((kFeatures & kVaried) != 0)
+      if (!body_.corners.empty()) read_properties(contact);
+    return contact;
+  }
+
+  /// Linear between the corners of the cell, and the stiffness's gradient along the surface.
+  void read_properties(SurfaceContact& contact) const noexcept {
+    const BrickPlace at = contact_.place();
+    const CornerProperties& corners = body_.corners[contact_.brick()];
+    const int base = (at.cell[0] * kBrickCorners + at.cell[1]) * kBrickCorners + at.cell[2];
+    const Vec3 t(static_cast<double>(at.t[0]), static_cast<double>(at.t[1]), static_cast<double>(at.t[2]));
+    double stiffness = 0.0, still = 0.0, moving = 0.0;
+    Vec3 gradient = Vec3::Zero();
+    for (int i = 0; i < 8; ++i) {
+      const int x = i / 4, y = i / 2 % 2, z = i % 2;
+      const double wx = x != 0 ? t.x() : 1.0 - t.x(), wy = y != 0 ? t.y() : 1.0 - t.y(),
+                   wz = z != 0 ? t.z() : 1.0 - t.z();
+      const PlaceSurface& corner =
+          corners[static_cast<std::size_t>(base + (x * kBrickCorners + y) * kBrickCorners + z)];
+      const auto k = static_cast<double>(corner.stiffness_n_per_mm);
+      stiffness += wx * wy * wz * k;
+      still += wx * wy * wz * static_cast<double>(corner.static_friction);
+      moving += wx * wy * wz * static_cast<double>(corner.dynamic_friction);
+      gradient += k * Vec3((x != 0 ? wy : -wy) * wz, (y != 0 ? wx : -wx) * wz, (z != 0 ? wx : -wx) * wy);
+    }
+    contact.stiffness_n_per_mm = stiffness;
+    contact.static_friction = still;
+    contact.dynamic_friction = moving;
+    const Vec3& n = contact_.normal();
+    contact.stiffness_gradient = (gradient - n * n.dot(gradient)) * body_.smooth->grid.per_voxel;
+  }
+
+  SmoothBody body_;
+  SmoothContact contact_;
+  SurfaceState state_;
+};
+
+class CloudSmooth final : public BoxedShellRenderer<SmoothModel> {
+ public:
+  static constexpr Features kFelt = kAllOfRigidSurfaces | Feature::kJointContact;
+  // Measured, what to expect (see kExpectedOn): a torus of a million points at random.
+  static constexpr double kFrameUs = 0.25, kMsPerMillion = 6000.0;
+
+  explicit CloudSmooth(const Options& options) : BoxedShellRenderer(options) {}
+
+  Description describe() const override {
+    return {"cloud-smooth", "a smooth surface near the points, through their noise",
+            "ours; quadrics by Lepski's rule, cubic B-splines of distance",
+            fmt::format(
+                "a model near the HIP: {} steps of the god object, {} values along the HIP's segment of {} "
+                "cubes, {} sheets a cube, {} entries a frame; what is left is done in the next",
+                kMaxNewtonSteps, kMaxSegmentValues, kMaxSegmentCubes, kMaxSheets, kMaxSmoothEntries),
+            options_};
+  }
+
+ private:
+  [[nodiscard]] SmoothBuild build() const { return {options_.number("detail"), options_.number("voxel")}; }
+
+  Result<ModelDecisions> decide_model(const ModelInput& input, const PrepareContext& context) const override {
+    const Result<SmoothDecision> decided = decide_smooth(input, build(), context);
+    if (!decided) return decided.error();
+    return said(input, *decided);
+  }
+  [[nodiscard]] ModelDecisions said(const ModelInput& input, const SmoothDecision& decision) const {
+    ModelDecisions out;
+    out.prepare_ms = kMsPerMillion * 1e-6 * static_cast<double>(input.cloud->size());
+    out.frame_us = kFrameUs;
+    say_smooth(input, build(), decision, kFelt, out);
+    return out;
+  }
+
+  Status add_models(const SceneInput& scene, const PrepareContext& context, PrepareReport& report) override {
+    for (const ModelInput& input : scene.models) {
+      Result<SmoothBody> built = build_smooth_body(input, build(), context, report);
+      if (!built) return std::move(built).error();
+      report.decisions.models.push_back(said(input, built->decided()));
+      report.notes.push_back(note_of(report.decisions.models.back().decisions.front()));
+      models_.add(std::make_unique<SmoothModel>(*std::move(built)));
+    }
+    return Done{};
+  }
+};
+
+}  // namespace
+
+RendererInfo cloud_smooth_info() {
+  RendererInfo info;
+  info.name = "cloud-smooth";
+  info.summary = "a smooth surface near the points, through their noise; no jumps, no dents";
+  info.source = "ours: robust quadrics of growing radius, baked into a B-spline of distance";
+  info.role = Role::kOurs;
+  info.supports = CloudSmooth::kFelt;
+  const SmoothBuild standard;
+  info.options = {
+      {"detail",
+       OptionKind::kNumber,
+       fmt::format("{}", standard.detail),
+       "standard errors of the measured noise before a deviation counts as shape; lower keeps more",
+       {},
+       0.5,
+       10.0},
+      {"voxel",
+       OptionKind::kNumber,
+       fmt::format("{}", standard.voxel_spacings),
+       "edge of the spline's cells, in spacings of the points; smaller is sharper at creases and larger in "
+       "memory",
+       {},
+       0.5,
+       8.0}};
+  info.make = [](const Options& options) { return std::make_unique<CloudSmooth>(options); };
+  return info;
+}
+
+}  // namespace palpate::render

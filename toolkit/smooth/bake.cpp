@@ -1,0 +1,349 @@
+#include "toolkit/smooth/bake.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <numeric>
+
+#include "toolkit/core/parallel.h"
+#include "toolkit/smooth/blend.h"
+
+namespace palpate::render {
+namespace {
+
+/// Half a brick's node cube, and half its diagonal, in voxels.
+constexpr double kHalfNodes = 3.0, kHalfNodeDiagonal = 5.1961524;
+/// Half the diagonal of its cells, and of one cell.
+constexpr double kHalfDiagonal = 3.4641016, kHalfCellDiagonal = 0.8660254;
+/// A cell's middle is at most half its diagonal off a surface that crosses it, where the gradient is one;
+/// with room for where it is not quite.
+constexpr double kCrossed = 1.1 * kHalfCellDiagonal;
+/// Whether points are near is read from those within this many spacings of the foot, at most this share of
+/// that off its tangent plane. Some 50 points; another sheet's are farther off.
+constexpr double kNearSpacings = 4.0, kOffPlane = 0.5;
+/// The middle of the points of half a disc is 4 / (3 pi) = 0.42 radii from its centre: there the points end.
+constexpr double kBorderShare = 0.42;
+constexpr int kFewestNear = 4;
+/// A sheet with no more cells beyond its points than these, or this share of its cells, is closed: the
+/// smallest hole, two spacings wide, has some eight around it, and a void of chance one.
+constexpr std::uint64_t kChanceCells = 4;
+constexpr double kChanceShare = 1e-4;
+/// Closed pieces that a brick can name.
+constexpr std::size_t kMostPieces = 65535;
+constexpr float kLargestValue = static_cast<float>(kBrickReach);
+constexpr std::size_t kPatchGrain = 1024, kBrickGrain = 64;
+
+/// One patch that may reach one cube.
+struct Pair {
+  std::uint64_t code;
+  std::uint32_t patch;
+  bool through;  ///< its surface may go through the cube
+  friend bool operator<(const Pair& a, const Pair& b) {
+    return a.code != b.code ? a.code < b.code : a.patch < b.patch;
+  }
+};
+
+class Baker {
+ public:
+  Baker(const SmoothPoints& points, const std::vector<Patch>& patches, const PatchLinks& links,
+        BrickGrid& grid)
+      : points_(points),
+        patches_(patches),
+        links_(links),
+        grid_(grid),
+        brick_mm_(kBrickCells * grid.voxel_mm) {}
+
+  void run(int threads) {
+    find_pairs(threads);
+    std::vector<std::uint32_t> cubes;  // first pair of each
+    for (std::uint32_t i = 0; i < pairs_.size(); ++i)
+      if (i == 0 || pairs_[i].code != pairs_[i - 1].code) cubes.push_back(i);
+    const std::size_t count = cubes.size();
+    cubes.push_back(static_cast<std::uint32_t>(pairs_.size()));
+    const std::size_t chunks = (count + kBrickGrain - 1) / kBrickGrain;
+    std::vector<std::vector<Made>> made(chunks);
+    parallel_chunks(count, kBrickGrain, threads, [&](std::size_t begin, std::size_t end) {
+      Scratch scratch;
+      const std::size_t chunk = begin / kBrickGrain;
+      for (std::size_t c = begin; c < end; ++c)
+        bake_cube(std::span<const Pair>(pairs_).subspan(cubes[c], cubes[c + 1] - cubes[c]), scratch,
+                  made[chunk]);
+    });
+    close_pieces(made);
+    collect(made);
+  }
+
+ private:
+  /// A brick, and what decides about its piece.
+  struct Made {
+    Brick brick;
+    std::uint64_t code = 0;
+    std::uint32_t sheet = 0;
+    std::uint64_t beyond = 0;  ///< cells that the surface goes through where no points are around
+  };
+  struct Scratch {
+    std::vector<std::uint32_t> root;
+    std::vector<Vec3> near;
+    NodeBlend blend;
+  };
+
+  void find_pairs(int threads) {
+    const std::size_t chunks = (patches_.size() + kPatchGrain - 1) / kPatchGrain;
+    std::vector<std::vector<Pair>> found(chunks);
+    parallel_chunks(patches_.size(), kPatchGrain, threads, [&](std::size_t begin, std::size_t end) {
+      std::vector<Pair>& mine = found[begin / kPatchGrain];
+      for (std::size_t i = begin; i < end; ++i) pairs_of(static_cast<std::uint32_t>(i), mine);
+    });
+    for (const std::vector<Pair>& f : found) pairs_.insert(pairs_.end(), f.begin(), f.end());
+    std::sort(pairs_.begin(), pairs_.end());
+    // Only cubes that some surface goes through.
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < pairs_.size();) {
+      std::size_t end = i;
+      bool through = false;
+      for (; end < pairs_.size() && pairs_[end].code == pairs_[i].code; ++end) through |= pairs_[end].through;
+      if (through)
+        kept = static_cast<std::size_t>(std::copy(pairs_.begin() + static_cast<std::ptrdiff_t>(i),
+                                                  pairs_.begin() + static_cast<std::ptrdiff_t>(end),
+                                                  pairs_.begin() + static_cast<std::ptrdiff_t>(kept)) -
+                                        pairs_.begin());
+      i = end;
+    }
+    pairs_.resize(kept);
+  }
+
+  void pairs_of(std::uint32_t index, std::vector<Pair>& out) const {
+    const Patch& p = patches_[index];
+    const double reach = p.support + kHalfNodes * grid_.voxel_mm;
+    std::array<std::int64_t, 3> low{}, high{};
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto a = static_cast<std::size_t>(axis);
+      const double at = p.quadric.at[axis] - grid_.low_mm[axis];
+      // The node cube reaches one voxel beyond the cells on either side.
+      low[a] = std::max<std::int64_t>(static_cast<std::int64_t>(std::floor((at - reach) / brick_mm_)), 0);
+      high[a] = std::min<std::int64_t>(static_cast<std::int64_t>(std::floor((at + reach) / brick_mm_)),
+                                       grid_.last_brick);
+    }
+    for (std::int64_t x = low[0]; x <= high[0]; ++x)
+      for (std::int64_t y = low[1]; y <= high[1]; ++y)
+        for (std::int64_t z = low[2]; z <= high[2]; ++z) {
+          const Vec3 middle = grid_.low_mm + Vec3(static_cast<double>(x) + 0.5, static_cast<double>(y) + 0.5,
+                                                  static_cast<double>(z) + 0.5) *
+                                                 brick_mm_;
+          const Vec3 d = middle - p.quadric.at;
+          const double along = d.dot(p.quadric.n);
+          const double lateral = std::sqrt(std::max(d.squaredNorm() - along * along, 0.0));
+          if (lateral > p.support + kHalfNodeDiagonal * grid_.voxel_mm) continue;
+          const double off = std::abs(p.quadric.residual(middle));
+          if (off > 1.5 * kHalfNodeDiagonal * grid_.voxel_mm) continue;
+          const bool through = lateral <= p.support + kHalfDiagonal * grid_.voxel_mm &&
+                               off <= kHalfDiagonal * 1.2 * grid_.voxel_mm;
+          out.push_back({partition::morton_code(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y),
+                                                static_cast<std::uint32_t>(z)),
+                         index, through});
+        }
+  }
+
+  /// The patches of a cube, sheet by sheet.
+  void bake_cube(std::span<const Pair> pairs, Scratch& s, std::vector<Made>& made) const {
+    s.root.resize(pairs.size());
+    std::iota(s.root.begin(), s.root.end(), 0u);
+    const auto root = [&](std::uint32_t i) {
+      while (s.root[i] != i) i = s.root[i] = s.root[s.root[i]];
+      return i;
+    };
+    for (std::uint32_t i = 0; i < pairs.size(); ++i)
+      for (const std::uint32_t to : links_.of(pairs[i].patch)) {
+        const auto at = std::lower_bound(pairs.begin(), pairs.end(), to,
+                                         [](const Pair& p, std::uint32_t patch) { return p.patch < patch; });
+        if (at == pairs.end() || at->patch != to) continue;
+        const std::uint32_t a = root(i), b = root(static_cast<std::uint32_t>(at - pairs.begin()));
+        s.root[std::max(a, b)] = std::min(a, b);
+      }
+    for (std::uint32_t i = 0; i < pairs.size(); ++i) s.root[i] = root(i);
+    BrickGrid::Coordinate c = coordinate_of(pairs.front().code);
+    const Vec3 middle = grid_.low_mm + Vec3(c[0] + 0.5, c[1] + 0.5, c[2] + 0.5) * brick_mm_;
+    for (std::uint32_t sheet = 0; sheet < pairs.size(); ++sheet) {
+      if (s.root[sheet] != sheet) continue;
+      bool through = false, rim = false;
+      double spacing = 0.0;
+      int count = 0;
+      for (std::uint32_t i = sheet; i < pairs.size(); ++i) {
+        if (s.root[i] != sheet) continue;
+        const Patch& p = patches_[pairs[i].patch];
+        through |= pairs[i].through;
+        rim |= p.rim;
+        spacing += p.spacing;
+        ++count;
+      }
+      if (!through) continue;
+      s.blend.clear();
+      for (std::uint32_t i = sheet; i < pairs.size(); ++i)
+        if (s.root[i] == sheet) s.blend.add(patches_[pairs[i].patch], middle, grid_.per_voxel);
+      const std::array<float, kBrickCoefficients>& distance = s.blend.finish();
+      Made& out = made.emplace_back();
+      Brick& brick = out.brick;
+      for (std::size_t i = 0; i < kBrickCoefficients; ++i)
+        brick.distance[i] = static_cast<std::int16_t>(
+            std::lround(std::clamp(distance[i], -kLargestValue, kLargestValue) / kBrickUnit));
+      out.code = pairs.front().code;
+      out.sheet = links_.sheet[pairs[sheet].patch];
+      set_mask(out, middle, spacing / count, rim, s);
+      if ((brick.mask | out.beyond) == 0) made.pop_back();
+    }
+  }
+
+  /// The cells that the surface goes through, but for those beyond where the points end.
+  void set_mask(Made& out, const Vec3& middle, double spacing, bool rim, Scratch& s) const {
+    const double reach = kNearSpacings * spacing;
+    bool gathered = false;
+    Brick& brick = out.brick;
+    for (int cell = 0; cell < kBrickCells * kBrickCells * kBrickCells; ++cell) {
+      BrickPlace at;
+      at.cell = {cell / 16, cell / 4 % 4, cell % 4};
+      at.t = {0.5f, 0.5f, 0.5f};
+      const Jet jet = spline_jet(brick, at);
+      const double slope = static_cast<double>(jet.gradient.norm());
+      if (!(slope > 0.0) || std::abs(static_cast<double>(jet.value)) > kCrossed * std::max(slope, 0.5))
+        continue;
+      if (rim) {
+        if (!gathered) {
+          s.near.clear();
+          points_.in_ball(middle, kHalfDiagonal * grid_.voxel_mm + reach,
+                          [&](std::uint32_t, const Vec3& d, double) { s.near.push_back(d); });
+          gathered = true;
+        }
+        const Vec3 n = jet.gradient.cast<double>() / slope;
+        const Vec3 foot = (Vec3(at.cell[0] - 1.5, at.cell[1] - 1.5, at.cell[2] - 1.5) -
+                           n * (static_cast<double>(jet.value) / slope)) *
+                          grid_.voxel_mm;
+        if (!points_around(s.near, foot, n, reach)) {
+          out.beyond |= std::uint64_t{1} << cell;
+          continue;
+        }
+      }
+      brick.mask |= std::uint64_t{1} << cell;
+    }
+  }
+  static bool points_around(const std::vector<Vec3>& near, const Vec3& foot, const Vec3& n, double reach) {
+    Vec3 sum = Vec3::Zero();
+    int count = 0;
+    for (const Vec3& p : near) {
+      const Vec3 d = p - foot;
+      if (d.squaredNorm() > reach * reach) continue;
+      const double along = d.dot(n);
+      if (std::abs(along) > kOffPlane * reach) continue;
+      sum += d - n * along;
+      ++count;
+    }
+    return count >= kFewestNear && sum.norm() <= kBorderShare * reach * count;
+  }
+
+  /// Numbers the pieces without a border; what chance left out of them is theirs.
+  void close_pieces(std::vector<std::vector<Made>>& made) {
+    struct Piece {
+      std::uint64_t cells = 0, beyond = 0, bricks = 0;
+      std::uint16_t number = 0;
+    };
+    std::vector<Piece> pieces(patches_.size());
+    for (const std::vector<Made>& m : made)
+      for (const Made& one : m) {
+        Piece& piece = pieces[one.sheet];
+        piece.cells += static_cast<std::uint64_t>(std::popcount(one.brick.mask));
+        piece.beyond += static_cast<std::uint64_t>(std::popcount(one.beyond));
+        ++piece.bricks;
+      }
+    for (Piece& piece : pieces) {
+      const double chance = kChanceShare * static_cast<double>(piece.cells);
+      if (piece.cells == 0 || static_cast<double>(piece.beyond) > std::max(chance, double{kChanceCells}) ||
+          grid_.closed_pieces.size() == kMostPieces)
+        continue;
+      grid_.closed_pieces.emplace_back();
+      piece.number = static_cast<std::uint16_t>(grid_.closed_pieces.size());
+    }
+    std::vector<std::uint64_t> seen(pieces.size(), 0);
+    for (std::vector<Made>& m : made)
+      for (Made& one : m) {
+        const Piece& piece = pieces[one.sheet];
+        if (piece.number == 0) continue;
+        one.brick.piece = piece.number;
+        one.brick.mask |= one.beyond;
+        const std::uint64_t at = seen[one.sheet]++;
+        auto& samples = grid_.closed_pieces[piece.number - 1u];
+        for (std::size_t k = 0; k < kPieceSamples; ++k)
+          if (at == piece.bricks * (2 * k + 1) / (2 * kPieceSamples)) samples[k] = place_of(one);
+      }
+  }
+  /// The middle of some cell that the surface goes through, in voxels.
+  static Eigen::Vector3f place_of(const Made& one) {
+    const int cell = std::countr_zero(one.brick.mask);
+    const BrickGrid::Coordinate c = coordinate_of(one.code);
+    return Eigen::Vector3f(static_cast<float>(kBrickCells * c[0]), static_cast<float>(kBrickCells * c[1]),
+                           static_cast<float>(kBrickCells * c[2])) +
+           Eigen::Vector3f(static_cast<float>(cell / 16) + 0.5f, static_cast<float>(cell / 4 % 4) + 0.5f,
+                           static_cast<float>(cell % 4) + 0.5f);
+  }
+
+  void collect(const std::vector<std::vector<Made>>& made) {
+    std::size_t count = 0;
+    for (const std::vector<Made>& m : made)
+      for (const Made& one : m) count += one.brick.mask != 0;
+    grid_.bricks.reserve(count);
+    std::vector<std::uint64_t> cells;
+    for (const std::vector<Made>& m : made)
+      for (const Made& one : m) {
+        if (one.brick.mask == 0) continue;
+        if (cells.empty() || cells.back() != one.code) {
+          cells.push_back(one.code);
+          grid_.first.push_back(static_cast<std::uint32_t>(grid_.bricks.size()));
+        }
+        grid_.bricks.push_back(one.brick);
+      }
+    grid_.first.push_back(static_cast<std::uint32_t>(count));
+    grid_.first.shrink_to_fit();
+    grid_.table.build(cells);
+  }
+
+  const SmoothPoints& points_;
+  const std::vector<Patch>& patches_;
+  const PatchLinks& links_;
+  BrickGrid& grid_;
+  double brick_mm_;
+  std::vector<Pair> pairs_;
+};
+
+}  // namespace
+
+std::array<std::int32_t, 3> coordinate_of(std::uint64_t code) noexcept {
+  std::array<std::int32_t, 3> c{};
+  for (int bit = 0; bit < partition::kMortonBits; ++bit)
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      c[axis] |= static_cast<std::int32_t>((code >> (3 * bit + static_cast<int>(axis))) & 1u) << bit;
+  return c;
+}
+
+std::vector<BrickGrid::Coordinate> BrickGrid::cubes_of_bricks() const {
+  const std::vector<std::uint64_t> codes = table.codes(first.size() - 1);
+  std::vector<Coordinate> out(bricks.size());
+  for (std::size_t cell = 0; cell + 1 < first.size(); ++cell)
+    for (std::uint32_t b = first[cell]; b < first[cell + 1]; ++b) out[b] = coordinate_of(codes[cell]);
+  return out;
+}
+
+BrickGrid bake_bricks(const SmoothPoints& points, const std::vector<Patch>& patches, const PatchLinks& links,
+                      double voxel_mm, int threads) {
+  BrickGrid grid;
+  const double brick_mm = kBrickCells * voxel_mm;
+  grid.voxel_mm = voxel_mm;
+  grid.per_voxel = 1.0 / voxel_mm;
+  grid.box_mm = points.box_mm();
+  grid.low_mm = grid.box_mm.low_mm - Vec3::Constant(brick_mm);
+  const double bricks = (grid.box_mm.high_mm - grid.low_mm).maxCoeff() / brick_mm + 2.0;
+  grid.last_brick = std::min<std::int64_t>(static_cast<std::int64_t>(bricks),
+                                           (std::int64_t{1} << partition::kMortonBits) - 1);
+  Baker(points, patches, links, grid).run(threads);
+  return grid;
+}
+
+}  // namespace palpate::render

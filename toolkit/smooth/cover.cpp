@@ -1,0 +1,282 @@
+#include "toolkit/smooth/cover.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "toolkit/core/parallel.h"
+
+namespace palpate::render {
+namespace {
+
+/// Points that are covered together, each chunk for itself: some 64 spacings square, several of the largest
+/// patches.
+constexpr std::size_t kChunk = 4096;
+/// The first radius, in spacings: 15 points, twice what a quadric needs and a few more.
+constexpr double kFirstRadius = 2.2;
+/// Fewer points in it: it is widened; more: narrowed. Half and twice what an even set has, but for luck.
+constexpr int kFewest = 9, kMost = 34;
+constexpr int kMaxResizes = 6;  // eight times as far, or near
+/// Growth of the area by 2 a step, seven sizes: up to 17.6 spacings, 970 points.
+constexpr std::size_t kSizes = 7;
+constexpr double kGrowth = std::numbers::sqrt2;
+/// From this size on a patch that is good enough grows no more: 6.2 spacings, 120 points.
+constexpr std::size_t kEnough = 3;
+/// What is good enough on clean points, in spacings and as a slope: an error of 0.0005 spacings is 0.1 um
+/// where points stand 0.2 mm apart.
+constexpr double kValueTolerance = 5e-4, kSlopeTolerance = 1e-3;
+/// The deviation of points that no larger patch may add to what noise explains.
+constexpr double kMisfit = 1.25;
+/// Of a fit's radius: beyond it no point was looked at, and few near it.
+constexpr double kSupportShare = 0.9;
+/// The least support, in spacings: smaller ones leave gaps between points.
+constexpr double kLeastSupport = 1.3;
+/// A point is on a patch within so many standard deviations, or spacings: what the tangent of a clean
+/// quadric's next order makes at its rim.
+constexpr double kOnSigmas = 3.5, kOnSpacings = 0.05;
+/// Points that leave a patch step by step lie within this many spacings of it at first.
+constexpr double kLeavingSpacings = 1.5;
+/// Rings of a patch, and the share of leaving points in one where the patch ends.
+constexpr int kRings = 8;
+constexpr double kLeavingShare = 0.3;
+/// Of a ball's radius: its points' middle is nearer than this where they lie all around, but for luck (an
+/// even disc of 15 has 0.13, one that lacks the outer half of a side 0.2).
+constexpr double kAsideShare = 0.15;
+/// A first fit with so many times the noise is tried again, from the plane of the points within this share of
+/// the radius.
+constexpr double kUnexplained = 2.0, kCoreShare = 0.65;
+/// So many spacings that noise does not explain are no shape of one sheet.
+constexpr double kMixedSpacings = 0.15;
+/// Covered from this sum of weights on.
+constexpr double kCovered = 0.4;
+/// The seed is on its own patch where the robust cost leaves it this weight: two scales off.
+constexpr double kOwnWeight = 0.04;
+/// A leftover point is one of a piece of surface where this share of those within the first radius were left
+/// over too; stray points are fewer.
+constexpr double kLeftTogether = 0.25, kLeftRadius = 1.8;
+/// Where points are noisy, a patch that has grown this often is beyond doubt.
+constexpr std::size_t kSureSize = 2;
+/// Points that are scattered in a ball lie 0.45 of its radius about any plane, those of a surface a small
+/// part of it.
+constexpr double kScattered = 0.2;
+
+enum State : std::uint8_t { kOpen, kDeferred, kDone };
+
+class ChunkCover {
+ public:
+  ChunkCover(const SmoothPoints& points, const CoverRule& rule, std::size_t begin, std::size_t end)
+      : points_(points), rule_(rule), begin_(begin), weight_(end - begin, 0.0f), state_(end - begin, kOpen) {}
+
+  /// Patches that are beyond doubt first; then what they leave, where it is more than stray points.
+  void run(std::vector<Patch>& out, std::size_t& left_out) {
+    for (std::size_t i = 0; i < state_.size(); ++i)
+      if (state_[i] == kOpen && !seed(i, true, out)) state_[i] = kDeferred;
+    for (std::size_t i = 0; i < state_.size(); ++i) {
+      if (state_[i] != kDeferred) continue;
+      if (left_together(i) && (seed(i, false, out) || finish(i, out))) continue;
+      ++left_out;
+    }
+  }
+
+ private:
+  /// The ball of the first radius at a place: false where the point stands alone.
+  bool first_ball(const Vec3& at, double& radius) {
+    radius = kFirstRadius * points_.spacing_mm();
+    int last = 0;
+    for (int i = 0; i < kMaxResizes; ++i) {
+      ball_.gather(points_, at, radius);
+      const auto count = static_cast<int>(ball_.away.size());
+      if (count < kFewest && last <= 0) {
+        radius *= kGrowth;
+        last = -1;
+      } else if (count > kMost && last >= 0) {
+        radius /= kGrowth;
+        last = 1;
+      } else {
+        return count >= kFewest;
+      }
+    }
+    return false;
+  }
+
+  /// The fits of growing radius about a point, as long as they agree: how many.
+  std::size_t grow(const Vec3& at, double spacing, std::array<QuadricFit, kSizes>& fits) {
+    const FitRule fit_rule{rule_.noise, true};
+    double radius = ball_.radius;
+    for (std::size_t k = 0; k < kSizes; ++k) {
+      if (k > 0) {
+        radius *= kGrowth;
+        ball_.gather(points_, at, radius);
+        fits[k] = fits[k - 1];
+      }
+      if (!fit_quadric(ball_, fit_rule, k > 0 ? &fits[k - 1].quadric : nullptr, fits[k])) return k;
+      if (k == 0) {
+        try_core(fits[0], spacing);
+        if (fits[0].centre_weight < kOwnWeight || unexplained(fits[0], kMixedSpacings * spacing)) return 0;
+      } else if (!agrees(fits, k, spacing)) {
+        return k;
+      }
+      if (k >= kEnough && good_enough(fits[k], spacing)) return k + 1;
+    }
+    return kSizes;
+  }
+
+  /// A robust patch about a point, as large as it may be. False, with nothing changed, where there is none,
+  /// or `sure` is asked for and it is not.
+  bool seed(std::size_t i, bool sure, std::vector<Patch>& out) {
+    const Vec3 at = points_[begin_ + i];
+    double radius = 0.0;
+    if (!first_ball(at, radius)) return false;
+    const double spacing = radius / kFirstRadius;
+    std::array<QuadricFit, kSizes> fits;
+    const std::size_t sizes = grow(at, spacing, fits);
+    if (sizes == 0) return false;
+    const QuadricFit& best = fits[sizes - 1];
+    const bool noisy = std::max(best.sigma, rule_.noise) > kOnSpacings * spacing;
+    if (sure && sizes <= kSureSize && noisy) return false;
+    for (std::size_t k = 1; k < sizes; ++k) radius *= kGrowth;
+    if (best.sigma > kScattered * radius) return false;
+    if (ball_.radius != radius) ball_.gather(points_, at, radius);
+    add(best, spacing, out);
+    state_[i] = kDone;
+    return true;
+  }
+  [[nodiscard]] bool unexplained(const QuadricFit& fit, double allowed) const {
+    return fit.sigma > std::max(kUnexplained * rule_.noise, allowed);
+  }
+  /// Where the points are on two sheets, or faces, those next to the seed are on one.
+  void try_core(QuadricFit& first, double spacing) {
+    if (!unexplained(first, kOnSpacings * spacing)) return;
+    QuadricFit other;
+    if (fit_quadric(ball_, {rule_.noise, true, kCoreShare}, nullptr, other) && other.sigma < first.sigma &&
+        other.centre_weight >= kOwnWeight)
+      first = other;
+  }
+
+  [[nodiscard]] bool agrees(const std::array<QuadricFit, kSizes>& fits, std::size_t k, double spacing) const {
+    const QuadricFit& now = fits[k];
+    double least_sigma = fits[0].sigma;
+    for (std::size_t j = 0; j < k; ++j) {
+      const QuadricFit& before = fits[j];
+      least_sigma = std::min(least_sigma, before.sigma);
+      // Where the earlier tangent plane is met by the later surface's normal.
+      const double value = now.quadric.residual(before.quadric.at);
+      if (std::abs(value) > rule_.detail * before.value_error + kValueTolerance * spacing) return false;
+      const double slope = (now.quadric.n - before.quadric.n).norm();
+      if (slope > rule_.detail * before.slope_error + kSlopeTolerance) return false;
+    }
+    return now.sigma <= kMisfit * std::max(least_sigma, rule_.noise) + kValueTolerance * spacing;
+  }
+  [[nodiscard]] static bool good_enough(const QuadricFit& fit, double spacing) {
+    return fit.value_error <= kValueTolerance * spacing && fit.slope_error <= kSlopeTolerance;
+  }
+
+  /// Ends where points begin to lie off it; tells its points that they are covered.
+  void add(const QuadricFit& fit, double spacing, std::vector<Patch>& out) {
+    const Quadric& q = fit.quadric;
+    const double off = std::max(kOnSigmas * std::max(fit.sigma, rule_.noise), kOnSpacings * spacing);
+    std::array<int, kRings> all{}, leaving{};
+    const double rings_sq = kRings / (ball_.radius * ball_.radius);
+    for (const Vec3& away : ball_.away) {
+      const Vec3 p = ball_.centre + away;
+      const double residual = std::abs(q.residual(p));
+      if (residual > std::max(kLeavingSpacings * spacing, off)) continue;
+      const Vec3 d = p - q.at;
+      const double share = (d.squaredNorm() - d.dot(q.n) * d.dot(q.n)) * rings_sq;
+      const int ring = std::min(static_cast<int>(share), kRings - 1);
+      ++all[static_cast<std::size_t>(ring)];
+      leaving[static_cast<std::size_t>(ring)] += residual > off;
+    }
+    double support = kSupportShare * ball_.radius;
+    for (int ring = 0; ring < kRings; ++ring) {
+      const auto r = static_cast<std::size_t>(ring);
+      if (leaving[r] > 1 && leaving[r] > kLeavingShare * all[r]) {
+        support = std::min(support, ball_.radius * std::sqrt((ring + 0.5) / kRings));
+        break;
+      }
+    }
+    support = std::max(support, kLeastSupport * spacing);
+    out.push_back({q, support, spacing, fit.sigma, fit.points, lies_aside(q)});
+    cover(out.back(), off);
+  }
+
+  /// Whether the ball's points lie to one side of its middle.
+  [[nodiscard]] bool lies_aside(const Quadric& q) const {
+    Vec3 sum = Vec3::Zero();
+    for (const Vec3& away : ball_.away) sum += away;
+    sum -= q.n * q.n.dot(sum);
+    return sum.norm() > kAsideShare * ball_.radius * static_cast<double>(ball_.away.size());
+  }
+
+  void cover(const Patch& patch, double off) {
+    const double per_sq = 1.0 / (patch.support * patch.support);
+    for (std::size_t k = 0; k < ball_.away.size(); ++k) {
+      const std::size_t i = ball_.place[k] - begin_;  // wraps around below
+      if (i >= state_.size() || state_[i] == kDone) continue;
+      const Vec3 p = ball_.centre + ball_.away[k];
+      if (std::abs(patch.quadric.residual(p)) > off) continue;
+      const Vec3 d = p - patch.quadric.at;
+      const double along = d.dot(patch.quadric.n);
+      weight_[i] += static_cast<float>(patch_weight((d.squaredNorm() - along * along) * per_sq));
+      if (static_cast<double>(weight_[i]) >= kCovered) state_[i] = kDone;
+    }
+  }
+
+  /// Whether the points around one that was left were left as well.
+  bool left_together(std::size_t i) {
+    double radius = 0.0;
+    if (!first_ball(points_[begin_ + i], radius)) return false;
+    ball_.gather(points_, points_[begin_ + i], kLeftRadius / kFirstRadius * radius);
+    int together = 0, own = 0;
+    for (const std::uint32_t place : ball_.place) {
+      const std::size_t other = place - begin_;  // wraps around
+      if (other >= state_.size()) continue;
+      ++own;
+      together += state_[other] == kDeferred;
+    }
+    return together > 1 && together >= kLeftTogether * own;
+  }
+
+  /// A patch that no robust one is: of a piece too small for them, or a crease.
+  bool finish(std::size_t i, std::vector<Patch>& out) {
+    const Vec3 at = points_[begin_ + i];
+    double radius = 0.0;
+    QuadricFit fit;
+    if (!first_ball(at, radius)) return false;
+    const double spacing = radius / kFirstRadius;
+    ball_.gather(points_, at, kLeftRadius * spacing);
+    if (!fit_quadric(ball_, {rule_.noise, false}, nullptr, fit) || fit.sigma > kScattered * ball_.radius)
+      return false;
+    add(fit, spacing, out);
+    state_[i] = kDone;
+    return true;
+  }
+
+  const SmoothPoints& points_;
+  const CoverRule& rule_;
+  std::size_t begin_;
+  std::vector<float> weight_;
+  std::vector<std::uint8_t> state_;
+  Ball ball_;
+};
+
+}  // namespace
+
+Cover cover_points(const SmoothPoints& points, const CoverRule& rule, int threads) {
+  const std::size_t chunks = (points.size() + kChunk - 1) / kChunk;
+  std::vector<std::vector<Patch>> found(chunks);
+  std::vector<std::size_t> left(chunks, 0);
+  parallel_chunks(points.size(), kChunk, threads, [&](std::size_t begin, std::size_t end) {
+    ChunkCover cover(points, rule, begin, end);
+    cover.run(found[begin / kChunk], left[begin / kChunk]);
+  });
+  Cover out;
+  for (std::size_t c = 0; c < chunks; ++c) {
+    out.patches.insert(out.patches.end(), found[c].begin(), found[c].end());
+    out.left_out += left[c];
+  }
+  return out;
+}
+
+}  // namespace palpate::render

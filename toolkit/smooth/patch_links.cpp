@@ -1,0 +1,281 @@
+#include "toolkit/smooth/patch_links.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+
+#include "toolkit/core/parallel.h"
+
+namespace palpate::render {
+namespace {
+
+/// Patches whose centres are this share of both supports apart may continue each other: they overlap.
+constexpr double kReach = 0.8;
+/// The chord of two that do leaves either tangent plane by at most so much (sine of 50 degrees), and one
+/// normal is the other mirrored on it, as on an arc, within 50 degrees. Sheets that lie above each other fail
+/// either the one or the other.
+constexpr double kSteepest = 0.77;
+constexpr double kLeastAgreement = 0.64;
+/// And the chord ends off the other's surface by at most this share of its length, or so many spacings, or
+/// standard deviations.
+constexpr double kOffShare = 0.2, kOffSpacings = 1.2, kOffSigmas = 3.0;
+/// Links of one patch: to the nearest that there are.
+constexpr std::size_t kMostLinks = 24;
+/// Classes of agreement that links are taken in, best first.
+constexpr std::size_t kClasses = 64;
+/// Classes of support, each twice the last: a patch looks for partners among those as large and larger.
+constexpr int kScales = 24;
+constexpr std::size_t kGrain = 512;
+/// A piece of patches that follow fewer points altogether, and less than this share of all, is of stray ones:
+/// three of the smallest patches.
+constexpr double kStrayPoints = 45.0, kStrayShare = 0.05;
+constexpr std::uint32_t kDropped = 0xffffffffu;
+
+/// Agreement of two patches' normals, with its sign; 0 where they do not continue each other.
+double agreement(const Patch& a, const Patch& b) {
+  const Vec3 d = b.quadric.at - a.quadric.at;
+  const double length = d.norm();
+  if (!(length > 0.0)) return a.quadric.n.dot(b.quadric.n);
+  const Vec3 e = d / length;
+  const double na = a.quadric.n.dot(e), nb = b.quadric.n.dot(e);
+  if (std::abs(na) > kSteepest || std::abs(nb) > kSteepest) return 0.0;
+  const double agreed = a.quadric.n.dot(b.quadric.n) - 2.0 * na * nb;
+  if (std::abs(agreed) < kLeastAgreement) return 0.0;
+  const double off =
+      std::min(std::abs(a.quadric.residual(b.quadric.at)), std::abs(b.quadric.residual(a.quadric.at)));
+  const double bound = std::max({kOffShare * length, kOffSpacings * std::min(a.spacing, b.spacing),
+                                 kOffSigmas * std::max(a.sigma, b.sigma)});
+  return off <= bound ? agreed : 0.0;
+}
+
+struct Link {
+  std::uint32_t a, b;
+  float agreed;
+};
+
+/// Patches in cells of twice their support, one table a scale.
+class PatchCells {
+ public:
+  explicit PatchCells(std::span<const Patch> patches) : patches_(patches) {
+    for (const Patch& p : patches) {
+      least_ = least_ > 0.0 ? std::min(least_, p.support) : p.support;
+      low_ = low_.cwiseMin(p.quadric.at);
+    }
+    for (std::uint32_t i = 0; i < patches.size(); ++i) {
+      const int s = scale_of(patches[i].support);
+      scales_[static_cast<std::size_t>(s)].keys.push_back({code(patches[i].quadric.at, s), i});
+    }
+    for (Scale& scale : scales_) {
+      std::sort(scale.keys.begin(), scale.keys.end());
+      std::vector<std::uint64_t> cells;
+      for (std::uint32_t i = 0; i < scale.keys.size(); ++i) {
+        if (!cells.empty() && cells.back() == scale.keys[i].first) continue;
+        cells.push_back(scale.keys[i].first);
+        scale.begin.push_back(i);
+      }
+      scale.begin.push_back(static_cast<std::uint32_t>(scale.keys.size()));
+      scale.table.build(cells);
+    }
+  }
+  [[nodiscard]] int scale_of(double support) const {
+    return std::clamp(std::ilogb(support / least_), 0, kScales - 1);
+  }
+  /// Those of the scale whose centres may be within reach of a patch of the same scale or a smaller one.
+  template <class Visit>
+  void near(const Vec3& at, int s, Visit&& visit) const {
+    const Scale& scale = scales_[static_cast<std::size_t>(s)];
+    if (scale.keys.empty()) return;
+    const std::array<std::int64_t, 3> c = cell(at, s);
+    for (std::int64_t z = c[2] - 1; z <= c[2] + 1; ++z)
+      for (std::int64_t y = c[1] - 1; y <= c[1] + 1; ++y)
+        for (std::int64_t x = c[0] - 1; x <= c[0] + 1; ++x) {
+          if (x < 0 || y < 0 || z < 0) continue;
+          const std::uint32_t found = scale.table.find(code_of({x, y, z}));
+          if (found == CellTable::kNone) continue;
+          for (std::uint32_t i = scale.begin[found]; i < scale.begin[found + 1]; ++i)
+            visit(scale.keys[i].second);
+        }
+  }
+  [[nodiscard]] bool any(int s) const { return !scales_[static_cast<std::size_t>(s)].keys.empty(); }
+
+ private:
+  struct Scale {
+    std::vector<std::pair<std::uint64_t, std::uint32_t>> keys;
+    std::vector<std::uint32_t> begin;
+    CellTable table;
+  };
+  [[nodiscard]] std::array<std::int64_t, 3> cell(const Vec3& at, int s) const {
+    // Two patches of supports below 2^(s+1) are at most 2 x kReach x 2^(s+1) apart.
+    const double per = 1.0 / (2.0 * kReach * std::ldexp(least_, s + 1));
+    const Vec3 c = (at - low_) * per;
+    return {static_cast<std::int64_t>(c.x()), static_cast<std::int64_t>(c.y()),
+            static_cast<std::int64_t>(c.z())};
+  }
+  static std::uint64_t code_of(const std::array<std::int64_t, 3>& c) {
+    return partition::morton_code(static_cast<std::uint32_t>(c[0]), static_cast<std::uint32_t>(c[1]),
+                                  static_cast<std::uint32_t>(c[2]));
+  }
+  [[nodiscard]] std::uint64_t code(const Vec3& at, int s) const { return code_of(cell(at, s)); }
+
+  std::span<const Patch> patches_;
+  double least_ = 0.0;
+  Vec3 low_ = Vec3::Constant(std::numeric_limits<double>::infinity());
+  std::array<Scale, kScales> scales_;
+};
+
+std::vector<Link> find_links(std::span<const Patch> patches, int threads) {
+  if (patches.empty()) return {};
+  const PatchCells cells(patches);
+  const std::size_t chunks = (patches.size() + kGrain - 1) / kGrain;
+  std::vector<std::vector<Link>> found(chunks);
+  parallel_chunks(patches.size(), kGrain, threads, [&](std::size_t begin, std::size_t end) {
+    std::vector<std::pair<double, Link>> mine;
+    for (std::size_t i = begin; i < end; ++i) {
+      const Patch& a = patches[i];
+      mine.clear();
+      const int own = cells.scale_of(a.support);
+      for (int s = own; s < kScales; ++s) {
+        if (!cells.any(s)) continue;
+        cells.near(a.quadric.at, s, [&](std::uint32_t j) {
+          if (j == i || (s == own && j < i)) return;
+          const Patch& b = patches[j];
+          const double reach = kReach * (a.support + b.support);
+          const double sq = (b.quadric.at - a.quadric.at).squaredNorm();
+          if (sq > reach * reach) return;
+          const double agreed = agreement(a, b);
+          if (agreed == 0.0) return;
+          mine.push_back(
+              {sq / (reach * reach), {static_cast<std::uint32_t>(i), j, static_cast<float>(agreed)}});
+        });
+      }
+      if (mine.size() > kMostLinks) {
+        std::sort(mine.begin(), mine.end(), [](const auto& x, const auto& y) {
+          return x.first != y.first ? x.first < y.first : x.second.b < y.second.b;
+        });
+        mine.resize(kMostLinks);
+      }
+      for (const auto& m : mine) found[begin / kGrain].push_back(m.second);
+    }
+  });
+  std::vector<Link> links;
+  for (const std::vector<Link>& f : found) links.insert(links.end(), f.begin(), f.end());
+  return links;
+}
+
+/// A forest with a parity to the root: which patches are one sheet, and which of them stand on their heads.
+class Sides {
+ public:
+  explicit Sides(std::size_t count) : parent_(count), turned_(count, 0) {
+    std::iota(parent_.begin(), parent_.end(), 0u);
+  }
+  std::pair<std::uint32_t, bool> root(std::uint32_t i) {
+    std::uint32_t r = i;
+    bool turned = false;
+    while (parent_[r] != r) {
+      turned ^= turned_[r] != 0;
+      r = parent_[r];
+    }
+    for (bool left = turned; parent_[i] != i;) {
+      const bool own = turned_[i] != 0;
+      const std::uint32_t next = parent_[i];
+      parent_[i] = r;
+      turned_[i] = left ? 1 : 0;
+      left ^= own;
+      i = next;
+    }
+    return {r, turned};
+  }
+  void join(std::uint32_t a, std::uint32_t b, bool turned) {
+    const auto [ra, ta] = root(a);
+    const auto [rb, tb] = root(b);
+    if (ra == rb) return;
+    const std::uint32_t low = std::min(ra, rb), high = std::max(ra, rb);
+    parent_[high] = low;
+    turned_[high] = static_cast<std::uint8_t>(turned != (ta != tb));
+  }
+
+ private:
+  std::vector<std::uint32_t> parent_;
+  std::vector<std::uint8_t> turned_;
+};
+
+void orient(std::vector<Patch>& patches, const std::vector<Link>& links, Sides& sides) {
+  const auto class_of = [](const Link& link) {
+    const double share = (1.0 - std::abs(static_cast<double>(link.agreed))) / (1.0 - kLeastAgreement);
+    return std::min(static_cast<std::size_t>(std::max(share, 0.0) * kClasses), kClasses - 1);
+  };
+  std::array<std::uint32_t, kClasses + 1> begin{};
+  for (const Link& link : links) ++begin[class_of(link) + 1];
+  for (std::size_t c = 0; c < kClasses; ++c) begin[c + 1] += begin[c];
+  std::vector<std::uint32_t> order(links.size());
+  for (std::uint32_t i = 0; i < links.size(); ++i) order[begin[class_of(links[i])]++] = i;
+  for (const std::uint32_t i : order) sides.join(links[i].a, links[i].b, links[i].agreed < 0.0f);
+  for (std::uint32_t i = 0; i < patches.size(); ++i) {
+    if (!sides.root(i).second) continue;
+    Quadric& q = patches[i].quadric;
+    q.n = -q.n;
+    std::swap(q.u, q.v);  // right-handed again
+    std::swap(q.uu, q.vv);
+    q.uu = -q.uu;
+    q.uv = -q.uv;
+    q.vv = -q.vv;
+  }
+}
+
+/// Leaves out the patches of pieces too small to be surface, and their links.
+void drop_strays(std::vector<Patch>& patches, std::vector<Link>& links, Sides& sides) {
+  std::vector<double> points(patches.size(), 0.0);
+  double all = 0.0;
+  for (std::uint32_t i = 0; i < patches.size(); ++i) {
+    points[sides.root(i).first] += patches[i].points;
+    all += patches[i].points;
+  }
+  const double least = std::min(kStrayPoints, kStrayShare * all);
+  std::vector<std::uint32_t> now(patches.size());
+  std::uint32_t kept = 0;
+  for (std::uint32_t i = 0; i < patches.size(); ++i) {
+    const bool stays = points[sides.root(i).first] >= least;
+    now[i] = stays ? kept++ : kDropped;
+    if (stays) patches[now[i]] = patches[i];
+  }
+  if (kept == patches.size()) return;
+  patches.resize(kept);
+  std::erase_if(links, [&](const Link& link) { return now[link.a] == kDropped; });
+  for (Link& link : links) link = {now[link.a], now[link.b], link.agreed};
+  sides = Sides(kept);
+  for (const Link& link : links) sides.join(link.a, link.b, false);
+}
+
+}  // namespace
+
+PatchLinks link_patches(std::vector<Patch>& patches, int threads) {
+  std::vector<Link> links = find_links(patches, threads);
+  Sides sides(patches.size());
+  orient(patches, links, sides);
+  drop_strays(patches, links, sides);
+  PatchLinks out;
+  out.sheet.resize(patches.size());
+  for (std::uint32_t i = 0; i < patches.size(); ++i) out.sheet[i] = sides.root(i).first;
+  out.begin.assign(patches.size() + 1, 0);
+  const auto stands = [&](const Link& link) {
+    // Against the sheet's sides: a seam, or two sheets after all.
+    return (agreement(patches[link.a], patches[link.b]) > 0.0);
+  };
+  for (const Link& link : links) {
+    if (!stands(link)) continue;
+    ++out.begin[link.a + 1];
+    ++out.begin[link.b + 1];
+  }
+  for (std::size_t i = 0; i < patches.size(); ++i) out.begin[i + 1] += out.begin[i];
+  std::vector<std::uint32_t> next(out.begin.begin(), out.begin.end() - 1);
+  out.to.resize(out.begin.back());
+  for (const Link& link : links) {
+    if (!stands(link)) continue;
+    out.to[next[link.a]++] = link.b;
+    out.to[next[link.b]++] = link.a;
+  }
+  return out;
+}
+
+}  // namespace palpate::render

@@ -1,0 +1,26 @@
+// Which patches continue each other, and with which side up: so that one distance can be blended of them, and
+// sheets that lie close are not taken for one.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "toolkit/smooth/cover.h"
+
+namespace palpate::render {
+
+struct PatchLinks {
+  std::vector<std::uint32_t> begin;  ///< of each patch in `to`, and one more
+  std::vector<std::uint32_t> to;
+  std::vector<std::uint32_t> sheet;  ///< of each patch: the first patch of its connected sheet
+  [[nodiscard]] std::span<const std::uint32_t> of(std::size_t patch) const noexcept {
+    return {to.data() + begin[patch], begin[patch + 1] - begin[patch]};
+  }
+};
+
+/// Links the patches and turns their normals to one side of each connected sheet (the sheet's own; a surface
+/// with one side gets a seam). Deterministic; O(patches x overlaps).
+[[nodiscard]] PatchLinks link_patches(std::vector<Patch>& patches, int threads);
+
+}  // namespace palpate::render

@@ -1,0 +1,265 @@
+#include "toolkit/smooth/quadric.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "toolkit/core/parallel.h"
+
+namespace palpate::render {
+namespace {
+
+using Six = Eigen::Matrix<double, 6, 1>;
+using SixBySix = Eigen::Matrix<double, 6, 6>;
+
+/// Rounds of reweighting from a plane that is not known, and from one that is.
+constexpr int kFirstRounds = 4, kNextRounds = 2;
+/// A residual of so many standard deviations gets a quarter of the weight (Geman and McClure 1985).
+constexpr double kScaleSigmas = 3.0;
+/// The median of |x| of a normal distribution, as a share of its standard deviation.
+constexpr double kMedianShare = 0.6745;
+/// Fewer points than a quadric has numbers, and two more, determine no error.
+constexpr int kFewestPoints = 8;
+/// A pivot of less than this share of the largest: the points lie on a line, or a conic.
+constexpr double kLeastPivot = 1e-7;
+/// Rounding of a fit, as a share of its radius: well above that of sums over a thousand points and of the
+/// points' single precision where a model spans some thousand spacings.
+constexpr double kRoundingShare = 1e-6;
+constexpr std::size_t kNoiseSamples = 600;
+/// The radius that noise is measured in: some 30 points against 6 numbers.
+constexpr double kNoiseRadiusSpacings = 3.1;
+
+/// Square to n.
+Vec3 any_tangent(const Vec3& n) {
+  const Vec3 axis = std::abs(n.x()) < std::abs(n.y()) ? Vec3::UnitX() : Vec3::UnitY();
+  return (axis - n * n.dot(axis)).normalized();
+}
+
+void set_normal(Quadric& q, const Vec3& n) {
+  q.n = n;
+  Vec3 u = q.u - n * n.dot(q.u);
+  const double length = u.norm();
+  q.u = length > kRoundingShare ? Vec3(u / length) : any_tangent(n);
+  q.v = n.cross(q.u);
+}
+
+/// Of the points within a radius of the ball's centre.
+bool least_direction_of(const Ball& ball, double radius, Vec3& n) {
+  Vec3 mean = Vec3::Zero();
+  double count = 0.0;
+  const auto each = [&](auto&& visit) {
+    for (const Vec3& p : ball.away)
+      if (p.squaredNorm() <= radius * radius) visit(p);
+  };
+  each([&](const Vec3& p) {
+    mean += p;
+    count += 1.0;
+  });
+  mean /= count;
+  Mat3 spread = Mat3::Zero();
+  each([&](const Vec3& p) { spread += (p - mean) * (p - mean).transpose(); });
+  Eigen::SelfAdjointEigenSolver<Mat3> solver;
+  solver.computeDirect(spread / (ball.radius * ball.radius));
+  if (solver.info() != Eigen::Success || !(solver.eigenvalues()[1] > kRoundingShare)) return false;
+  n = solver.eigenvectors().col(0).normalized();
+  return is_finite(n);
+}
+
+/// A ball's points in the quadric's frame, lengths in radii.
+struct Local {
+  std::vector<double> u, v, w, weight;
+  std::vector<double> size;
+  void take(const Ball& ball, const Quadric& q) {
+    const std::size_t count = ball.away.size();
+    u.resize(count);
+    v.resize(count);
+    w.resize(count);
+    weight.resize(count);
+    const double per_radius = 1.0 / ball.radius;
+    const Vec3 shift = q.at - ball.centre;
+    const Vec3 eu = q.u * per_radius, ev = q.v * per_radius, en = q.n * per_radius;
+    for (std::size_t i = 0; i < count; ++i) {
+      const Vec3 d = ball.away[i] - shift;
+      u[i] = d.dot(eu);
+      v[i] = d.dot(ev);
+      w[i] = d.dot(en);
+    }
+  }
+};
+
+struct Solution {
+  Six c = Six::Zero();                                ///< 1, u, v, u^2, uv, v^2
+  double value_variance = 0.0, slope_variance = 0.0;  ///< per variance of a point
+};
+
+bool solve(const Local& p, Solution& out) {
+  // Moments u^i v^j up to the fourth order, and with w up to the second.
+  std::array<double, 15> m{};
+  std::array<double, 6> r{};
+  for (std::size_t i = 0; i < p.u.size(); ++i) {
+    const double a = p.u[i], b = p.v[i], k = p.weight[i];
+    const double aa = a * a, ab = a * b, bb = b * b;
+    const double kaa = k * aa, kab = k * ab, kbb = k * bb, kw = k * p.w[i];
+    m[0] += k;
+    m[1] += k * a;
+    m[2] += k * b;
+    m[3] += kaa;
+    m[4] += kab;
+    m[5] += kbb;
+    m[6] += kaa * a;
+    m[7] += kaa * b;
+    m[8] += kbb * a;
+    m[9] += kbb * b;
+    m[10] += kaa * aa;
+    m[11] += kaa * ab;
+    m[12] += kaa * bb;
+    m[13] += kbb * ab;
+    m[14] += kbb * bb;
+    r[0] += kw;
+    r[1] += kw * a;
+    r[2] += kw * b;
+    r[3] += kw * aa;
+    r[4] += kw * ab;
+    r[5] += kw * bb;
+  }
+  SixBySix n;
+  n << m[0], m[1], m[2], m[3], m[4], m[5],    //
+      m[1], m[3], m[4], m[6], m[7], m[8],     //
+      m[2], m[4], m[5], m[7], m[8], m[9],     //
+      m[3], m[6], m[7], m[10], m[11], m[12],  //
+      m[4], m[7], m[8], m[11], m[12], m[13],  //
+      m[5], m[8], m[9], m[12], m[13], m[14];
+  const Eigen::LLT<SixBySix> factor(n);
+  if (factor.info() != Eigen::Success) return false;
+  const auto diagonal = factor.matrixLLT().diagonal();
+  if (!(diagonal.minCoeff() * diagonal.minCoeff() > kLeastPivot * m[0])) return false;
+  out.c = factor.solve(Six(r.data()));
+  Eigen::Matrix<double, 6, 3> unit = Eigen::Matrix<double, 6, 3>::Zero();
+  unit(0, 0) = unit(1, 1) = unit(2, 2) = 1.0;
+  const Eigen::Matrix<double, 6, 3> inverse = factor.solve(unit);
+  out.value_variance = inverse(0, 0);
+  out.slope_variance = 0.5 * (inverse(1, 1) + inverse(2, 2));
+  return out.c.allFinite();
+}
+
+double height(const Six& c, double a, double b) {
+  return c[0] + a * (c[1] + c[3] * a + c[4] * b) + b * (c[2] + c[5] * b);
+}
+
+/// The standard deviation about a solution by the median residual, allowing for the numbers fitted.
+double scale_of(Local& p, const Six& c) {
+  const std::size_t count = p.u.size();
+  p.size.resize(count);
+  for (std::size_t i = 0; i < count; ++i) p.size[i] = std::abs(p.w[i] - height(c, p.u[i], p.v[i]));
+  const auto middle = p.size.begin() + static_cast<std::ptrdiff_t>(count / 2);
+  std::nth_element(p.size.begin(), middle, p.size.end());
+  const double free = static_cast<double>(count) / static_cast<double>(count > 6 ? count - 6 : 1);
+  return *middle / kMedianShare * std::sqrt(free);
+}
+
+double kernel(double a, double b) {
+  return std::max(1.0 - a * a - b * b, 0.0);
+}
+
+}  // namespace
+
+void Ball::gather(const SmoothPoints& points, const Vec3& at, double r) {
+  centre = at;
+  radius = r;
+  away.clear();
+  place.clear();
+  points.in_ball(at, r, [&](std::uint32_t i, const Vec3& d, double) {
+    away.push_back(d);
+    place.push_back(i);
+  });
+}
+
+bool fit_quadric(const Ball& ball, const FitRule& rule, const Quadric* start, QuadricFit& fit) {
+  const std::size_t count = ball.away.size();
+  if (count < kFewestPoints || !(ball.radius > 0.0)) return false;
+  Quadric q;
+  if (start != nullptr) {
+    q = *start;
+  } else {
+    Vec3 n;
+    if (!least_direction_of(ball, rule.core * ball.radius, n)) return false;
+    q.at = ball.centre;
+    set_normal(q, n);
+  }
+  thread_local Local p;  // scratch; what a call leaves is never read by the next
+  const double floor = std::max(rule.sigma_floor / ball.radius, kRoundingShare);
+  double scale = 0.0;  // of the robust cost; 0: plain least squares
+  Solution s;
+  const int rounds = start != nullptr ? kNextRounds : kFirstRounds;
+  for (int round = 0; round < rounds; ++round) {
+    p.take(ball, q);
+    for (std::size_t i = 0; i < count; ++i) {
+      double weight = kernel(p.u[i], p.v[i]);
+      if (scale > 0.0) {
+        const double x = (p.w[i] - height(s.c, p.u[i], p.v[i])) / scale;
+        const double y = 1.0 / (1.0 + x * x);
+        weight *= y * y;
+      } else if (rule.robust && start != nullptr) {
+        const double x = (p.w[i] - ball.radius * (q.uu * p.u[i] * p.u[i] + q.uv * p.u[i] * p.v[i] +
+                                                  q.vv * p.v[i] * p.v[i])) /
+                         (kScaleSigmas * std::max(fit.sigma / ball.radius, floor));
+        const double y = 1.0 / (1.0 + x * x);
+        weight *= y * y;
+      }
+      p.weight[i] = weight;
+    }
+    if (!solve(p, s)) return false;
+    fit.sigma = scale_of(p, s.c);
+    if (rule.robust) scale = kScaleSigmas * std::max(fit.sigma, floor);
+    // Into the frame of the tangent plane found; heights change by second order of the turn.
+    const Vec3 n = (q.n - q.u * s.c[1] - q.v * s.c[2]).normalized();
+    q.at += q.n * (s.c[0] * ball.radius);
+    set_normal(q, n);
+    q.uu = s.c[3] / ball.radius;
+    q.uv = s.c[4] / ball.radius;
+    q.vv = s.c[5] / ball.radius;
+    s.c[0] = s.c[1] = s.c[2] = 0.0;
+    if (scale > 0.0 && round + 1 == rounds) break;
+  }
+  double weights = 0.0;
+  p.take(ball, q);
+  const double used = scale > 0.0 ? scale : kScaleSigmas * std::max(fit.sigma, floor);
+  for (std::size_t i = 0; i < count; ++i) {
+    const double x = (p.w[i] - height(s.c, p.u[i], p.v[i])) / used;
+    weights += 1.0 / ((1.0 + x * x) * (1.0 + x * x));
+  }
+  const double x = (q.residual(ball.centre) / ball.radius) / used;
+  fit.centre_weight = 1.0 / ((1.0 + x * x) * (1.0 + x * x));
+  fit.points = static_cast<int>(weights);
+  fit.sigma *= ball.radius;
+  const double sigma = std::max(fit.sigma, rule.sigma_floor);
+  fit.value_error = sigma * std::sqrt(s.value_variance);
+  fit.slope_error = sigma / ball.radius * std::sqrt(s.slope_variance);
+  fit.quadric = q;
+  return is_finite(q.at) && is_finite(q.n);
+}
+
+double measure_noise(const SmoothPoints& points, int threads) {
+  const std::size_t n = points.size();
+  const std::size_t stride = std::max<std::size_t>(n / kNoiseSamples, 1);
+  const std::size_t samples = (n + stride - 1) / stride;
+  std::vector<double> sigma(samples, -1.0);
+  parallel_chunks(samples, 16, threads, [&](std::size_t begin, std::size_t end) {
+    Ball ball;
+    QuadricFit fit;
+    for (std::size_t i = begin; i < end; ++i) {
+      ball.gather(points, points[i * stride], kNoiseRadiusSpacings * points.spacing_mm());
+      if (fit_quadric(ball, {}, nullptr, fit)) sigma[i] = fit.sigma;
+    }
+  });
+  std::erase_if(sigma, [](double s) { return s < 0.0; });
+  if (sigma.empty()) return 0.0;
+  const auto middle = sigma.begin() + static_cast<std::ptrdiff_t>(sigma.size() / 2);
+  std::nth_element(sigma.begin(), middle, sigma.end());
+  return *middle;
+}
+
+}  // namespace palpate::render

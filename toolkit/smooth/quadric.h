@@ -1,0 +1,60 @@
+// A piece of the smooth surface: a height over its own tangent plane, of second order, fitted robustly to the
+// points of a ball.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "toolkit/core/vec.h"
+#include "toolkit/smooth/smooth_points.h"
+
+namespace palpate::render {
+
+/// The height n over (u, v) at `at`: uu a^2 + uv a b + vv b^2. Lengths in mm, curvatures in 1/mm.
+struct Quadric {
+  Vec3 at = Vec3::Zero();
+  Vec3 u = Vec3::UnitX(), v = Vec3::UnitY(), n = Vec3::UnitZ();
+  double uu = 0.0, uv = 0.0, vv = 0.0;
+
+  [[nodiscard]] double residual(const Vec3& p) const noexcept {
+    const Vec3 d = p - at;
+    const double a = d.dot(u), b = d.dot(v);
+    return d.dot(n) - (uu * a * a + uv * a * b + vv * b * b);
+  }
+};
+
+/// How well it is known at its centre, one standard error each.
+struct QuadricFit {
+  Quadric quadric;
+  double sigma = 0.0;        ///< of a point about it, mm
+  double value_error = 0.0;  ///< mm
+  double slope_error = 0.0;
+  double centre_weight = 1.0;  ///< what the robust cost gives the point it began at
+  int points = 0;              ///< that it follows
+};
+
+/// The points of one ball, relative to its centre.
+struct Ball {
+  Vec3 centre = Vec3::Zero();
+  double radius = 0.0;
+  std::vector<Vec3> away;
+  std::vector<std::uint32_t> place;
+
+  void gather(const SmoothPoints& points, const Vec3& at, double r);
+};
+
+/// What a fit is allowed to take for noise at least, mm, and how the points are weighed.
+struct FitRule {
+  double sigma_floor = 0.0;
+  bool robust = true;
+  double core = 1.0;  ///< share of the radius that a first plane is taken from
+};
+
+/// Fits the ball's points. `start`: a tangent plane to begin from, or null, where the points' least direction
+/// is taken. False where they determine no quadric. O(points).
+[[nodiscard]] bool fit_quadric(const Ball& ball, const FitRule& rule, const Quadric* start, QuadricFit& fit);
+
+/// The noise of the points about a smooth surface, mm: the median over some hundreds of places. O(1).
+[[nodiscard]] double measure_noise(const SmoothPoints& points, int threads);
+
+}  // namespace palpate::render

@@ -1,0 +1,490 @@
+#include "toolkit/smooth/smooth_contact.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace palpate::render {
+namespace {
+
+/// A Newton step no longer than this leaves an error of about its square times the change of curvature over a
+/// voxel: some 1e-5 voxels.
+constexpr double kSettled = 0.01;
+/// The quick way's steps: one where the guess was right, and one more.
+constexpr int kQuickSteps = 3;
+/// A step of more than so many voxels is not trusted.
+constexpr double kLongestStep = 1.0;
+constexpr double kShortestStep = 1e-4;
+/// The curvature of the distance along the surface is taken for at least this: below it the god object stands
+/// at a saddle, and Newton's step would be any.
+constexpr double kLeastCurvature = 0.2;
+/// Distances may grow by rounding: single-precision distances of some voxels are right to 1e-6 voxels.
+constexpr double kNoFarther = 1.0 + 1e-6, kRounding = 4e-6;
+/// The HIP is out once it is above the surface by more than the surface is known to.
+constexpr double kOut = 1e-5;
+/// A normal step leaves less than this before the next tangential one.
+constexpr double kOnSurface = 1e-4;
+/// The same sheet goes on where its distance is within a voxel and its normal within 60 degrees; one that
+/// stands on its head only where it is the same surface beyond doubt.
+constexpr float kSameSheet = 1.0f, kSeam = 0.1f;
+constexpr double kSameNormal = 0.5;
+/// Along a segment the next place looked at is this share of the distance on, which the spline's slope of
+/// about one allows, and at least a quarter of a voxel.
+constexpr double kMarch = 0.7, kLeastMarch = 0.25;
+/// Each cube's part of a segment begins this much before its wall: bricks beside each other differ by the
+/// rounding of their coefficients, and no root may fall between them.
+constexpr double kOverlap = 0.02;
+constexpr int kRootSteps = 12;
+constexpr double kRootError = 1e-5;
+/// What a HIP that came out is clear of the surface by, at least.
+constexpr double kClearOf = 0.05;
+/// HIPs farther off cannot be counted in cubes.
+constexpr double kFar = 1e8;
+
+bool is_far(const Vec3& at) noexcept {
+  return !(at.cwiseAbs().maxCoeff() < kFar);
+}
+
+/// One Newton step of the nearest place to h on the level set through `at`.
+struct Step {
+  Vec3 along = Vec3::Zero();   ///< the tangent plane
+  Vec3 normal = Vec3::Zero();  ///< unit, of growing distance
+  double lift = 0.0;           ///< along the normal, back to the surface
+};
+
+Step newton_step(const Jet& jet, const Vec3& d, double longest) noexcept {
+  Step s;
+  const Vec3 g = jet.gradient.cast<double>();
+  const double size_sq = g.squaredNorm();
+  if (!(size_sq > 0.0)) return s;
+  const double size = std::sqrt(size_sq), per = 1.0 / size;
+  const Vec3 n = g * per;
+  s.normal = n;
+  const double depth = d.dot(n);
+  const Vec3 t = d - n * depth;
+  // Tangents (Duff et al. 2017).
+  const double sign = std::copysign(1.0, n.z()), a = -1.0 / (sign + n.z()), b = n.x() * n.y() * a;
+  const Vec3 e(1.0 + sign * n.x() * n.x() * a, sign * b, -sign * n.x()),
+      f(b, sign + n.y() * n.y() * a, -n.y());
+  const auto second = [&](const Vec3& v) {
+    const auto& h = jet.second;
+    const double xx = static_cast<double>(h[0]), yy = static_cast<double>(h[1]),
+                 zz = static_cast<double>(h[2]);
+    const double xy = static_cast<double>(h[3]), xz = static_cast<double>(h[4]),
+                 yz = static_cast<double>(h[5]);
+    return Vec3(xx * v.x() + xy * v.y() + xz * v.z(), xy * v.x() + yy * v.y() + yz * v.z(),
+                xz * v.x() + yz * v.y() + zz * v.z());
+  };
+  const Vec3 he = second(e), hf = second(f);
+  const double ee = e.dot(he), ef = f.dot(he), ff = f.dot(hf);
+  const double lambda = depth * per;
+  double p = 1.0 + lambda * ee, q = lambda * ef, r = 1.0 + lambda * ff;
+  const double middle = 0.5 * (p + r), half = 0.5 * (p - r);
+  double determinant = p * r - q * q;
+  if (!(middle > kLeastCurvature && determinant > kLeastCurvature * middle)) {
+    const double least = middle - std::sqrt(half * half + q * q);
+    const double lift = std::max(kLeastCurvature - least, 0.0);
+    p += lift;
+    r += lift;
+    determinant = p * r - q * q;
+  }
+  const double te = t.dot(e), tf = t.dot(f);
+  double x = (r * te - q * tf) / determinant, y = (p * tf - q * te) / determinant;
+  const double length_sq = x * x + y * y;
+  if (length_sq > longest * longest) {
+    const double share = longest / std::sqrt(length_sq);
+    x *= share;
+    y *= share;
+  }
+  s.along = e * x + f * y;
+  s.lift = -(static_cast<double>(jet.value) + 0.5 * (x * x * ee + 2.0 * x * y * ef + y * y * ff)) * per;
+  return s;
+}
+
+std::uint64_t mask_bit(const BrickPlace& at) noexcept {
+  return std::uint64_t{1} << ((at.cell[0] * kBrickCells + at.cell[1]) * kBrickCells + at.cell[2]);
+}
+
+}  // namespace
+
+BrickPlace SmoothContact::place_in(const Cube& cube, const Vec3& at) noexcept {
+  BrickPlace out;
+  for (std::size_t a = 0; a < 3; ++a) {
+    const double x = at[static_cast<Eigen::Index>(a)] - kBrickCells * static_cast<double>(cube[a]);
+    const int cell = std::clamp(static_cast<int>(x), 0, kBrickCells - 1);
+    out.cell[a] = cell;
+    out.t[a] = static_cast<float>(x - cell);
+  }
+  return out;
+}
+
+SmoothContact::Cube SmoothContact::cube_of(const Vec3& at) noexcept {
+  Cube out;
+  for (std::size_t a = 0; a < 3; ++a) {
+    const double x = at[static_cast<Eigen::Index>(a)] * (1.0 / kBrickCells);
+    const auto whole = static_cast<std::int32_t>(x);
+    out[a] = whole - static_cast<std::int32_t>(static_cast<double>(whole) > x);
+  }
+  return out;
+}
+
+bool SmoothContact::look(const Vec3& at, Cube& cube, std::uint32_t& brick, float& side,
+                         Jet& jet) const noexcept {
+  const Cube to = cube_of(at);
+  if (to != cube) return change_brick(at, to, cube, brick, side, jet);
+  jet = spline_jet(grid_->bricks[brick], place_in(cube, at));
+  return true;
+}
+
+bool SmoothContact::change_brick(const Vec3& at, const Cube& to, Cube& cube, std::uint32_t& brick,
+                                 float& side, Jet& jet) const noexcept {
+  const std::uint32_t cell = grid_->cell_at(to);
+  if (cell == CellTable::kNone) return false;
+  const BrickPlace place = place_in(to, at);
+  const std::uint32_t begin = grid_->first[cell], end = std::min(grid_->first[cell + 1], begin + kMaxSheets);
+  float least = std::numeric_limits<float>::infinity();
+  for (std::uint32_t b = begin; b < end; ++b) {
+    const Jet found = spline_jet(grid_->bricks[b], place);
+    const double size = static_cast<double>(found.gradient.norm());
+    if (!(size > 0.0)) continue;
+    const double agreed = normal_.dot(found.gradient.cast<double>()) / size;
+    const float off = std::abs(found.value);
+    if (!(off < (agreed > kSameNormal ? kSameSheet : agreed < -kSameNormal ? kSeam : 0.0f)) || !(off < least))
+      continue;
+    least = off;
+    brick = b;
+    jet = found;
+    if (agreed < 0.0) {
+      // The sheet's sides meet here the wrong way round.
+      side = -side;
+    }
+  }
+  if (!(least < kSameSheet)) return false;
+  cube = to;
+  return true;
+}
+
+void SmoothContact::start_from(const Vec3& h_mm) noexcept {
+  contact_ = false;
+  clear_ = -1.0;
+  tested_to_ = grid_->in_voxels(h_mm);
+}
+
+bool SmoothContact::update(const Vec3& h_mm, FrameCounters& counters) noexcept {
+  bound_hit_ = false;
+  const Vec3 h = grid_->in_voxels(h_mm);
+  if (contact_) {
+    if (follow_quickly(h)) return true;
+  } else if ((h - looked_at_).squaredNorm() < clear_ * clear_ && clear_ > 0.0) {
+    tested_to_ = h;
+    return false;
+  }
+  return update_slowly(h, counters);
+}
+
+/// In contact, the way nearly all frames go: the god object goes on as it went, and a Newton step or two mend
+/// it. False, with nothing changed, where that does not bring it nearer, or the HIP came out.
+bool SmoothContact::follow_quickly(const Vec3& h) noexcept {
+  Vec3 at = god_ + moved_;
+  Cube cube = cube_;
+  std::uint32_t brick = brick_;
+  float side = side_;
+  Jet jet;
+  for (int i = 0; i < kQuickSteps; ++i) {
+    if (!look(at, cube, brick, side, jet)) return false;
+    const Step s = newton_step(jet, h - at, kLongestStep);
+    at += s.along + s.normal * s.lift;
+    const double length_sq = s.along.squaredNorm() + s.lift * s.lift;
+    if (!(length_sq < kSettled * kSettled)) continue;
+    const Vec3 d = h - at;
+    if (!(d.dot(s.normal) * static_cast<double>(side) < 0.0)) return false;
+    if (!(d.squaredNorm() <= (h - god_).squaredNorm() * kNoFarther)) return false;
+    const Cube now = cube_of(at);
+    if (now != cube) return false;
+    if ((grid_->bricks[brick].mask & mask_bit(place_in(cube, at))) == 0) return false;
+    moved_ = at - god_;
+    god_ = at;
+    normal_ = s.normal;
+    cube_ = cube;
+    brick_ = brick;
+    side_ = side;
+    return true;
+  }
+  return false;
+}
+
+/// Steps that each bring the god object nearer to the HIP on its sheet, until it is as near as it gets.
+SmoothContact::Stay SmoothContact::descend(const Vec3& h, int& steps, FrameCounters& counters) noexcept {
+  const Vec3 start = god_;
+  Jet jet;
+  if (!look(god_, cube_, brick_, side_, jet)) return Stay::kPastBorder;
+  double longest = kLongestStep;
+  while (steps > 0) {
+    const Step s = newton_step(jet, h - god_, longest);
+    normal_ = s.normal;
+    if (s.along.squaredNorm() < kSettled * kSettled && std::abs(s.lift) < kSettled) {
+      god_ += s.along + s.normal * s.lift;
+      moved_ = god_ - start;
+      if ((h - god_).dot(s.normal) * static_cast<double>(side_) > kOut) return Stay::kOut;
+      return Stay::kHeld;
+    }
+    // The step, and back to the surface.
+    Vec3 at = god_ + s.along + s.normal * s.lift;
+    Cube cube = cube_;
+    std::uint32_t brick = brick_;
+    float side = side_;
+    Jet there;
+    bool on = false;
+    for (int back = 0; back < 3 && steps > 0; ++back) {
+      --steps;
+      ++counters.walk_steps;
+      if (!look(at, cube, brick, side, there)) break;
+      const double size_sq = static_cast<double>(there.gradient.squaredNorm());
+      if (!(size_sq > 0.0)) break;
+      on = true;
+      if (static_cast<double>(there.value * there.value) < kOnSurface * kOnSurface * size_sq) break;
+      const Vec3 lift = there.gradient.cast<double>() * (-static_cast<double>(there.value) / size_sq);
+      if (lift.squaredNorm() > kLongestStep * kLongestStep) {
+        on = false;
+        break;
+      }
+      at += lift;
+    }
+    if (!on) {
+      // No surface there: nearer, or the border.
+      if (longest <= kShortestStep) return Stay::kPastBorder;
+      longest = 0.25 * std::min(longest, s.along.norm());
+      if (longest < kOnSurface) return Stay::kPastBorder;
+      continue;
+    }
+    const double before = (h - god_).norm(), after = (h - at).norm();
+    if (after > before * kNoFarther + kRounding) {
+      longest = 0.25 * std::min(longest, s.along.norm());
+      if (longest < kShortestStep) {
+        moved_ = Vec3::Zero();
+        return (h - god_).dot(s.normal) * static_cast<double>(side_) > kOut ? Stay::kOut : Stay::kHeld;
+      }
+      continue;
+    }
+    if ((grid_->bricks[brick].mask & mask_bit(place_in(cube, at))) == 0) return Stay::kPastBorder;
+    god_ = at;
+    cube_ = cube;
+    brick_ = brick;
+    side_ = side;
+    jet = there;
+  }
+  moved_ = Vec3::Zero();
+  return Stay::kBound;
+}
+
+bool SmoothContact::update_slowly(const Vec3& h, FrameCounters& counters) noexcept {
+  if (is_far(h)) {
+    start_from(grid_->low_mm + h * grid_->voxel_mm);
+    return false;
+  }
+  int steps = kMaxNewtonSteps, values = kMaxSegmentValues;
+  for (int entry = 0; entry < kMaxSmoothEntries; ++entry) {
+    if (contact_) {
+      switch (descend(h, steps, counters)) {
+        case Stay::kHeld:
+          return true;
+        case Stay::kBound:
+          bound_hit_ = true;
+          return true;
+        case Stay::kPastBorder:
+          contact_ = false;
+          tested_to_ = h;
+          clear_ = -1.0;
+          return false;
+        case Stay::kOut: {
+          // Its way out of the surface is still to be tested.
+          contact_ = false;
+          clear_ = -1.0;
+          const Vec3 clear_of = god_ + normal_ * (static_cast<double>(side_) * kClearOf);
+          tested_to_ = (h - god_).squaredNorm() > kClearOf * kClearOf ? clear_of : h;
+          break;
+        }
+      }
+    }
+    if (is_far(tested_to_)) tested_to_ = h;
+    if (!find_entry(h, values, counters)) return false;
+  }
+  bound_hit_ = true;
+  return contact_;
+}
+
+/// Calls visit(cube, begin, end) for the cubes of the segment, at most `most` of them, until it returns true;
+/// whether it did. `reached`: how far the segment was looked at.
+template <class Visit>
+bool SmoothContact::along(const Vec3& from, const Vec3& way, int most, double& reached,
+                          Visit&& visit) noexcept {
+  Cube cube = cube_of(from);
+  const Cube last = cube_of(from + way);
+  reached = 0.0;
+  for (int cubes = 0; cubes < most; ++cubes) {
+    // Where the segment leaves the cube.
+    double end = 1.0;
+    std::size_t out = 3;
+    if (cube != last)
+      for (std::size_t a = 0; a < 3; ++a) {
+        const double w = way[static_cast<Eigen::Index>(a)];
+        if (w == 0.0) continue;
+        const double wall = kBrickCells * static_cast<double>(cube[a] + (w > 0.0 ? 1 : 0));
+        const double t = (wall - from[static_cast<Eigen::Index>(a)]) / w;
+        if (t < end) {
+          end = t;
+          out = a;
+        }
+      }
+    end = std::max(end, reached);
+    if (visit(cube, reached, end)) return true;
+    reached = end;
+    if (out == 3) {
+      reached = 1.0;
+      return false;
+    }
+    cube[out] += way[static_cast<Eigen::Index>(out)] > 0.0 ? 1 : -1;
+  }
+  return false;
+}
+
+/// Free: the first place where the segment goes through the surface. Without one the segment has been tested.
+bool SmoothContact::find_entry(const Vec3& h, int& values, FrameCounters& counters) noexcept {
+  const Vec3 from = tested_to_, way = h - from;
+  double reached = 0.0;
+  const bool stopped =
+      along(from, way, kMaxSegmentCubes, reached, [&](const Cube& cube, double begin, double end) noexcept {
+        ++counters.cells_visited;
+        const std::uint32_t cell = grid_->cell_at(cube);
+        double at = 0.0;
+        if (cell != CellTable::kNone && enter_in(cube, cell, from, way, begin, end, values, at, 0)) {
+          contact_ = true;
+          god_ = from + way * at;
+          moved_ = Vec3::Zero();
+          cube_ = cube;
+          return true;
+        }
+        return values <= 0;
+      });
+  if (contact_) return true;
+  if (stopped || reached < 1.0) {
+    bound_hit_ = true;
+    tested_to_ = from + way * reached;
+    return false;
+  }
+  tested_to_ = h;
+  note_free(h);
+  return false;
+}
+
+/// The sign of a piece's distance at the near end of the first place where the way to `target` meets it, or
+/// 0.
+float SmoothContact::side_seen(const Vec3& h, const Vec3& target, std::uint16_t piece) noexcept {
+  // A voxel beyond: the target is near the surface.
+  const Vec3 way = (target - h) + (target - h).normalized();
+  double reached = 0.0;
+  const int most = static_cast<int>(std::min(way.cwiseAbs().sum(), kFar)) + 3;
+  float side = 0.0f;
+  (void)along(h, way, most, reached, [&](const Cube& cube, double begin, double end) noexcept {
+    const std::uint32_t cell = grid_->cell_at(cube);
+    int values = kMaxSegmentValues;
+    double at = 0.0;
+    if (cell == CellTable::kNone || !enter_in(cube, cell, h, way, begin, end, values, at, piece))
+      return false;
+    side = side_;
+    return true;
+  });
+  return side;
+}
+
+void SmoothContact::restart(const Vec3& h_mm) noexcept {
+  start_from(h_mm);
+  const Vec3 h = tested_to_;
+  for (std::size_t piece = 1; piece < free_side_.size(); ++piece) {
+    float sum = 0.0f;
+    free_side_[piece] = 0.0f;
+    if (!is_far(h))
+      for (const Eigen::Vector3f& target : grid_->closed_pieces[piece - 1])
+        sum += side_seen(h, target.cast<double>(), static_cast<std::uint16_t>(piece));
+    free_side_[piece] = sum > 0.0f ? 1.0f : sum < 0.0f ? -1.0f : 0.0f;
+  }
+}
+
+/// The first root on the part [begin, end] of the segment, which lies in one cube, of any of its sheets; or
+/// of one closed piece alone.
+bool SmoothContact::enter_in(const Cube& cube, std::uint32_t cell, const Vec3& from, const Vec3& way,
+                             double begin, double end, int& values, double& at,
+                             std::uint16_t piece) noexcept {
+  const std::uint32_t first = grid_->first[cell], past = std::min(grid_->first[cell + 1], first + kMaxSheets);
+  const double length = way.norm();
+  const double per = length > 0.0 ? 1.0 / length : 0.0;
+  bool found = false;
+  at = end;
+  for (std::uint32_t b = first; b < past; ++b) {
+    const Brick& brick = grid_->bricks[b];
+    if (piece != 0 && brick.piece != piece) continue;
+    const float allowed = free_side_[brick.piece];
+    const auto value = [&](double t) noexcept {
+      --values;
+      return static_cast<double>(spline_value(brick, place_in(cube, from + way * t)));
+    };
+    double low = std::max(begin - kOverlap * per, 0.0), f = value(low);
+    while (low < at && values > 0) {
+      const double high = std::min(low + std::max(kMarch * std::abs(f), kLeastMarch) * per, at);
+      if (!(high > low)) break;
+      const double next = value(high);
+      if ((next > 0.0) == (f > 0.0)) {
+        low = high;
+        f = next;
+        continue;
+      }
+      // Illinois: false position that does not hang on one end.
+      double a = low, fa = f, z = high, fz = next;
+      for (int i = 0; i < kRootSteps && std::abs(fz) > kRootError; ++i) {
+        const double t = (a * fz - z * fa) / (fz - fa), ft = value(t);
+        if ((ft > 0.0) != (fz > 0.0)) {
+          a = z;
+          fa = fz;
+        } else {
+          fa *= 0.5;
+        }
+        z = t;
+        fz = ft;
+      }
+      const BrickPlace place = place_in(cube, from + way * z);
+      const float side = f > 0.0 ? 1.0f : -1.0f;
+      if ((brick.mask & mask_bit(place)) != 0 && allowed * side >= 0.0f) {
+        at = std::clamp(z, 0.0, end);
+        found = true;
+        brick_ = b;
+        side_ = side;
+        break;
+      }
+      low = high;
+      f = next;
+    }
+  }
+  return found;
+}
+
+/// How far the HIP may go before anything can be met: to the wall of its cube, or to the surface in it.
+void SmoothContact::note_free(const Vec3& h) noexcept {
+  const Cube cube = cube_of(h);
+  double clear = kBrickCells;
+  for (std::size_t a = 0; a < 3; ++a) {
+    const double x = h[static_cast<Eigen::Index>(a)] - kBrickCells * static_cast<double>(cube[a]);
+    clear = std::min({clear, x, kBrickCells - x});
+  }
+  const std::uint32_t cell = grid_->cell_at(cube);
+  if (cell != CellTable::kNone) {
+    const std::uint32_t first = grid_->first[cell],
+                        past = std::min(grid_->first[cell + 1], first + kMaxSheets);
+    for (std::uint32_t b = first; b < past; ++b)
+      clear = std::min(
+          clear, kMarch * std::abs(static_cast<double>(spline_value(grid_->bricks[b], place_in(cube, h)))));
+  }
+  looked_at_ = h;
+  clear_ = clear;
+}
+
+}  // namespace palpate::render

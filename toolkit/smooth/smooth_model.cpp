@@ -1,0 +1,227 @@
+#include "toolkit/smooth/smooth_model.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <utility>
+#include <vector>
+
+#include "toolkit/core/parallel.h"
+#include "toolkit/core/try.h"
+#include "toolkit/neighbourhood/knn.h"
+#include "toolkit/render/model_store.h"
+#include "toolkit/render/prepare_phases.h"
+#include "toolkit/smooth/bake.h"
+
+namespace palpate::render {
+namespace {
+
+/// Properties are read from the points within so many spacings of the surface below a corner, nearer ones
+/// more; some thirty of them.
+constexpr double kPropertySpacings = 3.0;
+/// Half the diagonal of a brick's cells, in voxels.
+constexpr double kCellsHalfDiagonal = 3.4641016;
+constexpr std::size_t kCornerGrain = 64;
+/// A voxel needs some length; of a cloud that has no area it does not matter which.
+constexpr double kAnyVoxel = 1.0;
+
+SmoothDecision measure(const SmoothPoints& points, const SmoothBuild& build, int threads) {
+  SmoothDecision out;
+  out.spacing_mm = points.spacing_mm();
+  out.noise_mm = measure_noise(points, threads);
+  out.voxel_mm = out.spacing_mm > 0.0 ? build.voxel_spacings * out.spacing_mm : kAnyVoxel;
+  return out;
+}
+
+Result<std::shared_ptr<const SmoothSurface>> build_surface(const cloud::Cloud& cloud,
+                                                           const SmoothBuild& build,
+                                                           const PrepareContext& context,
+                                                           PrepareReport& report) {
+  PreparePhases phases(report, context);
+  phases.begin("sort and spacing");
+  const SmoothPoints points(cloud, context.threads);
+  phases.end();
+  phases.begin("noise");
+  const SmoothDecision measured = measure(points, build, context.threads);
+  phases.end();
+  auto out = std::make_shared<SmoothSurface>();
+  out->spacing_mm = measured.spacing_mm;
+  out->noise_mm = measured.noise_mm;
+  phases.begin("patches");
+  Cover cover;
+  if (measured.spacing_mm > 0.0)
+    cover = cover_points(points, {build.detail, measured.noise_mm}, context.threads);
+  phases.end();
+  phases.begin("sheets");
+  const PatchLinks links = link_patches(cover.patches, context.threads);
+  phases.end();
+  phases.begin("bricks");
+  out->grid = bake_bricks(points, cover.patches, links, measured.voxel_mm, context.threads);
+  phases.end();
+  out->patches = cover.patches.size();
+  out->left_out = cover.left_out;
+  report.bytes += out->grid.bytes();
+  phases.note(fmt::format("smooth surface: {} patches in {} bricks, {} closed; {} points stand alone",
+                          out->patches, out->grid.bricks.size(), out->grid.closed_pieces.size(),
+                          out->left_out));
+  if (out->grid.bricks.empty())
+    phases.warn("The points make no surface: nothing is felt. Check the file and its unit, or take cloud.");
+  return std::shared_ptr<const SmoothSurface>(std::move(out));
+}
+
+/// Values at the corners of one brick's cells: of the points around the place of the sheet nearest to each.
+class CornerValues {
+ public:
+  CornerValues(const SmoothPoints& points, const SurfaceField& field, const SmoothSurface& smooth)
+      : points_(points), field_(field), grid_(smooth.grid), reach_(kPropertySpacings * smooth.spacing_mm) {}
+
+  void fill(const Brick& brick, const BrickGrid::Coordinate& cube, CornerProperties& out) {
+    gather(cube);
+    for (int i = 0; i < kBrickCornerCount; ++i) {
+      const std::array<int, 3> corner{i / (kBrickCorners * kBrickCorners), i / kBrickCorners % kBrickCorners,
+                                      i % kBrickCorners};
+      BrickPlace at;
+      Vec3 place;
+      for (std::size_t a = 0; a < 3; ++a) {
+        at.cell[a] = std::min(corner[a], kBrickCells - 1);
+        at.t[a] = static_cast<float>(corner[a] - at.cell[a]);
+        place[static_cast<Eigen::Index>(a)] = corner[a] - 0.5 * kBrickCells;
+      }
+      const Jet jet = spline_jet(brick, at);
+      const Vec3 g = jet.gradient.cast<double>();
+      const double size_sq = g.squaredNorm();
+      if (size_sq > 0.0) place -= g * (static_cast<double>(jet.value) / size_sq);
+      out[static_cast<std::size_t>(i)] = mean_at(place * grid_.voxel_mm);
+    }
+  }
+
+ private:
+  void gather(const BrickGrid::Coordinate& cube) {
+    near_.clear();
+    const Vec3 middle = grid_.low_mm + (Vec3(cube[0], cube[1], cube[2]) + Vec3::Constant(0.5)) *
+                                           (kBrickCells * grid_.voxel_mm);
+    double radius = kCellsHalfDiagonal * grid_.voxel_mm + reach_;
+    // A brick between far points takes the nearest that there are.
+    for (int look = 0; near_.empty() && look < kWiderLooks; ++look, radius *= 2.0)
+      points_.in_ball(middle, radius, [&](std::uint32_t i, const Vec3& d, double) {
+        near_.push_back({d, field_.of_place[points_.index(i)]});
+      });
+  }
+  /// Shepard's mean with weights that grow without bound at a point, so that every place has one.
+  [[nodiscard]] PlaceSurface mean_at(const Vec3& place) const {
+    double weights = 0.0, stiffness = 0.0, still = 0.0, moving = 0.0;
+    const double per_sq = 1.0 / (reach_ * reach_);
+    for (const Near& n : near_) {
+      const double share = (n.at - place).squaredNorm() * per_sq + kNearest;
+      const double weight = 1.0 / (share * share * share);
+      weights += weight;
+      stiffness += weight * static_cast<double>(n.value.stiffness_n_per_mm);
+      still += weight * static_cast<double>(n.value.static_friction);
+      moving += weight * static_cast<double>(n.value.dynamic_friction);
+    }
+    if (!(weights > 0.0)) return {static_cast<float>(field_.largest_stiffness_n_per_mm), 0.0f, 0.0f};
+    const double per = 1.0 / weights;
+    return {static_cast<float>(stiffness * per), static_cast<float>(still * per),
+            static_cast<float>(moving * per)};
+  }
+
+  /// A point at the place itself weighs as one a third of the reach, a spacing, off.
+  static constexpr double kNearest = 1.0 / 9.0;
+  static constexpr int kWiderLooks = 8;
+  struct Near {
+    Vec3 at;
+    PlaceSurface value;
+  };
+  const SmoothPoints& points_;
+  const SurfaceField& field_;
+  const BrickGrid& grid_;
+  double reach_;
+  std::vector<Near> near_;
+};
+
+void fill_corners(const ModelInput& input, SmoothBody& body, const PrepareContext& context) {
+  const BrickGrid& grid = body.smooth->grid;
+  const SmoothPoints points(*input.cloud, context.threads);
+  const std::vector<BrickGrid::Coordinate> cubes = grid.cubes_of_bricks();
+  body.corners.resize(grid.bricks.size());
+  parallel_chunks(grid.bricks.size(), kCornerGrain, context.threads, [&](std::size_t begin, std::size_t end) {
+    CornerValues values(points, body.surface, *body.smooth);
+    for (std::size_t b = begin; b < end; ++b) values.fill(grid.bricks[b], cubes[b], body.corners[b]);
+  });
+}
+
+Status prepare_properties(const ModelInput& input, SmoothBody& body, const PrepareContext& context,
+                          PrepareReport& report) {
+  std::vector<std::uint32_t> order(input.cloud->size());
+  std::iota(order.begin(), order.end(), 0u);
+  Result<SurfaceField> built = build_surface_field(input, order, report);
+  if (!built) return std::move(built).error();
+  body.surface = *std::move(built);
+  if (body.surface.of_place.empty()) return Done{};
+  PreparePhases phases(report, context);
+  phases.begin("properties");
+  const double blend_mm = kBlendResolutions * body.smooth->spacing_mm;
+  const neighbourhood::NeighbourTable table = neighbourhood::exact_knn(*input.cloud, context.threads);
+  const std::size_t softer =
+      blend_stiffness(body.surface, surface::surface_points(*input.cloud), table.of, blend_mm);
+  fill_corners(input, body, context);
+  body.surface.of_place = {};
+  phases.end();
+  phases.note(fmt::format("stiffness blended over {:.3g} mm: {} points made softer", blend_mm, softer));
+  report.bytes += body.corners.capacity() * sizeof(CornerProperties);
+  return Done{};
+}
+
+}  // namespace
+
+Result<SmoothDecision> decide_smooth(const ModelInput& input, const SmoothBuild& build,
+                                     const PrepareContext& context) {
+  Result<SurfaceDecision> surface = decide_surface(input);
+  if (!surface) return std::move(surface).error();
+  SmoothDecision out = measure(SmoothPoints(*input.cloud, context.threads), build, context.threads);
+  out.surface = *std::move(surface);
+  return out;
+}
+
+void say_smooth(const ModelInput& input, const SmoothBuild& build, const SmoothDecision& decision,
+                Features felt, ModelDecisions& out) {
+  const double share = decision.spacing_mm > 0.0 ? decision.noise_mm / decision.spacing_mm : 0.0;
+  out.name = input.name;
+  out.points = input.cloud->size();
+  out.spacing_mm = decision.spacing_mm;
+  out.decisions.push_back(
+      {"surface", "smooth, near the points",
+       fmt::format("noise of {:.3g} spacings was measured; a deviation of {:.3g} standard errors "
+                   "is taken for shape",
+                   share, build.detail)});
+  out.decisions.push_back(
+      {"bricks", fmt::format("voxels of {:.3g} mm", decision.voxel_mm),
+       fmt::format("{:.3g} times the spacing of {:.3g} mm", build.voxel_spacings, decision.spacing_mm)});
+  out.decisions.push_back(
+      {"neighbours", "none stored", "the surface is a spline; no point is looked at in a frame"});
+  say_surface(input, decision.surface, felt, input.cloud->size(), out);
+  out.bytes = 0;  // bricks are counted when they are made
+  if (input.motion != nullptr)
+    out.decisions.push_back({"motion", "pose read in each frame", "the scene moves it", true});
+}
+
+Result<SmoothBody> build_smooth_body(const ModelInput& input, const SmoothBuild& build,
+                                     const PrepareContext& context, PrepareReport& report) {
+  const cloud::Cloud& cloud = *input.cloud;
+  SmoothBody body;
+  PALPATE_ASSIGN(body.smooth,
+                 held_or_made<SmoothSurface>(
+                     context, report,
+                     [&] {
+                       return fmt::format("smooth {:016x} {} {} {}", cloud::content_hash(cloud), cloud.size(),
+                                          build.detail, build.voxel_spacings);
+                     },
+                     [&](PrepareReport& to) { return build_surface(cloud, build, context, to); }));
+  body.pose = ModelPose(input, cloud.origin_mm);
+  PALPATE_TRY(prepare_properties(input, body, context, report));
+  return body;
+}
+
+}  // namespace palpate::render

@@ -1,0 +1,153 @@
+#include "toolkit/smooth/smooth_points.h"
+
+#include <bit>
+#include <cmath>
+#include <numbers>
+#include <tuple>
+
+namespace palpate::render {
+namespace {
+
+/// Lattice cubes along the longest side: one bit fewer than a Morton code holds, so that rounding at the far
+/// face stays inside.
+constexpr double kLatticeCubes = 0x1p20;
+/// Points a cell of the finest level: six are a cell of some 2.4 spacings, about the smallest fit's radius.
+constexpr std::size_t kPointsPerCell = 6;
+/// Levels from there; the last one's cells are 2^5 as large and hold the largest fit in 27 of them.
+constexpr int kLevels = 6;
+/// A ball is looked for in cells of at least this share of its radius: 27 to 64 of them.
+constexpr double kCellPerRadius = 0.75;
+/// Points that the spacing is measured at, and neighbours counted at each: the median of 600 areas of 16
+/// points each has a relative error of about 1 %.
+constexpr std::size_t kSpacingSamples = 600;
+constexpr std::size_t kSpacingNeighbours = 16;
+constexpr int kMaxWiderLooks = 24;
+
+}  // namespace
+
+void CellTable::build(std::span<const std::uint64_t> codes) {
+  if (codes.empty()) return;
+  const std::size_t size = std::bit_ceil(codes.size() * 2);
+  slots_.assign(size, Slot{});
+  mask_ = size - 1;
+  shift_ = 64 - std::countr_zero(size);
+  for (std::size_t i = 0; i < codes.size(); ++i) {
+    std::size_t at = slot(codes[i]);
+    while (slots_[at].cell != kNone) at = (at + 1) & mask_;
+    slots_[at] = {codes[i], static_cast<std::uint32_t>(i)};
+  }
+}
+
+std::vector<std::uint64_t> CellTable::codes(std::size_t cells) const {
+  std::vector<std::uint64_t> out(cells, 0);
+  for (const Slot& slot : slots_)
+    if (slot.cell != kNone) out[slot.cell] = slot.code;
+  return out;
+}
+
+SmoothPoints::SmoothPoints(const cloud::Cloud& cloud, int threads) {
+  box_mm_ = partition::local_box(cloud, threads);
+  const double extent = (box_mm_.high_mm - box_mm_.low_mm).maxCoeff();
+  lattice_ = partition::Lattice::over(box_mm_, extent > 0.0 ? extent / kLatticeCubes : 1.0);
+  partition::MortonOrder sorted = partition::sort_by_morton(cloud, lattice_, threads);
+  const auto place_of = [&](std::uint32_t i) { return Vec3f(cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i]); };
+  const auto key = [&](std::uint32_t i) {
+    return std::make_tuple(cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i], i);
+  };
+  std::vector<std::uint64_t> codes;
+  const std::size_t n = sorted.order.size();
+  codes.reserve(n);
+  at_.reserve(n);
+  order_.reserve(n);
+  for (std::size_t i = 0; i < n;) {
+    std::size_t end = i + 1;
+    while (end < n && sorted.codes[end] == sorted.codes[i]) ++end;
+    if (end - i > 1)
+      std::sort(sorted.order.begin() + static_cast<std::ptrdiff_t>(i),
+                sorted.order.begin() + static_cast<std::ptrdiff_t>(end),
+                [&](std::uint32_t a, std::uint32_t b) { return key(a) < key(b); });
+    for (; i < end; ++i) {
+      const Vec3f p = place_of(sorted.order[i]);
+      if (!at_.empty() && at_.back() == p) continue;
+      at_.push_back(p);
+      order_.push_back(sorted.order[i]);
+      codes.push_back(sorted.codes[i]);
+    }
+  }
+  build_levels(codes);
+  measure_spacing();
+}
+
+void SmoothPoints::build_levels(const std::vector<std::uint64_t>& codes) {
+  const std::size_t n = codes.size();
+  const auto cells_at = [&](int bits) {
+    std::size_t cells = n == 0 ? 0 : 1;
+    for (std::size_t i = 1; i < n; ++i) cells += (codes[i] >> (3 * bits)) != (codes[i - 1] >> (3 * bits));
+    return cells;
+  };
+  int bits = 0;
+  while (bits < partition::kMortonBits - 1 && cells_at(bits) * kPointsPerCell > n) ++bits;
+  for (int l = 0; l < kLevels && bits + l < partition::kMortonBits; ++l) {
+    Level& level = levels_.emplace_back();
+    level.bits = bits + l;
+    level.cell_mm = std::ldexp(lattice_.unit_mm, level.bits);
+    std::vector<std::uint64_t> cells;
+    for (std::size_t i = 0; i < n; ++i) {
+      const std::uint64_t code = codes[i] >> (3 * level.bits);
+      if (!cells.empty() && cells.back() == code) continue;
+      cells.push_back(code);
+      level.begin.push_back(static_cast<std::uint32_t>(i));
+    }
+    level.begin.push_back(static_cast<std::uint32_t>(n));
+    level.table.build(cells);
+  }
+}
+
+const SmoothPoints::Level& SmoothPoints::level_for(double radius) const noexcept {
+  for (const Level& level : levels_)
+    if (level.cell_mm >= kCellPerRadius * radius) return level;
+  return levels_.back();
+}
+
+bool SmoothPoints::cells_of(const Level& level, const Vec3& centre, double radius,
+                            std::array<std::int64_t, 3>& low,
+                            std::array<std::int64_t, 3>& high) const noexcept {
+  const std::int64_t last = ((std::int64_t{1} << partition::kMortonBits) - 1) >> level.bits;
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto a = static_cast<std::size_t>(axis);
+    low[a] = std::max<std::int64_t>(lattice_.coordinate(centre[axis] - radius, axis) >> level.bits, 0);
+    high[a] = std::min(lattice_.coordinate(centre[axis] + radius, axis) >> level.bits, last);
+    if (high[a] < low[a]) return false;
+  }
+  return true;
+}
+
+void SmoothPoints::measure_spacing() {
+  const std::size_t n = size();
+  if (n <= kSpacingNeighbours) {
+    // Too few to measure an area by: as if they filled a square over the box's two longer sides.
+    Vec3 sides = box_mm_.high_mm - box_mm_.low_mm;
+    std::sort(sides.data(), sides.data() + 3);
+    spacing_mm_ = std::sqrt(sides.y() * sides.z() / static_cast<double>(std::max<std::size_t>(n, 1)));
+    return;
+  }
+  std::vector<double> found, sq;
+  const std::size_t stride = std::max<std::size_t>(n / kSpacingSamples, 1);
+  for (std::size_t i = stride / 2; i < n; i += stride) {
+    double radius = levels_.front().cell_mm;
+    for (int look = 0; look < kMaxWiderLooks; ++look, radius *= 2.0) {
+      sq.clear();
+      in_ball((*this)[i], radius, [&](std::uint32_t, const Vec3&, double d) { sq.push_back(d); });
+      if (sq.size() > kSpacingNeighbours) break;
+    }
+    if (sq.size() <= kSpacingNeighbours) continue;
+    std::nth_element(sq.begin(), sq.begin() + kSpacingNeighbours, sq.end());
+    found.push_back(std::sqrt(std::numbers::pi * sq[kSpacingNeighbours] / double{kSpacingNeighbours}));
+  }
+  if (found.empty()) return;
+  const auto middle = found.begin() + static_cast<std::ptrdiff_t>(found.size() / 2);
+  std::nth_element(found.begin(), middle, found.end());
+  spacing_mm_ = *middle;
+}
+
+}  // namespace palpate::render

@@ -1,0 +1,111 @@
+// A cloud's points in Morton order, each place once, and what lies in a ball: what the smooth surface is made
+// of.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "toolkit/cloud/cloud.h"
+#include "toolkit/core/vec.h"
+#include "toolkit/geometry/aabb.h"
+#include "toolkit/partition/morton_order.h"
+
+namespace palpate::render {
+
+/// A hash from a cell's Morton code to its number. Immutable once built; cells are given in ascending order.
+class CellTable {
+ public:
+  static constexpr std::uint32_t kNone = 0xffffffffu;
+  void build(std::span<const std::uint64_t> codes);
+  [[nodiscard]] std::uint32_t find(std::uint64_t code) const noexcept {
+    if (slots_.empty()) return kNone;
+    for (std::size_t i = slot(code);; i = (i + 1) & mask_) {
+      const Slot& here = slots_[i];
+      if (here.cell == kNone || here.code == code) return here.cell;
+    }
+  }
+  /// Of every cell. O(cells).
+  [[nodiscard]] std::vector<std::uint64_t> codes(std::size_t cells) const;
+  [[nodiscard]] std::size_t bytes() const noexcept { return slots_.capacity() * sizeof(Slot); }
+
+ private:
+  struct Slot {
+    std::uint64_t code = 0;
+    std::uint32_t cell = kNone;
+  };
+  [[nodiscard]] std::size_t slot(std::uint64_t code) const noexcept {
+    // Fibonacci hashing: 2^64 over the golden section, odd.
+    return static_cast<std::size_t>((code * 0x9e3779b97f4a7c15ull) >> shift_) & mask_;
+  }
+  std::vector<Slot> slots_;
+  std::size_t mask_ = 0;
+  int shift_ = 0;
+};
+
+/// Immutable; safe to read from many threads. Lengths in mm, places local to the cloud's origin.
+class SmoothPoints {
+ public:
+  /// O(n), parallel; the same for any number of threads and any order of the points, but for points nearer
+  /// to each other than 2^-20 of the extent.
+  SmoothPoints(const cloud::Cloud& cloud, int threads);
+
+  [[nodiscard]] std::size_t size() const noexcept { return at_.size(); }
+  [[nodiscard]] Vec3 operator[](std::size_t i) const noexcept { return at_[i].cast<double>(); }
+  /// Index in the cloud.
+  [[nodiscard]] std::uint32_t index(std::size_t i) const noexcept { return order_[i]; }
+  [[nodiscard]] const geometry::Aabb& box_mm() const noexcept { return box_mm_; }
+  /// Median over the points of sqrt(area a point); 0 where no area is seen.
+  [[nodiscard]] double spacing_mm() const noexcept { return spacing_mm_; }
+
+  /// Calls visit(place, Vec3 from the centre, squared distance) for every point in the ball.
+  template <class Visit>
+  void in_ball(const Vec3& centre, double radius, Visit&& visit) const {
+    const Level& level = level_for(radius);
+    std::array<std::int64_t, 3> low{}, high{};
+    if (!cells_of(level, centre, radius, low, high)) return;
+    const double radius_sq = radius * radius;
+    for (std::int64_t z = low[2]; z <= high[2]; ++z)
+      for (std::int64_t y = low[1]; y <= high[1]; ++y)
+        for (std::int64_t x = low[0]; x <= high[0]; ++x) {
+          const std::uint32_t cell = level.table.find(partition::morton_code(
+              static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y), static_cast<std::uint32_t>(z)));
+          if (cell == CellTable::kNone) continue;
+          for (std::uint32_t i = level.begin[cell]; i < level.begin[cell + 1]; ++i) {
+            const Vec3 away = at_[i].cast<double>() - centre;
+            const double sq = away.squaredNorm();
+            if (sq <= radius_sq) visit(i, away, sq);
+          }
+        }
+  }
+  [[nodiscard]] int count_in_ball(const Vec3& centre, double radius) const {
+    int count = 0;
+    in_ball(centre, radius, [&](std::uint32_t, const Vec3&, double) { ++count; });
+    return count;
+  }
+
+ private:
+  /// Cubes of one size and the points of each.
+  struct Level {
+    double cell_mm = 1.0;
+    int bits = 0;  ///< of each axis's lattice coordinate that lie inside a cube
+    CellTable table;
+    std::vector<std::uint32_t> begin;
+  };
+  [[nodiscard]] const Level& level_for(double radius) const noexcept;
+  bool cells_of(const Level& level, const Vec3& centre, double radius, std::array<std::int64_t, 3>& low,
+                std::array<std::int64_t, 3>& high) const noexcept;
+  void build_levels(const std::vector<std::uint64_t>& codes);
+  void measure_spacing();
+
+  partition::Lattice lattice_;
+  geometry::Aabb box_mm_;
+  std::vector<Vec3f> at_;
+  std::vector<std::uint32_t> order_;
+  std::vector<Level> levels_;
+  double spacing_mm_ = 0.0;
+};
+
+}  // namespace palpate::render
