@@ -97,24 +97,39 @@ struct Facet {
 /// linear: the corners' weights and the height over the plane on the touched side. Two lanes a register.
 class FacetFrame {
  public:
+  struct Weights {
+    std::array<double, 3> corner;
+    double height;  ///< mm
+    /// Behind the facet, with the foot inside it.
+    [[nodiscard]] bool hold() const noexcept {
+      return (static_cast<int>(corner[0] >= 0.0) & static_cast<int>(corner[1] >= 0.0) &
+              static_cast<int>(corner[2] >= 0.0) & static_cast<int>(height < 0.0)) != 0;
+    }
+    /// Behind the facet, with the foot beyond one edge alone: the corner across from that edge, else 3. The
+    /// nearest point of the facet is then on that edge.
+    [[nodiscard]] std::uint32_t beyond() const noexcept {
+      const unsigned below = static_cast<unsigned>(corner[0] < 0.0) |
+                             static_cast<unsigned>(corner[1] < 0.0) << 1 |
+                             static_cast<unsigned>(corner[2] < 0.0) << 2;
+      constexpr std::array<std::uint32_t, 8> kOnly = {3, 0, 1, 3, 2, 3, 3, 3};
+      return height < 0.0 ? kOnly[below] : 3;
+    }
+  };
+
   FacetFrame() = default;
+  /// `side`: 1 where the outer side is touched, -1 where the inner one is. A facet without area holds
+  /// nothing.
   FacetFrame(const Facet& facet, double side) noexcept;
 
-  /// True where h is behind the facet and its foot inside: `pull` then leads to the foot.
-  [[nodiscard]] bool holds(const Vec3& h, Vec3& pull) const noexcept {
+  [[nodiscard]] Weights at(const Vec3& h) const noexcept {
     const Vec3 r = h - origin_;
     const Two x = {r.x(), r.x()}, y = {r.y(), r.y()}, z = {r.z(), r.z()};
     const Two first = first_[0] * x + first_[1] * y + first_[2] * z + first_[3];
     const Two second = second_[0] * x + second_[1] * y + second_[2] * z;
-    const bool inside = static_cast<int>(first[0] >= 0.0) & static_cast<int>(first[1] >= 0.0) &
-                        static_cast<int>(second[0] >= 0.0) & static_cast<int>(second[1] < 0.0);
-    pull = normal_ * -second[1];
-    return inside;
+    return {{first[0], first[1], second[0]}, second[1]};
   }
-  [[nodiscard]] bool usable() const noexcept { return usable_; }
-  /// Unit, towards the touched side.
+  /// Unit, towards the touched side; zero for a facet without area.
   [[nodiscard]] const Vec3& normal() const noexcept { return normal_; }
-  [[nodiscard]] double height(const Vec3& h) const noexcept { return normal_.dot(h - origin_); }
 
  private:
   using Two = double __attribute__((vector_size(16)));
@@ -122,22 +137,21 @@ class FacetFrame {
   std::array<Two, 3> second_{};  ///< weight of corner 2, and the height
   Vec3 origin_ = Vec3::Zero();   ///< corner 0
   Vec3 normal_ = Vec3::Zero();
-  bool usable_ = false;
 };
 
 inline FacetFrame::FacetFrame(const Facet& f, double side) noexcept : origin_(f.corner[0]) {
   const Vec3 ab = f.corner[1] - f.corner[0], ac = f.corner[2] - f.corner[0];
   const Vec3 n = ab.cross(ac);
   const double square = n.squaredNorm();
-  usable_ = square > 0.0;
-  if (!usable_) return;
+  if (!(square > 0.0)) return;
   // Gradients of the weights of corners 1 and 2.
-  const Vec3 g1 = ac.cross(n) * (1.0 / square), g2 = n.cross(ab) * (1.0 / square);
-  normal_ = n * (side / std::sqrt(square));
+  const double per_square = 1.0 / square;
+  const Vec3 g1 = ac.cross(n) * per_square, g2 = n.cross(ab) * per_square;
+  normal_ = n * (side * std::sqrt(per_square));
   for (int axis = 0; axis < 3; ++axis) {
-    const auto at = static_cast<std::size_t>(axis);
-    first_[at] = Two{-(g1[axis] + g2[axis]), g1[axis]};
-    second_[at] = Two{g2[axis], normal_[axis]};
+    const auto i = static_cast<std::size_t>(axis);
+    first_[i] = Two{-(g1[axis] + g2[axis]), g1[axis]};
+    second_[i] = Two{g2[axis], normal_[axis]};
   }
   first_[3] = Two{1.0, 0.0};
 }

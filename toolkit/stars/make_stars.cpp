@@ -27,6 +27,10 @@ constexpr double kTieShare = 0.01;
 constexpr int kWiderRounds = 2;
 /// Points a plane is fitted to at first: the nearest twelve.
 constexpr std::size_t kPlanePoints = 12;
+constexpr std::array<std::size_t, 3> kPlaneSizes = {kPlanePoints, 8, 6};
+/// Less than this part of the variance across it is a plane: noise of a quarter of the spacing makes 0.03, a
+/// crease of 90 degrees 0.08, a second sheet a spacing off a fifth.
+constexpr double kPlaneShare = 0.1;
 /// At first a neighbour that rises by more than 37 degrees is left out: another sheet's, a spacing away, is,
 /// and what is left out at a crease is mended afterwards.
 constexpr double kFirstSteepest = 0.6;
@@ -144,11 +148,32 @@ bool is_line(const surface::Symmetric& c) noexcept {
   return c.adjugate().trace() < kLineMinors * trace * trace;
 }
 
+/// The variance along a direction as a part of all: nothing for points of a plane, a third for a ball.
+double share_along(const surface::Symmetric& c, const Vec3& n) noexcept {
+  const double along = n.x() * (c.xx * n.x() + 2.0 * (c.xy * n.y() + c.xz * n.z())) +
+                       n.y() * (c.yy * n.y() + 2.0 * c.yz * n.z()) + c.zz * n.z() * n.z();
+  return along / c.trace();
+}
+
+/// Of the nearest twelve; where these are no plane (another sheet's are among them) of fewer, if those are
+/// more of one.
 Vec3 plane_normal(const Draft& draft, std::uint32_t i) noexcept {
   std::array<Vec3, kPlanePoints> at;
-  const std::size_t count = offsets_of(draft, i, at);
-  Vec3 normal = Vec3::Zero();
-  return surface::least_direction(covariance_of(at.data(), count), normal) ? normal : Vec3(Vec3::Zero());
+  const std::size_t all = offsets_of(draft, i, at);
+  Vec3 best = Vec3::Zero();
+  double least = HUGE_VAL;
+  for (const std::size_t wanted : kPlaneSizes) {
+    const surface::Symmetric c = covariance_of(at.data(), std::min(wanted, all));
+    Vec3 normal;
+    if (!surface::least_direction(c, normal)) continue;
+    const double share = share_along(c, normal);
+    if (share < least) {
+      least = share;
+      best = normal;
+    }
+    if (least < kPlaneShare) break;
+  }
+  return best;
 }
 
 /// The nearest in each direction of the plane of `count` points, sorted by distance.

@@ -79,38 +79,64 @@ bool StarContact::update_slowly(const Vec3& h, StarCounters& counters) noexcept 
 void StarContact::stand_on(const Hit& hit) noexcept {
   stand_.facet = Facet(*mesh_, hit.place[0], hit.place[1], hit.place[2]);
   side_ = hit.side;
+  framed_ = false;
   contact_ = true;
+}
+
+bool StarContact::cross(const Vec3& h, FacetFrame::Weights weights, StarCounters& counters) noexcept {
+  for (int crossed = 0; crossed < kMaxCrossed; ++crossed) {
+    const std::uint32_t corner = weights.beyond();
+    if (corner == 3) return false;
+    const Facet next = across(*mesh_, stand_.facet, corner_after(corner));
+    if (next.place[0] == kNoPlace) return false;
+    const FacetFrame frame(next, side_);
+    weights = frame.at(h);
+    // Its own edge is the one between corners 0 and 2: back over it means that the foot is on the edge.
+    if (weights.corner[1] < 0.0 || !(weights.height < 0.0)) return false;
+    ++counters.moves;
+    stand_.facet = next;
+    frame_ = frame;
+    read_ahead(next.place[1]);
+    if (weights.hold()) {
+      rest_inside(h, weights);
+      return true;
+    }
+  }
+  return false;
 }
 
 bool StarContact::follow(const Vec3& h, StarCounters& counters) noexcept {
   int moves = kMaxFacetMoves;
-  const std::uint32_t before = stand_.facet.place[0];
+  const std::array<std::uint32_t, 3> before = stand_.facet.place;
   const bool finished = descend(*mesh_, h, stand_, moves);
   counters.moves += static_cast<std::uint64_t>(kMaxFacetMoves - moves);
-  if (stand_.facet.place[0] != before)
-    for (const std::uint32_t place : stand_.facet.place) {
-      const Ring ring = mesh_->ring(place);
-      for (std::uint32_t k = 0; k < ring.size; ++k) mesh_->prefetch(ring.of[k]);
-    }
-  frame_ = FacetFrame(stand_.facet, side_);
+  if (stand_.facet.place != before || !framed_) {
+    frame_ = FacetFrame(stand_.facet, side_);
+    framed_ = true;
+    for (const std::uint32_t place : stand_.facet.place) read_ahead(place);
+  }
   pull_ = stand_.foot.point - h;
   if (!finished) {  // its side is not judged on the way
     bound_hit_ = true;
     return true;
   }
+  if (stand_.foot.feature == Feature::kInside) return !(frame_.at(h).height > 0.0);
   const Side side = side_of(*mesh_, stand_, h);
   if (side_ * side.height > 0.0) return false;
   return !(side.border && past_border_sq(stand_, h) > stand_.facet.longest_edge_sq());
 }
 
-void StarContact::test_block(std::uint32_t block, const Vec3& from, const Vec3& to, const Stand* left,
-                             Hit& hit, std::uint32_t& tested) const noexcept {
+void StarContact::test_block(std::uint32_t block, const Way& way, const Stand* left, Hit& hit,
+                             std::uint32_t& tested) const noexcept {
+  const Vec3 &from = way.from, &to = way.to;
+  if (tree_->layer(block).misses(from, to)) return;
   const Vec3 d = to - from;
   const std::uint32_t first = block * kBlockPlaces;
   const std::uint32_t last = std::min(first + kBlockPlaces, mesh_->size());
   for (std::uint32_t place = first; place < last; ++place)
     mesh_->for_triangles_of(place, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
       ++tested;
+      if (mesh_->triangle_misses(a, b, c, way.box)) return;
       const Vec3 pa = mesh_->at(a), pb = mesh_->at(b), pc = mesh_->at(c);
       const Vec3 n = (pb - pa).cross(pc - pa);
       const double before = n.dot(from - pa), behind = n.dot(to - pa);
@@ -160,22 +186,23 @@ bool StarContact::look_around(const Vec3& at, double reach, StarCounters& counte
 bool StarContact::first_entry(const Vec3& from, const Vec3& to, const Stand* left, StarCounters& counters,
                               Hit& hit) noexcept {
   std::uint32_t tested = 0;
-  const geometry::Aabb way{from.cwiseMin(to), from.cwiseMax(to)};
+  const geometry::Aabb around{from.cwiseMin(to), from.cwiseMax(to)};
+  const Way way{from, to, FloatBox::around(around)};
   const auto covered = [&](const Vec3& p) { return (p - near_at_).cwiseAbs().maxCoeff() <= near_reach_; };
-  bool near = covered(from) && covered(to);
+  bool near = covered(to) && covered(from);
   if (!near) near = look_around(to, kStepsAhead * (to - from).cwiseAbs().maxCoeff(), counters);
   bool all = true;
   if (near) {
-    const FloatBox box = FloatBox::around(way);
     for (std::uint32_t node = 0; node * kFanOut < near_count_; ++node)
-      for (unsigned mask = near_box_[node].meets(box); mask != 0; mask &= mask - 1)
-        test_block(near_block_[node * kFanOut + static_cast<std::uint32_t>(__builtin_ctz(mask))], from, to,
-                   left, hit, tested);
+      for (unsigned mask = near_box_[node].meets(way.box); mask != 0; mask &= mask - 1)
+        test_block(near_block_[node * kFanOut + static_cast<std::uint32_t>(__builtin_ctz(mask))], way, left,
+                   hit, tested);
   } else {
-    all = tree_->for_blocks(way, kMaxNodes, [&](std::uint32_t block, const BoxNode&, std::uint32_t) noexcept {
-      test_block(block, from, to, left, hit, tested);
-      return tested < kMaxTested;
-    });
+    all = tree_->for_blocks(around, kMaxNodes,
+                            [&](std::uint32_t block, const BoxNode&, std::uint32_t) noexcept {
+                              test_block(block, way, left, hit, tested);
+                              return tested < kMaxTested;
+                            });
   }
   counters.tested += tested;
   return all;

@@ -14,6 +14,8 @@ namespace palpate::stars {
 /// ms that a frame has.
 inline constexpr std::uint32_t kMaxNodes = 4096;
 inline constexpr std::uint32_t kMaxTested = 8192;
+/// Facets crossed straight on; where more are needed the walk that looks all around goes on.
+inline constexpr int kMaxCrossed = 16;
 /// Times a frame may leave one sheet and meet another; the rest is done in the next.
 inline constexpr int kMaxFlights = 4;
 /// Blocks remembered around a free HIP.
@@ -41,9 +43,13 @@ class StarContact {
   /// The HIP is now at h. True in contact: pull() leads to the god object.
   [[nodiscard]] bool update(const Vec3& h, StarCounters& counters) noexcept {
     bound_hit_ = false;
-    if (contact_ && frame_.holds(h, pull_)) [[likely]] {
-      stand_.foot.feature = Feature::kInside;
-      return true;
+    if (contact_) [[likely]] {
+      const FacetFrame::Weights weights = frame_.at(h);
+      if (weights.hold()) [[likely]] {
+        rest_inside(h, weights);
+        return true;
+      }
+      if (cross(h, weights, counters)) return true;
     }
     return update_slowly(h, counters);
   }
@@ -62,6 +68,19 @@ class StarContact {
     double fraction = 2.0;
     double side = 1.0;
   };
+  void rest_inside(const Vec3& h, const FacetFrame::Weights& weights) noexcept {
+    pull_ = frame_.normal() * -weights.height;
+    stand_.foot = {h + pull_, weights.height * weights.height, Feature::kInside};
+  }
+  /// From facet to facet while the foot is beyond one edge: true where it comes to rest inside one. The
+  /// distance never grows: that edge is a part of the next facet too.
+  bool cross(const Vec3& h, FacetFrame::Weights weights, StarCounters& counters) noexcept;
+  /// Reads ahead what lies around a facet that the god object came to over its edge from place[0] to
+  /// place[2].
+  void read_ahead(std::uint32_t place) const noexcept {
+    const Ring ring = mesh_->ring(place);
+    for (std::uint32_t k = 0; k < ring.size; ++k) mesh_->prefetch(ring.of[k]);
+  }
   bool update_slowly(const Vec3& h, StarCounters& counters) noexcept;
   /// Follows the sheet. False where h is free of it.
   bool follow(const Vec3& h, StarCounters& counters) noexcept;
@@ -69,7 +88,12 @@ class StarContact {
   /// triangles do not count.
   bool first_entry(const Vec3& from, const Vec3& to, const Stand* left, StarCounters& counters,
                    Hit& hit) noexcept;
-  void test_block(std::uint32_t block, const Vec3& from, const Vec3& to, const Stand* left, Hit& hit,
+  /// A step of a free HIP.
+  struct Way {
+    const Vec3 &from, &to;
+    FloatBox box;
+  };
+  void test_block(std::uint32_t block, const Way& way, const Stand* left, Hit& hit,
                   std::uint32_t& tested) const noexcept;
   void stand_on(const Hit& hit) noexcept;
   void forget_blocks() noexcept { near_reach_ = -1.0; }
@@ -83,6 +107,7 @@ class StarContact {
   double side_ = 1.0;
   Vec3 pull_ = Vec3::Zero();
   FacetFrame frame_;
+  bool framed_ = false;  ///< frame_ is that of stand_.facet
   Stand stand_;
   Vec3 from_ = Vec3::Zero();  ///< free up to here
 

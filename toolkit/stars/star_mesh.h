@@ -2,8 +2,8 @@
 // plane and takes the Delaunay star there; a triangle stands where all three corners have it. No surface is
 // reconstructed: what the points allow no triangle for stays open and is counted.
 //
-// Points are in Morton order, called places here; a point and the ring around it are read together in a
-// frame.
+// Points are sorted along a curve and then in blocks of near ones, called places here; a point and the ring
+// around it are read together in a frame.
 #pragma once
 
 #include <array>
@@ -17,12 +17,15 @@
 #include "toolkit/core/result.h"
 #include "toolkit/core/vec.h"
 #include "toolkit/geometry/triangle_mesh.h"
+#include "toolkit/stars/float_box.h"
 
 namespace palpate::stars {
 
 /// Ring points that fit beside the point; of random points one in thirty has more, kept apart.
 inline constexpr std::uint32_t kShortRing = 8;
 inline constexpr std::uint32_t kNoPlace = 0xFFFFFFFFu;
+/// Consecutive places that lie together: what a leaf of the tree over a mesh holds.
+inline constexpr std::uint32_t kBlockPlaces = 8;
 
 struct StarPoint {
   float x_mm, y_mm, z_mm;
@@ -92,6 +95,17 @@ class StarMesh {
   /// The closed piece of a place that is on one: below counts().closed_pieces.
   [[nodiscard]] std::uint32_t closed_piece(std::uint32_t place) const noexcept {
     return closed_piece_of_.empty() ? 0 : closed_piece_of_[place];
+  }
+  /// Whether the triangle's box does not meet this one.
+  [[nodiscard]] bool triangle_misses(std::uint32_t a, std::uint32_t b, std::uint32_t c,
+                                     const FloatBox& box) const noexcept {
+    const StarPoint &p = points_[a], &q = points_[b], &r = points_[c];
+    const auto apart = [](float x, float y, float z, float low, float high) {
+      return (x < low && y < low && z < low) || (x > high && y > high && z > high);
+    };
+    return apart(p.x_mm, q.x_mm, r.x_mm, box.low[0], box.high[0]) ||
+           apart(p.y_mm, q.y_mm, r.y_mm, box.low[1], box.high[1]) ||
+           apart(p.z_mm, q.z_mm, r.z_mm, box.low[2], box.high[2]);
   }
   void prefetch(std::uint32_t place) const noexcept {
     __builtin_prefetch(&points_[place]);

@@ -1,5 +1,6 @@
 #include "toolkit/stars/star_tree.h"
 
+#include <Eigen/Geometry>  // cross products
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -28,37 +29,62 @@ void grow(BoxNode& node, std::uint32_t child, const Vec3f& p) noexcept {
   }
 }
 
-}  // namespace
-
-FloatBox FloatBox::around(const geometry::Aabb& box) noexcept {
-  FloatBox out;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    const double low = box.low_mm[static_cast<int>(axis)], high = box.high_mm[static_cast<int>(axis)];
-    const auto a = static_cast<float>(low), b = static_cast<float>(high);
-    out.low[axis] = static_cast<double>(a) <= low ? a : std::nextafter(a, -kFar);
-    out.high[axis] = static_cast<double>(b) >= high ? b : std::nextafter(b, kFar);
-  }
-  return out;
+/// Rounded outward, and one more step for the rounding of the products that it is compared with.
+float below(double x) noexcept {
+  return std::nextafter(std::nextafter(static_cast<float>(x), -kFar), -kFar);
 }
+float above(double x) noexcept {
+  return std::nextafter(std::nextafter(static_cast<float>(x), kFar), kFar);
+}
+
+/// visit(a, b, c) for the triangles of a block.
+template <class Visit>
+void for_triangles_in(const StarMesh& mesh, std::size_t block, Visit&& visit) {
+  const std::size_t first = block * kBlockPlaces;
+  const std::size_t last = std::min<std::size_t>(first + kBlockPlaces, mesh.size());
+  for (std::size_t place = first; place < last; ++place)
+    mesh.for_triangles_of(static_cast<std::uint32_t>(place), visit);
+}
+
+Layer layer_of(const StarMesh& mesh, std::size_t block) {
+  Vec3 sum = Vec3::Zero();
+  for_triangles_in(mesh, block, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+    const Vec3 p = mesh.at(a);
+    sum += (mesh.at(b) - p).cross(mesh.at(c) - p);
+  });
+  const double size = sum.norm();
+  if (!(size > 0.0)) return {{}, -kFar, kFar};
+  const Vec3f normal = (sum / size).cast<float>();
+  double low = HUGE_VAL, high = -HUGE_VAL;
+  for_triangles_in(mesh, block, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+    for (const std::uint32_t corner : {a, b, c}) {
+      const double height = normal.cast<double>().dot(mesh.at(corner));
+      low = std::min(low, height);
+      high = std::max(high, height);
+    }
+  });
+  return {{normal.x(), normal.y(), normal.z()}, below(low), above(high)};
+}
+
+}  // namespace
 
 StarTree StarTree::build(const StarMesh& mesh, int threads) {
   StarTree tree;
   const std::size_t blocks = (mesh.size() + kBlockPlaces - 1) / kBlockPlaces;
   std::size_t count = (blocks + kFanOut - 1) / kFanOut;
   if (count == 0) return tree;
+  tree.layers_.resize(blocks);
   tree.levels_.emplace_back(count, empty_node());
   parallel_chunks(count, kNodesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       BoxNode& node = tree.levels_[0][i];
       for (std::uint32_t child = 0; child < kFanOut; ++child) {
-        const std::size_t first = (i * kFanOut + child) * kBlockPlaces;
-        const std::size_t last = std::min<std::size_t>(first + kBlockPlaces, mesh.size());
-        for (std::size_t place = first; place < last; ++place)
-          mesh.for_triangles_of(static_cast<std::uint32_t>(place),
-                                [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-                                  for (const std::uint32_t corner : {a, b, c})
-                                    grow(node, child, mesh.at(corner).cast<float>());
-                                });
+        const std::size_t block = i * kFanOut + child;
+        if (block >= blocks) break;
+        for_triangles_in(mesh, block, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+          for (const std::uint32_t corner : {a, b, c}) grow(node, child, mesh.at(corner).cast<float>());
+        });
+        tree.layers_[block] = layer_of(mesh, block);
       }
     }
   });
@@ -88,7 +114,7 @@ StarTree StarTree::build(const StarMesh& mesh, int threads) {
 }
 
 std::size_t StarTree::bytes() const noexcept {
-  std::size_t sum = 0;
+  std::size_t sum = layers_.capacity() * sizeof(Layer);
   for (const auto& level : levels_) sum += level.capacity() * sizeof(BoxNode);
   return sum;
 }

@@ -1,5 +1,5 @@
 // The triangles of a star mesh near a segment or a box: a tree of boxes over blocks of consecutive places,
-// eight to a node. It follows uneven spacing and any scale, at some three and a half bytes a point.
+// eight to a node. It follows uneven spacing and any scale, at some six bytes a point.
 #pragma once
 
 #include <array>
@@ -9,37 +9,26 @@
 #include "toolkit/core/large_pages.h"
 #include "toolkit/core/vec.h"
 #include "toolkit/geometry/aabb.h"
+#include "toolkit/stars/float_box.h"
 #include "toolkit/stars/star_mesh.h"
 
 namespace palpate::stars {
 
-/// Places a block: its box holds the triangles whose lowest place is in it.
-inline constexpr std::uint32_t kBlockPlaces = 8;
-/// Children of a node, whose boxes are tested side by side.
-inline constexpr std::uint32_t kFanOut = 8;
 /// Levels: 8^11 blocks are more than 32 bits count.
 inline constexpr int kMaxLevels = 11;
 
-/// A box in floats that holds one in doubles.
-struct FloatBox {
-  std::array<float, 3> low, high;
-  static FloatBox around(const geometry::Aabb& box) noexcept;
-};
-
-/// Eight boxes, one coordinate after the other. An empty one has low above high.
-struct alignas(32) BoxNode {
-  std::array<std::array<float, kFanOut>, 3> low, high;
-  /// Bit k: box k meets `box`.
-  [[nodiscard]] unsigned meets(const FloatBox& box) const noexcept {
-    unsigned mask = 0;
-    std::array<unsigned char, kFanOut> yes;
-    for (std::uint32_t k = 0; k < kFanOut; ++k)
-      yes[k] = static_cast<unsigned char>(
-          static_cast<int>(low[0][k] <= box.high[0]) & static_cast<int>(high[0][k] >= box.low[0]) &
-          static_cast<int>(low[1][k] <= box.high[1]) & static_cast<int>(high[1][k] >= box.low[1]) &
-          static_cast<int>(low[2][k] <= box.high[2]) & static_cast<int>(high[2][k] >= box.low[2]));
-    for (std::uint32_t k = 0; k < kFanOut; ++k) mask |= static_cast<unsigned>(yes[k]) << k;
-    return mask;
+/// The layer that a block's triangles lie in: along its mean normal, from `low` to `high`. On a smooth
+/// surface it is thinner than the box by as much as the box is tilted.
+struct Layer {
+  std::array<float, 3> normal{};
+  float low, high;
+  /// The way between two places stays on one side of it.
+  [[nodiscard]] bool misses(const Vec3& from, const Vec3& to) const noexcept {
+    const Vec3 n(static_cast<double>(normal[0]), static_cast<double>(normal[1]),
+                 static_cast<double>(normal[2]));
+    const double a = n.dot(from), b = n.dot(to);
+    const auto lowest = static_cast<double>(low), highest = static_cast<double>(high);
+    return (a > highest && b > highest) || (a < lowest && b < lowest);
   }
 };
 
@@ -79,11 +68,13 @@ class StarTree {
       left[level] = levels_[level][index].meets(query);
     }
   }
+  [[nodiscard]] const Layer& layer(std::uint32_t block) const noexcept { return layers_[block]; }
   [[nodiscard]] geometry::Aabb box_mm() const noexcept { return box_mm_; }
   [[nodiscard]] std::size_t bytes() const noexcept;
 
  private:
   std::vector<LargeVector<BoxNode>> levels_;  ///< 0: whose children are blocks; the last has one node
+  LargeVector<Layer> layers_;                 ///< of each block
   geometry::Aabb box_mm_;
 };
 
