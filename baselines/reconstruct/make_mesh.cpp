@@ -36,6 +36,7 @@ constexpr std::array kFunctions = {
     Entry{"greedy-projection", greedy_projection},
     Entry{"marching-cubes", marching_cubes},
     Entry{"organised", organised},
+    Entry{"stars", stars_of_points},
 };
 
 /// Whether three points are no line: the first, the one farthest from it, and the one farthest from both.

@@ -23,7 +23,7 @@ struct Method {
 };
 
 /// advancing-front, poisson, scale-space, alpha-shape, power-crust, ball-pivoting, greedy-projection,
-/// marching-cubes, organised.
+/// marching-cubes, organised, stars.
 [[nodiscard]] const std::vector<Method>& methods();
 /// The method of this name; an Error that names all where there is none, or says how to get it where this
 /// build does not have it.
