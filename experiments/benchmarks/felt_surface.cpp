@@ -2,7 +2,7 @@
 // scored against the exact truth. See docs/surface.md.
 //
 //   felt_surface [--sets a,b] [--renderers list] [--frames N] [--closed-paths N] [--quick] [--threads N]
-//                [--prepare-limit-s S] [--json FILE] [--list]
+//                [--prepare-limit-s S] [--json FILE] [--commit ID] [--list]
 //   felt_surface --slice FILE.svg [--sets edge|hole|thin|noise] [--renderers list]
 //
 // Renderers as the palpate command takes them; label=NAME among the options names their rows.
@@ -37,7 +37,7 @@ struct Arguments {
   std::vector<Tried> renderers;
   std::size_t frames = 0;  ///< 0: as usual
   bool quick = false, list = false;
-  std::string json, slice, started_utc;
+  std::string json, slice, commit = "not noted", started_utc;
   TrialOptions trial;
 };
 
@@ -128,6 +128,7 @@ nlohmann::ordered_json json_of(const Row& row) {
                                 const std::vector<Row>& rows) {
   if (arguments.json.empty()) return Done{};
   nlohmann::ordered_json document = {{"schema", "palpate.felt-surface/1"},
+                                     {"commit", arguments.commit},
                                      {"started_utc", arguments.started_utc},
                                      {"machine", {{"cpu", cpu_name()}}},
                                      {"quick", arguments.quick},
@@ -160,6 +161,8 @@ nlohmann::ordered_json json_of(const Row& row) {
       renderers = value;
     } else if (key == "--json") {
       arguments.json = value;
+    } else if (key == "--commit") {
+      arguments.commit = value;
     } else if (key == "--slice") {
       arguments.slice = value;
     } else if (!count) {
