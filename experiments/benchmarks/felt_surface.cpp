@@ -6,11 +6,12 @@
 //   felt_surface --slice FILE.svg [--sets edge|hole|thin|noise] [--renderers list]
 //
 // Renderers as the palpate command takes them; label=NAME among the options names their rows.
-#include <fmt/chrono.h>
 #include <fmt/format.h>
 
+#include <array>
 #include <cstdio>
 #include <ctime>
+#include <exception>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -41,8 +42,8 @@ struct Arguments {
   TrialOptions trial;
 };
 
-std::string number(const std::optional<double>& x, const char* format = "{:.3g}") {
-  return x ? fmt::format(fmt::runtime(format), *x) : "-";
+std::string number(const std::optional<double>& x) {
+  return x ? fmt::format("{:.3g}", *x) : "-";
 }
 
 void print_head() {
@@ -67,6 +68,17 @@ void print_row(const Row& row) {
       a.pop_throughs ? fmt::format("{}", *a.pop_throughs) : "-", number(row.energy_percent),
       number(row.loop_energy_percent), number(row.free_force_n), row.contact_ns, row.all_ns,
       number(row.p999_us), row.prepare_ms, row.bytes_per_point, row.bound_hits);
+}
+
+/// "2026-11-21T16:31:21Z"
+std::string now_utc() {
+  const std::time_t now = std::time(nullptr);
+  std::tm parts{};
+  std::array<char, sizeof "2026-11-21T16:31:21Z"> text{};
+  if (gmtime_r(&now, &parts) == nullptr ||
+      std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%SZ", &parts) == 0)
+    return {};
+  return text.data();
 }
 
 std::string cpu_name() {
@@ -197,7 +209,7 @@ int report(const Error& error, int status) {
 }
 
 int run(Arguments& arguments) {
-  arguments.started_utc = fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
+  arguments.started_utc = now_utc();
   render::Registry registry;
   render::register_toolkit_renderers(registry);
   baselines::register_baseline_renderers(registry);
@@ -235,17 +247,24 @@ int run(Arguments& arguments) {
   return 0;
 }
 
+int main_of(int argc, char** argv) {
+  Arguments arguments;
+  if (const Status done = read(argc, argv, arguments); !done.ok()) {
+    return report(done.error(), kBadArguments);
+  }
+  if (!arguments.list) return run(arguments);
+  for (const DataSet& set : data_sets()) fmt::print("{:8} {:50} {}\n", set.name, set.about, set.generate);
+  return 0;
+}
+
 }  // namespace
 }  // namespace palpate::felt
 
 int main(int argc, char** argv) {
-  using namespace palpate;
-  felt::Arguments arguments;
-  if (const Status done = felt::read(argc, argv, arguments); !done.ok()) {
-    return felt::report(done.error(), felt::kBadArguments);
+  try {
+    return palpate::felt::main_of(argc, argv);
+  } catch (const std::exception& error) {
+    std::fputs(error.what(), stderr);
+    return 1;
   }
-  if (!arguments.list) return felt::run(arguments);
-  for (const felt::DataSet& set : felt::data_sets())
-    fmt::print("{:8} {:50} {}\n", set.name, set.about, set.generate);
-  return 0;
 }
