@@ -48,26 +48,28 @@ std::string number(const std::optional<double>& x) {
 
 void print_head() {
   fmt::print(
-      "{:8} {:30} {:>8} {:>6} {:>6} {:>6} {:>6} {:>4} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>7} {:>6} "
+      "{:8} {:22} {:>8} {:>8} {:>8} {:>6} {:>6} {:>6} {:>6} {:>4} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>7} "
+      "{:>6} "
       "{:>5}\n",
-      "set", "renderer", "RMS %", "jumps", "missed", "false", "stick", "pops", "energy %", "loops %",
-      "free N", "cont ns", "all ns", "p999 us", "prep ms", "B/pt", "bound");
+      "set", "renderer", "RMS %", "uncaught", "median N", "jumps", "missed", "false", "stick", "pops",
+      "energy %", "loops %", "free N", "cont ns", "all ns", "p999 us", "prep ms", "B/pt", "bound");
 }
 
 void print_row(const Row& row) {
   if (!row.failed.empty()) {
-    fmt::print("{:8} {:30} failed: {}\n", row.set, row.renderer, row.failed);
+    fmt::print("{:8} {:22} failed: {}\n", row.set, row.renderer, row.failed);
     return;
   }
   const metrics::Accuracy& a = row.accuracy;
   fmt::print(
-      "{:8} {:30} {:>8} {:>6} {:>6} {:>6} {:>6} {:>4} {:>8} {:>8} {:>7} {:>7.1f} {:>7.1f} {:>7} {:>7.0f} "
+      "{:8} {:22} {:>8} {:>8} {:>8} {:>6} {:>6} {:>6} {:>6} {:>4} {:>8} {:>8} {:>7} {:>7.1f} {:>7.1f} {:>7} "
+      "{:>7.0f} "
       "{:>6.1f} {:>5}\n",
-      row.set, row.renderer, number(a.force_rms_percent), a.excess_jumps.value_or(0), a.missed_contact_frames,
-      a.false_contact_frames, a.longest_stick_frames,
-      a.pop_throughs ? fmt::format("{}", *a.pop_throughs) : "-", number(row.energy_percent),
-      number(row.loop_energy_percent), number(row.free_force_n), row.contact_ns, row.all_ns,
-      number(row.p999_us), row.prepare_ms, row.bytes_per_point, row.bound_hits);
+      row.set, row.renderer, number(a.force_rms_percent), number(row.uncaught_rms_percent),
+      number(row.median_error_n), a.excess_jumps.value_or(0), a.missed_contact_frames, a.false_contact_frames,
+      a.longest_stick_frames, a.pop_throughs ? fmt::format("{}", *a.pop_throughs) : "-",
+      number(row.energy_percent), number(row.loop_energy_percent), number(row.free_force_n), row.contact_ns,
+      row.all_ns, number(row.p999_us), row.prepare_ms, row.bytes_per_point, row.bound_hits);
 }
 
 /// "2026-11-21T16:31:21Z"
@@ -111,6 +113,8 @@ nlohmann::ordered_json json_of(const Row& row) {
   json["force_rms_percent"] = or_null(a.force_rms_percent);
   json["force_rms_n"] = or_null(a.force_rms_n);
   json["force_max_n"] = or_null(a.force_max_n);
+  json["median_error_n"] = or_null(row.median_error_n);
+  json["uncaught_rms_percent"] = or_null(row.uncaught_rms_percent);
   json["god_object_rms_mm"] = or_null(a.god_object_rms_mm);
   json["excess_jumps"] = or_null(a.excess_jumps);
   json["missed_contact_frames"] = a.missed_contact_frames;
