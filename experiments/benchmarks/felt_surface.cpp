@@ -2,15 +2,16 @@
 // scored against the exact truth. See docs/surface.md.
 //
 //   felt_surface [--sets a,b] [--renderers list] [--frames N] [--closed-paths N] [--quick] [--threads N]
-//                [--prepare-limit-s S] [--json FILE] [--list]
+//                [--prepare-limit-s S] [--json FILE] [--commit ID] [--list]
 //   felt_surface --slice FILE.svg [--sets edge|hole|thin|noise] [--renderers list]
 //
 // Renderers as the palpate command takes them; label=NAME among the options names their rows.
-#include <fmt/chrono.h>
 #include <fmt/format.h>
 
+#include <array>
 #include <cstdio>
 #include <ctime>
+#include <exception>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -37,36 +38,49 @@ struct Arguments {
   std::vector<Tried> renderers;
   std::size_t frames = 0;  ///< 0: as usual
   bool quick = false, list = false;
-  std::string json, slice, started_utc;
+  std::string json, slice, commit = "not noted", started_utc;
   TrialOptions trial;
 };
 
-std::string number(const std::optional<double>& x, const char* format = "{:.3g}") {
-  return x ? fmt::format(fmt::runtime(format), *x) : "-";
+std::string number(const std::optional<double>& x) {
+  return x ? fmt::format("{:.3g}", *x) : "-";
 }
 
 void print_head() {
   fmt::print(
-      "{:8} {:30} {:>8} {:>6} {:>6} {:>6} {:>6} {:>4} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>7} {:>6} "
+      "{:8} {:22} {:>8} {:>8} {:>8} {:>6} {:>6} {:>6} {:>6} {:>4} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>7} "
+      "{:>6} "
       "{:>5}\n",
-      "set", "renderer", "RMS %", "jumps", "missed", "false", "stick", "pops", "energy %", "loops %",
-      "free N", "cont ns", "all ns", "p999 us", "prep ms", "B/pt", "bound");
+      "set", "renderer", "RMS %", "uncaught", "median N", "jumps", "missed", "false", "stick", "pops",
+      "energy %", "loops %", "free N", "cont ns", "all ns", "p999 us", "prep ms", "B/pt", "bound");
 }
 
 void print_row(const Row& row) {
   if (!row.failed.empty()) {
-    fmt::print("{:8} {:30} failed: {}\n", row.set, row.renderer, row.failed);
+    fmt::print("{:8} {:22} failed: {}\n", row.set, row.renderer, row.failed);
     return;
   }
   const metrics::Accuracy& a = row.accuracy;
   fmt::print(
-      "{:8} {:30} {:>8} {:>6} {:>6} {:>6} {:>6} {:>4} {:>8} {:>8} {:>7} {:>7.1f} {:>7.1f} {:>7} {:>7.0f} "
+      "{:8} {:22} {:>8} {:>8} {:>8} {:>6} {:>6} {:>6} {:>6} {:>4} {:>8} {:>8} {:>7} {:>7.1f} {:>7.1f} {:>7} "
+      "{:>7.0f} "
       "{:>6.1f} {:>5}\n",
-      row.set, row.renderer, number(a.force_rms_percent), a.excess_jumps.value_or(0), a.missed_contact_frames,
-      a.false_contact_frames, a.longest_stick_frames,
-      a.pop_throughs ? fmt::format("{}", *a.pop_throughs) : "-", number(row.energy_percent),
-      number(row.loop_energy_percent), number(row.free_force_n), row.contact_ns, row.all_ns,
-      number(row.p999_us), row.prepare_ms, row.bytes_per_point, row.bound_hits);
+      row.set, row.renderer, number(a.force_rms_percent), number(row.uncaught_rms_percent),
+      number(row.median_error_n), a.excess_jumps.value_or(0), a.missed_contact_frames, a.false_contact_frames,
+      a.longest_stick_frames, a.pop_throughs ? fmt::format("{}", *a.pop_throughs) : "-",
+      number(row.energy_percent), number(row.loop_energy_percent), number(row.free_force_n), row.contact_ns,
+      row.all_ns, number(row.p999_us), row.prepare_ms, row.bytes_per_point, row.bound_hits);
+}
+
+/// "2026-11-21T16:31:21Z"
+std::string now_utc() {
+  const std::time_t now = std::time(nullptr);
+  std::tm parts{};
+  std::array<char, sizeof "2026-11-21T16:31:21Z"> text{};
+  if (gmtime_r(&now, &parts) == nullptr ||
+      std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%SZ", &parts) == 0)
+    return {};
+  return text.data();
 }
 
 std::string cpu_name() {
@@ -99,6 +113,8 @@ nlohmann::ordered_json json_of(const Row& row) {
   json["force_rms_percent"] = or_null(a.force_rms_percent);
   json["force_rms_n"] = or_null(a.force_rms_n);
   json["force_max_n"] = or_null(a.force_max_n);
+  json["median_error_n"] = or_null(row.median_error_n);
+  json["uncaught_rms_percent"] = or_null(row.uncaught_rms_percent);
   json["god_object_rms_mm"] = or_null(a.god_object_rms_mm);
   json["excess_jumps"] = or_null(a.excess_jumps);
   json["missed_contact_frames"] = a.missed_contact_frames;
@@ -128,6 +144,7 @@ nlohmann::ordered_json json_of(const Row& row) {
                                 const std::vector<Row>& rows) {
   if (arguments.json.empty()) return Done{};
   nlohmann::ordered_json document = {{"schema", "palpate.felt-surface/1"},
+                                     {"commit", arguments.commit},
                                      {"started_utc", arguments.started_utc},
                                      {"machine", {{"cpu", cpu_name()}}},
                                      {"quick", arguments.quick},
@@ -160,6 +177,8 @@ nlohmann::ordered_json json_of(const Row& row) {
       renderers = value;
     } else if (key == "--json") {
       arguments.json = value;
+    } else if (key == "--commit") {
+      arguments.commit = value;
     } else if (key == "--slice") {
       arguments.slice = value;
     } else if (!count) {
@@ -194,7 +213,7 @@ int report(const Error& error, int status) {
 }
 
 int run(Arguments& arguments) {
-  arguments.started_utc = fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(std::time(nullptr)));
+  arguments.started_utc = now_utc();
   render::Registry registry;
   render::register_toolkit_renderers(registry);
   baselines::register_baseline_renderers(registry);
@@ -232,17 +251,24 @@ int run(Arguments& arguments) {
   return 0;
 }
 
+int main_of(int argc, char** argv) {
+  Arguments arguments;
+  if (const Status done = read(argc, argv, arguments); !done.ok()) {
+    return report(done.error(), kBadArguments);
+  }
+  if (!arguments.list) return run(arguments);
+  for (const DataSet& set : data_sets()) fmt::print("{:8} {:50} {}\n", set.name, set.about, set.generate);
+  return 0;
+}
+
 }  // namespace
 }  // namespace palpate::felt
 
 int main(int argc, char** argv) {
-  using namespace palpate;
-  felt::Arguments arguments;
-  if (const Status done = felt::read(argc, argv, arguments); !done.ok()) {
-    return felt::report(done.error(), felt::kBadArguments);
+  try {
+    return palpate::felt::main_of(argc, argv);
+  } catch (const std::exception& error) {
+    std::fputs(error.what(), stderr);
+    return 1;
   }
-  if (!arguments.list) return felt::run(arguments);
-  for (const felt::DataSet& set : felt::data_sets())
-    fmt::print("{:8} {:50} {}\n", set.name, set.about, set.generate);
-  return 0;
 }

@@ -19,16 +19,21 @@ void declare_report(const Declaration& declare, ReportArguments& a) {
   declare.text("DIR", a.folder, kStudyFolderHelp);
   declare.text("--docs", a.docs,
                "a checkout of Palpate: writes the figures of its pages from docs/figures, and with DIR takes "
-               "them from what reproduce wrote there first");
+               "them from what reproduce or felt_surface wrote there first");
 }
 
-/// The run that the pages show.
+/// The run that the pages show, and the trial of the felt surface, which writes one document of its own.
 constexpr const char* kShownRun = "one-run.json";
+constexpr const char* kShownTrial = "surface.json";
+constexpr const char* kTrialFile = "felt_surface.json";
 
 int write_docs(const ReportArguments& arguments) {
-  if (!arguments.folder.empty())
-    if (const Status taken = take_page_figures(arguments.docs, kShownRun, arguments.folder); !taken)
+  if (!arguments.folder.empty()) {
+    const bool trial = std::filesystem::exists(std::filesystem::path(arguments.folder) / kTrialFile);
+    const char* const shown = trial ? kShownTrial : kShownRun;
+    if (const Status taken = take_page_figures(arguments.docs, shown, arguments.folder); !taken)
       return fail(taken.error(), kExitBadInput);
+  }
   const Result<std::vector<std::string>> written = write_page_figures(arguments.docs);
   if (!written) return fail(written.error(), kExitBadInput);
   for (const std::string& page : *written) fmt::print("written: {}\n", page);

@@ -51,6 +51,9 @@ TEST_F(FeltSurface, ScoresAndSaysWhyNot) {
   EXPECT_GT(cloud["contact_frames"], 1000);
   EXPECT_GT(cloud["force_rms_percent"], 0.1);
   EXPECT_LT(cloud["force_rms_percent"], 30.0);
+  // Nothing is caught behind a tube of 26 mm.
+  EXPECT_NEAR(cloud["uncaught_rms_percent"], cloud["force_rms_percent"], 0.5);
+  EXPECT_LT(cloud["median_error_n"], cloud["force_rms_n"]);
   EXPECT_GT(flat["force_rms_percent"], cloud["force_rms_percent"]);
   EXPECT_GE(flat["loops_generated_percent"], 0.0);
   EXPECT_GT(cloud["all_ns"], 0.0);

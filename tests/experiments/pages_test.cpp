@@ -223,7 +223,7 @@ TEST(Pages, FiguresAreWhatTheResultsSay) {
     blocks += page.blocks;
     EXPECT_EQ(page.after, page.before) << page.file << ": `palpate report --docs .` writes its figures";
   }
-  EXPECT_GE(blocks, 26u);
+  EXPECT_GE(blocks, 30u);
 }
 
 TEST_F(Shown, FiguresAreWrittenFromARun) {
@@ -258,6 +258,23 @@ TEST_F(Shown, FiguresAreWrittenFromARun) {
   EXPECT_EQ(missing.exit_code, 2);
   EXPECT_NE(missing.err.find("a.txt:3: "), std::string::npos) << missing.err;
   EXPECT_NE(missing.err.find("frame.max_us"), std::string::npos) << missing.err;
+}
+
+TEST_F(Shown, FiguresOfTheTrialAreTakenFromItsOwnDocument) {
+  std::filesystem::create_directories(folder_ / "docs/figures");
+  std::filesystem::create_directories(folder_ / "run");
+  write_text(folder_ / "README.md", "<!-- figures: felt -->\n<!-- end of figures -->\n");
+  // The pages of the other run are left as they are.
+  write_text(folder_ / "docs/figures/one.txt", "<!-- from one-run.json -->\n{table7 cloud frame.mean_us}\n");
+  write_text(folder_ / "docs/figures/felt.txt",
+             "<!-- from surface.json -->\n{felt_surface.json rows[ell/cloud].summary}\n");
+  write_text(folder_ / "run/felt_surface.json",
+             R"({"commit": "abc", "rows": [{"label": "ell/cloud", "summary": "0.2 / 0 / 0 / -"}]})");
+  const ProcessOutcome run = palpate_command({"report", in("run"), "--docs", folder_.string()});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_NE(file_text(in("README.md")).find("0.2 / 0 / 0 / -\n"), std::string::npos);
+  EXPECT_NE(file_text(in("docs/figures/surface.json")).find("\"abc\""), std::string::npos);
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "docs/figures/one-run.json"));
 }
 
 TEST(Pages, WrongCommandsAreFound) {

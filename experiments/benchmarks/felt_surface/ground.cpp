@@ -228,6 +228,21 @@ Status add_formula_truth(Ground& ground, const DataSet& set, std::size_t frames)
   return Done{};
 }
 
+/// Distances that differ by less are of one place: far above rounding, far below what is felt.
+constexpr double kSamePlace = 1e-6;
+
+void find_caught(Ground& ground) {
+  ground.caught.assign(ground.path.size(), 0);
+  if (ground.truth == nullptr) return;
+  for (std::size_t i = 0; i < ground.path.size(); ++i) {
+    const trace::TruthFrame& truth = ground.reference.frames[i];
+    if (!truth.frame.contact) continue;
+    const Vec3& hip = ground.path.hip_mm[i];
+    const double depth = (truth.frame.god_object_mm - hip).norm();
+    ground.caught[i] = std::abs(ground.truth->signed_distance_mm(hip)) < (1.0 - kSamePlace) * depth;
+  }
+}
+
 }  // namespace
 
 Result<Ground> make_ground(const DataSet& set, bool quick, std::size_t frames, Progress& progress) {
@@ -247,6 +262,7 @@ Result<Ground> make_ground(const DataSet& set, bool quick, std::size_t frames, P
   PALPATE_TRY(set.is_scan ? add_scan_truth(ground, frames, progress)
                           : add_formula_truth(ground, set, frames));
   PALPATE_TRY(metrics::fill_local_resolution(ground.reference, ground.path, ground.points(), nearest, {}));
+  find_caught(ground);
   return ground;
 }
 

@@ -1,6 +1,7 @@
 // A set made ready: its points, one path, and the truth along it.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -27,6 +28,9 @@ struct Ground {
   trace::ProbePath path;
   trace::ReferenceTrace reference;
   std::unique_ptr<metrics::TruthSurface> truth;
+  /// By frame: in true contact, and another part of the surface is nearer to the HIP than its god object, so
+  /// that it is held from behind. Where it gets caught a hair's breadth decides.
+  std::vector<std::uint8_t> caught;
   [[nodiscard]] const cloud::Cloud& points() const { return *scene.models.front().cloud; }
 };
 

@@ -79,6 +79,25 @@ double whole_pass(render::HapticRenderer& renderer, const trace::ProbePath& path
   return Done{};
 }
 
+/// The median over all frames of contact, and the RMS over those of true contact that is not caught.
+void look_at_errors(const Ground& ground, const trace::ForceTrace& trace, Row& row) {
+  std::vector<double> errors;
+  double error_sq = 0.0, force_sq = 0.0;
+  for (std::size_t i = 0; i < trace.frames.size(); ++i) {
+    const trace::TruthFrame& truth = ground.reference.frames[i];
+    const double error = (trace.frames[i].force_n - truth.frame.force_n).norm();
+    if (error > 0.0 || truth.frame.contact) errors.push_back(error);
+    if (!truth.frame.contact || ground.caught[i] != 0) continue;
+    error_sq += error * error;
+    force_sq += truth.frame.force_n.squaredNorm();
+  }
+  if (force_sq > 0.0) row.uncaught_rms_percent = 100.0 * std::sqrt(error_sq / force_sq);
+  if (errors.empty()) return;
+  const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
+  std::nth_element(errors.begin(), middle, errors.end());
+  row.median_error_n = *middle;
+}
+
 void look_at_free_frames(const Ground& ground, const trace::ForceTrace& trace, Row& row) {
   std::size_t free = 0, held = 0;
   for (std::size_t i = 0; i < trace.frames.size(); ++i) {
@@ -120,6 +139,7 @@ void look_at_free_frames(const Ground& ground, const trace::ForceTrace& trace, R
   PALPATE_ASSIGN(const metrics::Energy energy,
                  metrics::observe_energy(ground.path, replayed.trace, kStiffness));
   row.energy_percent = energy.generated_percent;
+  look_at_errors(ground, replayed.trace, row);
   look_at_free_frames(ground, replayed.trace, row);
   row.contact_ns = row.all_ns = std::numeric_limits<double>::infinity();
   for (int pass = 0; pass < kPasses; ++pass) {

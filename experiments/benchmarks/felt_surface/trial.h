@@ -27,8 +27,10 @@ struct Row {
   std::size_t points = 0;
   double spacing_mm = 0.0;
   metrics::Accuracy accuracy;
-  std::optional<double> energy_percent;       ///< generated along the path, of the largest stored
-  std::optional<double> loop_energy_percent;  ///< generated on closed loops, of their work
+  std::optional<double> median_error_n;        ///< of the frames that accuracy counts
+  std::optional<double> uncaught_rms_percent;  ///< of true contact that is not caught
+  std::optional<double> energy_percent;        ///< generated along the path, of the largest stored
+  std::optional<double> loop_energy_percent;   ///< generated on closed loops, of their work
   std::optional<double> worst_loop_percent;
   double free_force_n = 0.0;  ///< largest where the truth is free by more than the local resolution; on
                               ///< `border` anywhere

@@ -96,8 +96,9 @@ TEST(Paths, TheSameForEverySpacingOfASurface) {
 }
 
 TEST(Paths, AllStartFreeRunSmoothlyAndTouchOnEveryShape) {
-  for (const char* shape : {"sinusoid", "plane", "saddle", "wedge:angle_deg=80", "wedge:angle_deg=300",
-                            "sphere", "torus", "slab:thickness_mm=5"})
+  for (const char* shape :
+       {"sinusoid", "plane", "saddle", "wedge:angle_deg=80", "wedge:angle_deg=300", "sphere", "torus",
+        "slab:thickness_mm=5", "ellipsoid", "rounded-box", "shells:gap_mm=5"})
     for (const auto& generator : path_generators()) {
       const Target t = target_of(std::string(shape) + ":points=10000");
       const ProbePath path = path_of(generator.name + ":frames=4000", t.target);
@@ -121,8 +122,9 @@ TEST(Paths, AllStartFreeRunSmoothlyAndTouchOnEveryShape) {
 TEST(Paths, NoneGoesDeeperThanItsDepthOnAnyShape) {
   // `exploration` follows planes fitted to points a millimetre apart, which round off an edge by as much.
   constexpr double kRounding = 1.0;
-  for (const char* shape : {"sinusoid", "plane", "saddle", "relief", "wedge:angle_deg=80",
-                            "wedge:angle_deg=300", "sphere", "pebble", "torus", "slab:thickness_mm=5"})
+  for (const char* shape :
+       {"sinusoid", "plane", "saddle", "relief", "wedge:angle_deg=80", "wedge:angle_deg=300", "sphere",
+        "pebble", "torus", "slab:thickness_mm=5", "ellipsoid", "rounded-box", "shells:gap_mm=5"})
     for (const auto& generator : path_generators()) {
       SCOPED_TRACE(std::string(shape) + " " + generator.name);
       const Target t = target_of(std::string(shape) + ":points=10000");
