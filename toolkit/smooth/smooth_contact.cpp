@@ -28,6 +28,8 @@ constexpr double kOnSurface = 1e-4;
 /// stands on its head only where it is the same surface beyond doubt.
 constexpr float kSameSheet = 1.0f, kSeam = 0.1f;
 constexpr double kSameNormal = 0.5;
+/// A brick tells of places so many voxels beyond its walls, where no other does.
+constexpr double kBeyondWall = 0.25;
 /// Along a segment the next place looked at is this share of the distance on, which the spline's slope of
 /// about one allows, and at least a quarter of a voxel.
 constexpr double kMarch = 0.7, kLeastMarch = 0.25;
@@ -131,7 +133,12 @@ SmoothContact::Cube SmoothContact::cube_of(const Vec3& at) noexcept {
 bool SmoothContact::look(const Vec3& at, Cube& cube, std::uint32_t& brick, float& side,
                          Jet& jet) const noexcept {
   const Cube to = cube_of(at);
-  if (to != cube) return change_brick(at, to, cube, brick, side, jet);
+  if (to != cube) {
+    if (change_brick(at, to, cube, brick, side, jet)) return true;
+    // Bricks differ by the rounding of their coefficients: a surface along a wall may be on its other side.
+    const Vec3 in(at - Vec3(cube[0], cube[1], cube[2]) * kBrickCells - Vec3::Constant(0.5 * kBrickCells));
+    if (in.cwiseAbs().maxCoeff() > 0.5 * kBrickCells + kBeyondWall) return false;
+  }
   jet = spline_jet(grid_->bricks[brick], place_in(cube, at));
   return true;
 }
@@ -199,8 +206,7 @@ bool SmoothContact::follow_quickly(const Vec3& h) noexcept {
     const Vec3 d = h - at;
     if (!(d.dot(s.normal) * static_cast<double>(side) < 0.0)) return false;
     if (!(d.squaredNorm() <= (h - god_).squaredNorm() * kNoFarther)) return false;
-    const Cube now = cube_of(at);
-    if (now != cube) return false;
+    if (cube_of(at) != cube) return false;
     if ((grid_->bricks[brick].mask & mask_bit(place_in(cube, at))) == 0) return false;
     moved_ = at - god_;
     god_ = at;

@@ -35,6 +35,10 @@ class SmoothContact {
   /// The HIP has gone to h. True in contact. Allocates nothing.
   [[nodiscard]] bool update(const Vec3& h_mm, FrameCounters& counters) noexcept;
 
+  /// Of a closed piece (from 1) the sign of the distance on its free side; 0: either.
+  [[nodiscard]] float free_side(std::size_t piece) const noexcept {
+    return piece < free_side_.size() ? free_side_[piece] : 0.0f;
+  }
   [[nodiscard]] bool contact() const noexcept { return contact_; }
   [[nodiscard]] bool bound_hit() const noexcept { return bound_hit_; }
   /// In contact, local mm.
