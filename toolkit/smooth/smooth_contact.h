@@ -62,6 +62,7 @@ class SmoothContact {
                                   float& side, Jet& jet) const noexcept;
   [[nodiscard]] bool follow_quickly(const Vec3& h) noexcept;
   [[nodiscard]] Stay descend(const Vec3& h, int& steps, FrameCounters& counters) noexcept;
+  [[nodiscard]] bool find_clear(const Vec3& h, Vec3& clear) const noexcept;
   [[nodiscard]] bool update_slowly(const Vec3& h, FrameCounters& counters) noexcept;
   [[nodiscard]] bool find_entry(const Vec3& h, int& values, FrameCounters& counters) noexcept;
   [[nodiscard]] bool enter_in(const Cube& cube, std::uint32_t cell, const Vec3& from, const Vec3& way,
