@@ -15,7 +15,7 @@ namespace {
 /// Half a brick's node cube, and half its diagonal, in voxels.
 constexpr double kHalfNodes = 3.0, kHalfNodeDiagonal = 5.1961524;
 /// Half the diagonal of its cells, and of one cell.
-constexpr double kHalfDiagonal = 3.4641016, kHalfCellDiagonal = 0.8660254;
+constexpr double kHalfCells = 2.0, kHalfDiagonal = 3.4641016, kHalfCellDiagonal = 0.8660254;
 /// A cell's middle is at most half its diagonal off a surface that crosses it, where the gradient is one;
 /// with room for where it is not quite.
 constexpr double kCrossed = 1.1 * kHalfCellDiagonal;
@@ -25,6 +25,13 @@ constexpr double kNearSpacings = 4.0, kOffPlane = 0.5;
 /// The middle of the points of half a disc is 4 / (3 pi) = 0.42 radii from its centre: there the points end.
 constexpr double kBorderShare = 0.42;
 constexpr int kFewestNear = 4;
+/// The lattice begins this many bricks before the box: faces of a box that stands along the axes are often
+/// flat, and lie at no wall this way.
+constexpr double kLatticeShift = 1.09;
+/// A surface that only just enters a cube is in it, too.
+constexpr double kThroughRoom = 0.25;
+/// With a low corner farther off than this no surface goes through the cell: its diagonal, and half a voxel.
+constexpr float kNotCrossed = 2.3f;
 /// A sheet with no more cells beyond its points than these, or this share of its cells, is closed: the
 /// smallest hole, two spacings wide, has some eight around it, and a void of chance one.
 constexpr std::uint64_t kChanceCells = 4;
@@ -33,6 +40,11 @@ constexpr double kChanceShare = 1e-4;
 constexpr std::size_t kMostPieces = 65535;
 constexpr float kLargestValue = static_cast<float>(kBrickReach);
 constexpr std::size_t kPatchGrain = 1024, kBrickGrain = 64;
+
+std::int16_t rounded(float distance) {
+  const float units = std::clamp(distance, -kLargestValue, kLargestValue) / kBrickUnit;
+  return static_cast<std::int16_t>(units + (units < 0.0f ? -0.5f : 0.5f));
+}
 
 /// One patch that may reach one cube.
 struct Pair {
@@ -131,18 +143,32 @@ class Baker {
           const Vec3 middle = grid_.low_mm + Vec3(static_cast<double>(x) + 0.5, static_cast<double>(y) + 0.5,
                                                   static_cast<double>(z) + 0.5) *
                                                  brick_mm_;
-          const Vec3 d = middle - p.quadric.at;
-          const double along = d.dot(p.quadric.n);
-          const double lateral = std::sqrt(std::max(d.squaredNorm() - along * along, 0.0));
-          if (lateral > p.support + kHalfNodeDiagonal * grid_.voxel_mm) continue;
-          const double off = std::abs(p.quadric.residual(middle));
-          if (off > 1.5 * kHalfNodeDiagonal * grid_.voxel_mm) continue;
-          const bool through = lateral <= p.support + kHalfDiagonal * grid_.voxel_mm &&
-                               off <= kHalfDiagonal * 1.2 * grid_.voxel_mm;
+          bool through = false;
+          if (!reaches(p, middle, through)) continue;
           out.push_back({partition::morton_code(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y),
                                                 static_cast<std::uint32_t>(z)),
                          index, through});
         }
+  }
+
+  /// Whether a patch counts for the nodes of a cube; `through`: its surface may go through the cube's cells.
+  /// Over a cube the residual changes by its gradient's components, but for curvature.
+  bool reaches(const Patch& p, const Vec3& middle, bool& through) const {
+    const Quadric& q = p.quadric;
+    const Vec3 d = middle - q.at;
+    const double along = d.dot(q.n), a = d.dot(q.u), b = d.dot(q.v);
+    const double lateral_sq = a * a + b * b;
+    const double reach = p.support + kHalfNodeDiagonal * grid_.voxel_mm;
+    if (lateral_sq > reach * reach) return false;
+    const double off = std::abs(along - (q.uu * a * a + q.uv * a * b + q.vv * b * b)) * grid_.per_voxel;
+    const Vec3 slope = q.n - q.u * (2.0 * q.uu * a + q.uv * b) - q.v * (2.0 * q.vv * b + q.uv * a);
+    const double per_voxel = slope.cwiseAbs().sum();
+    const double bend = (std::abs(q.uu) + std::abs(q.uv) + std::abs(q.vv)) * grid_.voxel_mm;
+    if (off > kHalfNodes * per_voxel + bend * kHalfNodeDiagonal * kHalfNodeDiagonal) return false;
+    const double cells = p.support + kHalfDiagonal * grid_.voxel_mm;
+    through = lateral_sq <= cells * cells &&
+              off <= kHalfCells * per_voxel + kThroughRoom + bend * kHalfDiagonal * kHalfDiagonal;
+    return true;
   }
 
   /// The patches of a cube, sheet by sheet.
@@ -184,9 +210,7 @@ class Baker {
       const std::array<float, kBrickCoefficients>& distance = s.blend.finish();
       Made& out = made.emplace_back();
       Brick& brick = out.brick;
-      for (std::size_t i = 0; i < kBrickCoefficients; ++i)
-        brick.distance[i] = static_cast<std::int16_t>(
-            std::lround(std::clamp(distance[i], -kLargestValue, kLargestValue) / kBrickUnit));
+      for (std::size_t i = 0; i < kBrickCoefficients; ++i) brick.distance[i] = rounded(distance[i]);
       out.code = pairs.front().code;
       out.sheet = links_.sheet[pairs[sheet].patch];
       set_mask(out, middle, spacing / count, rim, s);
@@ -194,6 +218,11 @@ class Baker {
     }
   }
 
+  /// The spline is within half a voxel of this at the cell's low corner.
+  static float coefficient_at(const Brick& brick, const std::array<int, 3>& cell) {
+    const int at = ((cell[0] + 1) * kBrickNodes + cell[1] + 1) * kBrickNodes + cell[2] + 1;
+    return kBrickUnit * static_cast<float>(brick.distance[static_cast<std::size_t>(at)]);
+  }
   /// The cells that the surface goes through, but for those beyond where the points end.
   void set_mask(Made& out, const Vec3& middle, double spacing, bool rim, Scratch& s) const {
     const double reach = kNearSpacings * spacing;
@@ -203,6 +232,7 @@ class Baker {
       BrickPlace at;
       at.cell = {cell / 16, cell / 4 % 4, cell % 4};
       at.t = {0.5f, 0.5f, 0.5f};
+      if (std::abs(coefficient_at(brick, at.cell)) > kNotCrossed) continue;
       const Jet jet = spline_jet(brick, at);
       const double slope = static_cast<double>(jet.gradient.norm());
       if (!(slope > 0.0) || std::abs(static_cast<double>(jet.value)) > kCrossed * std::max(slope, 0.5))
@@ -338,7 +368,7 @@ BrickGrid bake_bricks(const SmoothPoints& points, const std::vector<Patch>& patc
   grid.voxel_mm = voxel_mm;
   grid.per_voxel = 1.0 / voxel_mm;
   grid.box_mm = points.box_mm();
-  grid.low_mm = grid.box_mm.low_mm - Vec3::Constant(brick_mm);
+  grid.low_mm = grid.box_mm.low_mm - Vec3::Constant(kLatticeShift * brick_mm);
   const double bricks = (grid.box_mm.high_mm - grid.low_mm).maxCoeff() / brick_mm + 2.0;
   grid.last_brick = std::min<std::int64_t>(static_cast<std::int64_t>(bricks),
                                            (std::int64_t{1} << partition::kMortonBits) - 1);

@@ -10,8 +10,8 @@
 
 namespace palpate::render {
 
-/// A row of nodes along z, and one lane that is no node.
-using NodeRow = Eigen::Array<float, 8, 1>;
+/// Half a row of nodes along z; the last lane of the second half is no node.
+inline constexpr int kRowHalves = 2;
 inline constexpr int kNodeRows = kBrickNodes * kBrickNodes;
 
 class NodeBlend {
@@ -28,7 +28,10 @@ class NodeBlend {
   int read_sums();
   void fill(int missing);
 
-  std::array<NodeRow, kNodeRows> weight_, sum_, sum_x_, sum_y_, sum_z_;
+  struct Sums {
+    std::array<Lanes, kNodeRows * kRowHalves> weight, distance, x, y, z;
+  };
+  Sums sums_;
   std::array<float, kBrickCoefficients> distance_, x_, y_, z_;  ///< and its gradient
   std::array<std::uint8_t, kBrickCoefficients> known_;
 };

@@ -40,7 +40,8 @@ struct Jet {
 
 /// Four floats at a time, elementwise; every target rounds them alike.
 using Lanes = float __attribute__((vector_size(16)));
-using HalfLanes = std::int16_t __attribute__((vector_size(8)));
+using ShortLanes = std::int16_t __attribute__((vector_size(16)));
+using IntLanes = std::int32_t __attribute__((vector_size(16)));
 
 /// The four weights of a cubic B-spline at t in [0, 1], and those of its derivatives.
 struct SplineWeights {
@@ -55,14 +56,27 @@ struct SplineWeights {
   }
 };
 
+/// Four coefficients as floats. Each is put twice into one integer, and the lower copy shifted out: a
+/// conversion of four shorts is taken apart by the compiler.
 [[nodiscard]] inline Lanes brick_row(const Brick& brick, int at) noexcept {
-  HalfLanes raw;
-  __builtin_memcpy(&raw, &brick.distance[static_cast<std::size_t>(at)], sizeof raw);
-  return __builtin_convertvector(raw, Lanes);
+  ShortLanes raw{};
+  __builtin_memcpy(&raw, &brick.distance[static_cast<std::size_t>(at)], 4 * sizeof(std::int16_t));
+  const ShortLanes twice = __builtin_shufflevector(raw, raw, 0, 0, 1, 1, 2, 2, 3, 3);
+  IntLanes wide;
+  __builtin_memcpy(&wide, &twice, sizeof wide);
+  return __builtin_convertvector(wide >> 16, Lanes);
 }
 [[nodiscard]] inline float sum_of(Lanes a) noexcept {
   return (a[0] + a[2]) + (a[1] + a[3]);
 }
+
+/// Each lane over four.
+[[nodiscard]] inline std::array<Lanes, 4> spread(const Lanes& a) noexcept {
+  return {Lanes{a[0], a[0], a[0], a[0]}, Lanes{a[1], a[1], a[1], a[1]}, Lanes{a[2], a[2], a[2], a[2]},
+          Lanes{a[3], a[3], a[3], a[3]}};
+}
+/// From a row to the one a node on along x.
+inline constexpr int kRowStep = kBrickNodes * kBrickNodes;
 
 /// A place in a brick: cell and share of it.
 struct BrickPlace {
@@ -74,15 +88,16 @@ struct BrickPlace {
 [[nodiscard]] inline Jet spline_jet(const Brick& brick, const BrickPlace& at) noexcept {
   const SplineWeights x(at.t[0]), y(at.t[1]), z(at.t[2]);
   const int base = (at.cell[0] * kBrickNodes + at.cell[1]) * kBrickNodes + at.cell[2];
+  const std::array<Lanes, 4> wx = spread(x.value), dx = spread(x.first), ddx = spread(x.second);
   Lanes f{}, fx{}, fy{}, fxx{}, fyy{}, fxy{};
-  for (int j = 0; j < 4; ++j) {
-    Lanes a{}, ax{}, axx{};
-    for (int i = 0; i < 4; ++i) {
-      const Lanes row = brick_row(brick, base + (i * kBrickNodes + j) * kBrickNodes);
-      a += x.value[i] * row;
-      ax += x.first[i] * row;
-      axx += x.second[i] * row;
-    }
+#pragma GCC unroll 4
+  for (std::size_t j = 0; j < 4; ++j) {
+    const int at_j = base + static_cast<int>(j) * kBrickNodes;
+    const Lanes r0 = brick_row(brick, at_j), r1 = brick_row(brick, at_j + kRowStep),
+                r2 = brick_row(brick, at_j + 2 * kRowStep), r3 = brick_row(brick, at_j + 3 * kRowStep);
+    const Lanes a = (wx[0] * r0 + wx[1] * r1) + (wx[2] * r2 + wx[3] * r3);
+    const Lanes ax = (dx[0] * r0 + dx[1] * r1) + (dx[2] * r2 + dx[3] * r3);
+    const Lanes axx = (ddx[0] * r0 + ddx[1] * r1) + (ddx[2] * r2 + ddx[3] * r3);
     f += y.value[j] * a;
     fx += y.value[j] * ax;
     fxx += y.value[j] * axx;

@@ -36,10 +36,12 @@ constexpr double kLeastSupport = 1.3;
 /// quadric's next order makes at its rim.
 constexpr double kOnSigmas = 3.5, kOnSpacings = 0.05;
 /// Points that leave a patch step by step lie within this many spacings of it at first.
-constexpr double kLeavingSpacings = 1.5;
+constexpr double kLeavingSpacings = 2.0;
+/// A wider ball is looked at this near to the last fit: another sheet has no say in it.
+constexpr double kGateSigmas = 6.0;
 /// Rings of a patch, and the share of leaving points in one where the patch ends.
 constexpr int kRings = 8;
-constexpr double kLeavingShare = 0.3;
+constexpr double kLeavingShare = 0.2;
 /// Of a ball's radius: its points' middle is nearer than this where they lie all around, but for luck (an
 /// even disc of 15 has 0.13, one that lacks the outer half of a side 0.2).
 constexpr double kAsideShare = 0.15;
@@ -49,7 +51,7 @@ constexpr double kUnexplained = 2.0, kCoreShare = 0.65;
 /// So many spacings that noise does not explain are no shape of one sheet.
 constexpr double kMixedSpacings = 0.15;
 /// Covered from this sum of weights on.
-constexpr double kCovered = 0.4;
+constexpr double kCovered = 0.25;
 /// The seed is on its own patch where the robust cost leaves it this weight: two scales off.
 constexpr double kOwnWeight = 0.04;
 /// A leftover point is one of a piece of surface where this share of those within the first radius were left
@@ -108,6 +110,9 @@ class ChunkCover {
       if (k > 0) {
         radius *= kGrowth;
         ball_.gather(points_, at, radius);
+        const double gate =
+            std::max(kLeavingSpacings * spacing, kGateSigmas * std::max(fits[k - 1].sigma, rule_.noise));
+        ball_.keep_near(fits[k - 1].quadric, gate);
         fits[k] = fits[k - 1];
       }
       if (!fit_quadric(ball_, fit_rule, k > 0 ? &fits[k - 1].quadric : nullptr, fits[k])) return k;

@@ -17,9 +17,10 @@ constexpr double kReach = 0.8;
 /// either the one or the other.
 constexpr double kSteepest = 0.77;
 constexpr double kLeastAgreement = 0.64;
-/// And the chord ends off the other's surface by at most this share of its length, or so many spacings, or
-/// standard deviations.
-constexpr double kOffShare = 0.2, kOffSpacings = 1.2, kOffSigmas = 3.0;
+/// Two that meet come within so many spacings, or standard deviations, of each other, and of where either
+/// ends.
+constexpr double kOffSpacings = 1.2, kOffSigmas = 3.0;
+constexpr int kMeetRounds = 3;
 /// Links of one patch: to the nearest that there are.
 constexpr std::size_t kMostLinks = 24;
 /// Classes of agreement that links are taken in, best first.
@@ -32,21 +33,43 @@ constexpr std::size_t kGrain = 512;
 constexpr double kStrayPoints = 45.0, kStrayShare = 0.05;
 constexpr std::uint32_t kDropped = 0xffffffffu;
 
+/// Where two patches meet, looked for from the middle between them: by going to the one and to the other in
+/// turn, which ends at their crease where they have one, and at once where they are one surface. False where
+/// they stay apart, or meet beyond where they end.
+bool meet(const Patch& a, const Patch& b, Vec3& at) {
+  at = 0.5 * (a.quadric.at + b.quadric.at);
+  double gap = 0.0;
+  for (int i = 0; i < kMeetRounds; ++i) {
+    at -= a.quadric.n * a.quadric.residual(at);
+    gap = b.quadric.residual(at);
+    at -= b.quadric.n * gap;
+  }
+  if (std::abs(gap) >
+      std::max(kOffSpacings * std::min(a.spacing, b.spacing), kOffSigmas * std::max(a.sigma, b.sigma)))
+    return false;
+  const auto reaches = [&](const Patch& p) {
+    const double reach = p.support + kOffSpacings * p.spacing;
+    return (at - p.quadric.at).squaredNorm() <= reach * reach;
+  };
+  return reaches(a) && reaches(b);
+}
+
 /// Agreement of two patches' normals, with its sign; 0 where they do not continue each other.
 double agreement(const Patch& a, const Patch& b) {
-  const Vec3 d = b.quadric.at - a.quadric.at;
-  const double length = d.norm();
+  Vec3 at;
+  if (!meet(a, b, at)) return 0.0;
+  // The way from the one centre to the other, over where they meet.
+  const Vec3 to = at - a.quadric.at, on = b.quadric.at - at;
+  const double first = to.norm(), second = on.norm();
+  Vec3 way = b.quadric.at - a.quadric.at;
+  if (first > 0.0 && second > 0.0) way = to / first + on / second;
+  const double length = way.norm();
   if (!(length > 0.0)) return a.quadric.n.dot(b.quadric.n);
-  const Vec3 e = d / length;
+  const Vec3 e = way / length;
   const double na = a.quadric.n.dot(e), nb = b.quadric.n.dot(e);
   if (std::abs(na) > kSteepest || std::abs(nb) > kSteepest) return 0.0;
   const double agreed = a.quadric.n.dot(b.quadric.n) - 2.0 * na * nb;
-  if (std::abs(agreed) < kLeastAgreement) return 0.0;
-  const double off =
-      std::min(std::abs(a.quadric.residual(b.quadric.at)), std::abs(b.quadric.residual(a.quadric.at)));
-  const double bound = std::max({kOffShare * length, kOffSpacings * std::min(a.spacing, b.spacing),
-                                 kOffSigmas * std::max(a.sigma, b.sigma)});
-  return off <= bound ? agreed : 0.0;
+  return std::abs(agreed) < kLeastAgreement ? 0.0 : agreed;
 }
 
 struct Link {

@@ -177,6 +177,17 @@ void Ball::gather(const SmoothPoints& points, const Vec3& at, double r) {
   });
 }
 
+void Ball::keep_near(const Quadric& quadric, double gate) {
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < away.size(); ++i) {
+    if (std::abs(quadric.residual(centre + away[i])) > gate) continue;
+    away[kept] = away[i];
+    place[kept++] = place[i];
+  }
+  away.resize(kept);
+  place.resize(kept);
+}
+
 bool fit_quadric(const Ball& ball, const FitRule& rule, const Quadric* start, QuadricFit& fit) {
   const std::size_t count = ball.away.size();
   if (count < kFewestPoints || !(ball.radius > 0.0)) return false;

@@ -41,6 +41,8 @@ struct Ball {
   std::vector<std::uint32_t> place;
 
   void gather(const SmoothPoints& points, const Vec3& at, double r);
+  /// Leaves out the points farther than `gate` off a quadric.
+  void keep_near(const Quadric& quadric, double gate);
 };
 
 /// What a fit is allowed to take for noise at least, mm, and how the points are weighed.

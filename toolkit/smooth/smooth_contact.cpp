@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "toolkit/smooth/newton_step.h"
+
 namespace palpate::render {
 namespace {
 
@@ -15,9 +17,6 @@ constexpr int kQuickSteps = 3;
 /// A step of more than so many voxels is not trusted.
 constexpr double kLongestStep = 1.0;
 constexpr double kShortestStep = 1e-4;
-/// The curvature of the distance along the surface is taken for at least this: below it the god object stands
-/// at a saddle, and Newton's step would be any.
-constexpr double kLeastCurvature = 0.2;
 /// Distances may grow by rounding: single-precision distances of some voxels are right to 1e-6 voxels.
 constexpr double kNoFarther = 1.0 + 1e-6, kRounding = 4e-6;
 /// The HIP is out once it is above the surface by more than the surface is known to.
@@ -28,6 +27,8 @@ constexpr double kOnSurface = 1e-4;
 /// stands on its head only where it is the same surface beyond doubt.
 constexpr float kSameSheet = 1.0f, kSeam = 0.1f;
 constexpr double kSameNormal = 0.5;
+/// A brick tells of places so many voxels beyond its walls, where no other does.
+constexpr double kBeyondWall = 0.25;
 /// Along a segment the next place looked at is this share of the distance on, which the spline's slope of
 /// about one allows, and at least a quarter of a voxel.
 constexpr double kMarch = 0.7, kLeastMarch = 0.25;
@@ -37,68 +38,12 @@ constexpr double kOverlap = 0.02;
 constexpr int kRootSteps = 12;
 constexpr double kRootError = 1e-5;
 /// What a HIP that came out is clear of the surface by, at least.
-constexpr double kClearOf = 0.05;
+constexpr double kClearOf = 0.05, kClearOfMost = 0.8;
 /// HIPs farther off cannot be counted in cubes.
 constexpr double kFar = 1e8;
 
 bool is_far(const Vec3& at) noexcept {
   return !(at.cwiseAbs().maxCoeff() < kFar);
-}
-
-/// One Newton step of the nearest place to h on the level set through `at`.
-struct Step {
-  Vec3 along = Vec3::Zero();   ///< the tangent plane
-  Vec3 normal = Vec3::Zero();  ///< unit, of growing distance
-  double lift = 0.0;           ///< along the normal, back to the surface
-};
-
-Step newton_step(const Jet& jet, const Vec3& d, double longest) noexcept {
-  Step s;
-  const Vec3 g = jet.gradient.cast<double>();
-  const double size_sq = g.squaredNorm();
-  if (!(size_sq > 0.0)) return s;
-  const double size = std::sqrt(size_sq), per = 1.0 / size;
-  const Vec3 n = g * per;
-  s.normal = n;
-  const double depth = d.dot(n);
-  const Vec3 t = d - n * depth;
-  // Tangents (Duff et al. 2017).
-  const double sign = std::copysign(1.0, n.z()), a = -1.0 / (sign + n.z()), b = n.x() * n.y() * a;
-  const Vec3 e(1.0 + sign * n.x() * n.x() * a, sign * b, -sign * n.x()),
-      f(b, sign + n.y() * n.y() * a, -n.y());
-  const auto second = [&](const Vec3& v) {
-    const auto& h = jet.second;
-    const double xx = static_cast<double>(h[0]), yy = static_cast<double>(h[1]),
-                 zz = static_cast<double>(h[2]);
-    const double xy = static_cast<double>(h[3]), xz = static_cast<double>(h[4]),
-                 yz = static_cast<double>(h[5]);
-    return Vec3(xx * v.x() + xy * v.y() + xz * v.z(), xy * v.x() + yy * v.y() + yz * v.z(),
-                xz * v.x() + yz * v.y() + zz * v.z());
-  };
-  const Vec3 he = second(e), hf = second(f);
-  const double ee = e.dot(he), ef = f.dot(he), ff = f.dot(hf);
-  const double lambda = depth * per;
-  double p = 1.0 + lambda * ee, q = lambda * ef, r = 1.0 + lambda * ff;
-  const double middle = 0.5 * (p + r), half = 0.5 * (p - r);
-  double determinant = p * r - q * q;
-  if (!(middle > kLeastCurvature && determinant > kLeastCurvature * middle)) {
-    const double least = middle - std::sqrt(half * half + q * q);
-    const double lift = std::max(kLeastCurvature - least, 0.0);
-    p += lift;
-    r += lift;
-    determinant = p * r - q * q;
-  }
-  const double te = t.dot(e), tf = t.dot(f);
-  double x = (r * te - q * tf) / determinant, y = (p * tf - q * te) / determinant;
-  const double length_sq = x * x + y * y;
-  if (length_sq > longest * longest) {
-    const double share = longest / std::sqrt(length_sq);
-    x *= share;
-    y *= share;
-  }
-  s.along = e * x + f * y;
-  s.lift = -(static_cast<double>(jet.value) + 0.5 * (x * x * ee + 2.0 * x * y * ef + y * y * ff)) * per;
-  return s;
 }
 
 std::uint64_t mask_bit(const BrickPlace& at) noexcept {
@@ -131,7 +76,12 @@ SmoothContact::Cube SmoothContact::cube_of(const Vec3& at) noexcept {
 bool SmoothContact::look(const Vec3& at, Cube& cube, std::uint32_t& brick, float& side,
                          Jet& jet) const noexcept {
   const Cube to = cube_of(at);
-  if (to != cube) return change_brick(at, to, cube, brick, side, jet);
+  if (to != cube) {
+    if (change_brick(at, to, cube, brick, side, jet)) return true;
+    // Bricks differ by the rounding of their coefficients: a surface along a wall may be on its other side.
+    const Vec3 in(at - Vec3(cube[0], cube[1], cube[2]) * kBrickCells - Vec3::Constant(0.5 * kBrickCells));
+    if (in.cwiseAbs().maxCoeff() > 0.5 * kBrickCells + kBeyondWall) return false;
+  }
   jet = spline_jet(grid_->bricks[brick], place_in(cube, at));
   return true;
 }
@@ -192,15 +142,14 @@ bool SmoothContact::follow_quickly(const Vec3& h) noexcept {
   Jet jet;
   for (int i = 0; i < kQuickSteps; ++i) {
     if (!look(at, cube, brick, side, jet)) return false;
-    const Step s = newton_step(jet, h - at, kLongestStep);
+    const NewtonStep s = newton_step(jet, h - at, kLongestStep);
     at += s.along + s.normal * s.lift;
     const double length_sq = s.along.squaredNorm() + s.lift * s.lift;
     if (!(length_sq < kSettled * kSettled)) continue;
     const Vec3 d = h - at;
     if (!(d.dot(s.normal) * static_cast<double>(side) < 0.0)) return false;
     if (!(d.squaredNorm() <= (h - god_).squaredNorm() * kNoFarther)) return false;
-    const Cube now = cube_of(at);
-    if (now != cube) return false;
+    if (cube_of(at) != cube) return false;
     if ((grid_->bricks[brick].mask & mask_bit(place_in(cube, at))) == 0) return false;
     moved_ = at - god_;
     god_ = at;
@@ -220,7 +169,7 @@ SmoothContact::Stay SmoothContact::descend(const Vec3& h, int& steps, FrameCount
   if (!look(god_, cube_, brick_, side_, jet)) return Stay::kPastBorder;
   double longest = kLongestStep;
   while (steps > 0) {
-    const Step s = newton_step(jet, h - god_, longest);
+    const NewtonStep s = newton_step(jet, h - god_, longest);
     normal_ = s.normal;
     if (s.along.squaredNorm() < kSettled * kSettled && std::abs(s.lift) < kSettled) {
       god_ += s.along + s.normal * s.lift;
@@ -277,6 +226,21 @@ SmoothContact::Stay SmoothContact::descend(const Vec3& h, int& steps, FrameCount
   return Stay::kBound;
 }
 
+/// The HIP, or a place above the god object, where the sheet's distance says so, too: at a crease a normal
+/// alone would not. False without one.
+bool SmoothContact::find_clear(const Vec3& h, Vec3& clear) const noexcept {
+  Cube cube = cube_;
+  std::uint32_t brick = brick_;
+  float side = side_;
+  Jet jet;
+  for (double above = kClearOf; above <= kClearOfMost; above *= 2.0) {
+    const bool near = (h - god_).squaredNorm() <= above * above;
+    clear = near ? h : Vec3(god_ + normal_ * (static_cast<double>(side_) * above));
+    if (look(clear, cube, brick, side, jet) && jet.value * side > 0.0f) return true;
+  }
+  return false;
+}
+
 bool SmoothContact::update_slowly(const Vec3& h, FrameCounters& counters) noexcept {
   if (is_far(h)) {
     start_from(grid_->low_mm + h * grid_->voxel_mm);
@@ -296,14 +260,12 @@ bool SmoothContact::update_slowly(const Vec3& h, FrameCounters& counters) noexce
           tested_to_ = h;
           clear_ = -1.0;
           return false;
-        case Stay::kOut: {
-          // Its way out of the surface is still to be tested.
+        case Stay::kOut:
+          // Its way out of the surface is still to be tested, from a place that is clear of it.
+          if (!find_clear(h, tested_to_)) return true;
           contact_ = false;
           clear_ = -1.0;
-          const Vec3 clear_of = god_ + normal_ * (static_cast<double>(side_) * kClearOf);
-          tested_to_ = (h - god_).squaredNorm() > kClearOf * kClearOf ? clear_of : h;
           break;
-        }
       }
     }
     if (is_far(tested_to_)) tested_to_ = h;

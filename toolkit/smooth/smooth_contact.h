@@ -35,6 +35,10 @@ class SmoothContact {
   /// The HIP has gone to h. True in contact. Allocates nothing.
   [[nodiscard]] bool update(const Vec3& h_mm, FrameCounters& counters) noexcept;
 
+  /// Of a closed piece (from 1) the sign of the distance on its free side; 0: either.
+  [[nodiscard]] float free_side(std::size_t piece) const noexcept {
+    return piece < free_side_.size() ? free_side_[piece] : 0.0f;
+  }
   [[nodiscard]] bool contact() const noexcept { return contact_; }
   [[nodiscard]] bool bound_hit() const noexcept { return bound_hit_; }
   /// In contact, local mm.
@@ -58,6 +62,7 @@ class SmoothContact {
                                   float& side, Jet& jet) const noexcept;
   [[nodiscard]] bool follow_quickly(const Vec3& h) noexcept;
   [[nodiscard]] Stay descend(const Vec3& h, int& steps, FrameCounters& counters) noexcept;
+  [[nodiscard]] bool find_clear(const Vec3& h, Vec3& clear) const noexcept;
   [[nodiscard]] bool update_slowly(const Vec3& h, FrameCounters& counters) noexcept;
   [[nodiscard]] bool find_entry(const Vec3& h, int& values, FrameCounters& counters) noexcept;
   [[nodiscard]] bool enter_in(const Cube& cube, std::uint32_t cell, const Vec3& from, const Vec3& way,

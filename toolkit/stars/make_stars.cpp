@@ -52,36 +52,28 @@ double tie_weight(const cloud::Cloud& cloud, std::uint32_t i) noexcept {
 
 /// The kMost nearest of the kept candidates, nearest first.
 template <std::size_t kMost>
-struct Nearest {
-  std::array<double, kMost> square;
-  std::array<std::uint32_t, kMost> index;
-  std::size_t count = 0;
-
-  void take(const neighbourhood::Scratch& scratch, std::uint32_t self) noexcept {
-    count = 0;
-    for (std::size_t k = 0; k < scratch.count; ++k) {
-      const std::uint32_t other = scratch.index[k];
-      const double d = scratch.square[k];
-      if (other == self) continue;
-      if (count == kMost && !before(d, other, kMost - 1)) continue;
-      std::size_t at = count < kMost ? count++ : kMost - 1;
-      for (; at > 0 && before(d, other, at - 1); --at) {
-        square[at] = square[at - 1];
-        index[at] = index[at - 1];
-      }
-      square[at] = d;
-      index[at] = other;
-    }
+class Nearest {
+ public:
+  void take(const neighbourhood::Scratch& scratch, std::uint32_t self) {
+    found_.clear();
+    for (std::size_t k = 0; k < scratch.count; ++k)
+      if (scratch.index[k] != self) found_.emplace_back(scratch.square[k], scratch.index[k]);
+    const auto most = found_.begin() + static_cast<std::ptrdiff_t>(std::min(found_.size(), kMost));
+    if (most != found_.end()) std::nth_element(found_.begin(), most, found_.end());
+    found_.erase(most, found_.end());
+    std::sort(found_.begin(), found_.end());
+    index_.clear();
+    for (const auto& [square, index] : found_) index_.push_back(index);
   }
   /// Infinite while there are fewer.
   [[nodiscard]] double worst() const noexcept {
-    return count < kMost ? neighbourhood::kEverything : square[kMost - 1];
+    return found_.size() < kMost ? neighbourhood::kEverything : found_.back().first;
   }
+  [[nodiscard]] std::span<const std::uint32_t> indices() const noexcept { return index_; }
 
  private:
-  [[nodiscard]] bool before(double d, std::uint32_t other, std::size_t at) const noexcept {
-    return d < square[at] || (d == square[at] && other < index[at]);
-  }
+  std::vector<std::pair<double, std::uint32_t>> found_;  ///< squared distance, index
+  std::vector<std::uint32_t> index_;
 };
 
 /// use(point, its kMost nearest) for every wanted point.
@@ -93,7 +85,7 @@ void run_nearest(const neighbourhood::KnnEngine& engine, std::span<const std::ui
       [&](std::uint32_t self, const Vec3& p, const neighbourhood::Candidates& candidates, double radius_mm,
           neighbourhood::Neighbours&, neighbourhood::Scratch& scratch) {
         const double covered = radius_mm * radius_mm;
-        Nearest<kMost> nearest;
+        static thread_local Nearest<kMost> nearest;
         for (double guess = scratch.guess;; guess = neighbourhood::larger_guess(guess)) {
           const bool all = !(guess < covered);
           kernel.keep_ball(candidates, p, all ? neighbourhood::kEverything : guess, scratch);
@@ -101,7 +93,7 @@ void run_nearest(const neighbourhood::KnnEngine& engine, std::span<const std::ui
           if (!all && !(nearest.worst() <= guess)) continue;
           scratch.guess = neighbourhood::kGuessRoom * nearest.worst();
           if (nearest.worst() >= covered && radius_mm != neighbourhood::kEverything) return false;
-          use(self, std::span<const std::uint32_t>(nearest.index.data(), nearest.count));
+          use(self, nearest.indices());
           return true;
         }
       },
