@@ -8,17 +8,42 @@
 
 #include "toolkit/cloud/height_field_holes.h"
 #include "toolkit/core/numbers.h"
+#include "toolkit/smooth/smooth_model.h"
 
 namespace palpate::plan {
 
 using render::Decision;
 
-Decision choose_renderer(const render::SceneInput& scene) {
+namespace {
+
+/// Noise across the surface from which on triangles between the points are too rough to be felt, in spacings.
+/// At 0.1 their slope is off by 8 degrees and the force by a sixth (felt_surface, sets tn05 to tn15).
+/// Finished models have less (dragon 0.02, bunny 0.05, a coarse relief 0.07), raw scans more (0.14 to 0.35).
+constexpr double kNoisyShare = 0.1;
+
+/// `cloud`, or `cloud-smooth` where the points are noisy. `facts`: why they are no height field.
+Decision choose_for_points(const render::ModelInput& model, const std::string& facts,
+                           const render::PrepareContext& context) {
+  const Result<render::SmoothDecision> measured = render::decide_smooth(model, {}, context);
+  if (!measured || !(measured->spacing_mm > 0.0)) return {"renderer", "cloud", facts};
+  const double noise = measured->noise_mm / measured->spacing_mm;
+  if (noise < kNoisyShare)
+    return {"renderer", "cloud", fmt::format("{}; noise of {:.2g} spacings was measured", facts, noise)};
+  return {
+      "renderer", "cloud-smooth",
+      fmt::format("{}; noise of {:.2g} spacings was measured: triangles between such points would be felt as "
+                  "roughness, a smooth surface near them is not",
+                  facts, noise)};
+}
+
+}  // namespace
+
+Decision choose_renderer(const render::SceneInput& scene, const render::PrepareContext& context) {
   if (scene.models.size() != 1) return {"renderer", "cloud", "several models"};
   const render::ModelInput& model = scene.models.front();
   if (model.surface.dent.any() || model.moves != nullptr) return {"renderer", "cloud", "its points give way"};
   const cloud::HeightFieldFacts facts = cloud::height_field_facts(*model.cloud);
-  if (!facts.is) return {"renderer", "cloud", facts.words};
+  if (!facts.is) return choose_for_points(model, facts.words, context);
   return {"renderer", "heightfield",
           fmt::format(
               "the points are a height field on {}; its answers are nearer and faster than those of "
@@ -31,7 +56,8 @@ Result<Plan> make_plan(const render::SceneInput& scene, const std::optional<Name
                        const render::Registry& registry, const render::PrepareContext& context) {
   if (scene.models.empty()) return Error{"the scene has no model", "add a [[model]]", {}, 0};
   Plan plan;
-  Decision chosen = wanted ? Decision{"renderer", wanted->name, "as given", true} : choose_renderer(scene);
+  Decision chosen =
+      wanted ? Decision{"renderer", wanted->name, "as given", true} : choose_renderer(scene, context);
   plan.renderer = wanted ? *wanted : NamedOptions{chosen.choice, {}};
   const Result<std::unique_ptr<render::HapticRenderer>> renderer =
       registry.make(plan.renderer.name, plan.renderer.options);

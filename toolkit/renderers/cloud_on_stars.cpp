@@ -17,8 +17,8 @@ namespace {
 
 // Measured (see kExpectedOn): what to expect, no decision rests on them.
 constexpr double kStarFrameUs = 0.1, kStarMsPerMillion = 2'500.0;
-// Points and rings, long rings of one point in thirty, the tree.
-constexpr double kStarBytesPerPoint = 52.9;
+// Points and rings, long rings of one point in thirty, boxes and layers of the tree.
+constexpr double kStarBytesPerPoint = 48.0 + 1.5 + 6.0;
 /// More open points than this share are not borders: the points are too noisy or too few for facets.
 constexpr double kDoubtfulShare = 0.05;
 
@@ -139,8 +139,8 @@ class CloudOnStars final : public BoxedShellRenderer<StarModel> {
     if (const double open = share(counts.open_points + counts.unused, points); open > kDoubtfulShare)
       report.warnings.push_back(
           fmt::format("{:.0f} % of the points lie at gaps: they are too noisy, or too few, for facets "
-                      "between them; clean "
-                      "them (palpate clean)",
+                      "between them; take cloud-smooth, or "
+                      "clean them (palpate clean)",
                       100.0 * open));
   }
 

@@ -113,7 +113,7 @@ class StarMesh {
   }
   /// Of each place its index in the cloud.
   [[nodiscard]] const std::vector<std::uint32_t>& order() const noexcept { return order_; }
-  void drop_order() noexcept { order_ = {}; }
+  void drop_order() noexcept { order_ = std::vector<std::uint32_t>(); }
   [[nodiscard]] const StarCounts& counts() const noexcept { return counts_; }
   [[nodiscard]] std::size_t bytes() const noexcept;
   /// visit(a, b, c) for every triangle, from its lowest place, counter-clockwise seen from outside.

@@ -54,6 +54,20 @@ TEST(Plan, HeightFieldsTakeTheirOwnRenderer) {
   EXPECT_EQ(planned(render::generated("sinusoid:points=10201:jitter=0.4").input).renderer.name, "cloud");
 }
 
+TEST(Plan, NoisyPointsTakeTheSmoothCloud) {
+  for (const auto& [noise, renderer] : std::vector<std::pair<const char*, const char*>>{
+           {"0", "cloud"}, {"0.05", "cloud"}, {"0.15", "cloud-smooth"}, {"0.3", "cloud-smooth"}}) {
+    const std::string spec = std::string("torus:points=20000:sampling=random:mesh=false:noise=") + noise;
+    const Plan plan = planned(render::generated(spec).input);
+    EXPECT_EQ(plan.renderer.name, renderer) << noise;
+    EXPECT_NE(find(plan.decided.decisions, "renderer")->reason.find("noise of"), std::string::npos) << noise;
+  }
+  // Points that give way do so on cloud alone, however noisy they are.
+  render::Scene scene = render::generated("torus:points=5000:sampling=random:mesh=false:noise=0.3");
+  scene.input.models[0].surface.dent = {0.5, 3.0, 20.0};
+  EXPECT_EQ(planned(scene.input).renderer.name, "cloud");
+}
+
 TEST(Plan, PointsThatGiveWayTakeTheCloud) {
   render::Scene scene = render::generated("plane:extent_mm=40:spacing_mm=1");
   scene.input.models[0].surface.dent = {0.5, 3.0, 20.0};
