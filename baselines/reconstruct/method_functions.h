@@ -29,7 +29,7 @@ MethodFunction power_crust;
 MethodFunction ball_pivoting;
 MethodFunction greedy_projection;  ///< vertex i is point i
 MethodFunction marching_cubes;
-MethodFunction organised;  ///< vertex i is point i
+MethodFunction organised;        ///< vertex i is point i
 MethodFunction stars_of_points;  ///< vertex i is point i; doubled points stay as unused vertices
 
 /// CGAL's own random numbers start from the clock; with this they are the same on every run.

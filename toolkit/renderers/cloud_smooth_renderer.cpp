@@ -106,7 +106,7 @@ class CloudSmooth final : public BoxedShellRenderer<SmoothModel> {
             fmt::format(
                 "a model near the HIP: {} steps of the god object, {} values along the HIP's segment of {} "
                 "cubes, {} sheets a cube, {} entries a frame; what is left is done in the next",
-                kMaxNewtonSteps, kMaxSegmentValues, kMaxSegmentCubes, kMaxSheets, kMaxSmoothEntries),
+                kMaxNewtonSteps, kMaxSegmentValues, kMaxSegmentCubes, kMaxSmoothSheets, kMaxSmoothEntries),
             options_};
   }
 

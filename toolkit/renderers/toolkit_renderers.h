@@ -5,8 +5,8 @@
 
 namespace palpate::render {
 
-/// Adds cloud-literal, cloud, cloud-smooth, heightfield-literal, heightfield, analytic and brute-force. None of them may be
-/// there already.
+/// Adds cloud-literal, cloud, cloud-smooth, heightfield-literal, heightfield, analytic and brute-force. None
+/// of them may be there already.
 void register_toolkit_renderers(Registry& registry);
 
 }  // namespace palpate::render

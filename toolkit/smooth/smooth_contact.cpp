@@ -91,7 +91,8 @@ bool SmoothContact::change_brick(const Vec3& at, const Cube& to, Cube& cube, std
   const std::uint32_t cell = grid_->cell_at(to);
   if (cell == CellTable::kNone) return false;
   const BrickPlace place = place_in(to, at);
-  const std::uint32_t begin = grid_->first[cell], end = std::min(grid_->first[cell + 1], begin + kMaxSheets);
+  const std::uint32_t begin = grid_->first[cell],
+                      end = std::min(grid_->first[cell + 1], begin + kMaxSmoothSheets);
   float least = std::numeric_limits<float>::infinity();
   for (std::uint32_t b = begin; b < end; ++b) {
     const Jet found = spline_jet(grid_->bricks[b], place);
@@ -377,7 +378,8 @@ void SmoothContact::restart(const Vec3& h_mm) noexcept {
 bool SmoothContact::enter_in(const Cube& cube, std::uint32_t cell, const Vec3& from, const Vec3& way,
                              double begin, double end, int& values, double& at,
                              std::uint16_t piece) noexcept {
-  const std::uint32_t first = grid_->first[cell], past = std::min(grid_->first[cell + 1], first + kMaxSheets);
+  const std::uint32_t first = grid_->first[cell],
+                      past = std::min(grid_->first[cell + 1], first + kMaxSmoothSheets);
   const double length = way.norm();
   const double per = length > 0.0 ? 1.0 / length : 0.0;
   bool found = false;
@@ -440,7 +442,7 @@ void SmoothContact::note_free(const Vec3& h) noexcept {
   const std::uint32_t cell = grid_->cell_at(cube);
   if (cell != CellTable::kNone) {
     const std::uint32_t first = grid_->first[cell],
-                        past = std::min(grid_->first[cell + 1], first + kMaxSheets);
+                        past = std::min(grid_->first[cell + 1], first + kMaxSmoothSheets);
     for (std::uint32_t b = first; b < past; ++b)
       clear = std::min(
           clear, kMarch * std::abs(static_cast<double>(spline_value(grid_->bricks[b], place_in(cube, h)))));

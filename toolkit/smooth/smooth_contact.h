@@ -16,7 +16,7 @@ namespace palpate::render {
 inline constexpr int kMaxNewtonSteps = 24;
 inline constexpr int kMaxSegmentValues = 256;
 inline constexpr int kMaxSegmentCubes = 64;
-inline constexpr std::uint32_t kMaxSheets = 8;
+inline constexpr std::uint32_t kMaxSmoothSheets = 8;
 inline constexpr int kMaxSmoothEntries = 3;
 
 /// Belongs to one thread. The grid must outlive it.

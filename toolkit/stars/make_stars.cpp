@@ -195,7 +195,7 @@ void keep_directions(const Draft& draft, std::uint32_t self, std::span<const std
 class FlatNeighbours {
  public:
   FlatNeighbours(const Draft& draft, std::uint32_t point, const Layout& layout)
-      : draft_(draft), point_(point), layout_(layout), p_(draft.at(point)) {
+      : draft_(draft), layout_(layout), p_(draft.at(point)) {
     e_ = layout.normal.unitOrthogonal();
     f_ = layout.normal.cross(e_);
     weight_ = weight(point);
@@ -220,7 +220,6 @@ class FlatNeighbours {
     return kTieShare * static_cast<double>(draft_.scale_sq[i]) * tie_weight(*draft_.cloud, i);
   }
   const Draft& draft_;
-  std::uint32_t point_;
   const Layout& layout_;
   Vec3 p_, e_, f_;
   double weight_;

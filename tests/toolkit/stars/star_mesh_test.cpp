@@ -114,8 +114,8 @@ TEST(StarMesh, KeepsSheetsApart) {
   const StarMesh mesh = StarMesh::build(cloud_of(random_spheres({20.0, 19.4}, 0.2, 13)), 2);
   EXPECT_EQ(mesh.counts().closed_pieces, 2u);
   EXPECT_EQ(mesh.counts().open_points, 0u);
-  // An even lattice on both, what a scan of sheet metal is: their borders may be joined, as a plate's rim is, and nothing
-  // else.
+  // An even lattice on both, what a scan of sheet metal is: their borders may be joined, as a plate's rim is,
+  // and nothing else.
   for (const double gap : {0.2, 0.25, 0.3}) {
     std::vector<Vec3> sheets;
     for (int x = 0; x < 80; ++x)
