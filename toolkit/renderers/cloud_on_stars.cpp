@@ -94,7 +94,7 @@ class CloudOnStars final : public BoxedShellRenderer<StarModel> {
     if (!geometry) return std::move(geometry).error();
     made->geometry = *std::move(geometry);
     const stars::StarMesh& mesh = made->geometry->mesh;
-    made->pose_ = ModelPose(input, mesh.origin_mm());
+    made->placed = ModelPose(input, mesh.origin_mm());
     Result<SurfaceField> field = build_surface_field(input, mesh.order(), report);
     if (!field) return std::move(field).error();
     made->surface = *std::move(field);

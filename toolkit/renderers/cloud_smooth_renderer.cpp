@@ -72,8 +72,8 @@ class SmoothModel {
       const int x = i / 4, y = i / 2 % 2, z = i % 2;
       const double wx = x != 0 ? t.x() : 1.0 - t.x(), wy = y != 0 ? t.y() : 1.0 - t.y(),
                    wz = z != 0 ? t.z() : 1.0 - t.z();
-      const PlaceSurface& corner =
-          corners[static_cast<std::size_t>(base + (x * kBrickCorners + y) * kBrickCorners + z)];
+      const int index = base + (x * kBrickCorners + y) * kBrickCorners + z;
+      const PlaceSurface& corner = corners[static_cast<std::size_t>(index)];
       const auto k = static_cast<double>(corner.stiffness_n_per_mm);
       stiffness += wx * wy * wz * k;
       still += wx * wy * wz * static_cast<double>(corner.static_friction);

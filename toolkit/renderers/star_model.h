@@ -26,8 +26,8 @@ class StarModel {
   struct Memory {};
   static constexpr bool kComposed = true;
 
-  [[nodiscard]] ModelPose& pose() noexcept { return pose_; }
-  [[nodiscard]] const ModelPose& pose() const noexcept { return pose_; }
+  [[nodiscard]] ModelPose& pose() noexcept { return placed; }
+  [[nodiscard]] const ModelPose& pose() const noexcept { return placed; }
   [[nodiscard]] unsigned features() const noexcept { return surface.features; }
   [[nodiscard]] geometry::Aabb box_mm() const noexcept { return geometry->tree.box_mm(); }
   [[nodiscard]] bool touching() const noexcept { return contact.contact(); }
@@ -57,7 +57,7 @@ class StarModel {
   }
   template <unsigned kFeatures>
   [[nodiscard]] SurfaceAnswer respond(const SurfaceContact& at) noexcept {
-    return state.respond<kFeatures>(at, surface.texture, pose_.origin_mm);
+    return state.respond<kFeatures>(at, surface.texture, placed.origin_mm);
   }
   /// Of the facets that hold the god object of `at`: one, or those of an edge or corner, which is concave
   /// seen from the touched side.
@@ -65,14 +65,14 @@ class StarModel {
                    FrameCounters& counters) const noexcept {
     stars::Stand stand = contact.stand();
     int moves = stars::kMaxFacetMoves;
-    (void)stars::descend(geometry->mesh, pose_.to_local(at_world), stand, moves);
+    (void)stars::descend(geometry->mesh, placed.to_local(at_world), stand, moves);
     counters.walk_steps += static_cast<std::uint64_t>(stars::kMaxFacetMoves - moves);
     stars::for_facets_at(geometry->mesh, stand, [&](const stars::Facet& facet) noexcept {
       const Vec3 normal = facet.area_normal();
       const double size = normal.norm();
       if (!(size > 0.0)) return;
-      const Vec3 n = pose_.direction_to_world(normal * (contact.side() / size));
-      planes.add({n, n.dot(pose_.to_world(stand.foot.point))});
+      const Vec3 n = placed.direction_to_world(normal * (contact.side() / size));
+      planes.add({n, n.dot(placed.to_world(stand.foot.point))});
     });
   }
 
@@ -80,7 +80,7 @@ class StarModel {
   stars::StarContact contact;
   SurfaceField surface;  ///< by place
   SurfaceState state;
-  ModelPose pose_;
+  ModelPose placed;  ///< where it stands
 
  private:
   template <unsigned kFeatures>

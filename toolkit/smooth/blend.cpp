@@ -140,7 +140,8 @@ void NodeBlend::fill(int missing) {
         const int at = i / kStep[static_cast<std::size_t>(axis)] % kBrickNodes;
         for (int side = -1; side <= 1; side += 2) {
           if (at + side < 0 || at + side >= kBrickNodes) continue;
-          const auto j = static_cast<std::size_t>(i + side * kStep[static_cast<std::size_t>(axis)]);
+          const int beside = i + side * kStep[static_cast<std::size_t>(axis)];
+          const auto j = static_cast<std::size_t>(beside);
           if (known_[j] == 0) continue;
           const Eigen::Vector3f gj(x_[j], y_[j], z_[j]);
           f += distance_[j] - static_cast<float>(side) * gj[axis];

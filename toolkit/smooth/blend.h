@@ -29,7 +29,7 @@ class NodeBlend {
   void fill(int missing);
 
   struct Sums {
-    std::array<Lanes, kNodeRows * kRowHalves> weight, distance, x, y, z;
+    std::array<Lanes, std::size_t{kNodeRows} * std::size_t{kRowHalves}> weight, distance, x, y, z;
   };
   Sums sums_;
   std::array<float, kBrickCoefficients> distance_, x_, y_, z_;  ///< and its gradient
