@@ -80,6 +80,17 @@ void make_stars(Draft& draft);
 /// confirmed. Parallel.
 void mend_stars(Draft& draft);
 
+/// Squared radius of the ball that holds a point's nearest.
+[[nodiscard]] inline double ball_sq(const Draft& draft, std::uint32_t point) noexcept {
+  const Near& near = draft.near[point];
+  std::size_t last = kNear - 1;
+  while (last > 0 && near[last] == point) --last;
+  return (draft.at(near[last]) - draft.at(point)).squaredNorm();
+}
+/// A triangle's circle may be so many times as wide as that ball: of random points one circle of a million
+/// is 2.4 mean spacings in radius, the ball 2.3.
+inline constexpr double kReachPerBall = 1.5;
+
 /// How a point's surroundings are laid out.
 struct Layout {
   Vec3 normal = Vec3::Zero();

@@ -95,7 +95,6 @@ class Filler {
     report.filled = fill_loops(true);
     report.filled += fill_loops(false);
     for (std::size_t l = 0; l < links_.size(); ++l) {
-      report.unused += links_[l].edges.empty();
       draft_.star[points_[l]] = star_of(points_[l], links_[l]);
     }
     return report;
@@ -200,9 +199,7 @@ class Filler {
     return filled;
   }
   [[nodiscard]] double reach_sq(std::uint32_t i) const noexcept {
-    const std::uint32_t far = draft_.near[i][kNear - 1];
-    const double r = 1.5;
-    return r * r * (draft_.at(far) - draft_.at(i)).squaredNorm();
+    return kReachPerBall * kReachPerBall * ball_sq(draft_, i);
   }
   /// Ears of the loop, the roundest first.
   std::size_t fill(std::vector<std::uint32_t> loop, bool flat) {

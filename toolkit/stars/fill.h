@@ -11,7 +11,6 @@ namespace palpate::stars {
 struct FillReport {
   std::size_t voted = 0;   ///< triangles that one or two of their three stars had
   std::size_t filled = 0;  ///< triangles put into small loops
-  std::size_t unused = 0;  ///< points that no triangle has
 };
 
 /// Afterwards every star's sectors are agreed, and what is not is open. Points whose stars agreed keep them.

@@ -15,9 +15,6 @@ namespace {
 /// between them would have a direction of noise alone.
 constexpr double kWeldShare = 0.02;
 constexpr std::size_t kScaleRank = 3;  ///< the fourth neighbour
-/// A triangle's circle may be so many times as wide as the ball of the sixteen nearest: of random points one
-/// circle of a million is 2.4 mean spacings in radius, the ball 2.3.
-constexpr double kReachPerBall = 1.5;
 /// Four points of a lattice lie on one circle, and each of them lays them out a little differently. Weights
 /// by chance, the same for all that look, of up to this share of the square of the spacing settle which
 /// diagonal it is.
@@ -287,8 +284,8 @@ Star lay_out(const Draft& draft, std::uint32_t point, const Layout& layout,
              std::span<const std::uint32_t> more) {
   const Near& near = draft.near[point];
   const Vec3 p = draft.at(point);
-  const double ball_sq = (draft.at(near[kNear - 1] == point ? near[0] : near[kNear - 1]) - p).squaredNorm();
-  const double reach = kReachPerBall * std::sqrt(ball_sq);
+  const double around_sq = ball_sq(draft, point);
+  const double reach = kReachPerBall * std::sqrt(around_sq);
   if (!(reach > 0.0) || layout.normal == Vec3::Zero()) return {};
   const FlatNeighbours flat_of(draft, point, layout);
   FlatCell cell;
@@ -303,7 +300,7 @@ Star lay_out(const Draft& draft, std::uint32_t point, const Layout& layout,
   }
   for (const std::uint32_t other : more)
     if (!cell.has_side(other)) cut(other);
-  const double known_sq = draft.sparse[point] != 0 ? 0.0 : ball_sq;
+  const double known_sq = draft.sparse[point] != 0 ? 0.0 : around_sq;
   for (int round = 0; round < kWiderRounds; ++round) {
     // A corner whose circle leaves the ball may have a point in it that is not among the nearest.
     const double reach_sq = cell.reach_sq();

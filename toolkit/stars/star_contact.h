@@ -24,7 +24,7 @@ inline constexpr std::size_t kMaxBlocksNear = 16;
 inline constexpr double kStepsAhead = 8.0;
 
 struct StarCounters {
-  std::uint64_t moves = 0, tested = 0, blocks = 0, bound_hits = 0;
+  std::uint64_t moves = 0, tested = 0, blocks = 0;
 };
 
 /// Everything in local coordinates, mm. Belongs to one thread; mesh and tree are only read and must outlive
@@ -75,8 +75,7 @@ class StarContact {
   /// From facet to facet while the foot is beyond one edge: true where it comes to rest inside one. The
   /// distance never grows: that edge is a part of the next facet too.
   bool cross(const Vec3& h, FacetFrame::Weights weights, StarCounters& counters) noexcept;
-  /// Reads ahead what lies around a facet that the god object came to over its edge from place[0] to
-  /// place[2].
+  /// Reads ahead what lies around a place: where the god object may go next.
   void read_ahead(std::uint32_t place) const noexcept {
     const Ring ring = mesh_->ring(place);
     for (std::uint32_t k = 0; k < ring.size; ++k) mesh_->prefetch(ring.of[k]);

@@ -8,24 +8,12 @@
 #include <set>
 #include <string>
 
+#include "tests/toolkit/cloud/made.h"
 #include "toolkit/cloud/generate.h"
 #include "toolkit/cloud/lattice.h"
 
 namespace palpate::cloud {
 namespace {
-
-GeneratedModel made(const std::string& text) {
-  auto spec = parse_named_options(text);
-  EXPECT_TRUE(spec) << text;
-  auto model = generate(*spec);
-  EXPECT_TRUE(model) << text << ": " << (model ? "" : model.error().message());
-  return std::move(*model);
-}
-
-std::string refusal(const std::string& text) {
-  const auto model = generate(*parse_named_options(text));
-  return model ? "accepted" : model.error().message();
-}
 
 const char* const kAll[] = {
     "sinusoid", "plane", "saddle", "relief:finest_mm=8", "wedge:angle_deg=70", "wedge:angle_deg=300",

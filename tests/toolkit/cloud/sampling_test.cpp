@@ -10,24 +10,12 @@
 #include <string>
 #include <vector>
 
+#include "tests/toolkit/cloud/made.h"
 #include "toolkit/cloud/generate.h"
 #include "toolkit/cloud/rings.h"
 
 namespace palpate::cloud {
 namespace {
-
-GeneratedModel made(const std::string& text) {
-  auto spec = parse_named_options(text);
-  EXPECT_TRUE(spec) << text;
-  auto model = generate(*spec);
-  EXPECT_TRUE(model) << text << ": " << (model ? "" : model.error().message());
-  return std::move(*model);
-}
-
-std::string refusal(const std::string& text) {
-  const auto model = generate(*parse_named_options(text));
-  return model ? "accepted" : model.error().message();
-}
 
 const char* const kRound[] = {"ellipsoid", "rounded-box", "bowl", "bowl:rim_deg=150:felt=outside",
                               "shells:gap_mm=2"};
