@@ -11,12 +11,14 @@
 #include "toolkit/render/prepare_phases.h"
 #include "toolkit/render/shell_renderer.h"
 #include "toolkit/renderers/star_model.h"
+#include "toolkit/stars/refine.h"
 
 namespace palpate::render {
 namespace {
 
 // Measured (see kExpectedOn): what to expect, no decision rests on them.
 constexpr double kStarFrameUs = 0.1, kStarMsPerMillion = 2'500.0;
+constexpr double kRefineMsPerMillion = 500.0;  // of places that are new
 // Points and rings, long rings of one point in thirty, boxes and layers of the tree.
 constexpr double kStarBytesPerPoint = 48.0 + 1.5 + 6.0;
 /// More open points than this share are not borders: the points are too noisy or too few for facets.
@@ -58,11 +60,12 @@ class CloudOnStars final : public BoxedShellRenderer<StarModel> {
     if (!surface) return surface.error();
     return said(input, *surface);
   }
+  [[nodiscard]] int levels() const { return static_cast<int>(options_.integer("refine")); }
   static Error no_points() {
     return {"the cloud has no points", "give a file with at least one point", {}, 0};
   }
 
-  static ModelDecisions said(const ModelInput& input, const SurfaceDecision& surface) {
+  [[nodiscard]] ModelDecisions said(const ModelInput& input, const SurfaceDecision& surface) const {
     ModelDecisions out;
     out.name = input.name;
     out.points = input.cloud->size();
@@ -71,8 +74,12 @@ class CloudOnStars final : public BoxedShellRenderer<StarModel> {
         {"surface", "stars",
          "triangles that the points agree on; points that give way, and options of the vertices' "
          "boxes, take vertices"});
-    out.bytes = static_cast<std::uint64_t>(kStarBytesPerPoint * n);
-    out.prepare_ms = 1e-6 * n * kStarMsPerMillion;
+    // Each level has four places for one.
+    const double places = n * std::pow(4.0, levels());
+    out.bytes = static_cast<std::uint64_t>(kStarBytesPerPoint * places);
+    out.prepare_ms = 1e-6 * (n * kStarMsPerMillion + (places - n) * kRefineMsPerMillion);
+    if (levels() > 0)
+      out.decisions.push_back({"refined", fmt::format("{} times", levels()), "option refine", true});
     out.frame_us = kStarFrameUs;
     say_surface(input, surface, kFeltOnStars, out.points, out);
     if (input.motion != nullptr)
@@ -87,10 +94,10 @@ class CloudOnStars final : public BoxedShellRenderer<StarModel> {
     Result<std::shared_ptr<const StarGeometry>> geometry = held_or_made<StarGeometry>(
         context, report,
         [&] {
-          return fmt::format("stars {:016x} {} {}", cloud::content_hash(*input.cloud), input.cloud->size(),
-                             varied);
+          return fmt::format("stars {:016x} {} {} {}", cloud::content_hash(*input.cloud), input.cloud->size(),
+                             varied, levels());
         },
-        [&](PrepareReport& to) { return build_geometry(*input.cloud, varied, context, to); });
+        [&](PrepareReport& to) { return build_geometry(*input.cloud, levels(), varied, context, to); });
     if (!geometry) return std::move(geometry).error();
     made->geometry = *std::move(geometry);
     const stars::StarMesh& mesh = made->geometry->mesh;
@@ -106,7 +113,7 @@ class CloudOnStars final : public BoxedShellRenderer<StarModel> {
     return Done{};
   }
 
-  static Result<std::shared_ptr<const StarGeometry>> build_geometry(const cloud::Cloud& cloud,
+  static Result<std::shared_ptr<const StarGeometry>> build_geometry(const cloud::Cloud& cloud, int levels,
                                                                     bool keep_order,
                                                                     const PrepareContext& context,
                                                                     PrepareReport& report) {
@@ -119,6 +126,11 @@ class CloudOnStars final : public BoxedShellRenderer<StarModel> {
       running = true;
     });
     phases.end();
+    if (levels > 0) {
+      phases.begin("refine");
+      made->mesh = stars::refined(std::move(made->mesh), levels, context.threads);
+      phases.end();
+    }
     phases.begin("tree");
     made->tree = stars::StarTree::build(made->mesh, context.threads);
     if (!keep_order) made->mesh.drop_order();

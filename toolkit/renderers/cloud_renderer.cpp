@@ -9,6 +9,7 @@
 #include "toolkit/render/slow_phase.h"
 #include "toolkit/renderers/cloud_on_stars.h"
 #include "toolkit/renderers/cloud_on_vertices.h"
+#include "toolkit/stars/refine.h"
 
 namespace palpate::render {
 namespace {
@@ -129,6 +130,15 @@ RendererInfo cloud_info() {
        "what is felt: triangles that the points agree on (stars), or a plane at every point; auto: stars, "
        "unless points give way or an option of the vertices is given",
        {"auto", "stars", "vertices"}});
+  info.options.push_back({"refine",
+                          OptionKind::kInteger,
+                          "0",
+                          "times that every triangle is cut into four on curves through the points: half the "
+                          "error and four times the memory each",
+                          {},
+                          0.0,
+                          static_cast<double>(stars::kMostRefined),
+                          {{"surface", {"auto", "stars"}}}});
   info.make = [](const Options& options) { return std::make_unique<CloudRenderer>(options); };
   return info;
 }
