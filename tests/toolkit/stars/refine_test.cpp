@@ -68,7 +68,9 @@ TEST(Refined, KeepsThePointsAndTheCreases) {
   std::size_t kept = 0;
   for (std::uint32_t i = 0; i < fine.size(); ++i) {
     const Vec3 p = fine.at(i) + fine.origin_mm();
-    if (p.y() > 1.0 && p.y() < 19.0) EXPECT_LT(std::min(std::abs(p.x()), std::abs(p.z())), 1e-6);
+    if (p.y() > 1.0 && p.y() < 19.0) {
+      EXPECT_LT(std::min(std::abs(p.x()), std::abs(p.z())), 1e-6);
+    }
     kept += static_cast<std::size_t>((points[fine.order()[i]] - p).norm() < 1e-6);
   }
   EXPECT_EQ(kept, points.size());
