@@ -8,9 +8,9 @@
 #include <span>
 #include <vector>
 
-#include "toolkit/cloud/cloud.h"
 #include "toolkit/core/vec.h"
 #include "toolkit/stars/flat_cell.h"
+#include "toolkit/stars/places.h"
 
 namespace palpate::stars {
 
@@ -58,22 +58,22 @@ struct Star {
 };
 
 struct Draft {
-  const cloud::Cloud* cloud = nullptr;
   int threads = 0;
-  std::vector<Near> near;            ///< nearest first, unused places the point's own index
-  std::vector<Vec3f> normal;         ///< unit, either sign; zero where there is none
-  std::vector<float> scale_sq;       ///< squared length of the point's surroundings: to its fourth neighbour
-  std::vector<std::uint8_t> welded;  ///< 1: another point stands (nearly) at its place, it has no star
-  std::vector<std::uint8_t> sparse;  ///< 1: `near` are the nearest in each direction, others lie between
+  /// With, as weight, what settles lattices: see make_stars.cpp.
+  std::vector<Placed> point;
+  std::vector<Near> near;              ///< nearest first, unused places the point's own index
+  std::vector<Vec3f> normal;           ///< unit, either sign; zero where there is none
+  std::vector<std::uint8_t> welded;    ///< 1: another point stands (nearly) there, it has no star
+  std::vector<std::uint8_t> sparse;    ///< 1: `near` are the nearest in each direction, others lie between
   std::vector<std::uint8_t> doubtful;  ///< 1: not all that meet in its star agreed, see fill_gaps()
   std::vector<Star> star;
 
-  [[nodiscard]] std::size_t size() const noexcept { return near.size(); }
-  [[nodiscard]] Vec3 at(std::uint32_t i) const noexcept { return cloud->local_mm(i); }
+  [[nodiscard]] std::size_t size() const noexcept { return point.size(); }
+  [[nodiscard]] Vec3 at(std::uint32_t i) const noexcept { return point[i].at(); }
 };
 
-/// The nearest points, normals and scales; welds what is nearly doubled. Parallel.
-void find_near(Draft& draft);
+/// The nearest points, normals and weights; welds what is `doubled` or nearly. Parallel.
+void find_near(Draft& draft, const std::vector<std::uint8_t>& doubled);
 /// A star for every point, and where they agree. Parallel.
 void make_stars(Draft& draft);
 /// Points whose stars the neighbours do not confirm get new ones, laid out along the plane of what is
