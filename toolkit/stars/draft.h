@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>  // cross products
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -22,38 +23,48 @@ using Near = std::array<std::uint32_t, kNear>;
 inline constexpr std::uint32_t kNoPoint = 0xFFFFFFFFu;
 
 /// The triangles around a point, as it sees them: its ring of neighbours, counter-clockwise about its normal;
-/// sector k lies between ring points k and k + 1.
-struct Star {
-  std::array<std::uint32_t, kMaxCorners> ring{};
+/// sector k lies between ring points k and k + 1. Nobody is in a ring twice. What is read of a neighbour's
+/// star is mostly in one line of cache.
+struct alignas(64) Star {
   std::uint32_t size = 0;
   std::uint32_t open = 0;    ///< bit k: sector k has no triangle
   std::uint32_t agreed = 0;  ///< bit k: the stars of its two other corners have the triangle too
+  std::array<std::uint32_t, kMaxCorners> ring{};
 
   [[nodiscard]] std::uint32_t next(std::uint32_t k) const noexcept { return k + 1 == size ? 0 : k + 1; }
+  [[nodiscard]] std::uint32_t previous(std::uint32_t k) const noexcept { return k == 0 ? size - 1 : k - 1; }
   [[nodiscard]] bool has_sector(std::uint32_t k) const noexcept { return (open >> k & 1u) == 0; }
   [[nodiscard]] bool is_agreed(std::uint32_t k) const noexcept { return (agreed >> k & 1u) != 0; }
-  [[nodiscard]] std::uint32_t sectors() const noexcept {
-    return size - static_cast<std::uint32_t>(__builtin_popcount(open));
-  }
-  [[nodiscard]] std::uint32_t agreements() const noexcept {
-    return static_cast<std::uint32_t>(__builtin_popcount(agreed));
-  }
-  /// Whether the triangle with b and c, in either order, is in the star.
-  [[nodiscard]] bool holds(std::uint32_t b, std::uint32_t c) const noexcept {
-    for (std::uint32_t k = 0; k < size; ++k) {
-      if (ring[k] != b && ring[k] != c) continue;
-      const std::uint32_t other = ring[next(k)];
-      if (has_sector(k) && (ring[k] == b ? other == c : other == b)) return true;
+  [[nodiscard]] std::uint32_t sectors() const noexcept { return size - bits_of(open); }
+  [[nodiscard]] std::uint32_t agreements() const noexcept { return bits_of(agreed); }
+  /// Where the point stands in the ring, or size.
+  [[nodiscard]] std::uint32_t find(std::uint32_t b) const noexcept {
+    for (std::uint32_t first = 0; first < size; first += kFound) {
+      unsigned same = 0;
+      for (std::uint32_t k = 0; k < kFound; ++k)
+        same |= static_cast<unsigned>(ring[first + k] == b) << k;
+      if (same == 0) continue;
+      const std::uint32_t k = first + static_cast<std::uint32_t>(__builtin_ctz(same));
+      return k < size ? k : size;
     }
-    return false;
+    return size;
   }
-  [[nodiscard]] bool has_neighbour(std::uint32_t b) const noexcept {
-    for (std::uint32_t k = 0; k < size; ++k)
-      if (ring[k] == b) return true;
-    return false;
+  /// Whether the triangle with ring point k and c, on either side of k, is in the star; none where k is size.
+  [[nodiscard]] bool holds(std::uint32_t k, std::uint32_t c) const noexcept {
+    if (k == size) return false;
+    if (ring[next(k)] == c && has_sector(k)) return true;
+    const std::uint32_t before = previous(k);
+    return ring[before] == c && has_sector(before);
   }
   [[nodiscard]] bool closed_and_agreed() const noexcept {
-    return size >= 3 && open == 0 && agreements() == size;
+    return size >= 3 && agreed == (1u << size) - 1u;
+  }
+
+ private:
+  static constexpr std::uint32_t kFound = 8;  ///< ring points compared at once
+  static_assert(kMaxCorners % kFound == 0 && kMaxCorners < 32);
+  [[nodiscard]] static std::uint32_t bits_of(std::uint32_t x) noexcept {
+    return static_cast<std::uint32_t>(std::popcount(x));
   }
 };
 

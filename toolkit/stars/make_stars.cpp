@@ -277,11 +277,13 @@ Star lay_out(const Draft& draft, std::uint32_t point, const Layout& layout,
 }
 
 std::uint32_t agreed_sectors(const Draft& draft, std::uint32_t point, const Star& star) {
+  std::array<std::uint32_t, kMaxCorners> at;  // where the point stands in the rings of its own ring
+  for (std::uint32_t k = 0; k < star.size; ++k) at[k] = draft.star[star.ring[k]].find(point);
   std::uint32_t agreed = 0;
   for (std::uint32_t k = 0; k < star.size; ++k) {
     if (!star.has_sector(k)) continue;
-    const std::uint32_t b = star.ring[k], c = star.ring[star.next(k)];
-    if (b != c && draft.star[b].holds(point, c) && draft.star[c].holds(point, b)) agreed |= 1u << k;
+    const std::uint32_t next = star.next(k), b = star.ring[k], c = star.ring[next];
+    if (b != c && draft.star[b].holds(at[k], c) && draft.star[c].holds(at[next], b)) agreed |= 1u << k;
   }
   return agreed;
 }
