@@ -41,8 +41,7 @@ struct alignas(64) Star {
   [[nodiscard]] std::uint32_t find(std::uint32_t b) const noexcept {
     for (std::uint32_t first = 0; first < size; first += kFound) {
       unsigned same = 0;
-      for (std::uint32_t k = 0; k < kFound; ++k)
-        same |= static_cast<unsigned>(ring[first + k] == b) << k;
+      for (std::uint32_t k = 0; k < kFound; ++k) same |= static_cast<unsigned>(ring[first + k] == b) << k;
       if (same == 0) continue;
       const std::uint32_t k = first + static_cast<std::uint32_t>(__builtin_ctz(same));
       return k < size ? k : size;
@@ -56,9 +55,7 @@ struct alignas(64) Star {
     const std::uint32_t before = previous(k);
     return ring[before] == c && has_sector(before);
   }
-  [[nodiscard]] bool closed_and_agreed() const noexcept {
-    return size >= 3 && agreed == (1u << size) - 1u;
-  }
+  [[nodiscard]] bool closed_and_agreed() const noexcept { return size >= 3 && agreed == (1u << size) - 1u; }
 
  private:
   static constexpr std::uint32_t kFound = 8;  ///< ring points compared at once

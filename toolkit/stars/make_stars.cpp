@@ -153,30 +153,38 @@ void keep_directions(const Draft& draft, std::uint32_t self, std::span<const std
 class FlatNeighbours {
  public:
   FlatNeighbours(const Draft& draft, std::uint32_t point, const Layout& layout)
-      : draft_(draft), layout_(layout), p_(draft.at(point)) {
+      : draft_(draft),
+        normal_(layout.normal),
+        steepest_sq_(layout.steepest * layout.steepest),
+        p_(draft.at(point)),
+        weight_(static_cast<double>(draft.point[point].weight)) {
     e_ = layout.normal.unitOrthogonal();
     f_ = layout.normal.cross(e_);
-    weight_ = static_cast<double>(draft.point[point].weight);
   }
-  /// False where the layout leaves it out.
-  bool flatten(std::uint32_t other, FlatPoint& flat) const noexcept {
-    if (draft_.welded[other] != 0) return false;
+  /// Whether the cell lost something to the neighbour. Most do not reach it; the layout leaves others out.
+  bool cut(FlatCell& cell, std::uint32_t other) const noexcept {
     const Placed& placed = draft_.point[other];
     const Vec3 d = placed.at() - p_;
     const double square = d.squaredNorm();
-    const double height = layout_.normal.dot(d);
-    if (height * height > layout_.steepest * layout_.steepest * square) return false;
+    const double half_square = 0.5 * (square + weight_ - static_cast<double>(placed.weight));
+    if (half_square > 0.0 && half_square * half_square >= cell.reach_sq() * square) return false;
+    if (draft_.welded[other] != 0) return false;
+    const double height = normal_.dot(d);
+    if (height * height > steepest_sq_ * square) return false;
     const double u = e_.dot(d), v = f_.dot(d);
     const double in_plane = u * u + v * v;
     if (!(in_plane > 0.0)) return false;
     const double unfold = std::sqrt(square / in_plane);
-    flat = {u * unfold, v * unfold, 0.5 * (square + weight_ - static_cast<double>(placed.weight))};
-    return true;
+    return cell.cut({u * unfold, v * unfold, half_square}, other);
+  }
+  [[nodiscard]] double square(std::uint32_t other) const noexcept {
+    return (draft_.at(other) - p_).squaredNorm();
   }
 
  private:
   const Draft& draft_;
-  const Layout& layout_;
+  Vec3 normal_;
+  double steepest_sq_;
   Vec3 p_, e_, f_;
   double weight_;
 };
@@ -185,16 +193,37 @@ Star star_of(const FlatCell& cell, double reach) noexcept {
   Star star;
   const std::size_t n = cell.size();
   for (std::size_t j = 0; j < n; ++j) {
-    if (cell[j].side == kOpenSide) continue;
+    if (cell.side(j) == kOpenSide) continue;
     // Sector k lies at the corner where this edge ends and the next one begins.
-    const FlatCell::Corner& end = cell[j + 1 == n ? 0 : j + 1];
-    const bool open = end.side == kOpenSide || end.u * end.u + end.v * end.v > reach * reach;
+    const std::size_t end = cell.next(j);
+    const bool open = cell.side(end) == kOpenSide || cell.corner_sq(end) > reach * reach;
     star.open |= static_cast<std::uint32_t>(open) << star.size;
-    star.ring[star.size++] = cell[j].side;
+    star.ring[star.size++] = cell.side(j);
   }
   // Two corners that fall together leave one neighbour twice in a row, or less than a triangle.
   if (star.size < 2) star = {};
   return star;
+}
+
+/// A corner whose circle leaves the ball of the nearest, `known_sq`, may have a point in it that is not among
+/// them: the nearest of the corner's neighbours are asked. False where they change nothing.
+bool cut_wider(const Draft& draft, std::uint32_t point, const FlatNeighbours& flat, double known_sq,
+               FlatCell& cell) noexcept {
+  std::array<std::uint32_t, kMaxCorners> around;
+  std::size_t count = 0;
+  const auto far = [&](std::size_t c) { return 4.0 * cell.corner_sq(c) > known_sq; };
+  for (std::size_t j = 0; j < cell.size(); ++j)
+    if (cell.side(j) != kOpenSide && (far(j) || far(cell.next(j)))) around[count++] = cell.side(j);
+  const double most_sq = 4.0 * cell.reach_sq();
+  bool changed = false;
+  for (std::size_t a = 0; a < count; ++a)
+    for (const std::uint32_t other : draft.near[around[a]]) {
+      if (other == point) continue;
+      const double square = flat.square(other);
+      if (square > known_sq && square <= most_sq && !cell.has_side(other))
+        changed = flat.cut(cell, other) || changed;
+    }
+  return changed;
 }
 
 }  // namespace
@@ -235,44 +264,21 @@ void find_near(Draft& draft, const std::vector<std::uint8_t>& doubled) {
 
 Star lay_out(const Draft& draft, std::uint32_t point, const Layout& layout,
              std::span<const std::uint32_t> more) {
-  const Near& near = draft.near[point];
-  const Vec3 p = draft.at(point);
   const double around_sq = ball_sq(draft, point);
   const double reach = kReachPerBall * std::sqrt(around_sq);
   if (!(reach > 0.0) || layout.normal == Vec3::Zero()) return {};
-  const FlatNeighbours flat_of(draft, point, layout);
+  const FlatNeighbours flat(draft, point, layout);
   FlatCell cell;
   cell.start(reach);
-  FlatPoint flat;
-  const auto cut = [&](std::uint32_t other) {
-    if (flat_of.flatten(other, flat)) cell.cut(flat, other);
-  };
-  for (const std::uint32_t other : near) {
+  for (const std::uint32_t other : draft.near[point]) {
     if (other == point) break;
-    cut(other);
+    flat.cut(cell, other);
   }
   for (const std::uint32_t other : more)
-    if (!cell.has_side(other)) cut(other);
+    if (!cell.has_side(other)) flat.cut(cell, other);
   const double known_sq = draft.sparse[point] != 0 ? 0.0 : around_sq;
-  for (int round = 0; round < kWiderRounds; ++round) {
-    // A corner whose circle leaves the ball may have a point in it that is not among the nearest.
-    const double reach_sq = cell.reach_sq();
-    if (4.0 * reach_sq <= known_sq) break;
-    std::array<std::uint32_t, kMaxCorners> around;
-    std::size_t count = 0;
-    const auto far = [&](std::size_t c) {
-      return 4.0 * (cell[c].u * cell[c].u + cell[c].v * cell[c].v) > known_sq;
-    };
-    for (std::size_t j = 0; j < cell.size(); ++j)
-      if (cell[j].side != kOpenSide && (far(j) || far(j + 1 == cell.size() ? 0 : j + 1)))
-        around[count++] = cell[j].side;
-    for (std::size_t a = 0; a < count; ++a)
-      for (const std::uint32_t other : draft.near[around[a]]) {
-        if (other == point) continue;
-        const double square = (draft.at(other) - p).squaredNorm();
-        if (square > known_sq && square <= 4.0 * reach_sq && !cell.has_side(other)) cut(other);
-      }
-  }
+  for (int round = 0; round < kWiderRounds && 4.0 * cell.reach_sq() > known_sq; ++round)
+    if (!cut_wider(draft, point, flat, known_sq, cell)) break;
   return star_of(cell, reach);
 }
 

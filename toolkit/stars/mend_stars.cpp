@@ -84,7 +84,8 @@ class Mender {
     const Vec3 p = draft_.at(i);
     Vec3 sum = Vec3::Zero();
     for (std::uint32_t k = 0; k < star.size; ++k)
-      if (star.is_agreed(k)) sum += (draft_.at(star.ring[k]) - p).cross(draft_.at(star.ring[star.next(k)]) - p);
+      if (star.is_agreed(k))
+        sum += (draft_.at(star.ring[k]) - p).cross(draft_.at(star.ring[star.next(k)]) - p);
     return sum.cast<float>();
   }
   /// The plane of a point's confirmed triangles; else of its neighbours' that are confirmed.
