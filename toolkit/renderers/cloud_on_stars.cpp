@@ -7,9 +7,10 @@
 #include <utility>
 
 #include "toolkit/core/try.h"
+#include "toolkit/deformation/deformed_stars.h"
 #include "toolkit/render/model_store.h"
 #include "toolkit/render/prepare_phases.h"
-#include "toolkit/render/shell_renderer.h"
+#include "toolkit/renderers/editable_renderer.h"
 #include "toolkit/renderers/star_model.h"
 
 namespace palpate::render {
@@ -26,9 +27,9 @@ double share(std::uint64_t part, std::uint64_t all) noexcept {
   return all == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(all);
 }
 
-class CloudOnStars final : public BoxedShellRenderer<StarModel> {
+class CloudOnStars final : public EditableShellRenderer<StarModel> {
  public:
-  explicit CloudOnStars(const Options& options) : BoxedShellRenderer(options) {}
+  explicit CloudOnStars(const Options& options) : EditableShellRenderer(options) {}
 
   Description describe() const override {
     return {
@@ -69,12 +70,17 @@ class CloudOnStars final : public BoxedShellRenderer<StarModel> {
     const auto n = static_cast<double>(out.points);
     out.decisions.push_back(
         {"surface", "stars",
-         "triangles that the points agree on; points that give way, and options of the vertices' "
-         "boxes, take vertices"});
+         "triangles that the points agree on; options of the vertices' boxes take vertices"});
     out.bytes = static_cast<std::uint64_t>(kStarBytesPerPoint * n);
     out.prepare_ms = 1e-6 * n * kStarMsPerMillion;
     out.frame_us = kStarFrameUs;
     say_surface(input, surface, kFeltOnStars, out.points, out);
+    if (is_moving(input)) {
+      const DeformerRoom room = deformer_room(out.points);
+      say_giving_way("points move with their triangles", room, out);
+      out.bytes += Deformer::bytes_for(out.points, room) +
+                   DeformedStars::bytes_for(out.points, room.spare_points, room.journal_points);
+    }
     if (input.motion != nullptr)
       out.decisions.push_back({"motion", "pose read in each frame", "the scene moves it", true});
     return out;
@@ -83,16 +89,7 @@ class CloudOnStars final : public BoxedShellRenderer<StarModel> {
   Status prepare_model(const ModelInput& input, const PrepareContext& context, PrepareReport& report) {
     if (input.cloud->empty()) return no_points();
     auto made = std::make_unique<StarModel>();
-    const bool varied = input.surface.per_point != nullptr;
-    Result<std::shared_ptr<const StarGeometry>> geometry = held_or_made<StarGeometry>(
-        context, report,
-        [&] {
-          return fmt::format("stars {:016x} {} {}", cloud::content_hash(*input.cloud), input.cloud->size(),
-                             varied);
-        },
-        [&](PrepareReport& to) { return build_geometry(*input.cloud, varied, context, to); });
-    if (!geometry) return std::move(geometry).error();
-    made->geometry = *std::move(geometry);
+    PALPATE_TRY(prepare_geometry(input, context, *made, report));
     const stars::StarMesh& mesh = made->geometry->mesh;
     made->placed = ModelPose(input, mesh.origin_mm());
     Result<SurfaceField> field = build_surface_field(input, mesh.order(), report);
@@ -100,16 +97,38 @@ class CloudOnStars final : public BoxedShellRenderer<StarModel> {
     made->surface = *std::move(field);
     blend(mesh, made->surface, report);
     report.bytes += made->surface.bytes();
+    if (made->moving != nullptr) prepare_giving_way(input, context, *made, report);
     made->contact.attach(mesh, made->geometry->tree);
     report.decisions.models.push_back(said(input, made->surface));
     models_.add(std::move(made));
     return Done{};
   }
 
-  static Result<std::shared_ptr<const StarGeometry>> build_geometry(const cloud::Cloud& cloud,
-                                                                    bool keep_order,
-                                                                    const PrepareContext& context,
-                                                                    PrepareReport& report) {
+  /// From the store where there is one, but where points may move: those are nobody else's.
+  static Status prepare_geometry(const ModelInput& input, const PrepareContext& context, StarModel& made,
+                                 PrepareReport& report) {
+    if (is_moving(input)) {
+      made.geometry = made.moving = build_geometry(*input.cloud, true, false, context, report);
+      return Done{};
+    }
+    const bool varied = input.surface.per_point != nullptr;
+    Result<std::shared_ptr<const StarGeometry>> geometry = held_or_made<StarGeometry>(
+        context, report,
+        [&] {
+          return fmt::format("stars {:016x} {} {}", cloud::content_hash(*input.cloud), input.cloud->size(),
+                             varied);
+        },
+        [&](PrepareReport& to) -> Result<std::shared_ptr<const StarGeometry>> {
+          return std::shared_ptr<const StarGeometry>(build_geometry(*input.cloud, varied, true, context, to));
+        });
+    if (!geometry) return std::move(geometry).error();
+    made.geometry = *std::move(geometry);
+    return Done{};
+  }
+
+  static std::shared_ptr<StarGeometry> build_geometry(const cloud::Cloud& cloud, bool keep_order,
+                                                      bool with_tree, const PrepareContext& context,
+                                                      PrepareReport& report) {
     auto made = std::make_shared<StarGeometry>();
     PreparePhases phases(report, context);
     bool running = false;
@@ -119,13 +138,30 @@ class CloudOnStars final : public BoxedShellRenderer<StarModel> {
       running = true;
     });
     phases.end();
-    phases.begin("tree");
-    made->tree = stars::StarTree::build(made->mesh, context.threads);
+    if (with_tree) {
+      phases.begin("tree");
+      made->tree = stars::StarTree::build(made->mesh, context.threads);
+      phases.end();
+    }
     if (!keep_order) made->mesh.drop_order();
-    phases.end();
     report.bytes += made->bytes();
     note(made->mesh.counts(), made->mesh.size(), report);
-    return std::shared_ptr<const StarGeometry>(std::move(made));
+    return made;
+  }
+
+  static void prepare_giving_way(const ModelInput& input, const PrepareContext& context, StarModel& made,
+                                 PrepareReport& report) {
+    StarGeometry& own = *made.moving;
+    const DeformerRoom room = deformer_room(own.mesh.size());
+    PreparePhases phases(report, context);
+    phases.begin("tree");
+    report.bytes -= own.bytes() + made.surface.bytes();
+    auto points =
+        std::make_unique<DeformedStars>(own.mesh, own.tree, made.surface, room.spare_points, context.threads);
+    own.mesh.drop_order();
+    report.bytes += own.bytes() + made.surface.bytes();
+    give_way(made.giving, input, std::move(points), room, own.tree.box_mm(), report);
+    phases.end();
   }
 
   static void note(const stars::StarCounts& counts, std::uint64_t points, PrepareReport& report) {
