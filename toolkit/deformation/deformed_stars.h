@@ -10,6 +10,7 @@
 #include "toolkit/deformation/movable_points.h"
 #include "toolkit/render/surface_field.h"
 #include "toolkit/stars/moving_stars.h"
+#include "toolkit/stars/star_walk.h"
 
 namespace palpate::render {
 
@@ -30,6 +31,9 @@ class DeformedStars final : public MovablePoints {
   }
   [[nodiscard]] double first_resolution_mm(std::uint32_t place) const noexcept override {
     return static_cast<double>(first_[place].longest_mm);
+  }
+  [[nodiscard]] Vec3 area_normal(std::uint32_t place) const noexcept override {
+    return stars::area_normal_around(stars_.mesh(), place);
   }
   [[nodiscard]] std::span<const std::uint32_t> links(std::uint32_t place) const noexcept override {
     const stars::Ring ring = stars_.mesh().ring(place);

@@ -75,6 +75,13 @@ std::size_t Deformer::collect(std::uint32_t place, const Vec3& middle, double ra
   return count;
 }
 
+Vec3 Deformer::normal_around(std::uint32_t place, const Vec3& middle, double radius_mm) noexcept {
+  Vec3 sum = Vec3::Zero();
+  const std::size_t count = collect(place, middle, radius_mm);
+  for (std::size_t i = 0; i < count; ++i) sum += points_->area_normal(found_[i]);
+  return sum.stableNormalized();
+}
+
 std::size_t Deformer::press(std::uint32_t place, const Vec3& middle, const Vec3& outward, double by_mm,
                             double radius_mm, double deepest_per_radius) noexcept {
   moved_count_ = 0;

@@ -58,6 +58,9 @@ class Deformer {
     if (place >= points_->used()) return 0;
     return press(place, points_->at(place), outward, by_mm, radius_mm, deepest_per_radius);
   }
+  /// The mean normal of the surface that press() would move, by areas; outward or inward as the points' are.
+  /// Unit, or zero where there is none.
+  [[nodiscard]] Vec3 normal_around(std::uint32_t place, const Vec3& middle, double radius_mm) noexcept;
   /// How far the surface at a place has been moved since it was built, in all.
   [[nodiscard]] double sunk_mm(std::uint32_t place) const noexcept;
   /// The local resolution there when it was built.

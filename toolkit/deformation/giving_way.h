@@ -54,18 +54,26 @@ class GivingWay {
     pressed_ = true;
     return depth_mm - dent_.yield_mm > 0.0;
   }
+  /// The surface's normal as far around a place as it would give way there: a dent's own walls, however
+  /// steep, add up to nothing in it, so that what is pressed again and again, or dragged along, never folds.
+  [[nodiscard]] Vec3 normal_around(std::uint32_t place, const Vec3& middle) noexcept {
+    return deformer_->normal_around(place, middle, radius_mm(place));
+  }
   /// It does. False where it left the box that it was prepared in.
   bool press(std::uint32_t place, const Vec3& middle, const Vec3& outward, double depth_mm,
              double dt_s) noexcept {
-    const double radius_mm =
-        std::max(dent_.radius_mm, kNarrowestResolutions * deformer_->first_resolution_mm(place));
     const double by_mm = std::min(depth_mm - dent_.yield_mm, dent_.rate_mm_s * dt_s);
-    if (deformer_->press(place, middle, outward, by_mm, radius_mm, kDeepestPerRadius) == 0) return true;
+    if (deformer_->press(place, middle, outward, by_mm, radius_mm(place), kDeepestPerRadius) == 0)
+      return true;
     const geometry::Aabb& box = deformer_->last_box_mm();
     return prepared_box_mm_.contains(box.low_mm) && prepared_box_mm_.contains(box.high_mm);
   }
 
  private:
+  [[nodiscard]] double radius_mm(std::uint32_t place) const noexcept {
+    return std::max(dent_.radius_mm, kNarrowestResolutions * deformer_->first_resolution_mm(place));
+  }
+
   std::unique_ptr<MovablePoints> points_;
   std::unique_ptr<Deformer> deformer_;
   surface::Dent dent_;

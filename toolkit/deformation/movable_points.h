@@ -70,6 +70,8 @@ class MovablePoints {
   [[nodiscard]] virtual Vec3 first_at(std::uint32_t place) const noexcept = 0;
   /// How far apart points were there then: to the farthest of those around.
   [[nodiscard]] virtual double first_resolution_mm(std::uint32_t place) const noexcept = 0;
+  /// The surface's normal there, as long as the area that is the point's.
+  [[nodiscard]] virtual Vec3 area_normal(std::uint32_t place) const noexcept = 0;
   [[nodiscard]] virtual std::span<const std::uint32_t> links(std::uint32_t place) const noexcept = 0;
   /// A place itself where it is below `below`, or one that it was inferred from.
   [[nodiscard]] virtual std::uint32_t standing(std::uint32_t place, std::uint32_t below) const noexcept = 0;

@@ -6,6 +6,7 @@
 
 #include "toolkit/deformation/movable_points.h"
 #include "toolkit/points/point_model.h"
+#include "toolkit/points/point_walk.h"
 
 namespace palpate::render {
 
@@ -24,6 +25,12 @@ class MovingVertices final : public MovablePoints {
     return first_points_[standing(place, built_)].at();
   }
   [[nodiscard]] double first_resolution_mm(std::uint32_t place) const noexcept override;
+  [[nodiscard]] Vec3 area_normal(std::uint32_t place) const noexcept override {
+    const surface::NormalCode code = model_->points[place].normal;
+    if (code == surface::kNoNormal) return Vec3::Zero();
+    return distance_sq(model_->points[model_->neighbours[place][0]], at(place)) *
+           surface::decode_normal(code);
+  }
   [[nodiscard]] std::span<const std::uint32_t> links(std::uint32_t place) const noexcept override {
     return model_->neighbours[place];
   }

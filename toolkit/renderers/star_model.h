@@ -93,14 +93,14 @@ class StarModel {
   void before_frame(FrameCounters& /*counters*/) noexcept {
     if (giving.take_moves(Told{&contact})) points_moved();
   }
-  /// After a frame's force is answered: the surface gives way where it is pressed deeper than it bears,
-  /// against the pull. False where it left the box that it was prepared in.
+  /// After a frame's force is answered: the surface gives way where it is pressed deeper than it bears. False
+  /// where it left the box that it was prepared in.
   [[nodiscard]] bool after_frame(const SurfaceContact& at, double dt_s) noexcept {
-    const double depth_mm = at.pull.norm();
-    if (!giving.has_to(depth_mm)) return true;
+    if (!giving.has_to(at.pull.norm())) return true;
     const Vec3 god_object = at.hip + at.pull;
-    const bool kept = giving.press(contact.facet().place[nearest_corner(god_object)], god_object,
-                                   at.pull / depth_mm, depth_mm, dt_s);
+    const std::uint32_t place = contact.facet().place[nearest_corner(god_object)];
+    const Vec3 outward = contact.side() * giving.normal_around(place, god_object);
+    const bool kept = giving.press(place, god_object, outward, at.pull.dot(outward), dt_s);
     points_moved();
     return kept;
   }

@@ -1,6 +1,5 @@
 #include "toolkit/stars/moving_stars.h"
 
-#include <Eigen/Geometry>  // cross products
 #include <algorithm>
 
 #include "toolkit/stars/flat_cell.h"
@@ -223,16 +222,6 @@ void MovingStars::refit() noexcept {
   for (const std::uint32_t block : changed_) is_changed_[block] = 0;
   tree_->refit(*mesh_, changed_);
   changed_.clear();
-}
-
-Vec3 MovingStars::normal(std::uint32_t place) const noexcept {
-  const Ring ring = mesh_->ring(place);
-  const Vec3 p = mesh_->at(place);
-  Vec3 sum = Vec3::Zero();
-  for (std::uint32_t k = 0; k < ring.size; ++k)
-    if (ring.has_sector(k)) sum += (mesh_->at(ring.of[k]) - p).cross(mesh_->at(ring.of[ring.next(k)]) - p);
-  const double size = sum.norm();
-  return size > 0.0 ? Vec3(sum / size) : Vec3(Vec3::Zero());
 }
 
 std::size_t MovingStars::bytes_for(std::size_t points, std::size_t spare) noexcept {

@@ -37,8 +37,6 @@ class MovingStars {
   }
   /// Boxes and layers follow what was changed since the last time. Nothing may be looked for before.
   void refit() noexcept;
-  /// Of the triangles around a place, by their areas; zero where there are none. Unit.
-  [[nodiscard]] Vec3 normal(std::uint32_t place) const noexcept;
   /// Beside mesh and tree.
   [[nodiscard]] std::size_t bytes() const noexcept;
   /// What bytes() will be, and by how much the mesh and its tree will grow.
