@@ -12,12 +12,14 @@
 #include "toolkit/render/prepare_phases.h"
 #include "toolkit/renderers/editable_renderer.h"
 #include "toolkit/renderers/star_model.h"
+#include "toolkit/stars/refine.h"
 
 namespace palpate::render {
 namespace {
 
 // Measured (see kExpectedOn): what to expect, no decision rests on them.
 constexpr double kStarFrameUs = 0.1, kStarMsPerMillion = 2'500.0;
+constexpr double kRefineMsPerMillion = 500.0;  // of places that are new
 // Points and rings, long rings of one point in thirty, boxes and layers of the tree.
 constexpr double kStarBytesPerPoint = 48.0 + 1.5 + 6.0;
 /// More open points than this share are not borders: the points are too noisy or too few for facets.
@@ -59,11 +61,14 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
     if (!surface) return surface.error();
     return said(input, *surface);
   }
+  [[nodiscard]] int levels_asked() const { return static_cast<int>(options_.integer("refine")); }
+  /// Where points move every corner has to be one of them: who moves them knows no others.
+  [[nodiscard]] int levels_of(const ModelInput& input) const { return is_moving(input) ? 0 : levels_asked(); }
   static Error no_points() {
     return {"the cloud has no points", "give a file with at least one point", {}, 0};
   }
 
-  static ModelDecisions said(const ModelInput& input, const SurfaceDecision& surface) {
+  [[nodiscard]] ModelDecisions said(const ModelInput& input, const SurfaceDecision& surface) const {
     ModelDecisions out;
     out.name = input.name;
     out.points = input.cloud->size();
@@ -71,8 +76,15 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
     out.decisions.push_back(
         {"surface", "stars",
          "triangles that the points agree on; options of the vertices' boxes take vertices"});
-    out.bytes = static_cast<std::uint64_t>(kStarBytesPerPoint * n);
-    out.prepare_ms = 1e-6 * n * kStarMsPerMillion;
+    // Each level has four places for one.
+    const int levels = levels_of(input);
+    const double places = n * std::pow(4.0, levels);
+    out.bytes = static_cast<std::uint64_t>(kStarBytesPerPoint * places);
+    out.prepare_ms = 1e-6 * (n * kStarMsPerMillion + (places - n) * kRefineMsPerMillion);
+    if (levels > 0)
+      out.decisions.push_back({"refined", fmt::format("{} times", levels), "option refine", true});
+    else if (levels_asked() > 0)
+      out.decisions.push_back({"refined", "no", "its points move: each triangle is one of theirs"});
     out.frame_us = kStarFrameUs;
     say_surface(input, surface, kFeltOnStars, out.points, out);
     if (is_moving(input)) {
@@ -105,28 +117,30 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
   }
 
   /// From the store where there is one, but where points may move: those are nobody else's.
-  static Status prepare_geometry(const ModelInput& input, const PrepareContext& context, StarModel& made,
-                                 PrepareReport& report) {
+  Status prepare_geometry(const ModelInput& input, const PrepareContext& context, StarModel& made,
+                          PrepareReport& report) const {
     if (is_moving(input)) {
-      made.geometry = made.moving = build_geometry(*input.cloud, true, false, context, report);
+      made.geometry = made.moving = build_geometry(*input.cloud, 0, true, false, context, report);
       return Done{};
     }
+    const int levels = levels_of(input);
     const bool varied = input.surface.per_point != nullptr;
     Result<std::shared_ptr<const StarGeometry>> geometry = held_or_made<StarGeometry>(
         context, report,
         [&] {
-          return fmt::format("stars {:016x} {} {}", cloud::content_hash(*input.cloud), input.cloud->size(),
-                             varied);
+          return fmt::format("stars {:016x} {} {} {}", cloud::content_hash(*input.cloud), input.cloud->size(),
+                             varied, levels);
         },
         [&](PrepareReport& to) -> Result<std::shared_ptr<const StarGeometry>> {
-          return std::shared_ptr<const StarGeometry>(build_geometry(*input.cloud, varied, true, context, to));
+          return std::shared_ptr<const StarGeometry>(
+              build_geometry(*input.cloud, levels, varied, true, context, to));
         });
     if (!geometry) return std::move(geometry).error();
     made.geometry = *std::move(geometry);
     return Done{};
   }
 
-  static std::shared_ptr<StarGeometry> build_geometry(const cloud::Cloud& cloud, bool keep_order,
+  static std::shared_ptr<StarGeometry> build_geometry(const cloud::Cloud& cloud, int levels, bool keep_order,
                                                       bool with_tree, const PrepareContext& context,
                                                       PrepareReport& report) {
     auto made = std::make_shared<StarGeometry>();
@@ -138,6 +152,11 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
       running = true;
     });
     phases.end();
+    if (levels > 0) {
+      phases.begin("refine");
+      made->mesh = stars::refined(std::move(made->mesh), levels, context.threads);
+      phases.end();
+    }
     if (with_tree) {
       phases.begin("tree");
       made->tree = stars::StarTree::build(made->mesh, context.threads);

@@ -7,6 +7,7 @@
 #include "toolkit/render/shading.h"
 #include "toolkit/renderers/cloud_on_stars.h"
 #include "toolkit/renderers/cloud_on_vertices.h"
+#include "toolkit/stars/refine.h"
 
 namespace palpate::render {
 namespace {
@@ -57,6 +58,15 @@ RendererInfo cloud_info() {
        "what is felt: triangles that the points agree on (stars), or a plane at every point; auto: stars, "
        "unless an option of the vertices is given",
        {"auto", "stars", "vertices"}});
+  info.options.push_back({"refine",
+                          OptionKind::kInteger,
+                          "0",
+                          "times that every triangle is cut into four on curves through the points: half the "
+                          "error and four times the memory each",
+                          {},
+                          0.0,
+                          static_cast<double>(stars::kMostRefined),
+                          {{"surface", {"auto", "stars"}}}});
   info.make = [](const Options& options) {
     return asks_vertices(options) ? make_cloud_on_vertices(options) : make_cloud_on_stars(options);
   };

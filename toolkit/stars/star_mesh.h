@@ -131,6 +131,8 @@ class StarMesh {
  private:
   friend class StarMeshBuilder;
   friend class MovingStars;
+  friend class StarMeshStore;
+  friend class StarRefiner;
   static constexpr std::uint32_t kSizeMask = 0xF, kLong = 0xF, kClosed = 0x10;
   static constexpr std::uint32_t kOpenShift = 8, kOpenMask = 0xFF;
 

@@ -6,7 +6,6 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <string>
 
 #include "tests/toolkit/stars/clouds.h"
 #include "tests/toolkit/stars/sound.h"
@@ -24,38 +23,10 @@ std::vector<Triple> triangles_of(const StarMesh& mesh) {
   return all;
 }
 
-struct Named {
-  std::string name;
-  std::vector<Vec3> points;
-};
-std::vector<Named> all_clouds() {
-  std::vector<Vec3> doubled = random_spheres({5.0}, 0.3, 4);
-  for (std::size_t i = 0, n = doubled.size(); i < n; i += 3) doubled.push_back(doubled[i]);
-  std::vector<Vec3> line, pile(50, Vec3(1, 2, 3));
-  for (int i = 0; i < 60; ++i) line.emplace_back(0.1 * i, 0.2 * i, -0.3 * i);
-  std::vector<Vec3> chaos;
-  Random random(8);
-  for (int i = 0; i < 3000; ++i) chaos.emplace_back(random.uniform(), random.uniform(), random.uniform());
-  return {{"torus", random_torus(20000, 0.0, 1)},
-          {"noisy torus", random_torus(20000, 0.22, 2)},
-          {"shells", random_spheres({10.0, 9.6}, 0.2, 3)},
-          {"roof", random_roof(8000, 5)},
-          {"lines", scan_lines(6)},
-          {"step", density_step(20000, 7)},
-          {"doubled", doubled},
-          {"line", line},
-          {"pile", pile},
-          {"chaos", chaos},
-          {"one", {Vec3(1, 1, 1)}},
-          {"two", {Vec3(1, 1, 1), Vec3(2, 1, 1)}},
-          {"three", {Vec3(1, 1, 1), Vec3(2, 1, 1), Vec3(1, 2, 1)}}};
-}
-
 TEST(StarMesh, IsSoundOnAnyPoints) {
   for (const Named& cloud : all_clouds()) {
     SCOPED_TRACE(cloud.name);
-    const StarMesh mesh = StarMesh::build(cloud_of(cloud.points), 2);
-    EXPECT_EQ(expect_sound(mesh), mesh.counts().triangles);
+    expect_sound(StarMesh::build(cloud_of(cloud.points), 2));
   }
 }
 
