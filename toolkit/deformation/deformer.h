@@ -1,6 +1,6 @@
-// Geometric deformation (section 3.3.2.2): the points themselves move, and with them the partition, the links
-// and the planes, within the frame's budget. Dents pressed by the probe, batches computed elsewhere, undo,
-// new points where the surface is stretched.
+// Geometric deformation (section 3.3.2.2): the points themselves move, and with them whatever follows them,
+// within the frame's budget. Dents pressed by the probe, batches computed elsewhere, undo, new points where
+// the surface is stretched.
 #pragma once
 
 #include <array>
@@ -8,27 +8,20 @@
 #include <cstdint>
 #include <limits>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "toolkit/cloud/cloud.h"
 #include "toolkit/core/result.h"
-#include "toolkit/points/point_model.h"
+#include "toolkit/deformation/journal.h"
+#include "toolkit/deformation/movable_points.h"
+#include "toolkit/geometry/aabb.h"
 #include "toolkit/render/move_queue.h"
 
 namespace palpate::render {
 
 /// Points one call may move; of a larger dent the nearest to its middle move.
 inline constexpr std::size_t kMaxMovedPoints = 128;
-/// Points one call may infer; stretched links beyond it are mended when they are moved again.
-inline constexpr std::size_t kMaxInferredPoints = 8;
-
-struct DeformCounters {
-  std::uint64_t moved = 0;         ///< points moved
-  std::uint64_t inferred = 0;      ///< points added where the surface was stretched
-  std::uint64_t refused = 0;       ///< moves for which the partition had no room: the point stayed
-  std::uint64_t not_inferred = 0;  ///< stretched links left for want of spare points
-  std::uint64_t forgotten = 0;     ///< strokes that can no more be undone
-};
 
 /// A dent bears where it is so many times as deep as its radius: its walls, 1.54 times as steep at their
 /// steepest by the profile (1 - r^2)^2, then stand at 57 degrees. Steeper ones fold.
@@ -36,137 +29,110 @@ inline constexpr double kDeepestPerRadius = 1.0;
 /// And it is at least so many local resolutions wide: of fewer points it would be a spike, not a surface.
 inline constexpr double kNarrowestResolutions = 1.0;
 
+/// What a deformer of so many points is given.
+struct DeformerRoom {
+  std::size_t spare_points = 0;    ///< for inferred ones
+  std::size_t journal_points = 0;  ///< changes that can be undone; older strokes are forgotten
+};
+[[nodiscard]] DeformerRoom deformer_room(std::size_t points) noexcept;
+
 /// Changes one prepared model. Belongs to the thread that runs the frames, and is called between them: what a
 /// frame has collided with stays where it is until its force is answered. All calls but the constructor,
 /// edited() and reset() are noexcept, allocate nothing and are bounded by the numbers above.
 class Deformer {
  public:
-  struct Options {
-    std::size_t spare_points = 0;    ///< for inferred ones; the model must have been built with as many
-    std::size_t journal_points = 0;  ///< changes that can be undone; older strokes are forgotten
-  };
-
-  /// `model` was built with PointModelOptions::moving, `surface` is what it is made of; both outlive this.
-  /// Copies the points: 48 bytes each for reset(), 60 for each journal entry.
-  Deformer(PointModel& model, SurfaceField& surface, const Options& options);
+  /// `points` outlive this.
+  Deformer(MovablePoints& points, std::size_t journal_points);
 
   /// What is changed from now on is undone together.
-  void begin_stroke() noexcept;
-  /// Presses the surface at `place` by `by_mm` against `outward`, less and less out to `radius_mm` along the
-  /// links, and infers points where links were stretched so far that boxes no longer touch. No deeper in all
-  /// than `deepest_per_radius` times the radius. Returns the number of points moved.
-  std::size_t press(std::uint32_t place, const Vec3& outward, double by_mm, double radius_mm,
+  void begin_stroke() noexcept { journal_.begin_stroke(); }
+  /// Presses the surface around `middle` by `by_mm` against `outward`, less and less out to `radius_mm` along
+  /// the links from `place`, which is near it. No deeper in all than `deepest_per_radius` times the radius.
+  /// Returns the number of points moved.
+  std::size_t press(std::uint32_t place, const Vec3& middle, const Vec3& outward, double by_mm,
+                    double radius_mm,
                     double deepest_per_radius = std::numeric_limits<double>::infinity()) noexcept;
+  /// Around the place itself.
+  std::size_t press(std::uint32_t place, const Vec3& outward, double by_mm, double radius_mm,
+                    double deepest_per_radius = std::numeric_limits<double>::infinity()) noexcept {
+    if (place >= points_->used()) return 0;
+    return press(place, points_->at(place), outward, by_mm, radius_mm, deepest_per_radius);
+  }
+  /// The mean normal of the surface that press() would move, by areas; outward or inward as the points' are.
+  /// Unit, or zero where there is none.
+  [[nodiscard]] Vec3 normal_around(std::uint32_t place, const Vec3& middle, double radius_mm) noexcept;
   /// How far the surface at a place has been moved since it was built, in all.
   [[nodiscard]] double sunk_mm(std::uint32_t place) const noexcept;
-  /// The local resolution there when it was built: the distance to the farthest of its neighbours.
-  [[nodiscard]] double first_resolution_mm(std::uint32_t place) const noexcept;
-  /// Moves the batch's points, then their planes follow. Points that do not exist are left out.
-  std::size_t apply(const MoveBatch& batch) noexcept;
+  /// The local resolution there when it was built.
+  [[nodiscard]] double first_resolution_mm(std::uint32_t place) const noexcept {
+    return points_->first_resolution_mm(place);
+  }
+  /// Moves the batch's points; then what follows them does. Points that do not exist are left out.
+  /// told(place, from, to), mm, for each as soon as it has moved.
+  template <class Told>
+  std::size_t apply(const MoveBatch& batch, Told told) noexcept {
+    WatchedBy<Told> watcher(told);
+    return apply_watched(batch, watcher);
+  }
+  std::size_t apply(const MoveBatch& batch) noexcept { return apply(batch, kNobody); }
   /// Takes back the last stroke that is remembered. False where there is none. Work: the stroke's points.
-  /// changed(place, from, to) is called for every point that goes back, mm; the model is whole again, and its
-  /// inferred points gone, when the call returns.
-  template <class Changed>
-  bool undo(Changed&& changed) noexcept {
-    std::size_t begin = 0;
-    if (!find_last_stroke(begin)) return false;
-    while (next_entry_ > begin) {
-      const Entry& entry = journal_[--next_entry_ % journal_.size()];
-      const Vec3 from = model_->points[entry.place].at();
-      if (restore(entry)) changed(entry.place, from, model_->points[entry.place].at());
-    }
-    --next_stroke_;
-    begin_stroke();
-    return true;
+  /// told() as above.
+  template <class Told>
+  bool undo(Told told) noexcept {
+    WatchedBy<Told> watcher(told);
+    return undo_watched(watcher);
   }
-  /// Everything as it was built; changed() as above. O(n).
-  template <class Changed>
-  void reset(Changed&& changed) noexcept {
-    forget_inferred();
-    for (std::uint32_t place = 0; place < built_; ++place) {
-      const Vec3 from = model_->points[place].at(), to = first_points_[place].at();
-      if (put_back(place, first_points_[place], first_links_[place]) && from != to) changed(place, from, to);
-    }
-    first_stroke_ = next_stroke_ = 0;
-    next_entry_ = 0;
-    begin_stroke();
+  bool undo() noexcept { return undo(kNobody); }
+  /// Everything as it was built; told() as above. O(n).
+  template <class Told>
+  void reset(Told told) noexcept {
+    WatchedBy<Told> watcher(told);
+    reset_watched(watcher);
   }
-  bool undo() noexcept {
-    return undo([](std::uint32_t, const Vec3&, const Vec3&) {});
-  }
-  void reset() noexcept {
-    reset([](std::uint32_t, const Vec3&, const Vec3&) {});
-  }
+  void reset() noexcept { reset(kNobody); }
   /// Of a place whose inferred point may be gone: the place itself, or one of the surface that it was
   /// inferred in.
   [[nodiscard]] std::uint32_t standing(std::uint32_t place) const noexcept {
-    return built_near(place, used_);
+    return points_->standing(place, points_->used());
   }
 
   /// The points that the last call of press() or apply() moved, and where each was before.
-  struct Moved {
-    std::uint32_t place;
-    Vec3 from_mm, to_mm;
-  };
-  [[nodiscard]] std::span<const Moved> last_moved() const noexcept { return {moved_.data(), moved_count_}; }
-  [[nodiscard]] const DeformCounters& counters() const noexcept { return counters_; }
-  [[nodiscard]] std::size_t points() const noexcept { return used_; }
+  [[nodiscard]] std::span<const MovedPoint> last_moved() const noexcept {
+    return {moved_.data(), moved_count_};
+  }
+  /// Around those and what was inferred between them.
+  [[nodiscard]] const geometry::Aabb& last_box_mm() const noexcept { return box_mm_; }
+  [[nodiscard]] DeformCounters counters() const noexcept {
+    DeformCounters all = counters_;
+    all.forgotten = journal_.forgotten();
+    return all;
+  }
+  [[nodiscard]] std::size_t points() const noexcept { return points_->used(); }
   [[nodiscard]] std::size_t bytes() const noexcept;
-  /// What bytes() will be for a model of so many points.
-  [[nodiscard]] static std::size_t bytes_for(std::size_t points, const Options& options) noexcept;
+  /// What bytes() will be for a model of so many points; what the points' own bytes() says comes on top.
+  [[nodiscard]] static std::size_t bytes_for(std::size_t points, const DeformerRoom& room) noexcept;
 
   /// The cloud as it is now, inferred points behind the others. Model frame.
   [[nodiscard]] Result<cloud::Cloud> edited() const;
 
  private:
-  struct Entry {
-    std::uint32_t place;
-    bool existed;
-    StoredPoint point;
-    neighbourhood::Neighbours links;
-  };
-  struct Stroke {
-    std::size_t begin;  ///< entry number, ever rising
-  };
-  static constexpr std::size_t kMaxStrokes = 64;
+  static constexpr auto kNobody = [](std::uint32_t, const Vec3&, const Vec3&) noexcept {};
 
-  /// The place itself where it is below a number, or one that it was inferred from.
-  [[nodiscard]] std::uint32_t built_near(std::uint32_t place, std::size_t below) const noexcept;
-  bool move(std::uint32_t place, const Vec3& to_mm) noexcept;
-  void remember(std::uint32_t place, bool existed) noexcept;
-  void forget_oldest() noexcept;
-  void settle() noexcept;
-  void mend_stretched() noexcept;
-  bool infer_between(std::uint32_t a, std::uint32_t b) noexcept;
-  void link_new(std::uint32_t place, std::uint32_t a, std::uint32_t b) noexcept;
-  /// The stroke that undo() takes back becomes the last one, `begin` its first entry; false where there is
-  /// none.
-  bool find_last_stroke(std::size_t& begin) noexcept;
-  bool restore(const Entry& entry) noexcept;
-  bool put_back(std::uint32_t place, const StoredPoint& point,
-                const neighbourhood::Neighbours& links) noexcept;
-  void remove_last() noexcept;
-  void forget_inferred() noexcept;
-  [[nodiscard]] bool apart(std::uint32_t a, std::uint32_t b) const noexcept;
-  [[nodiscard]] std::size_t collect(std::uint32_t place, double radius_mm) noexcept;
+  std::size_t apply_watched(const MoveBatch& batch, MoveWatcher& watcher) noexcept;
+  bool undo_watched(MoveWatcher& watcher) noexcept;
+  void reset_watched(MoveWatcher& watcher) noexcept;
+  void move(std::uint32_t place, const Vec3& to_mm, MoveWatcher& watcher) noexcept;
+  void settle(MoveWatcher& watcher) noexcept;
+  [[nodiscard]] std::size_t collect(std::uint32_t place, const Vec3& middle, double radius_mm) noexcept;
 
-  PointModel* model_;
-  SurfaceField* surface_;
-  std::size_t built_;  ///< points at the start
-  std::size_t used_;   ///< points now
-  LargeVector<StoredPoint> first_points_;
-  LargeVector<neighbourhood::Neighbours> first_links_;
-  std::vector<Entry> journal_;                 ///< a ring
-  std::size_t next_entry_ = 0;                 ///< ever rising
-  std::array<Stroke, kMaxStrokes> strokes_{};  ///< a ring
-  std::size_t first_stroke_ = 0, next_stroke_ = 0;
-  std::vector<std::uint64_t> seen_;      ///< by place: the search that saw it last
-  std::vector<std::uint64_t> recorded_;  ///< by place: the stroke that recorded it last, + 1
+  MovablePoints* points_;
+  Journal journal_;
+  std::vector<std::uint64_t> seen_;  ///< by place: the search that saw it last
   std::uint64_t searches_ = 0;
-  std::uint64_t stroke_number_ = 0;
   std::array<std::uint32_t, kMaxMovedPoints> found_{};
-  std::array<Moved, kMaxBatch> moved_{};
+  std::array<MovedPoint, kMaxBatch> moved_{};
   std::size_t moved_count_ = 0;
+  geometry::Aabb box_mm_;
   DeformCounters counters_;
 };
 

@@ -2,12 +2,9 @@
 // pull to the surface, the plane there, the properties.
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
-#include <memory>
-#include <span>
 
-#include "toolkit/deformation/deformer.h"
+#include "toolkit/deformation/giving_way.h"
 #include "toolkit/geometry/aabb.h"
 #include "toolkit/geometry/half_spaces.h"
 #include "toolkit/points/crease.h"
@@ -27,12 +24,12 @@ class CloudModel {
   [[nodiscard]] ModelPose& pose() noexcept { return body.pose; }
   [[nodiscard]] const ModelPose& pose() const noexcept { return body.pose; }
   [[nodiscard]] unsigned features() const noexcept { return body.surface.features; }
-  [[nodiscard]] bool moves_by_itself() const noexcept { return moves != nullptr; }
+  [[nodiscard]] bool moves_by_itself() const noexcept { return giving.moves_by_itself(); }
   [[nodiscard]] const geometry::Aabb& box_mm() const noexcept { return prepared_box_mm; }
   [[nodiscard]] bool touching() const noexcept { return contact.contact(); }
 
   void restart(const Vec3& h) noexcept {
-    if (deformer != nullptr) deformer->reset();
+    giving.restart();
     contact.reset(h);
     release();
   }
@@ -42,7 +39,7 @@ class CloudModel {
   }
   void release() noexcept {
     state.release();
-    pressed = false;
+    giving.release();
   }
 
   template <unsigned kFeatures>
@@ -61,9 +58,21 @@ class CloudModel {
                    FrameCounters& counters) const noexcept {
     planes.add(plane_near(end.place, body.pose.to_local(at_world), counters));
   }
-  void before_frame(FrameCounters& counters) noexcept { take_moves(counters); }
+  void before_frame(FrameCounters& counters) noexcept {
+    const auto told = [&](std::uint32_t place, const Vec3& from, const Vec3& to) noexcept {
+      contact.point_moved(place, from, to, counters);
+    };
+    if (giving.take_moves(told)) points_moved(counters);
+  }
+  /// After a frame's force is answered: the surface gives way where it is pressed deeper than it bears. False
+  /// where it left the box that it was prepared in.
   [[nodiscard]] bool after_frame(const SurfaceContact& at, double dt_s) noexcept {
-    return give_way(at, dt_s);
+    const double depth_mm = at.pull.norm();
+    if (!giving.has_to(depth_mm)) return true;
+    const std::uint32_t place = contact.sheet().place;
+    const bool kept = giving.press(place, body.points->points[place].at(), contact.outward(), depth_mm, dt_s);
+    contact.gave_way();
+    return kept;
   }
 
   /// Between two frames: the last touch's changes, or all of them, are taken back, by change(told) of the
@@ -80,11 +89,8 @@ class CloudModel {
   PointBody body;
   PointContact contact;
   SurfaceState state;
-  std::unique_ptr<Deformer> deformer;  ///< null: the geometry stays
-  surface::Dent dent;
-  std::shared_ptr<MoveReader> moves;  ///< or null
-  bool pressed = false;               ///< in contact in the last frame: the stroke goes on
-  geometry::Aabb prepared_box_mm;     ///< local, of the prepared points with the reach of their boxes
+  GivingWay giving;
+  geometry::Aabb prepared_box_mm;  ///< local, of the prepared points with the reach of their boxes
   Shading shading = Shading::kNone;
   bool by_spacing = false;  ///< shaded only where the spacing is felt
   double felt_spacing_sq_mm2 = 0.0;
@@ -93,46 +99,14 @@ class CloudModel {
   /// The points that a deformer put somewhere else have been told to the contact: it takes the surface as it
   /// is.
   void points_moved(FrameCounters& counters) noexcept {
-    contact.points_moved([&](std::uint32_t place) noexcept { return deformer->standing(place); }, counters);
+    contact.points_moved([&](std::uint32_t place) noexcept { return giving.deformer()->standing(place); },
+                         counters);
   }
-  void take_moves(FrameCounters& counters) noexcept;
-  bool give_way(const SurfaceContact& at, double dt_s) noexcept;
   template <unsigned kFeatures>
   [[nodiscard]] SurfaceContact contact_at(const WalkEnd& end, const Vec3& h) const noexcept;
   [[nodiscard]] geometry::HalfSpace plane_near(std::uint32_t start, const Vec3& at,
                                                FrameCounters& counters) const noexcept;
 };
-
-/// Before a frame collides: what a slower deformer has computed is applied, and a resting HIP meets what
-/// moved on to it.
-inline void CloudModel::take_moves(FrameCounters& counters) noexcept {
-  if (moves == nullptr) return;
-  const MoveBatch* batch = moves->take();
-  if (batch == nullptr) return;
-  deformer->apply(*batch);
-  for (const Deformer::Moved& moved : deformer->last_moved())
-    contact.point_moved(moved.place, moved.from_mm, moved.to_mm, counters);
-  points_moved(counters);
-}
-
-/// After a frame's force is answered: the surface gives way where it is pressed deeper than it bears. False
-/// where it left the box that it was prepared in.
-inline bool CloudModel::give_way(const SurfaceContact& at, double dt_s) noexcept {
-  if (deformer == nullptr || !dent.any()) return true;
-  if (!pressed) deformer->begin_stroke();
-  pressed = true;
-  const double over = at.pull.norm() - dent.yield_mm;
-  if (!(over > 0.0)) return true;
-  const std::uint32_t place = contact.sheet().place;
-  const double radius_mm =
-      std::max(dent.radius_mm, kNarrowestResolutions * deformer->first_resolution_mm(place));
-  deformer->press(place, contact.outward(), std::min(over, dent.rate_mm_s * dt_s), radius_mm,
-                  kDeepestPerRadius);
-  contact.gave_way();
-  const std::span<const Deformer::Moved> moved = deformer->last_moved();
-  return std::all_of(moved.begin(), moved.end(),
-                     [&](const Deformer::Moved& m) { return prepared_box_mm.contains(m.to_mm); });
-}
 
 /// The frictionless contact at the walk's end, local.
 template <unsigned kFeatures>

@@ -7,9 +7,10 @@
 #include <utility>
 
 #include "toolkit/core/try.h"
+#include "toolkit/deformation/deformed_stars.h"
 #include "toolkit/render/model_store.h"
 #include "toolkit/render/prepare_phases.h"
-#include "toolkit/render/shell_renderer.h"
+#include "toolkit/renderers/editable_renderer.h"
 #include "toolkit/renderers/star_model.h"
 #include "toolkit/stars/refine.h"
 
@@ -28,9 +29,9 @@ double share(std::uint64_t part, std::uint64_t all) noexcept {
   return all == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(all);
 }
 
-class CloudOnStars final : public BoxedShellRenderer<StarModel> {
+class CloudOnStars final : public EditableShellRenderer<StarModel> {
  public:
-  explicit CloudOnStars(const Options& options) : BoxedShellRenderer(options) {}
+  explicit CloudOnStars(const Options& options) : EditableShellRenderer(options) {}
 
   Description describe() const override {
     return {
@@ -60,7 +61,9 @@ class CloudOnStars final : public BoxedShellRenderer<StarModel> {
     if (!surface) return surface.error();
     return said(input, *surface);
   }
-  [[nodiscard]] int levels() const { return static_cast<int>(options_.integer("refine")); }
+  [[nodiscard]] int levels_asked() const { return static_cast<int>(options_.integer("refine")); }
+  /// Where points move every corner has to be one of them: who moves them knows no others.
+  [[nodiscard]] int levels_of(const ModelInput& input) const { return is_moving(input) ? 0 : levels_asked(); }
   static Error no_points() {
     return {"the cloud has no points", "give a file with at least one point", {}, 0};
   }
@@ -72,16 +75,24 @@ class CloudOnStars final : public BoxedShellRenderer<StarModel> {
     const auto n = static_cast<double>(out.points);
     out.decisions.push_back(
         {"surface", "stars",
-         "triangles that the points agree on; points that give way, and options of the vertices' "
-         "boxes, take vertices"});
+         "triangles that the points agree on; options of the vertices' boxes take vertices"});
     // Each level has four places for one.
-    const double places = n * std::pow(4.0, levels());
+    const int levels = levels_of(input);
+    const double places = n * std::pow(4.0, levels);
     out.bytes = static_cast<std::uint64_t>(kStarBytesPerPoint * places);
     out.prepare_ms = 1e-6 * (n * kStarMsPerMillion + (places - n) * kRefineMsPerMillion);
-    if (levels() > 0)
-      out.decisions.push_back({"refined", fmt::format("{} times", levels()), "option refine", true});
+    if (levels > 0)
+      out.decisions.push_back({"refined", fmt::format("{} times", levels), "option refine", true});
+    else if (levels_asked() > 0)
+      out.decisions.push_back({"refined", "no", "its points move: each triangle is one of theirs"});
     out.frame_us = kStarFrameUs;
     say_surface(input, surface, kFeltOnStars, out.points, out);
+    if (is_moving(input)) {
+      const DeformerRoom room = deformer_room(out.points);
+      say_giving_way("points move with their triangles", room, out);
+      out.bytes += Deformer::bytes_for(out.points, room) +
+                   DeformedStars::bytes_for(out.points, room.spare_points, room.journal_points);
+    }
     if (input.motion != nullptr)
       out.decisions.push_back({"motion", "pose read in each frame", "the scene moves it", true});
     return out;
@@ -90,16 +101,7 @@ class CloudOnStars final : public BoxedShellRenderer<StarModel> {
   Status prepare_model(const ModelInput& input, const PrepareContext& context, PrepareReport& report) {
     if (input.cloud->empty()) return no_points();
     auto made = std::make_unique<StarModel>();
-    const bool varied = input.surface.per_point != nullptr;
-    Result<std::shared_ptr<const StarGeometry>> geometry = held_or_made<StarGeometry>(
-        context, report,
-        [&] {
-          return fmt::format("stars {:016x} {} {} {}", cloud::content_hash(*input.cloud), input.cloud->size(),
-                             varied, levels());
-        },
-        [&](PrepareReport& to) { return build_geometry(*input.cloud, levels(), varied, context, to); });
-    if (!geometry) return std::move(geometry).error();
-    made->geometry = *std::move(geometry);
+    PALPATE_TRY(prepare_geometry(input, context, *made, report));
     const stars::StarMesh& mesh = made->geometry->mesh;
     made->placed = ModelPose(input, mesh.origin_mm());
     Result<SurfaceField> field = build_surface_field(input, mesh.order(), report);
@@ -107,16 +109,40 @@ class CloudOnStars final : public BoxedShellRenderer<StarModel> {
     made->surface = *std::move(field);
     blend(mesh, made->surface, report);
     report.bytes += made->surface.bytes();
+    if (made->moving != nullptr) prepare_giving_way(input, context, *made, report);
     made->contact.attach(mesh, made->geometry->tree);
     report.decisions.models.push_back(said(input, made->surface));
     models_.add(std::move(made));
     return Done{};
   }
 
-  static Result<std::shared_ptr<const StarGeometry>> build_geometry(const cloud::Cloud& cloud, int levels,
-                                                                    bool keep_order,
-                                                                    const PrepareContext& context,
-                                                                    PrepareReport& report) {
+  /// From the store where there is one, but where points may move: those are nobody else's.
+  Status prepare_geometry(const ModelInput& input, const PrepareContext& context, StarModel& made,
+                          PrepareReport& report) const {
+    if (is_moving(input)) {
+      made.geometry = made.moving = build_geometry(*input.cloud, 0, true, false, context, report);
+      return Done{};
+    }
+    const int levels = levels_of(input);
+    const bool varied = input.surface.per_point != nullptr;
+    Result<std::shared_ptr<const StarGeometry>> geometry = held_or_made<StarGeometry>(
+        context, report,
+        [&] {
+          return fmt::format("stars {:016x} {} {} {}", cloud::content_hash(*input.cloud), input.cloud->size(),
+                             varied, levels);
+        },
+        [&](PrepareReport& to) -> Result<std::shared_ptr<const StarGeometry>> {
+          return std::shared_ptr<const StarGeometry>(
+              build_geometry(*input.cloud, levels, varied, true, context, to));
+        });
+    if (!geometry) return std::move(geometry).error();
+    made.geometry = *std::move(geometry);
+    return Done{};
+  }
+
+  static std::shared_ptr<StarGeometry> build_geometry(const cloud::Cloud& cloud, int levels, bool keep_order,
+                                                      bool with_tree, const PrepareContext& context,
+                                                      PrepareReport& report) {
     auto made = std::make_shared<StarGeometry>();
     PreparePhases phases(report, context);
     bool running = false;
@@ -131,13 +157,30 @@ class CloudOnStars final : public BoxedShellRenderer<StarModel> {
       made->mesh = stars::refined(std::move(made->mesh), levels, context.threads);
       phases.end();
     }
-    phases.begin("tree");
-    made->tree = stars::StarTree::build(made->mesh, context.threads);
+    if (with_tree) {
+      phases.begin("tree");
+      made->tree = stars::StarTree::build(made->mesh, context.threads);
+      phases.end();
+    }
     if (!keep_order) made->mesh.drop_order();
-    phases.end();
     report.bytes += made->bytes();
     note(made->mesh.counts(), made->mesh.size(), report);
-    return std::shared_ptr<const StarGeometry>(std::move(made));
+    return made;
+  }
+
+  static void prepare_giving_way(const ModelInput& input, const PrepareContext& context, StarModel& made,
+                                 PrepareReport& report) {
+    StarGeometry& own = *made.moving;
+    const DeformerRoom room = deformer_room(own.mesh.size());
+    PreparePhases phases(report, context);
+    phases.begin("tree");
+    report.bytes -= own.bytes() + made.surface.bytes();
+    auto points =
+        std::make_unique<DeformedStars>(own.mesh, own.tree, made.surface, room.spare_points, context.threads);
+    own.mesh.drop_order();
+    report.bytes += own.bytes() + made.surface.bytes();
+    give_way(made.giving, input, std::move(points), room, own.tree.box_mm(), report);
+    phases.end();
   }
 
   static void note(const stars::StarCounts& counts, std::uint64_t points, PrepareReport& report) {

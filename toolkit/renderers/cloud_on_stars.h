@@ -8,9 +8,10 @@
 
 namespace palpate::render {
 
-inline constexpr Features kFeltOnStars = kAllOfRigidSurfaces | Feature::kJointContact;
+inline constexpr Features kFeltOnStars =
+    kAllOfRigidSurfaces | Feature::kDent | Feature::kMovedPoints | Feature::kJointContact;
 
-/// SlowPhase too. `options`: complete, as of cloud_info().
+/// Editable and SlowPhase too. `options`: complete, as of cloud_info().
 [[nodiscard]] std::unique_ptr<HapticRenderer> make_cloud_on_stars(const Options& options);
 
 }  // namespace palpate::render

@@ -2,26 +2,18 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "toolkit/core/try.h"
-#include "toolkit/deformation/editable.h"
+#include "toolkit/deformation/moving_vertices.h"
 #include "toolkit/render/shading_decision.h"
-#include "toolkit/render/shell_renderer.h"
 #include "toolkit/renderers/cloud_model.h"
+#include "toolkit/renderers/editable_renderer.h"
 
 namespace palpate::render {
 namespace {
 
-/// Points that a surface that gives way may gain by stretching, as a share of those it has, and at least.
-constexpr double kSpareShare = 0.125;
-constexpr std::size_t kLeastSpare = 256;
-/// Changes remembered for undo: some four thousand frames of a full dent, 32 MB.
-constexpr std::size_t kJournalPoints = std::size_t{1} << 19;
-
-class CloudOnVertices final : public BoxedShellRenderer<CloudModel>, public Editable {
+class CloudOnVertices final : public EditableShellRenderer<CloudModel> {
  public:
   static constexpr Features kFelt = kFeltOnVertices;
   // Measured (see kExpectedOn); they say what to expect, no decision rests on them. A frame in contact:
@@ -30,28 +22,7 @@ class CloudOnVertices final : public BoxedShellRenderer<CloudModel>, public Edit
   static constexpr double kFrameUs = 0.25;
   static constexpr double kScanOrderMsPerMillion = 450.0, kSearchMsPerMillion = 900.0;
 
-  explicit CloudOnVertices(const Options& options) : BoxedShellRenderer(options) {}
-
-  bool undo(std::size_t model) noexcept override {
-    if (!gives_way(model)) return false;
-    CloudModel& cloud = models_[model];
-    bool any = false;
-    cloud.put_back(models_.counters(), [&](auto&& told) { any = cloud.deformer->undo(told); });
-    return any;
-  }
-  void restore(std::size_t model) noexcept override {
-    if (!gives_way(model)) return;
-    CloudModel& cloud = models_[model];
-    cloud.put_back(models_.counters(), [&](auto&& told) { cloud.deformer->reset(told); });
-  }
-  Result<cloud::Cloud> edited(std::size_t model) const override {
-    if (!gives_way(model))
-      return Error{"this model does not give way", "give it a [model.surface.dent]", {}, 0};
-    return models_[model].deformer->edited();
-  }
-  DeformCounters deform_counters(std::size_t model) const noexcept override {
-    return gives_way(model) ? models_[model].deformer->counters() : DeformCounters{};
-  }
+  explicit CloudOnVertices(const Options& options) : EditableShellRenderer(options) {}
 
   Description describe() const override {
     return {"cloud", "chapter 3 made right",
@@ -75,25 +46,13 @@ class CloudOnVertices final : public BoxedShellRenderer<CloudModel>, public Edit
     return options_.text("combine") == "sum" ? Combine::kSum : Combine::kJoint;
   }
 
-  [[nodiscard]] bool gives_way(std::size_t model) const noexcept {
-    return model < models_.size() && models_[model].deformer != nullptr;
-  }
-
   /// What the options mean for a model.
   [[nodiscard]] PointModelOptions options_for(const ModelInput& input) const {
     PointModelOptions o = point_model_options(options_);
     o.blend_resolutions = kBlendResolutions;
-    o.moving = input.surface.dent.any() || input.moves != nullptr;
-    if (o.moving)
-      o.spare_points =
-          static_cast<std::size_t>(kSpareShare * static_cast<double>(input.cloud->size())) + kLeastSpare;
+    o.moving = is_moving(input);
+    if (o.moving) o.spare_points = deformer_room(input.cloud->size()).spare_points;
     return o;
-  }
-  static Deformer::Options deformer_options(const ModelInput& input, const PointDecision& points) {
-    Deformer::Options deform;
-    deform.spare_points = points.spare_points;
-    deform.journal_points = std::min(input.cloud->size() + points.spare_points, kJournalPoints);
-    return deform;
   }
   [[nodiscard]] ShadingDecision shading_of(const PointModelDecision& decided) const {
     return decide_shading(options_.text("shading"), decided.surface.largest_stiffness_n_per_mm,
@@ -116,13 +75,10 @@ class CloudOnVertices final : public BoxedShellRenderer<CloudModel>, public Edit
     out.decisions.push_back(shading_of(decided).said);
     say_surface(input, decided.surface, kFelt, input.cloud->size(), out);
     if (points.moving) {
-      const Deformer::Options deform = deformer_options(input, points);
-      out.decisions.push_back({"deformable geometry", "points move with their links",
-                               fmt::format("up to {} points a frame, {} spare ones, {} changes undone; the "
-                                           "first shape is kept",
-                                           kMaxMovedPoints, deform.spare_points, deform.journal_points),
-                               true});
-      out.bytes += Deformer::bytes_for(input.cloud->size(), deform);
+      const DeformerRoom room = deformer_room(input.cloud->size());
+      say_giving_way("points move with their links", room, out);
+      out.bytes += Deformer::bytes_for(input.cloud->size(), room) +
+                   MovingVertices::bytes_for(input.cloud->size(), room.journal_points);
     }
     if (input.motion != nullptr)
       out.decisions.push_back({"motion", "pose read in each frame", "the scene moves it", true});
@@ -147,14 +103,10 @@ class CloudOnVertices final : public BoxedShellRenderer<CloudModel>, public Edit
     made->prepared_box_mm.low_mm -= points.largest_half_box_mm;
     made->prepared_box_mm.high_mm += points.largest_half_box_mm;
     if (decided.points.moving) {
-      const Deformer::Options deform = deformer_options(input, decided.points);
-      made->deformer = std::make_unique<Deformer>(*made->body.moving, made->body.surface, deform);
-      made->dent = input.surface.dent;
-      if (input.moves != nullptr) made->moves = input.moves->subscribe();
-      report.bytes += made->deformer->bytes();
-      report.notes.push_back(
-          fmt::format("deformation: up to {} points a frame, {} spare ones, {} changes undone",
-                      kMaxMovedPoints, deform.spare_points, deform.journal_points));
+      const DeformerRoom room = deformer_room(input.cloud->size());
+      give_way(made->giving, input,
+               std::make_unique<MovingVertices>(*made->body.moving, made->body.surface, room.spare_points),
+               room, made->prepared_box_mm, report);
     }
     models_.add(std::move(made));
     return Done{};

@@ -1,5 +1,5 @@
 // `cloud` with surface=vertices: chapter 3's surface, a plane at every point, made right. What the step to
-// stars is measured against, and what holds points that give way.
+// stars is measured against.
 #pragma once
 
 #include <memory>

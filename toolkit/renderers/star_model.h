@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <memory>
 
+#include "toolkit/deformation/giving_way.h"
 #include "toolkit/geometry/aabb.h"
 #include "toolkit/render/joint_contact.h"
 #include "toolkit/render/surface_response.h"
@@ -13,7 +14,7 @@
 
 namespace palpate::render {
 
-/// What is prepared of a cloud and never changes.
+/// What is prepared of a cloud, and never changes but where its points move.
 struct StarGeometry {
   stars::StarMesh mesh;
   stars::StarTree tree;
@@ -22,6 +23,14 @@ struct StarGeometry {
 
 /// Belongs to one thread. Not moved once its contact is attached.
 class StarModel {
+  /// Tells the contact of a point that has moved.
+  struct Told {
+    stars::StarContact* contact;
+    void operator()(std::uint32_t place, const Vec3& from, const Vec3& to) const noexcept {
+      contact->point_moved(place, from, to);
+    }
+  };
+
  public:
   struct Memory {};
   static constexpr bool kComposed = true;
@@ -29,10 +38,12 @@ class StarModel {
   [[nodiscard]] ModelPose& pose() noexcept { return placed; }
   [[nodiscard]] const ModelPose& pose() const noexcept { return placed; }
   [[nodiscard]] unsigned features() const noexcept { return surface.features; }
+  [[nodiscard]] bool moves_by_itself() const noexcept { return giving.moves_by_itself(); }
   [[nodiscard]] geometry::Aabb box_mm() const noexcept { return geometry->tree.box_mm(); }
   [[nodiscard]] bool touching() const noexcept { return contact.contact(); }
 
   void restart(const Vec3& h) noexcept {
+    giving.restart();
     contact.reset(h);
     release();
   }
@@ -40,7 +51,10 @@ class StarModel {
     contact.start_from(h);
     release();
   }
-  void release() noexcept { state.release(); }
+  void release() noexcept {
+    state.release();
+    giving.release();
+  }
 
   template <unsigned kFeatures>
   [[nodiscard]] bool touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/, SurfaceContact& answer,
@@ -76,13 +90,48 @@ class StarModel {
     });
   }
 
+  void before_frame(FrameCounters& /*counters*/) noexcept {
+    if (giving.take_moves(Told{&contact})) points_moved();
+  }
+  /// After a frame's force is answered: the surface gives way where it is pressed deeper than it bears. False
+  /// where it left the box that it was prepared in.
+  [[nodiscard]] bool after_frame(const SurfaceContact& at, double dt_s) noexcept {
+    if (!giving.has_to(at.pull.norm())) return true;
+    const Vec3 god_object = at.hip + at.pull;
+    const std::uint32_t place = contact.facet().place[nearest_corner(god_object)];
+    const Vec3 outward = contact.side() * giving.normal_around(place, god_object);
+    const bool kept = giving.press(place, god_object, outward, at.pull.dot(outward), dt_s);
+    points_moved();
+    return kept;
+  }
+  /// Between two frames: the last touch's changes, or all of them, are taken back, by change(told) of the
+  /// deformer. A HIP that rests meets what moves back on to it; what friction held was a place that is gone.
+  template <class Change>
+  void put_back(FrameCounters& /*counters*/, Change&& change) noexcept {
+    change(Told{&contact});
+    points_moved();
+    state.release();
+  }
+
   std::shared_ptr<const StarGeometry> geometry;
+  std::shared_ptr<StarGeometry> moving;  ///< where points may move: the same, this renderer's own
   stars::StarContact contact;
   SurfaceField surface;  ///< by place
   SurfaceState state;
   ModelPose placed;  ///< where it stands
+  GivingWay giving;
 
  private:
+  void points_moved() noexcept {
+    contact.points_moved([this](std::uint32_t place) noexcept { return giving.deformer()->standing(place); });
+  }
+  [[nodiscard]] std::size_t nearest_corner(const Vec3& at) const noexcept {
+    const stars::Facet& facet = contact.facet();
+    std::size_t nearest = 0;
+    for (std::size_t i = 1; i < 3; ++i)
+      if ((facet.corner[i] - at).squaredNorm() < (facet.corner[nearest] - at).squaredNorm()) nearest = i;
+    return nearest;
+  }
   template <unsigned kFeatures>
   void read_contact(const Vec3& h, SurfaceContact& at) const noexcept {
     at.hip = h;
@@ -102,14 +151,11 @@ class StarModel {
     const stars::Facet& facet = contact.facet();
     const Vec3 g = h + at.pull;
     std::array<double, 3> k;
-    std::size_t nearest = 0;
-    for (std::size_t i = 0; i < 3; ++i) {
+    for (std::size_t i = 0; i < 3; ++i)
       k[i] = static_cast<double>(surface.of_place[facet.place[i]].stiffness_n_per_mm);
-      if ((facet.corner[i] - g).squaredNorm() < (facet.corner[nearest] - g).squaredNorm()) nearest = i;
-    }
     const FacetStiffness stiffness =
         stiffness_on_facet(facet.corner[0], facet.corner[1], facet.corner[2], k[0], k[1], k[2], g);
-    const PlaceSurface& here = surface.of_place[facet.place[nearest]];
+    const PlaceSurface& here = surface.of_place[facet.place[nearest_corner(g)]];
     at.stiffness_n_per_mm = stiffness.n_per_mm;
     at.stiffness_gradient = stiffness.gradient;
     at.static_friction = static_cast<double>(here.static_friction);

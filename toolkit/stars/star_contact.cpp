@@ -21,6 +21,12 @@ double along_edge(const Vec3& d, const Vec3& a, const Vec3& b, std::uint32_t pla
   return place_a < place_b ? d.dot(a.cross(b)) : -d.dot(b.cross(a));
 }
 
+/// a . (b x c), the same to the bit whichever corner of a triangle comes first.
+double triple(std::array<std::uint32_t, 3> place, std::array<Vec3, 3> at) noexcept {
+  const auto first = static_cast<std::size_t>(std::min_element(place.begin(), place.end()) - place.begin());
+  return at[first].dot(at[(first + 1) % 3].cross(at[(first + 2) % 3]));
+}
+
 bool shares(const Stand& left, std::uint32_t a, std::uint32_t b, std::uint32_t c) noexcept {
   const auto has = [&](std::uint32_t place) { return place == a || place == b || place == c; };
   const Feature f = left.foot.feature;
@@ -271,6 +277,65 @@ bool StarContact::first_entry(const Vec3& from, const Vec3& to, const Stand* lef
   }
   counters.tested += tested;
   return all;
+}
+
+/// A triangle of which one corner moves sweeps a tetrahedron; where the HIP is in it the triangle has gone
+/// over it. Seen from the HIP its four faces are four signs, each the same for all tetrahedra that share one.
+void StarContact::point_moved(std::uint32_t place, const Vec3& from, const Vec3& to) noexcept {
+  if (contact_) return;
+  const Vec3 &h = from_, f = from - h, t = to - h;
+  const Ring ring = mesh_->ring(place);
+  for (std::uint32_t k = 0; k < ring.size; ++k) {
+    if (!ring.has_sector(k)) continue;
+    const std::uint32_t b = ring.of[k], c = ring.of[ring.next(k)];
+    const Vec3 rb = mesh_->at(b) - h, rc = mesh_->at(c) - h;
+    const Vec3 low = f.cwiseMin(t).cwiseMin(rb).cwiseMin(rc), high = f.cwiseMax(t).cwiseMax(rb).cwiseMax(rc);
+    if ((low.array() > 0.0).any() || (high.array() < 0.0).any()) continue;
+    const std::array<std::uint32_t, 3> corner = {place, b, c};
+    const double before = triple(corner, {f, rb, rc}), behind = triple(corner, {t, rb, rc});
+    const double at_b = f.dot(t.cross(rb)), at_c = f.dot(t.cross(rc));
+    const bool in = before <= 0.0 && behind > 0.0 && at_b <= 0.0 && at_c >= 0.0;
+    const bool out = before >= 0.0 && behind < 0.0 && at_b >= 0.0 && at_c <= 0.0;
+    const double side = in ? 1.0 : -1.0;
+    if (!in && !out) continue;
+    if (mesh_->is_closed(place) && free_side_[mesh_->closed_piece(place)] != side) continue;
+    Hit hit;
+    hit.place = corner;
+    hit.side = side;
+    stand_on(hit);
+    stand_.foot = foot_on(stand_.facet, h);
+    pull_ = stand_.foot.point - h;
+    return;
+  }
+}
+
+/// The facet of these corners, or, where an edge of it was split or joined, the nearest to the HIP of those
+/// around them: of the same sheet.
+void StarContact::take_facet(const std::array<std::uint32_t, 3>& place) noexcept {
+  const Vec3 h = stand_.foot.point - pull_;
+  Stand nearest;
+  const auto offer = [&](const Facet& facet) noexcept {
+    const Foot foot = foot_on(facet, h);
+    if (foot.distance_sq < nearest.foot.distance_sq) nearest = {facet, foot};
+  };
+  const Ring around = mesh_->ring(place[0]);
+  const std::uint32_t at = around.find(place[1]);
+  if (at < around.size && around.has_sector(at) && around.of[around.next(at)] == place[2])
+    offer(Facet(*mesh_, place[0], place[1], place[2]));
+  else
+    for (const std::uint32_t corner : place) {
+      const Ring ring = mesh_->ring(corner);
+      for (std::uint32_t k = 0; k < ring.size; ++k)
+        if (ring.has_sector(k)) offer(Facet(*mesh_, corner, ring.of[k], ring.of[ring.next(k)]));
+    }
+  if (nearest.facet.place[0] == kNoPlace) {  // nothing is left there
+    start_from(h);
+    return;
+  }
+  stand_ = nearest;
+  pull_ = stand_.foot.point - h;
+  frame_ = FacetFrame(stand_.facet, side_);
+  framed_ = true;
 }
 
 }  // namespace palpate::stars

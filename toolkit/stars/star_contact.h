@@ -60,6 +60,18 @@ class StarContact {
     }
     return update_slowly(h, counters);
   }
+  /// A point of the mesh has gone from one place to another between two updates, and all others are where the
+  /// mesh has them: a HIP that rests may be met by its triangles. After the last one: points_moved().
+  void point_moved(std::uint32_t place, const Vec3& from, const Vec3& to) noexcept;
+  /// All points are where they are now, and some may be gone: nothing is kept that was known of the surface's
+  /// shape. standing(place): the place, or one near it where its point is gone. Work: three rings.
+  template <class Standing>
+  void points_moved(Standing&& standing) noexcept {
+    forget_blocks();
+    if (!contact_) return;
+    const auto& place = stand_.facet.place;
+    take_facet({standing(place[0]), standing(place[1]), standing(place[2])});
+  }
   [[nodiscard]] bool contact() const noexcept { return contact_; }
   [[nodiscard]] bool bound_hit() const noexcept { return bound_hit_; }
   [[nodiscard]] const Vec3& pull() const noexcept { return pull_; }
@@ -109,6 +121,7 @@ class StarContact {
   void test_block(std::uint32_t block, const Way& way, const Stand* left, Hit& hit,
                   std::uint32_t& tested) const noexcept;
   void stand_on(const Hit& hit) noexcept;
+  void take_facet(const std::array<std::uint32_t, 3>& place) noexcept;
   void forget_blocks() noexcept { near_reach_ = -1.0; }
   bool look_around(const Vec3& at, double reach, StarCounters& counters) noexcept;
 

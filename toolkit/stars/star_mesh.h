@@ -70,7 +70,7 @@ struct StarCounts {
 /// Called with the name of each step of a build before it begins.
 using OnStep = std::function<void(std::string_view)>;
 
-/// Immutable after build. Local coordinates, mm.
+/// Immutable after build, but where its points move (MovingStars). Local coordinates, mm.
 class StarMesh {
  public:
   /// Parallel; the same for any number of threads and any order of the points. O(n) for clouds of bounded
@@ -130,6 +130,7 @@ class StarMesh {
 
  private:
   friend class StarMeshBuilder;
+  friend class MovingStars;
   friend class StarMeshStore;
   friend class StarRefiner;
   static constexpr std::uint32_t kSizeMask = 0xF, kLong = 0xF, kClosed = 0x10;

@@ -29,6 +29,14 @@ void grow(BoxNode& node, std::uint32_t child, const Vec3f& p) noexcept {
   }
 }
 
+/// The box of `child` is the one around all of `below`.
+void cover(BoxNode& node, std::uint32_t child, const BoxNode& below) noexcept {
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    node.low[axis][child] = *std::min_element(below.low[axis].begin(), below.low[axis].end());
+    node.high[axis][child] = *std::max_element(below.high[axis].begin(), below.high[axis].end());
+  }
+}
+
 /// Rounded outward, and one more step for the rounding of the products that it is compared with.
 float below(double x) noexcept {
   return std::nextafter(std::nextafter(static_cast<float>(x), -kFar), -kFar);
@@ -77,15 +85,9 @@ StarTree StarTree::build(const StarMesh& mesh, int threads) {
   tree.levels_.emplace_back(count, empty_node());
   parallel_chunks(count, kNodesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
-      BoxNode& node = tree.levels_[0][i];
-      for (std::uint32_t child = 0; child < kFanOut; ++child) {
-        const std::size_t block = i * kFanOut + child;
-        if (block >= blocks) break;
-        for_triangles_in(mesh, block, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-          for (const std::uint32_t corner : {a, b, c}) grow(node, child, mesh.at(corner).cast<float>());
-        });
-        tree.layers_[block] = layer_of(mesh, block);
-      }
+      const std::size_t last = std::min<std::size_t>((i + 1) * kFanOut, blocks);
+      for (std::size_t block = i * kFanOut; block < last; ++block)
+        tree.fit_block(mesh, static_cast<std::uint32_t>(block));
     }
   });
   while (count > 1) {
@@ -93,12 +95,7 @@ StarTree StarTree::build(const StarMesh& mesh, int threads) {
     const std::size_t above = (count + kFanOut - 1) / kFanOut;
     LargeVector<BoxNode> level(above, empty_node());
     for (std::size_t i = 0; i < count; ++i)
-      for (std::uint32_t k = 0; k < kFanOut; ++k) {
-        if (below[i].low[0][k] > below[i].high[0][k]) continue;
-        const auto child = static_cast<std::uint32_t>(i % kFanOut);
-        grow(level[i / kFanOut], child, {below[i].low[0][k], below[i].low[1][k], below[i].low[2][k]});
-        grow(level[i / kFanOut], child, {below[i].high[0][k], below[i].high[1][k], below[i].high[2][k]});
-      }
+      cover(level[i / kFanOut], static_cast<std::uint32_t>(i % kFanOut), below[i]);
     tree.levels_.push_back(std::move(level));
     count = above;
   }
@@ -111,6 +108,35 @@ StarTree StarTree::build(const StarMesh& mesh, int threads) {
         static_cast<double>(*std::max_element(root.high[axis].begin(), root.high[axis].end()));
   }
   return tree;
+}
+
+void StarTree::fit_block(const StarMesh& mesh, std::uint32_t block) noexcept {
+  BoxNode& node = levels_[0][block / kFanOut];
+  const std::uint32_t child = block % kFanOut;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    node.low[axis][child] = kFar;
+    node.high[axis][child] = -kFar;
+  }
+  for_triangles_in(mesh, block, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+    for (const std::uint32_t corner : {a, b, c}) grow(node, child, mesh.at(corner).cast<float>());
+  });
+  layers_[block] = layer_of(mesh, block);
+}
+
+void StarTree::refit(const StarMesh& mesh, std::span<std::uint32_t> blocks) noexcept {
+  for (const std::uint32_t block : blocks) fit_block(mesh, block);
+  std::size_t count = blocks.size();
+  for (std::size_t level = 0; level + 1 < levels_.size(); ++level) {
+    // Nodes of this level that changed, each once: what follows is in order.
+    std::size_t nodes = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+      const std::uint32_t node = blocks[i] / kFanOut;
+      if (nodes == 0 || blocks[nodes - 1] != node) blocks[nodes++] = node;
+    }
+    count = nodes;
+    for (std::size_t i = 0; i < count; ++i)
+      cover(levels_[level + 1][blocks[i] / kFanOut], blocks[i] % kFanOut, levels_[level][blocks[i]]);
+  }
 }
 
 std::size_t StarTree::bytes() const noexcept {

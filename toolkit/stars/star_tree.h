@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "toolkit/core/large_pages.h"
@@ -36,6 +37,9 @@ class StarTree {
  public:
   /// Parallel, O(n).
   static StarTree build(const StarMesh& mesh, int threads);
+  /// Triangles of these blocks (sorted, each once) have moved: their boxes and layers and the boxes above
+  /// them are made anew. `blocks` is written over. O(blocks) for each level.
+  void refit(const StarMesh& mesh, std::span<std::uint32_t> blocks) noexcept;
 
   /// visit(block, its box's node and child) for every block whose box meets `box`; false stops. Looks at no
   /// more than `most` nodes; false where that or visit() ended it.
@@ -69,10 +73,13 @@ class StarTree {
     }
   }
   [[nodiscard]] const Layer& layer(std::uint32_t block) const noexcept { return layers_[block]; }
+  /// When it was built.
   [[nodiscard]] geometry::Aabb box_mm() const noexcept { return box_mm_; }
   [[nodiscard]] std::size_t bytes() const noexcept;
 
  private:
+  void fit_block(const StarMesh& mesh, std::uint32_t block) noexcept;
+
   std::vector<LargeVector<BoxNode>> levels_;  ///< 0: whose children are blocks; the last has one node
   LargeVector<Layer> layers_;                 ///< of each block
   geometry::Aabb box_mm_;

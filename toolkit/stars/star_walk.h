@@ -88,6 +88,15 @@ struct Trend {
   return square > 0.0 ? (r - n * (n.dot(r) / square)).squaredNorm() : r.squaredNorm();
 }
 
+/// Of the triangles around a place, outward; the sum of their areas' normals, each twice the area long.
+[[nodiscard]] inline Vec3 area_normal_around(const StarMesh& mesh, std::uint32_t place) noexcept {
+  const Ring ring = mesh.ring(place);
+  Vec3 sum = Vec3::Zero();
+  for (std::uint32_t k = 0; k < ring.size; ++k)
+    if (ring.has_sector(k)) sum += Facet(mesh, place, ring.of[k], ring.of[ring.next(k)]).area_normal();
+  return sum;
+}
+
 /// visit(facet) for the facets that meet where the stand's foot is; its own first.
 template <class Visit>
 void for_facets_at(const StarMesh& mesh, const Stand& stand, Visit&& visit) noexcept {

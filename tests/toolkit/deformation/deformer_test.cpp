@@ -10,7 +10,7 @@
 
 #include "tests/toolkit/renderers/scenes.h"
 #include "toolkit/core/random.h"
-#include "toolkit/deformation/editable.h"
+#include "toolkit/deformation/moving_vertices.h"
 #include "toolkit/points/point_walk.h"
 
 namespace palpate::render {
@@ -62,7 +62,8 @@ TEST(Deformer, ADentHasItsProfileAndEverythingFollows) {
   const Scene scene = generated("plane:extent_mm=20:spacing_mm=0.5");
   PointModel model = moving_model(scene, 1000);
   SurfaceField surface;  // the same everywhere: no value for each point
-  Deformer deformer(model, surface, {1000, 10000});
+  MovingVertices moving(model, surface, 1000);
+  Deformer deformer(moving, 10000);
   const std::uint32_t middle = middle_place(model);
   const std::size_t moved = deformer.press(middle, Vec3::UnitZ(), 0.3, 2.0);
   EXPECT_GT(moved, 40u);
@@ -77,7 +78,7 @@ TEST(Deformer, ADentHasItsProfileAndEverythingFollows) {
   expect_partition_right(model, deformer.points());
   // Planes follow: on the slope the normal leans towards the dent's middle.
   double steepest = 1.0;
-  for (const Deformer::Moved& m : deformer.last_moved())
+  for (const MovedPoint& m : deformer.last_moved())
     steepest = std::min(steepest, std::abs(surface::decode_normal(model.points[m.place].normal).z()));
   // The profile's steepest slope is 0.3 x 0.77 / 1 mm, a cosine of 0.974; a plane over eight neighbours is
   // flatter.
@@ -92,7 +93,8 @@ void expect_undone(PartitionKind kind) {
   SurfaceField surface;  // the same everywhere: no value for each point
   const auto points = model.points;
   const auto links = model.neighbours;
-  Deformer deformer(model, surface, {2000, 100000});
+  MovingVertices moving(model, surface, 2000);
+  Deformer deformer(moving, 100000);
   Random random(5);
   const auto stroke = [&] {
     deformer.begin_stroke();
@@ -133,8 +135,9 @@ TEST(Deformer, UndoGivesBackEveryBit) {
 TEST(Deformer, OldStrokesAreForgottenNotDamaged) {
   const Scene scene = generated("plane:extent_mm=20:spacing_mm=0.5");
   PointModel model = moving_model(scene, 0);
-  SurfaceField surface;                         // the same everywhere: no value for each point
-  Deformer deformer(model, surface, {0, 150});  // room for about two dents
+  SurfaceField surface;  // the same everywhere: no value for each point
+  MovingVertices moving(model, surface, 0);
+  Deformer deformer(moving, 150);  // room for about two dents
   for (int stroke = 0; stroke < 6; ++stroke) {
     deformer.begin_stroke();
     (void)deformer.press(middle_place(model), Vec3::UnitZ(), 0.01, 2.0);
@@ -152,7 +155,8 @@ TEST(Deformer, StretchedSurfacesKeepTheirBoxesTouching) {
   const Scene scene = generated("plane:extent_mm=20:spacing_mm=0.5");
   PointModel model = moving_model(scene, 20000);
   SurfaceField surface;  // the same everywhere: no value for each point
-  Deformer deformer(model, surface, {20000, 0});
+  MovingVertices moving(model, surface, 20000);
+  Deformer deformer(moving, 0);
   const std::uint32_t middle = middle_place(model);
   for (int i = 0; i < 400; ++i) (void)deformer.press(middle, Vec3::UnitZ(), 0.02, 3.0);  // 8 mm deep
   EXPECT_GT(deformer.counters().inferred, 50u);
@@ -173,7 +177,8 @@ TEST(Deformer, PointsLeaveTheGridsFirstBox) {
   const Scene scene = generated("plane:extent_mm=10:spacing_mm=0.5");
   PointModel model = moving_model(scene, 4000);
   SurfaceField surface;  // the same everywhere: no value for each point
-  Deformer deformer(model, surface, {4000, 0});
+  MovingVertices moving(model, surface, 4000);
+  Deformer deformer(moving, 0);
   const std::uint32_t middle = middle_place(model);
   for (int i = 0; i < 300; ++i) (void)deformer.press(middle, Vec3::UnitZ(), 0.1, 2.0);
   double lowest = 0.0;
@@ -187,7 +192,8 @@ TEST(Deformer, HostileCallsChangeNothing) {
   PointModel model = moving_model(scene, 10);
   SurfaceField surface;  // the same everywhere: no value for each point
   const auto points = model.points;
-  Deformer deformer(model, surface, {10, 10});
+  MovingVertices moving(model, surface, 10);
+  Deformer deformer(moving, 10);
   EXPECT_EQ(deformer.press(1u << 30, Vec3::UnitZ(), 1.0, 1.0), 0u);
   EXPECT_EQ(deformer.press(0, Vec3::UnitZ(), std::nan(""), 1.0), 0u);
   EXPECT_EQ(deformer.press(0, Vec3(std::nan(""), 0, 0), 1.0, 1.0), 0u);

@@ -23,9 +23,19 @@ Scene soft_plane() {
   return scene;
 }
 
-TEST(Dent, StaysAfterTheProbeAndIsFeltAgain) {
+/// Both forms of `cloud` have to do the same.
+class Dent : public testing::TestWithParam<const char*> {};
+class Undo : public Dent {};
+class SelfDeforming : public Dent {};
+const auto kSurfaces = testing::Values("cloud", "cloud:surface=vertices");
+INSTANTIATE_TEST_SUITE_P(OnBoth, Dent, kSurfaces);
+INSTANTIATE_TEST_SUITE_P(OnAll, Undo,
+                         testing::Values("cloud", "cloud:surface=vertices", "cloud:partition=octree"));
+INSTANTIATE_TEST_SUITE_P(OnBoth, SelfDeforming, kSurfaces);
+
+TEST_P(Dent, StaysAfterTheProbeAndIsFeltAgain) {
   const Scene scene = soft_plane();
-  const auto renderer = prepared(scene.input, "cloud");
+  const auto renderer = prepared(scene.input, GetParam());
   auto& editable = dynamic_cast<Editable&>(*renderer);
   renderer->restart(Vec3(0, 0, 2));
   const auto press = [&](double depth) {
@@ -73,10 +83,10 @@ test::Stepped dented(const Scene& scene, const std::string& spec, double depth_m
 
 // The surface comes back to where the HIP is now below it. Nothing of the dent's shape may be left: not the
 // place that the god object was at, which may be gone, nor its plane, nor what friction held.
-TEST(Undo, UnderTheHandTheSurfaceIsWhereItWas) {
+TEST_P(Undo, UnderTheHandTheSurfaceIsWhereItWas) {
   Scene scene = soft_plane();
   for (const double friction : {0.0, 0.8})
-    for (const char* spec : {"cloud", "cloud:partition=octree"})
+    for (const std::string& spec : {std::string(GetParam()), std::string("cloud:partition=octree")})
       for (const bool all : {false, true})
         for (const double up_to : {-4.0, -2.0}) {  // in contact with the dent's bottom, and free above it
           SCOPED_TRACE(testing::Message() << spec << ", friction " << friction << ", at " << up_to << " mm, "
@@ -115,9 +125,9 @@ TEST(Undo, UnderTheHandTheSurfaceIsWhereItWas) {
         }
 }
 
-TEST(Undo, OfAModelThatIsFarOrWholeIsHarmless) {
+TEST_P(Undo, OfAModelThatIsFarOrWholeIsHarmless) {
   const Scene scene = soft_plane();
-  const auto renderer = dented(scene, "cloud", 2.0);
+  const auto renderer = dented(scene, GetParam(), 2.0);
   auto& editable = dynamic_cast<Editable&>(*renderer);
   for (int i = 0; i <= 1000; ++i) (void)renderer->step(Vec3(0.1, 0.1, -2.0 + 0.1 * i), kDt);
   ASSERT_TRUE(editable.undo(0));
@@ -135,10 +145,10 @@ TEST(Undo, OfAModelThatIsFarOrWholeIsHarmless) {
 }
 
 // The broad phase knows the box of the prepared points; a dent leaves it.
-TEST(Dent, IsMetFromBelowOutsideOfTheModelsFirstBox) {
+TEST_P(Dent, IsMetFromBelowOutsideOfTheModelsFirstBox) {
   Scene scene = generated("plane:extent_mm=40:spacing_mm=0.5");
   scene.input.models[0].surface.dent = {0.5, 4.0, 40.0};
-  const auto renderer = prepared(scene.input, "cloud");
+  const auto renderer = prepared(scene.input, GetParam());
   const auto along = [&](const std::vector<Vec3>& corners) {
     Frame frame;
     for (std::size_t leg = 0; leg + 1 < corners.size(); ++leg)
@@ -157,7 +167,7 @@ TEST(Dent, IsMetFromBelowOutsideOfTheModelsFirstBox) {
 
 // At every ratio of radius, depth and spacing: what is in contact pushes, as hard as it is deep, and out of
 // the dent; and the way back is free.
-TEST(Dent, ContactPushesHoweverNarrowAndDeep) {
+TEST_P(Dent, ContactPushesHoweverNarrowAndDeep) {
   Random random(53);
   for (const double spacing : {0.25, 0.5, 1.0})
     for (const double radius : {0.5, 1.0, 2.0, 4.0})
@@ -168,7 +178,7 @@ TEST(Dent, ContactPushesHoweverNarrowAndDeep) {
         constexpr double kSpeed = 10.0;
         Scene scene = generated("plane:extent_mm=20:spacing_mm=" + std::to_string(spacing));
         scene.input.models[0].surface.dent = {kYield, radius, 20.0};
-        const auto renderer = prepared(scene.input, "cloud");
+        const auto renderer = prepared(scene.input, GetParam());
         auto& editable = dynamic_cast<Editable&>(*renderer);
         const Vec3 top(random.uniform(), random.uniform(), 0.5), bottom = top - Vec3(0, 0, 0.5 + depth);
         renderer->restart(top);
@@ -201,9 +211,9 @@ TEST(Dent, ContactPushesHoweverNarrowAndDeep) {
       }
 }
 
-TEST(Dent, TakesWorkAndGivesNoneBack) {
+TEST_P(Dent, TakesWorkAndGivesNoneBack) {
   const Scene scene = soft_plane();
-  const auto renderer = prepared(scene.input, "cloud");
+  const auto renderer = prepared(scene.input, GetParam());
   renderer->restart(Vec3(0, 0, 1));
   double work = 0.0, least = 0.0;
   Vec3 before(0, 0, 1), force = Vec3::Zero();
@@ -220,14 +230,14 @@ TEST(Dent, TakesWorkAndGivesNoneBack) {
   EXPECT_GT(least, -0.01 * 0.5 * 0.5 * 0.25) << "and none comes out first";
 }
 
-TEST(SelfDeforming, ASurfaceThatRisesByItselfMeetsARestingProbe) {
+TEST_P(SelfDeforming, ASurfaceThatRisesByItselfMeetsARestingProbe) {
   // The whole plane rises point by point, a batch a frame, past a probe that never moves: section 3.3.2.1's
   // case. 41 x 41 points, so that four batches lift all.
   Scene scene = generated("plane:extent_mm=20:spacing_mm=0.5");
   scene.input.models[0].moves = std::make_shared<MoveQueue>();
   MoveQueue& queue = *scene.input.models[0].moves;
   const cloud::Cloud& cloud = *scene.input.models[0].cloud;
-  const auto renderer = prepared(scene.input, "cloud");
+  const auto renderer = prepared(scene.input, GetParam());
   const Vec3 hip(0.13, 0.21, 0.6);
   renderer->restart(hip);
   double height = 0.0;
@@ -255,13 +265,13 @@ TEST(SelfDeforming, ASurfaceThatRisesByItselfMeetsARestingProbe) {
   EXPECT_NEAR(frame.force_n.z(), 0.5 * (height - 0.6), 0.01);
 }
 
-TEST(SelfDeforming, ASurfaceIsMetHoweverFarItMovesFromItsFirstBox) {
+TEST_P(SelfDeforming, ASurfaceIsMetHoweverFarItMovesFromItsFirstBox) {
   Scene scene = generated("plane:extent_mm=10:spacing_mm=0.5");
   scene.input.models[0].moves = std::make_shared<MoveQueue>();
   MoveQueue& queue = *scene.input.models[0].moves;
   const cloud::Cloud& cloud = *scene.input.models[0].cloud;
   ASSERT_LE(cloud.size(), kMaxBatch);
-  const auto renderer = prepared(scene.input, "cloud");
+  const auto renderer = prepared(scene.input, GetParam());
   const Vec3 hip(0.13, 0.21, 20.0);
   renderer->restart(hip);
   double height = 0.0;

@@ -9,6 +9,7 @@
 #include "tests/toolkit/renderers/scenes.h"
 #include "toolkit/core/random.h"
 #include "toolkit/deformation/deformer.h"
+#include "toolkit/deformation/moving_vertices.h"
 #include "toolkit/heightfield/heightfield_model.h"
 #include "toolkit/points/point_model.h"
 
@@ -88,11 +89,11 @@ TEST(PointDecisions, ADeformersBytesAreKnown) {
       build_point_body(scene.input.models[0], options_of(PartitionKind::kGrid, BoxSize::kGlobal, true),
                        {1, nullptr}, report)
           .value();
-  Deformer::Options options;
-  options.spare_points = 100;
-  options.journal_points = 1000;
+  const DeformerRoom room{100, 1000};
   const std::size_t points = body.moving->points.size();
-  EXPECT_EQ(Deformer(*body.moving, body.surface, options).bytes(), Deformer::bytes_for(points, options));
+  MovingVertices moving(*body.moving, body.surface, room.spare_points);
+  EXPECT_EQ(Deformer(moving, room.journal_points).bytes(),
+            Deformer::bytes_for(points, room) + MovingVertices::bytes_for(points, room.journal_points));
 }
 
 /// Every 7th point is gone, a square of 30 x 30 posts too.

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cstdint>
 #include <map>
 #include <set>
 #include <string>
@@ -42,8 +43,8 @@ inline std::vector<Named> all_clouds() {
 }
 
 /// What no cloud may break: every triangle stands in the rings of its three corners, the same way around, and
-/// an edge has two at most, which run along it in opposite ways.
-inline void expect_sound(const StarMesh& mesh) {
+/// an edge has two at most, which run along it in opposite ways. Returns how many triangles there are.
+inline std::uint64_t expect_rings_sound(const StarMesh& mesh) {
   std::map<std::array<std::uint32_t, 2>, int> edges;
   std::uint64_t triangles = 0;
   for (std::uint32_t i = 0; i < mesh.size(); ++i) {
@@ -59,14 +60,19 @@ inline void expect_sound(const StarMesh& mesh) {
       for (const auto& [at, from, to] : {std::array{b, c, i}, std::array{c, i, b}}) {
         const Ring other = mesh.ring(at);
         const std::uint32_t k2 = other.find(from);
-        ASSERT_LT(k2, other.size);
+        EXPECT_LT(k2, other.size) << at;
+        if (k2 == other.size) continue;
         EXPECT_TRUE(other.has_sector(k2));
         EXPECT_EQ(other.of[other.next(k2)], to);
       }
     }
   }
   for (const auto& [edge, count] : edges) EXPECT_EQ(count, 1) << edge[0] << ' ' << edge[1];
-  EXPECT_EQ(triangles, 3 * mesh.counts().triangles);
+  EXPECT_EQ(triangles % 3, 0u);
+  return triangles / 3;
+}
+inline void expect_sound(const StarMesh& mesh) {
+  EXPECT_EQ(expect_rings_sound(mesh), mesh.counts().triangles);
 }
 
 }  // namespace palpate::stars

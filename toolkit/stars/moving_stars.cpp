@@ -1,0 +1,238 @@
+#include "toolkit/stars/moving_stars.h"
+
+#include <algorithm>
+
+#include "toolkit/stars/flat_cell.h"
+
+namespace palpate::stars {
+namespace {
+
+/// Every long ring has the room of the longest.
+constexpr auto kLongRoom = static_cast<std::uint32_t>(kMaxCorners);
+/// Random points have nine or more neighbours once in thirty, and a split adds one to two rings: fewer than
+/// one ring in a split becomes long.
+constexpr std::size_t kRoomsASplit = 1;
+
+constexpr std::uint32_t bits_below(std::uint32_t k) noexcept {
+  return (1u << k) - 1u;
+}
+
+}  // namespace
+
+MovingStars::MovingStars(StarMesh& mesh, StarTree& tree, std::size_t spare, int threads)
+    : mesh_(&mesh), tree_(&tree), built_(mesh.size()), used_(built_), parents_(spare) {
+  const std::size_t most = built_ + spare;
+  // Long rings lie back to back as they were built: each gets the room to grow.
+  std::vector<std::uint32_t> roomy;
+  for (std::uint32_t place = 0; place < built_; ++place) {
+    if (!is_long(place)) continue;
+    const Row old = row(place);
+    mesh.rings_[place][0] = static_cast<std::uint32_t>(roomy.size());
+    roomy.insert(roomy.end(), old.of, old.of + old.size);
+    roomy.resize(roomy.size() + kLongRoom - old.size, place);
+  }
+  for (std::size_t i = 0; i < kRoomsASplit * spare; ++i)
+    free_rooms_.push_back(static_cast<std::uint32_t>(roomy.size() + i * kLongRoom));
+  std::reverse(free_rooms_.begin(), free_rooms_.end());
+  roomy.resize(roomy.size() + kRoomsASplit * spare * kLongRoom);
+  mesh.long_rings_ = std::move(roomy);
+  // Places to come have no triangle: nothing finds them.
+  const StarPoint nowhere =
+      built_ > 0 ? StarPoint{mesh.points_[0].x_mm, mesh.points_[0].y_mm, mesh.points_[0].z_mm, 0}
+                 : StarPoint{};
+  mesh.points_.resize(most, nowhere);
+  mesh.rings_.resize(most);
+  for (std::size_t place = built_; place < most; ++place)
+    mesh.rings_[place].fill(static_cast<std::uint32_t>(place));
+  if (!mesh.closed_piece_of_.empty()) mesh.closed_piece_of_.resize(most, 0);
+  const std::size_t blocks = (most + kBlockPlaces - 1) / kBlockPlaces;
+  changed_.reserve(blocks);
+  is_changed_.assign(blocks, 0);
+  tree = StarTree::build(mesh, threads);
+}
+
+std::size_t MovingStars::bytes() const noexcept {
+  return parents_.capacity() * sizeof(parents_[0]) +
+         (free_rooms_.capacity() + changed_.capacity()) * sizeof(std::uint32_t) + is_changed_.capacity();
+}
+
+bool MovingStars::is_long(std::uint32_t place) const noexcept {
+  return (mesh_->points_[place].info & StarMesh::kSizeMask) == StarMesh::kLong;
+}
+
+MovingStars::Row MovingStars::row(std::uint32_t place) noexcept {
+  auto& ring = mesh_->rings_[place];
+  if (is_long(place)) return {mesh_->long_rings_.data() + ring[0], ring[1], ring[2]};
+  const std::uint32_t info = mesh_->points_[place].info;
+  return {ring.data(), info & StarMesh::kSizeMask, info >> StarMesh::kOpenShift & StarMesh::kOpenMask};
+}
+
+void MovingStars::set_size(std::uint32_t place, std::uint32_t size, std::uint32_t open) noexcept {
+  if (is_long(place)) {
+    mesh_->rings_[place][1] = size;
+    mesh_->rings_[place][2] = open;
+    return;
+  }
+  std::uint32_t& info = mesh_->points_[place].info;
+  info = (info & StarMesh::kClosed) | size | (open << StarMesh::kOpenShift);
+}
+
+void MovingStars::lengthen(std::uint32_t place) noexcept {
+  const Row old = row(place);
+  const std::uint32_t room = free_rooms_.back();
+  free_rooms_.pop_back();
+  std::copy_n(old.of, old.size, mesh_->long_rings_.begin() + room);
+  std::uint32_t& info = mesh_->points_[place].info;
+  info = (info & StarMesh::kClosed) | StarMesh::kLong;
+  mesh_->rings_[place].fill(place);
+  mesh_->rings_[place][0] = room;
+  set_size(place, old.size, old.open);
+}
+
+void MovingStars::shorten(std::uint32_t place) noexcept {
+  const Row old = row(place);
+  free_rooms_.push_back(mesh_->rings_[place][0]);
+  auto& ring = mesh_->rings_[place];
+  ring.fill(place);
+  std::copy_n(old.of, old.size, ring.begin());
+  std::uint32_t& info = mesh_->points_[place].info;
+  info = (info & StarMesh::kClosed) | old.size | (old.open << StarMesh::kOpenShift);
+}
+
+/// Whether a ring can take one more; `rooms`: those left for rings that become long.
+bool MovingStars::can_insert(std::uint32_t place, std::size_t& rooms) const noexcept {
+  const std::uint32_t size = mesh_->ring(place).size;
+  if (size != kShortRing || is_long(place)) return size < kLongRoom;
+  if (rooms == 0) return false;
+  --rooms;
+  return true;
+}
+
+void MovingStars::replace(std::uint32_t place, std::uint32_t old, std::uint32_t by) noexcept {
+  const Row ring = row(place);
+  *std::find(ring.of, ring.of + ring.size, old) = by;
+}
+
+/// Between `before` and the one after it, whose sector becomes two.
+void MovingStars::insert_after(std::uint32_t place, std::uint32_t before, std::uint32_t added) noexcept {
+  if (!is_long(place) && row(place).size == kShortRing) lengthen(place);
+  const Row ring = row(place);
+  const auto at = static_cast<std::uint32_t>(std::find(ring.of, ring.of + ring.size, before) - ring.of) + 1;
+  std::copy_backward(ring.of + at, ring.of + ring.size, ring.of + ring.size + 1);
+  ring.of[at] = added;
+  const std::uint32_t low = bits_below(at);
+  set_size(place, ring.size + 1, (ring.open & low) | (ring.open & ~low) << 1);
+}
+
+/// The two sectors beside `gone`, both there, become one. It is not the first of the ring.
+void MovingStars::erase(std::uint32_t place, std::uint32_t gone) noexcept {
+  const Row ring = row(place);
+  const auto at = static_cast<std::uint32_t>(std::find(ring.of, ring.of + ring.size, gone) - ring.of);
+  std::copy(ring.of + at + 1, ring.of + ring.size, ring.of + at);
+  ring.of[ring.size - 1] = place;
+  const std::uint32_t low = bits_below(at);
+  set_size(place, ring.size - 1, (ring.open & low) | (ring.open >> 1 & ~low));
+  // A ring that was built long never becomes so short: only what was put in goes.
+  if (is_long(place) && ring.size - 1 == kShortRing) shorten(place);
+}
+
+void MovingStars::mark_block(std::uint32_t block) noexcept {
+  if (is_changed_[block] != 0) return;
+  is_changed_[block] = 1;
+  changed_.push_back(block);
+}
+
+/// The blocks that hold the triangles of a place: each lies with its lowest corner.
+void MovingStars::mark(std::uint32_t place) noexcept {
+  mark_block(place / kBlockPlaces);
+  const Ring ring = mesh_->ring(place);
+  for (std::uint32_t k = 0; k < ring.size; ++k)
+    if (ring.of[k] < place) mark_block(ring.of[k] / kBlockPlaces);
+}
+
+void MovingStars::set(std::uint32_t place, const Vec3f& to) noexcept {
+  StarPoint& point = mesh_->points_[place];
+  point.x_mm = to.x();
+  point.y_mm = to.y();
+  point.z_mm = to.z();
+  mark(place);
+}
+
+std::uint32_t MovingStars::split(std::uint32_t a, std::uint32_t b) noexcept {
+  if (used_ == most()) return kNoPlace;
+  const Ring around = mesh_->ring(a);
+  const std::uint32_t k = around.find(b);
+  if (k == around.size) return kNoPlace;
+  const std::uint32_t before = around.previous(k);
+  const std::uint32_t left = around.has_sector(k) ? around.of[around.next(k)] : kNoPlace;
+  const std::uint32_t right = around.has_sector(before) ? around.of[before] : kNoPlace;
+  if (left == right) return kNoPlace;  // no triangle, or two with the same corners
+  std::size_t rooms = free_rooms_.size();
+  for (const std::uint32_t across : {left, right})
+    if (across != kNoPlace && !can_insert(across, rooms)) return kNoPlace;
+
+  const std::uint32_t place = used_++;
+  parents_[place - built_] = {a, b};
+  replace(a, b, place);
+  replace(b, a, place);
+  if (left != kNoPlace) insert_after(left, a, place);
+  if (right != kNoPlace) insert_after(right, b, place);
+  std::array<std::uint32_t, kShortRing> ring;
+  ring.fill(place);
+  std::uint32_t size = 0, open = 0;
+  // Counter-clockwise: from b over the left to a, and back over the right.
+  if (left != kNoPlace) {
+    ring[size++] = b;
+    ring[size++] = left;
+    ring[size++] = a;
+    if (right != kNoPlace)
+      ring[size++] = right;
+    else
+      open = 1u << 2;
+  } else {
+    ring[size++] = a;
+    ring[size++] = right;
+    ring[size++] = b;
+    open = 1u << 2;
+  }
+  mesh_->rings_[place] = ring;
+  const Vec3f middle = (0.5 * (mesh_->at(a) + mesh_->at(b))).cast<float>();
+  mesh_->points_[place] = {middle.x(), middle.y(), middle.z(), mesh_->points_[a].info & StarMesh::kClosed};
+  set_size(place, size, open);
+  if (!mesh_->closed_piece_of_.empty()) mesh_->closed_piece_of_[place] = mesh_->closed_piece_of_[a];
+  mark(place);
+  return place;
+}
+
+void MovingStars::join_last() noexcept {
+  const std::uint32_t place = --used_;
+  mark(place);
+  const auto [a, b] = parents(place);
+  const Row ring = row(place);
+  for (std::uint32_t k = 0; k < ring.size; ++k)
+    if (ring.of[k] != a && ring.of[k] != b) erase(ring.of[k], place);
+  replace(a, place, b);
+  replace(b, place, a);
+  mesh_->points_[place].info = 0;
+  mesh_->rings_[place].fill(place);
+}
+
+void MovingStars::refit() noexcept {
+  std::sort(changed_.begin(), changed_.end());
+  for (const std::uint32_t block : changed_) is_changed_[block] = 0;
+  tree_->refit(*mesh_, changed_);
+  changed_.clear();
+}
+
+std::size_t MovingStars::bytes_for(std::size_t points, std::size_t spare) noexcept {
+  const std::size_t blocks = (points + spare + kBlockPlaces - 1) / kBlockPlaces;
+  const std::size_t own =
+      spare * (sizeof(std::array<std::uint32_t, 2>) + kRoomsASplit * sizeof(std::uint32_t)) +
+      blocks * (sizeof(std::uint32_t) + 1);
+  const std::size_t grown = spare * (sizeof(StarPoint) + sizeof(std::array<std::uint32_t, kShortRing>) +
+                                     kRoomsASplit * kLongRoom * sizeof(std::uint32_t)) +
+                            spare / kBlockPlaces * (sizeof(Layer) + sizeof(BoxNode) / kFanOut);
+  return own + grown;
+}
+
+}  // namespace palpate::stars
