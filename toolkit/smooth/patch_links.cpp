@@ -17,10 +17,13 @@ constexpr double kReach = 0.8;
 /// either the one or the other.
 constexpr double kSteepest = 0.77;
 constexpr double kLeastAgreement = 0.64;
-/// Two that meet come within so many spacings, or standard deviations, of each other, and of where either
-/// ends.
-constexpr double kOffSpacings = 1.2, kOffSigmas = 3.0;
+/// Two that meet come within so many spacings, or standard deviations, of each other, and within so many
+/// spacings of where either ends.
+constexpr double kOffSpacings = 0.4, kOffSigmas = 3.0, kBeyondEnd = 1.2;
 constexpr int kMeetRounds = 3;
+/// Normals that differ by more than this where two patches meet (20 degrees), and by so many standard errors,
+/// make a crease.
+constexpr double kCreaseSine = 0.34, kCreaseErrors = 3.0;
 /// Links of one patch: to the nearest that there are.
 constexpr std::size_t kMostLinks = 24;
 /// Classes of agreement that links are taken in, best first.
@@ -48,7 +51,7 @@ bool meet(const Patch& a, const Patch& b, Vec3& at) {
       std::max(kOffSpacings * std::min(a.spacing, b.spacing), kOffSigmas * std::max(a.sigma, b.sigma)))
     return false;
   const auto reaches = [&](const Patch& p) {
-    const double reach = p.support + kOffSpacings * p.spacing;
+    const double reach = p.support + kBeyondEnd * p.spacing;
     return (at - p.quadric.at).squaredNorm() <= reach * reach;
   };
   return reaches(a) && reaches(b);
@@ -70,6 +73,25 @@ double agreement(const Patch& a, const Patch& b) {
   if (std::abs(na) > kSteepest || std::abs(nb) > kSteepest) return 0.0;
   const double agreed = a.quadric.n.dot(b.quadric.n) - 2.0 * na * nb;
   return std::abs(agreed) < kLeastAgreement ? 0.0 : agreed;
+}
+
+/// Unit, of a patch's quadric at a place near it.
+Vec3 normal_at(const Quadric& q, const Vec3& at) {
+  const Vec3 d = at - q.at;
+  const double a = d.dot(q.u), b = d.dot(q.v);
+  return (q.n - q.u * (2.0 * q.uu * a + q.uv * b) - q.v * (2.0 * q.vv * b + q.uv * a)).normalized();
+}
+
+/// Of two patches that continue each other with the same side up.
+Turn turn_between(const Patch& a, const Patch& b) {
+  Vec3 at;
+  if (!meet(a, b, at)) return Turn::kNone;
+  const Vec3 na = normal_at(a.quadric, at), nb = normal_at(b.quadric, at);
+  const double sine = (na - nb).norm();
+  if (sine < std::max(kCreaseSine, kCreaseErrors * std::hypot(a.slope_error, b.slope_error)))
+    return Turn::kNone;
+  const double above = (b.quadric.at - at).dot(na) + (a.quadric.at - at).dot(nb);
+  return above < 0.0 ? Turn::kRidge : Turn::kValley;
 }
 
 struct Link {
@@ -280,23 +302,34 @@ PatchLinks link_patches(std::vector<Patch>& patches, int threads) {
   PatchLinks out;
   out.sheet.resize(patches.size());
   for (std::uint32_t i = 0; i < patches.size(); ++i) out.sheet[i] = sides.root(i).first;
+  // Against the sheet's sides: a seam, or two sheets after all.
+  std::vector<Turn> turn(links.size());
+  std::vector<std::uint8_t> stands(links.size());
+  parallel_chunks(links.size(), kGrain, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const Patch &a = patches[links[i].a], &b = patches[links[i].b];
+      stands[i] = agreement(a, b) > 0.0;
+      if (stands[i] != 0 && a.sure && b.sure) turn[i] = turn_between(a, b);
+    }
+  });
   out.begin.assign(patches.size() + 1, 0);
-  const auto stands = [&](const Link& link) {
-    // Against the sheet's sides: a seam, or two sheets after all.
-    return (agreement(patches[link.a], patches[link.b]) > 0.0);
-  };
-  for (const Link& link : links) {
-    if (!stands(link)) continue;
-    ++out.begin[link.a + 1];
-    ++out.begin[link.b + 1];
+  for (std::size_t i = 0; i < links.size(); ++i) {
+    if (stands[i] == 0) continue;
+    ++out.begin[links[i].a + 1];
+    ++out.begin[links[i].b + 1];
   }
   for (std::size_t i = 0; i < patches.size(); ++i) out.begin[i + 1] += out.begin[i];
   std::vector<std::uint32_t> next(out.begin.begin(), out.begin.end() - 1);
   out.to.resize(out.begin.back());
-  for (const Link& link : links) {
-    if (!stands(link)) continue;
-    out.to[next[link.a]++] = link.b;
-    out.to[next[link.b]++] = link.a;
+  out.turn.resize(out.begin.back());
+  for (std::size_t i = 0; i < links.size(); ++i) {
+    if (stands[i] == 0) continue;
+    const auto put = [&](std::uint32_t from, std::uint32_t to) {
+      out.turn[next[from]] = turn[i];
+      out.to[next[from]++] = to;
+    };
+    put(links[i].a, links[i].b);
+    put(links[i].b, links[i].a);
   }
   return out;
 }

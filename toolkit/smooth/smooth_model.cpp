@@ -14,6 +14,7 @@
 #include "toolkit/render/model_store.h"
 #include "toolkit/render/prepare_phases.h"
 #include "toolkit/smooth/bake.h"
+#include "toolkit/smooth/first_ball.h"
 
 namespace palpate::render {
 namespace {
