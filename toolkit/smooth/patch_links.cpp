@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "toolkit/core/parallel.h"
+#include "toolkit/smooth/first_ball.h"
 
 namespace palpate::render {
 namespace {
@@ -24,6 +25,10 @@ constexpr int kMeetRounds = 3;
 /// Normals that differ by more than this where two patches meet (20 degrees), and by so many standard errors,
 /// make a crease.
 constexpr double kCreaseSine = 0.34, kCreaseErrors = 3.0;
+/// What both tell of it has to be so: of the points around where they meet this share, and not fewer than so
+/// many of each, lie within so many standard deviations or spacings of the folded surface.
+constexpr double kExplained = 0.75, kOnSigmas = 3.5, kOnSpacings = 0.1;
+constexpr int kFewestOfEach = 3;
 /// Links of one patch: to the nearest that there are.
 constexpr std::size_t kMostLinks = 24;
 /// Classes of agreement that links are taken in, best first.
@@ -83,15 +88,25 @@ Vec3 normal_at(const Quadric& q, const Vec3& at) {
 }
 
 /// Of two patches that continue each other with the same side up.
-Turn turn_between(const Patch& a, const Patch& b) {
+Turn turn_between(const SmoothPoints& points, double noise, const Patch& a, const Patch& b) {
   Vec3 at;
   if (!meet(a, b, at)) return Turn::kNone;
-  const Vec3 na = normal_at(a.quadric, at), nb = normal_at(b.quadric, at);
-  const double sine = (na - nb).norm();
+  const double sine = (normal_at(a.quadric, at) - normal_at(b.quadric, at)).norm();
   if (sine < std::max(kCreaseSine, kCreaseErrors * std::hypot(a.slope_error, b.slope_error)))
     return Turn::kNone;
-  const double above = (b.quadric.at - at).dot(na) + (a.quadric.at - at).dot(nb);
-  return above < 0.0 ? Turn::kRidge : Turn::kValley;
+  const double spacing = std::max(a.spacing, b.spacing);
+  const double on = std::max(kOnSigmas * std::max({a.sigma, b.sigma, noise}), kOnSpacings * spacing);
+  int all = 0, of_a = 0, of_b = 0, ridge = 0, valley = 0;
+  points.in_ball(at, kFirstRadius * spacing, [&](std::uint32_t, const Vec3& d, double) {
+    const double ra = a.quadric.residual(at + d), rb = b.quadric.residual(at + d);
+    ++all;
+    of_a += std::abs(ra) <= on && std::abs(ra) < std::abs(rb);
+    of_b += std::abs(rb) <= on && std::abs(rb) < std::abs(ra);
+    ridge += std::abs(std::max(ra, rb)) <= on;
+    valley += std::abs(std::min(ra, rb)) <= on;
+  });
+  if (std::min(of_a, of_b) < kFewestOfEach || std::max(ridge, valley) < kExplained * all) return Turn::kNone;
+  return ridge > valley ? Turn::kRidge : valley > ridge ? Turn::kValley : Turn::kNone;
 }
 
 struct Link {
@@ -294,7 +309,7 @@ void drop_strays(std::vector<Patch>& patches, std::vector<Link>& links, Sides& s
 
 }  // namespace
 
-PatchLinks link_patches(std::vector<Patch>& patches, int threads) {
+PatchLinks link_patches(const SmoothPoints& points, double noise, std::vector<Patch>& patches, int threads) {
   std::vector<Link> links = find_links(patches, threads);
   Sides sides(patches.size());
   orient(patches, links, sides);
@@ -309,7 +324,7 @@ PatchLinks link_patches(std::vector<Patch>& patches, int threads) {
     for (std::size_t i = begin; i < end; ++i) {
       const Patch &a = patches[links[i].a], &b = patches[links[i].b];
       stands[i] = agreement(a, b) > 0.0;
-      if (stands[i] != 0 && a.sure && b.sure) turn[i] = turn_between(a, b);
+      if (stands[i] != 0 && a.sure && b.sure) turn[i] = turn_between(points, noise, a, b);
     }
   });
   out.begin.assign(patches.size() + 1, 0);
