@@ -18,12 +18,13 @@ constexpr std::size_t kMendedPerChunk = 1024;
 /// once.
 constexpr std::uint32_t kRoughDoubts = 6;
 /// There the planes of single points and the steps between them say little: normals are the mean of the
-/// planes around, taken twice, and nearly all that lies near is the surface's.
-constexpr int kNormalPasses = 2;
+/// planes around, taken some times over, and nearly all that lies near is the surface's.
+constexpr int kNormalPasses = 3;
 constexpr double kRoughSteepest = 0.97;
-/// Of the variance lies across the plane: of a tenth of what noise of a tenth of the spacing makes, 0.005, to
-/// what noise of a third does. Less is no noise, and more another sheet or a crease.
-constexpr double kLeastRough = 0.0005, kMostRough = 0.06;
+/// Of the variance lies across the plane: from what noise of a thirtieth of the spacing makes to twice what
+/// noise of three tenths does. Less is no noise, and more another sheet.
+constexpr double kLeastRough = 0.0005, kMostRough = 0.09;
+constexpr std::int32_t kLeastGain = 8 * 17;  ///< agreements around each of the seventeen, summed
 
 class Mender {
  public:
@@ -127,11 +128,16 @@ class Mender {
       gain[rough[r]] = -static_cast<std::int32_t>(former[r].agreements());
     agree_again(changed);
     count(1);
-    chunks(rough.size(), [&](std::uint32_t r) {
-      const std::uint32_t i = rough[r];
-      std::int32_t all = gain[i];
-      for (const std::uint32_t other : draft_.near[i]) all += gain[other];
-      draft_.rough[i] = static_cast<std::uint8_t>(all > 0);
+    // Of what is around those around: noise covers more than a place.
+    std::vector<std::int32_t> around(draft_.size(), 0);
+    const auto sum = [&](const std::vector<std::int32_t>& of, std::uint32_t i) {
+      std::int32_t all = of[i];
+      for (const std::uint32_t other : draft_.near[i]) all += of[other];
+      return all;
+    };
+    chunks(draft_.size(), [&](std::uint32_t i) { around[i] = sum(gain, i); });
+    chunks_of(rough, [&](std::uint32_t i) {
+      draft_.rough[i] = static_cast<std::uint8_t>(sum(around, i) >= kLeastGain);
     });
     for (std::size_t r = 0; r < rough.size(); ++r) {
       if (draft_.rough[rough[r]] != 0)
