@@ -73,6 +73,7 @@ struct Draft {
   std::vector<Vec3f> normal;           ///< unit, either sign; zero where there is none
   std::vector<std::uint8_t> welded;    ///< 1: another point stands (nearly) there, it has no star
   std::vector<std::uint8_t> sparse;    ///< 1: `near` are the nearest in each direction, others lie between
+  std::vector<std::uint8_t> rough;     ///< 1: its star is flat, see Layout
   std::vector<std::uint8_t> doubtful;  ///< 1: not all that meet in its star agreed, see fill_gaps()
   std::vector<Star> star;
 
@@ -103,10 +104,15 @@ inline constexpr double kReachPerBall = 1.5;
 struct Layout {
   Vec3 normal = Vec3::Zero();
   double steepest = 1.0;  ///< a neighbour that rises more than this share of its distance is left out
+  /// Neighbours are laid out where they stand above the plane, instead of with their distances in space: on a
+  /// surface these are what two points agree on, in noise they are what no two do.
+  bool flat = false;
 };
 /// Of the nearest points and `more`.
 [[nodiscard]] Star lay_out(const Draft& draft, std::uint32_t point, const Layout& layout,
                            std::span<const std::uint32_t> more = {});
+/// The variance of the nearest across the point's plane, as a part of all: nothing on a plane.
+[[nodiscard]] double share_across(const Draft& draft, std::uint32_t point);
 /// Bits of the star's sectors that the stars of their corners have too.
 [[nodiscard]] std::uint32_t agreed_sectors(const Draft& draft, std::uint32_t point, const Star& star);
 

@@ -156,6 +156,7 @@ class FlatNeighbours {
       : draft_(draft),
         normal_(layout.normal),
         steepest_sq_(layout.steepest * layout.steepest),
+        flat_(layout.flat),
         p_(draft.at(point)),
         weight_(static_cast<double>(draft.point[point].weight)) {
     e_ = layout.normal.unitOrthogonal();
@@ -166,16 +167,21 @@ class FlatNeighbours {
     const Placed& placed = draft_.point[other];
     const Vec3 d = placed.at() - p_;
     const double square = d.squaredNorm();
-    const double half_square = 0.5 * (square + weight_ - static_cast<double>(placed.weight));
-    if (half_square > 0.0 && half_square * half_square >= cell.reach_sq() * square) return false;
+    const double weights = weight_ - static_cast<double>(placed.weight);
+    const auto reaches = [&](double length_sq) {
+      const double half_square = 0.5 * (length_sq + weights);
+      return !(half_square > 0.0 && half_square * half_square >= cell.reach_sq() * length_sq);
+    };
+    if (!flat_ && !reaches(square)) return false;
     if (draft_.welded[other] != 0) return false;
     const double height = normal_.dot(d);
     if (height * height > steepest_sq_ * square) return false;
     const double u = e_.dot(d), v = f_.dot(d);
     const double in_plane = u * u + v * v;
     if (!(in_plane > 0.0)) return false;
+    if (flat_) return reaches(in_plane) && cell.cut({u, v, 0.5 * (in_plane + weights)}, other);
     const double unfold = std::sqrt(square / in_plane);
-    return cell.cut({u * unfold, v * unfold, half_square}, other);
+    return cell.cut({u * unfold, v * unfold, 0.5 * (square + weights)}, other);
   }
   [[nodiscard]] double square(std::uint32_t other) const noexcept {
     return (draft_.at(other) - p_).squaredNorm();
@@ -185,6 +191,7 @@ class FlatNeighbours {
   const Draft& draft_;
   Vec3 normal_;
   double steepest_sq_;
+  bool flat_;
   Vec3 p_, e_, f_;
   double weight_;
 };
@@ -280,6 +287,10 @@ Star lay_out(const Draft& draft, std::uint32_t point, const Layout& layout,
   for (int round = 0; round < kWiderRounds && 4.0 * cell.reach_sq() > known_sq; ++round)
     if (!cut_wider(draft, point, flat, known_sq, cell)) break;
   return star_of(cell, reach);
+}
+
+double share_across(const Draft& draft, std::uint32_t point) {
+  return share_along(Surroundings(draft, point).covariance.back(), draft.normal[point].cast<double>());
 }
 
 std::uint32_t agreed_sectors(const Draft& draft, std::uint32_t point, const Star& star) {

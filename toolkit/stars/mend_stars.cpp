@@ -14,29 +14,36 @@ constexpr std::array<double, 6> kSteepest = {0.71, 0.5, 0.85, 0.6, 0.71, 0.5};
 /// A neighbour's triangles count so much beside the point's own: sixteen of them outvote it four to one.
 constexpr double kBesideShare = 0.25;
 constexpr std::size_t kMendedPerChunk = 1024;
+/// Noise: so many of the sixteen around are in doubt. Where four points lie on one circle they are four at
+/// once.
+constexpr std::uint32_t kRoughDoubts = 6;
+/// There the planes of single points and the steps between them say little: normals are the mean of the
+/// planes around, taken some times over, and nearly all that lies near is the surface's.
+constexpr int kNormalPasses = 3;
+constexpr double kRoughSteepest = 0.97;
+/// Of the variance lies across the plane: from what noise of a thirtieth of the spacing makes to twice what
+/// noise of three tenths does. Less is no noise, and more another sheet.
+constexpr double kLeastRough = 0.0005, kMostRough = 0.09;
+constexpr std::int32_t kLeastGain = 8 * 17;  ///< agreements around each of the seventeen, summed
 
 class Mender {
  public:
   explicit Mender(Draft& draft) : draft_(draft), area_(draft.size()), slot_(draft.size(), kNoPoint) {
+    draft.rough.assign(draft.size(), 0);
     chunks(draft.size(), [&](std::uint32_t i) { area_[i] = area_of(i); });
   }
 
   void run() {
     Points looked_at = all_places();
+    lay_out_rough();
     for (const double steepest : kSteepest) {
-      doubtful_ = those(looked_at, [&](std::uint32_t i) {
-        return draft_.welded[i] == 0 && draft_.star[i].agreements() < draft_.star[i].size;
-      });
+      doubtful_ = those(looked_at, [&](std::uint32_t i) { return is_doubtful(i); });
       if (doubtful_.empty()) return;
       for (std::uint32_t d = 0; d < doubtful_.size(); ++d) slot_[doubtful_[d]] = d;
       offer();
       const Points changed = lay_out_again(steepest);
       for (const std::uint32_t i : doubtful_) slot_[i] = kNoPoint;
-      // Only where a star changed can more or less be agreed on.
-      chunks_of(changed, [&](std::uint32_t i) {
-        draft_.star[i].agreed = agreed_sectors(draft_, i, draft_.star[i]);
-        area_[i] = area_of(i);
-      });
+      agree_again(changed);
       looked_at = doubtful_;
       looked_at.insert(looked_at.end(), changed.begin(), changed.end());
       make_unique(looked_at);
@@ -76,6 +83,98 @@ class Mender {
     Points out;
     for (const Points& part : parts) out.insert(out.end(), part.begin(), part.end());
     return out;
+  }
+
+  [[nodiscard]] bool is_doubtful(std::uint32_t i) const noexcept {
+    return draft_.welded[i] == 0 && draft_.star[i].agreements() < draft_.star[i].size;
+  }
+  /// Only where a star changed can more or less be agreed on.
+  void agree_again(const Points& changed) {
+    chunks_of(changed, [&](std::uint32_t i) {
+      draft_.star[i].agreed = agreed_sectors(draft_, i, draft_.star[i]);
+      area_[i] = area_of(i);
+    });
+  }
+  void add_star(std::uint32_t i, Points& points) const {
+    const Star& star = draft_.star[i];
+    points.push_back(i);
+    points.insert(points.end(), star.ring.begin(), star.ring.begin() + star.size);
+  }
+
+  /// Where most are in doubt: flat stars along smoothed planes, kept where more is agreed around than before.
+  void lay_out_rough() {
+    const Points rough = rough_points();
+    if (rough.empty()) return;
+    const std::vector<Vec3f> normal = smooth_normals(rough);
+    std::vector<Star> former(rough.size());
+    Points changed;
+    for (std::size_t r = 0; r < rough.size(); ++r) {
+      former[r] = draft_.star[rough[r]];
+      add_star(rough[r], changed);
+    }
+    chunks(rough.size(), [&](std::uint32_t r) {
+      draft_.star[rough[r]] = lay_out(draft_, rough[r], {normal[r].cast<double>(), kRoughSteepest, true});
+    });
+    for (const std::uint32_t i : rough) add_star(i, changed);
+    make_unique(changed);
+    std::vector<std::int32_t> gain(draft_.size(), 0);
+    const auto count = [&](std::int32_t sign) {
+      chunks_of(changed, [&](std::uint32_t i) {
+        gain[i] += sign * static_cast<std::int32_t>(draft_.star[i].agreements());
+      });
+    };
+    count(-1);
+    for (std::size_t r = 0; r < rough.size(); ++r)  // what the new stars have agreed is not known yet
+      gain[rough[r]] = -static_cast<std::int32_t>(former[r].agreements());
+    agree_again(changed);
+    count(1);
+    // Of what is around those around: noise covers more than a place.
+    std::vector<std::int32_t> around(draft_.size(), 0);
+    const auto sum = [&](const std::vector<std::int32_t>& of, std::uint32_t i) {
+      std::int32_t all = of[i];
+      for (const std::uint32_t other : draft_.near[i]) all += of[other];
+      return all;
+    };
+    chunks(draft_.size(), [&](std::uint32_t i) { around[i] = sum(gain, i); });
+    chunks_of(rough, [&](std::uint32_t i) {
+      draft_.rough[i] = static_cast<std::uint8_t>(sum(around, i) >= kLeastGain);
+    });
+    for (std::size_t r = 0; r < rough.size(); ++r) {
+      if (draft_.rough[rough[r]] != 0)
+        draft_.normal[rough[r]] = normal[r];
+      else
+        draft_.star[rough[r]] = former[r];
+    }
+    agree_again(changed);
+  }
+  [[nodiscard]] Points rough_points() {
+    const Points doubtful = those(all_places(), [&](std::uint32_t i) { return is_doubtful(i); });
+    std::vector<std::uint8_t> doubts(draft_.size(), 0);
+    for (const std::uint32_t i : doubtful)
+      for (const std::uint32_t other : draft_.near[i])
+        doubts[other] = static_cast<std::uint8_t>(std::min(doubts[other] + 1, 255));
+    return those(all_places(), [&](std::uint32_t i) {
+      if (doubts[i] < kRoughDoubts || draft_.welded[i] != 0) return false;
+      const double share = share_across(draft_, i);
+      return share > kLeastRough && share < kMostRough;
+    });
+  }
+  /// By place in `of`.
+  [[nodiscard]] std::vector<Vec3f> smooth_normals(const Points& of) const {
+    std::vector<Vec3f> normal = draft_.normal;
+    std::vector<Vec3f> smooth(of.size());
+    for (int pass = 0; pass < kNormalPasses; ++pass) {
+      chunks(of.size(), [&](std::uint32_t r) {
+        const Vec3f own = normal[of[r]];
+        Vec3f sum = own;
+        for (const std::uint32_t other : draft_.near[of[r]])
+          sum += normal[other].dot(own) < 0.0F ? Vec3f(-normal[other]) : normal[other];
+        const float size = sum.norm();
+        smooth[r] = size > 0.0F ? Vec3f(sum / size) : own;
+      });
+      chunks(of.size(), [&](std::uint32_t r) { normal[of[r]] = smooth[r]; });
+    }
+    return smooth;
   }
 
   /// Twice the area of the confirmed triangles, as a vector.
@@ -133,7 +232,10 @@ class Mender {
       const Star& old = draft_.star[i];
       const std::span<const std::uint32_t> offered(offers_.data() + offers_begin_[d],
                                                    offers_begin_[d + 1] - offers_begin_[d]);
-      Star made = lay_out(draft_, i, {confirmed_normal(i), steepest}, offered);
+      const Layout layout = draft_.rough[i] != 0
+                                ? Layout{draft_.normal[i].cast<double>(), kRoughSteepest, true}
+                                : Layout{confirmed_normal(i), steepest};
+      Star made = lay_out(draft_, i, layout, offered);
       const auto opened = [](const Star& s) { return s.size - s.sectors(); };
       if (opened(made) > opened(old)) return;
       made.agreed = agreed_sectors(draft_, i, made);
