@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 namespace palpate::stars {
 namespace {
@@ -17,6 +18,8 @@ constexpr double kFoldCosine = 0.5;
 /// Loops of more edges are holes or borders: around a hole as wide as the widest circle that a triangle may
 /// have, 3.4 mean spacings, stand some twenty points.
 constexpr std::size_t kMaxLoop = 20;
+/// What is left of folds after points with fans apart were taken out a few times is crumpled throughout.
+constexpr int kPruningRounds = 3;
 
 /// The triangles at one point, each as the edge that lies across.
 class Link {
@@ -79,13 +82,8 @@ class Filler {
     for (std::uint32_t i = 0; i < draft.size(); ++i) {
       const Star& star = draft.star[i];
       if (draft.welded[i] != 0 || star.closed_and_agreed()) continue;
-      link_of_[i] = static_cast<std::uint32_t>(points_.size());
-      points_.push_back(i);
       draft.doubtful[i] = 1;
-      Link link;
-      for (std::uint32_t k = 0; k < star.size; ++k)
-        if (star.is_agreed(k)) link.edges.push_back({star.ring[k], star.ring[star.next(k)]});
-      links_.push_back(std::move(link));
+      add_link(i);
     }
   }
 
@@ -94,13 +92,66 @@ class Filler {
     report.voted = take_voted();
     report.filled = fill_loops(true);
     report.filled += fill_loops(false);
-    for (std::size_t l = 0; l < links_.size(); ++l) {
-      draft_.star[points_[l]] = star_of(points_[l], links_[l]);
+    for (int round = 0; round < kPruningRounds; ++round) {
+      const std::vector<std::uint32_t> pinched = those_pinched();
+      if (pinched.empty()) break;
+      report.filled += fill_without(pinched);
     }
+    write_stars();
     return report;
+  }
+  /// What has only agreed sectors, without these points.
+  std::size_t run_without(const std::vector<std::uint32_t>& points) {
+    for (const std::uint32_t i : points) ensure_link(i);
+    const std::size_t filled = fill_without(points);
+    write_stars();
+    return filled;
   }
 
  private:
+  void add_link(std::uint32_t i) {
+    const Star& star = draft_.star[i];
+    link_of_[i] = static_cast<std::uint32_t>(points_.size());
+    points_.push_back(i);
+    Link link;
+    for (std::uint32_t k = 0; k < star.size; ++k)
+      if (star.is_agreed(k)) link.edges.push_back({star.ring[k], star.ring[star.next(k)]});
+    links_.push_back(std::move(link));
+  }
+  void ensure_link(std::uint32_t i) {
+    if (has_link(i)) return;
+    add_link(i);
+    draft_.doubtful[i] = 1;
+  }
+  void write_stars() {
+    for (std::size_t l = 0; l < links_.size(); ++l) draft_.star[points_[l]] = star_of(points_[l], links_[l]);
+  }
+  /// Points with fans apart: what lies folded behind the surface hangs on such, and no loop goes through
+  /// them.
+  [[nodiscard]] std::vector<std::uint32_t> those_pinched() {
+    std::vector<std::uint32_t> out;
+    for (const std::uint32_t i : points_)
+      if (link(i).chains() > 1) out.push_back(i);
+    std::sort(out.begin(), out.end());
+    return out;
+  }
+  /// Takes the triangles of these points away and fills the holes that are left: a surface that goes past a
+  /// point is better than one with a hole in it.
+  std::size_t fill_without(const std::vector<std::uint32_t>& points) {
+    for (const std::uint32_t i : points) {
+      const std::vector<Pair> edges = std::exchange(link(i).edges, {});
+      for (const Pair& e : edges)
+        for (const std::uint32_t b : e) {
+          ensure_link(b);
+          auto& there = link(b).edges;
+          const std::uint32_t c = e[0] == b ? e[1] : e[0];
+          there.erase(std::find_if(there.begin(), there.end(), [&](const Pair& x) {
+            return (x[0] == i && x[1] == c) || (x[0] == c && x[1] == i);
+          }));
+        }
+    }
+    return fill_loops(true) + fill_loops(false);
+  }
   [[nodiscard]] bool has_link(std::uint32_t i) const noexcept { return link_of_[i] != kNoPoint; }
   Link& link(std::uint32_t i) noexcept { return links_[link_of_[i]]; }
 
@@ -186,7 +237,8 @@ class Filler {
   }
   std::size_t fill_loops(bool flat) {
     std::size_t filled = 0;
-    for (const std::uint32_t i : points_) {
+    for (std::size_t l = 0; l < points_.size(); ++l) {
+      const std::uint32_t i = points_[l];
       if (link(i).edges.empty() || link(i).chains() != 1) continue;
       for (const Pair& e : link(i).edges)
         for (const std::uint32_t b : e)
@@ -296,6 +348,10 @@ class Filler {
 
 FillReport fill_gaps(Draft& draft) {
   return Filler(draft).run();
+}
+
+std::size_t fill_without(Draft& draft, const std::vector<std::uint32_t>& points) {
+  return Filler(draft).run_without(points);
 }
 
 }  // namespace palpate::stars
