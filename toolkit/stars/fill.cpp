@@ -16,8 +16,8 @@ using Triple = std::array<std::uint32_t, 3>;
 /// on one another: one of them is none of the surface's. cos 60 = 0.5.
 constexpr double kFoldCosine = 0.5;
 /// Loops of more edges are holes or borders: around a hole as wide as the widest circle that a triangle may
-/// have, 3.4 mean spacings, stand some twenty points.
-constexpr std::size_t kMaxLoop = 20;
+/// have, 3.4 mean spacings, stand some twenty points, and in noise the loop is twice as long as straight.
+constexpr std::size_t kMaxLoop = 40;
 /// What is left of folds after points with fans apart were taken out a few times is crumpled throughout.
 constexpr int kPruningRounds = 3;
 
@@ -67,6 +67,26 @@ class Link {
     const std::size_t ring = edges.size() + 1 + chains() + static_cast<std::size_t>(at_b == 0 && at_c == 0);
     return ring <= kMaxCorners;
   }
+  /// All triangles but those of the largest chain, of two the first.
+  [[nodiscard]] std::vector<Pair> beside_largest() const {
+    std::vector<Pair> left = edges, largest;
+    std::vector<Pair> beside;
+    while (!left.empty()) {
+      std::vector<Pair> chain = {left.back()};
+      left.pop_back();
+      for (std::size_t k = 0; k < chain.size(); ++k)
+        for (std::size_t j = left.size(); j-- > 0;) {
+          const bool joined = left[j][0] == chain[k][0] || left[j][0] == chain[k][1] ||
+                              left[j][1] == chain[k][0] || left[j][1] == chain[k][1];
+          if (!joined) continue;
+          chain.push_back(left[j]);
+          left.erase(left.begin() + static_cast<std::ptrdiff_t>(j));
+        }
+      if (chain.size() > largest.size()) largest.swap(chain);
+      beside.insert(beside.end(), chain.begin(), chain.end());
+    }
+    return beside;
+  }
   [[nodiscard]] std::size_t chains() const noexcept {
     std::size_t ends = 0;
     for (const Pair& e : edges)
@@ -95,7 +115,7 @@ class Filler {
     for (int round = 0; round < kPruningRounds; ++round) {
       const std::vector<std::uint32_t> pinched = those_pinched();
       if (pinched.empty()) break;
-      report.filled += fill_without(pinched);
+      report.filled += fill_without_smaller_fans(pinched);
     }
     write_stars();
     return report;
@@ -135,20 +155,28 @@ class Filler {
     std::sort(out.begin(), out.end());
     return out;
   }
+  void remove(const Triple& t) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      ensure_link(t[k]);
+      auto& there = link(t[k]).edges;
+      const std::uint32_t b = t[(k + 1) % 3], c = t[(k + 2) % 3];
+      there.erase(std::find_if(there.begin(), there.end(), [&](const Pair& x) {
+        return (x[0] == b && x[1] == c) || (x[0] == c && x[1] == b);
+      }));
+    }
+  }
+  /// Takes the smaller fans of points that have some apart, and fills the holes that are left.
+  std::size_t fill_without_smaller_fans(const std::vector<std::uint32_t>& points) {
+    for (const std::uint32_t i : points)
+      for (const Pair& e : link(i).beside_largest()) remove({i, e[0], e[1]});
+    return fill_loops(true) + fill_loops(false);
+  }
   /// Takes the triangles of these points away and fills the holes that are left: a surface that goes past a
   /// point is better than one with a hole in it.
   std::size_t fill_without(const std::vector<std::uint32_t>& points) {
     for (const std::uint32_t i : points) {
-      const std::vector<Pair> edges = std::exchange(link(i).edges, {});
-      for (const Pair& e : edges)
-        for (const std::uint32_t b : e) {
-          ensure_link(b);
-          auto& there = link(b).edges;
-          const std::uint32_t c = e[0] == b ? e[1] : e[0];
-          there.erase(std::find_if(there.begin(), there.end(), [&](const Pair& x) {
-            return (x[0] == i && x[1] == c) || (x[0] == c && x[1] == i);
-          }));
-        }
+      const std::vector<Pair> edges = link(i).edges;
+      for (const Pair& e : edges) remove({i, e[0], e[1]});
     }
     return fill_loops(true) + fill_loops(false);
   }
