@@ -104,6 +104,7 @@ inline constexpr double kReachPerBall = 1.5;
 struct Layout {
   Vec3 normal = Vec3::Zero();
   double steepest = 1.0;  ///< a neighbour that rises more than this share of its distance is left out
+  bool apart = false;     ///< a neighbour on a sheet that crosses this one is left out
   /// Neighbours are laid out where they stand above the plane, instead of with their distances in space: on a
   /// surface these are what two points agree on, in noise they are what no two do.
   bool flat = false;
