@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "toolkit/deformation/journal.h"
+#include "toolkit/geometry/rounded_middle.h"
 #include "toolkit/stars/flat_cell.h"
 
 namespace palpate::render {
@@ -69,8 +70,8 @@ bool DeformedStars::stretched(std::uint32_t a, std::uint32_t b) const noexcept {
 
 bool DeformedStars::infer_between(std::uint32_t a, std::uint32_t b, Journal& journal,
                                   MoveWatcher& watcher) noexcept {
-  const Vec3 middle =
-      rounded_middle(at(a), at(b), area_normal(a).stableNormalized(), area_normal(b).stableNormalized());
+  const Vec3 middle = geometry::rounded_middle(at(a), at(b), area_normal(a).stableNormalized(),
+                                               area_normal(b).stableNormalized());
   if (!middle.cast<float>().allFinite()) return false;
   const std::uint32_t place = stars_.split(a, b);
   if (place == stars::kNoPlace) return false;

@@ -142,12 +142,19 @@ void MovingStars::mark_block(std::uint32_t block) noexcept {
   changed_.push_back(block);
 }
 
-/// The blocks that hold the triangles of a place: each lies with its lowest corner.
+/// The blocks that hold the triangles of a place: each lies with its lowest corner. Those that may have to
+/// wait for their turn grow.
 void MovingStars::mark(std::uint32_t place) noexcept {
-  mark_block(place / kBlockPlaces);
   const Ring ring = mesh_->ring(place);
+  mark_block(place / kBlockPlaces);
   for (std::uint32_t k = 0; k < ring.size; ++k)
     if (ring.of[k] < place) mark_block(ring.of[k] / kBlockPlaces);
+  if (changed_.size() <= kMaxRefitBlocks) return;
+  for (std::uint32_t k = 0; k < ring.size; ++k) {
+    if (!ring.has_sector(k)) continue;
+    const std::uint32_t b = ring.of[k], c = ring.of[ring.next(k)];
+    tree_->grow(std::min({place, b, c}) / kBlockPlaces, {mesh_->at(place), mesh_->at(b), mesh_->at(c)});
+  }
 }
 
 void MovingStars::set(std::uint32_t place, const Vec3f& to) noexcept {
@@ -215,13 +222,20 @@ void MovingStars::join_last() noexcept {
   replace(b, place, a);
   mesh_->points_[place].info = 0;
   mesh_->rings_[place].fill(place);
+  mark(a);
 }
 
 void MovingStars::refit() noexcept {
-  std::sort(changed_.begin(), changed_.end());
-  for (const std::uint32_t block : changed_) is_changed_[block] = 0;
-  tree_->refit(*mesh_, changed_);
-  changed_.clear();
+  const std::size_t count = std::min(changed_.size(), kMaxRefitBlocks);
+  const auto end = changed_.begin() + static_cast<std::ptrdiff_t>(count);
+  std::sort(changed_.begin(), end);
+  for (auto block = changed_.begin(); block != end; ++block) is_changed_[*block] = 0;
+  tree_->refit(*mesh_, {changed_.data(), count});
+  changed_.erase(changed_.begin(), end);
+}
+
+void MovingStars::refit_all() noexcept {
+  while (!changed_.empty()) refit();
 }
 
 std::size_t MovingStars::bytes_for(std::size_t points, std::size_t spare) noexcept {
