@@ -71,8 +71,9 @@ class MovingStars {
   std::uint32_t built_, used_;
   std::vector<std::array<std::uint32_t, 2>> parents_;
   std::vector<std::uint32_t> free_rooms_;  ///< for long rings: where each begins
-  std::vector<std::uint32_t> changed_;     ///< blocks to be made anew, each once; the first come first
-  std::vector<std::uint8_t> is_changed_;   ///< by block
+  std::vector<std::uint32_t> changed_;     ///< a ring: blocks to be made anew, each once
+  std::size_t first_changed_ = 0, changed_count_ = 0;
+  std::vector<std::uint8_t> is_changed_;  ///< by block
 };
 
 }  // namespace palpate::stars
