@@ -1,13 +1,17 @@
 #include "toolkit/smooth/bake.h"
 
+#include <Eigen/Geometry>
+
 #include <algorithm>
 #include <array>
 #include <bit>
 #include <cmath>
 #include <numeric>
+#include <tuple>
 
 #include "toolkit/core/parallel.h"
 #include "toolkit/smooth/blend.h"
+#include "toolkit/smooth/surround.h"
 
 namespace palpate::render {
 namespace {
@@ -19,11 +23,9 @@ constexpr double kHalfCells = 2.0, kHalfDiagonal = 3.4641016, kHalfCellDiagonal 
 /// A cell's middle is at most half its diagonal off a surface that crosses it, where the gradient is one;
 /// with room for where it is not quite.
 constexpr double kCrossed = 1.1 * kHalfCellDiagonal;
-/// Whether points are near is read from those within this many spacings of the foot, at most this share of
-/// that off its tangent plane. Some 50 points; another sheet's are farther off.
-constexpr double kNearSpacings = 4.0, kOffPlane = 0.5;
-/// The middle of the points of half a disc is 4 / (3 pi) = 0.42 radii from its centre: there the points end.
-constexpr double kBorderShare = 0.42;
+/// A point has a say in whether a place of the surface is between points where it is within kTellsSpacings of
+/// its spacings of it, and at most this share of that off its tangent plane.
+constexpr double kOffPlane = 0.5;
 constexpr int kFewestNear = 4;
 /// The lattice begins this many bricks before the box: faces of a box that stands along the axes are often
 /// flat, and lie at no wall this way.
@@ -94,9 +96,26 @@ class Baker {
     std::uint32_t sheet = 0;
     std::uint64_t beyond = 0;  ///< cells that the surface goes through where no points are around
   };
+  /// A point from the middle of a cube, and how far it tells of the surface.
+  struct Near {
+    Vec3 at;
+    double reach_sq;
+  };
+  /// Between patches of a cube.
+  struct Crease {
+    std::uint32_t a, b;
+    Turn turn;
+  };
+  struct Doubtful {
+    std::uint32_t patch, sure;
+    double off;
+  };
   struct Scratch {
-    std::vector<std::uint32_t> root;
-    std::vector<Vec3> near;
+    std::vector<std::uint32_t> root, face, ridge;  ///< of each patch: the first of its sheet, face, body
+    std::vector<std::uint32_t> order;
+    std::vector<Crease> creases;
+    std::vector<Doubtful> doubtful;
+    std::vector<Near> near;
     NodeBlend blend;
   };
 
@@ -171,49 +190,125 @@ class Baker {
     return true;
   }
 
-  /// The patches of a cube, sheet by sheet.
-  void bake_cube(std::span<const Pair> pairs, Scratch& s, std::vector<Made>& made) const {
+  static std::uint32_t root_of(std::vector<std::uint32_t>& root, std::uint32_t i) {
+    while (root[i] != i) i = root[i] = root[root[i]];
+    return i;
+  }
+  static void join(std::vector<std::uint32_t>& root, std::uint32_t i, std::uint32_t j) {
+    const std::uint32_t a = root_of(root, i), b = root_of(root, j);
+    root[std::max(a, b)] = std::min(a, b);
+  }
+  /// Which patches of a cube are one sheet, and one face: those that go on without a crease.
+  void part_sheets(std::span<const Pair> pairs, Scratch& s) const {
     s.root.resize(pairs.size());
     std::iota(s.root.begin(), s.root.end(), 0u);
-    const auto root = [&](std::uint32_t i) {
-      while (s.root[i] != i) i = s.root[i] = s.root[s.root[i]];
-      return i;
-    };
-    for (std::uint32_t i = 0; i < pairs.size(); ++i)
-      for (const std::uint32_t to : links_.of(pairs[i].patch)) {
+    s.face = s.root;
+    s.creases.clear();
+    s.doubtful.clear();
+    for (std::uint32_t i = 0; i < pairs.size(); ++i) {
+      const std::uint32_t from = links_.begin[pairs[i].patch], past = links_.begin[pairs[i].patch + 1];
+      for (std::uint32_t link = from; link < past; ++link) {
+        const std::uint32_t to = links_.to[link];
+        if (to < pairs[i].patch) continue;  // told from there
         const auto at = std::lower_bound(pairs.begin(), pairs.end(), to,
                                          [](const Pair& p, std::uint32_t patch) { return p.patch < patch; });
         if (at == pairs.end() || at->patch != to) continue;
-        const std::uint32_t a = root(i), b = root(static_cast<std::uint32_t>(at - pairs.begin()));
-        s.root[std::max(a, b)] = std::min(a, b);
+        const auto j = static_cast<std::uint32_t>(at - pairs.begin());
+        join(s.root, i, j);
+        const Patch &a = patches_[pairs[i].patch], &b = patches_[to];
+        if (links_.turn[link] != Turn::kNone)
+          s.creases.push_back({i, j, links_.turn[link]});
+        else if (a.sure == b.sure)
+          join(s.face, i, j);
+        else
+          s.doubtful.push_back(a.sure ? Doubtful{j, i, off_between(a, b)}
+                                      : Doubtful{i, j, off_between(a, b)});
       }
-    for (std::uint32_t i = 0; i < pairs.size(); ++i) s.root[i] = root(i);
-    BrickGrid::Coordinate c = coordinate_of(pairs.front().code);
+    }
+    for (std::uint32_t i = 0; i < pairs.size(); ++i) {
+      s.root[i] = root_of(s.root, i);
+      s.face[i] = root_of(s.face, i);
+    }
+    settle_doubtful(s);
+    s.ridge = s.face;
+    if (!s.creases.empty()) part_ridges(s);
+  }
+  static double off_between(const Patch& a, const Patch& b) {
+    return std::abs(a.quadric.residual(b.quadric.at)) + std::abs(b.quadric.residual(a.quadric.at));
+  }
+  /// A doubtful patch makes no face of two: it goes with the sure one that it lies nearest to.
+  static void settle_doubtful(Scratch& s) {
+    std::sort(s.doubtful.begin(), s.doubtful.end(), [](const Doubtful& x, const Doubtful& y) {
+      return std::tie(x.patch, x.off, x.sure) < std::tie(y.patch, y.off, y.sure);
+    });
+    for (std::size_t i = 0; i < s.doubtful.size(); ++i)
+      if (i == 0 || s.doubtful[i].patch != s.doubtful[i - 1].patch)
+        s.face[s.doubtful[i].patch] = s.face[s.doubtful[i].sure];
+  }
+  /// Faces that meet in ridges more than in valleys are of one body there; bodies stand beside each other.
+  static void part_ridges(Scratch& s) {
+    for (Crease& c : s.creases) {
+      c.a = s.face[c.a];
+      c.b = s.face[c.b];
+      if (c.a > c.b) std::swap(c.a, c.b);
+    }
+    std::sort(s.creases.begin(), s.creases.end(),
+              [](const Crease& x, const Crease& y) { return x.a != y.a ? x.a < y.a : x.b < y.b; });
+    for (std::size_t i = 0; i < s.creases.size();) {
+      int ridges = 0;
+      std::size_t end = i;
+      for (;
+           end < s.creases.size() && s.creases[end].a == s.creases[i].a && s.creases[end].b == s.creases[i].b;
+           ++end)
+        ridges += static_cast<int>(s.creases[end].turn);
+      if (ridges > 0) join(s.ridge, s.creases[i].a, s.creases[i].b);
+      i = end;
+    }
+    for (std::uint32_t& r : s.ridge) r = root_of(s.ridge, r);
+  }
+  /// The distance of one sheet at the nodes: face by face, each body's faces in a row.
+  void blend(std::span<const Pair> pairs, std::uint32_t sheet, const Vec3& middle, Scratch& s) const {
+    s.order.clear();
+    for (std::uint32_t i = sheet; i < pairs.size(); ++i)
+      if (s.root[i] == sheet) s.order.push_back(i);
+    std::sort(s.order.begin(), s.order.end(), [&](std::uint32_t x, std::uint32_t y) {
+      return std::tie(s.ridge[x], s.face[x], x) < std::tie(s.ridge[y], s.face[y], y);
+    });
+    s.blend.clear();
+    for (std::size_t k = 0; k < s.order.size(); ++k) {
+      const std::uint32_t i = s.order[k];
+      s.blend.add(patches_[pairs[i].patch], middle, grid_.per_voxel);
+      const bool last = k + 1 == s.order.size();
+      if (last || s.face[s.order[k + 1]] != s.face[i]) s.blend.end_face();
+      if (last || s.ridge[s.order[k + 1]] != s.ridge[i]) s.blend.end_ridge();
+    }
+  }
+
+  /// The patches of a cube, sheet by sheet.
+  void bake_cube(std::span<const Pair> pairs, Scratch& s, std::vector<Made>& made) const {
+    part_sheets(pairs, s);
+    const BrickGrid::Coordinate c = coordinate_of(pairs.front().code);
     const Vec3 middle = grid_.low_mm + Vec3(c[0] + 0.5, c[1] + 0.5, c[2] + 0.5) * brick_mm_;
     for (std::uint32_t sheet = 0; sheet < pairs.size(); ++sheet) {
       if (s.root[sheet] != sheet) continue;
       bool through = false, rim = false;
       double spacing = 0.0;
-      int count = 0;
       for (std::uint32_t i = sheet; i < pairs.size(); ++i) {
         if (s.root[i] != sheet) continue;
         const Patch& p = patches_[pairs[i].patch];
         through |= pairs[i].through;
         rim |= p.rim;
-        spacing += p.spacing;
-        ++count;
+        spacing = std::max(spacing, p.spacing);
       }
       if (!through) continue;
-      s.blend.clear();
-      for (std::uint32_t i = sheet; i < pairs.size(); ++i)
-        if (s.root[i] == sheet) s.blend.add(patches_[pairs[i].patch], middle, grid_.per_voxel);
+      blend(pairs, sheet, middle, s);
       const std::array<float, kBrickCoefficients>& distance = s.blend.finish();
       Made& out = made.emplace_back();
       Brick& brick = out.brick;
       for (std::size_t i = 0; i < kBrickCoefficients; ++i) brick.distance[i] = rounded(distance[i]);
       out.code = pairs.front().code;
       out.sheet = links_.sheet[pairs[sheet].patch];
-      set_mask(out, middle, spacing / count, rim, s);
+      set_mask(out, middle, spacing, rim, s);
       if ((brick.mask | out.beyond) == 0) made.pop_back();
     }
   }
@@ -225,7 +320,7 @@ class Baker {
   }
   /// The cells that the surface goes through, but for those beyond where the points end.
   void set_mask(Made& out, const Vec3& middle, double spacing, bool rim, Scratch& s) const {
-    const double reach = kNearSpacings * spacing;
+    const double reach = kTellsSpacings * spacing;
     bool gathered = false;
     Brick& brick = out.brick;
     for (int cell = 0; cell < kBrickCells * kBrickCells * kBrickCells; ++cell) {
@@ -241,14 +336,17 @@ class Baker {
         if (!gathered) {
           s.near.clear();
           points_.in_ball(middle, kHalfDiagonal * grid_.voxel_mm + reach,
-                          [&](std::uint32_t, const Vec3& d, double) { s.near.push_back(d); });
+                          [&](std::uint32_t i, const Vec3& d, double) {
+                            const double own = kTellsSpacings * std::min(points_.spacing_near(i), spacing);
+                            s.near.push_back({d, own * own});
+                          });
           gathered = true;
         }
         const Vec3 n = jet.gradient.cast<double>() / slope;
         const Vec3 foot = (Vec3(at.cell[0] - 1.5, at.cell[1] - 1.5, at.cell[2] - 1.5) -
                            n * (static_cast<double>(jet.value) / slope)) *
                           grid_.voxel_mm;
-        if (!points_around(s.near, foot, n, reach)) {
+        if (!points_around(s.near, foot, n)) {
           out.beyond |= std::uint64_t{1} << cell;
           continue;
         }
@@ -256,18 +354,19 @@ class Baker {
       brick.mask |= std::uint64_t{1} << cell;
     }
   }
-  static bool points_around(const std::vector<Vec3>& near, const Vec3& foot, const Vec3& n, double reach) {
-    Vec3 sum = Vec3::Zero();
+  static bool points_around(const std::vector<Near>& near, const Vec3& foot, const Vec3& n) {
+    const Vec3 axis = std::abs(n.x()) < std::abs(n.y()) ? Vec3::UnitX() : Vec3::UnitY();
+    const Vec3 u = n.cross(axis).normalized(), v = n.cross(u);
+    Surround seen;
     int count = 0;
-    for (const Vec3& p : near) {
-      const Vec3 d = p - foot;
-      if (d.squaredNorm() > reach * reach) continue;
-      const double along = d.dot(n);
-      if (std::abs(along) > kOffPlane * reach) continue;
-      sum += d - n * along;
+    for (const Near& p : near) {
+      const Vec3 d = p.at - foot;
+      const double sq = d.squaredNorm(), along = d.dot(n);
+      if (sq > p.reach_sq || along * along > kOffPlane * kOffPlane * p.reach_sq) continue;
+      seen.add(d.dot(u), d.dot(v));
       ++count;
     }
-    return count >= kFewestNear && sum.norm() <= kBorderShare * reach * count;
+    return count >= kFewestNear && !seen.open();
   }
 
   /// Numbers the pieces without a border; what chance left out of them is theirs.
@@ -344,14 +443,6 @@ class Baker {
 };
 
 }  // namespace
-
-std::array<std::int32_t, 3> coordinate_of(std::uint64_t code) noexcept {
-  std::array<std::int32_t, 3> c{};
-  for (int bit = 0; bit < partition::kMortonBits; ++bit)
-    for (std::size_t axis = 0; axis < 3; ++axis)
-      c[axis] |= static_cast<std::int32_t>((code >> (3 * bit + static_cast<int>(axis))) & 1u) << bit;
-  return c;
-}
 
 std::vector<BrickGrid::Coordinate> BrickGrid::cubes_of_bricks() const {
   const std::vector<std::uint64_t> codes = table.codes(first.size() - 1);

@@ -37,12 +37,13 @@ inline Lanes inverse_length(const Lanes& x) {
 
 void NodeBlend::clear() {
   sums_ = Sums{};
+  faces_ = ridges_ = 0;
 }
 
 /// A patch in a brick's voxels, from its middle.
 struct NodeBlend::Local {
   Eigen::Vector3f at, u, v, n;
-  float uu, uv, vv, support, per_support_sq, sharpen, bend, row_share;
+  float uu, uv, vv, trust, support, per_support_sq, sharpen, bend, row_share;
   Local(const Patch& p, const Vec3& middle, double per_voxel) {
     const Quadric& q = p.quadric;
     const double voxel = 1.0 / per_voxel;
@@ -53,6 +54,7 @@ struct NodeBlend::Local {
     uu = static_cast<float>(q.uu * voxel);
     uv = static_cast<float>(q.uv * voxel);
     vv = static_cast<float>(q.vv * voxel);
+    trust = static_cast<float>(p.trust);
     support = static_cast<float>(p.support * per_voxel);
     per_support_sq = 1.0f / (support * support);
     // A cubic B-spline blurs by a sixth of the second difference along each axis: what it takes is added
@@ -85,7 +87,7 @@ struct NodeBlend::Local {
     const Lanes f = ((w - 0.5f * (s1 * a1 + t1 * b1)) - (a - a1) * s1 - (b - b1) * t1) * inverse;
     const Lanes near = kNearSquare + f * f;
     const Lanes left = at_most(at_least((1.0f - f * p.bend - kLeastBend) * kBendFade, 0.0f), 1.0f);
-    const Lanes weight = left * rest * rest * rest / (near * near);
+    const Lanes weight = p.trust * left * rest * rest * rest / (near * near);
     const Lanes per = weight * inverse;
     const std::size_t i = kRowHalves * row + half;
     sums_.weight[i] += weight;
@@ -110,30 +112,57 @@ void NodeBlend::add(const Patch& patch, const Vec3& middle, double per_voxel) {
   }
 }
 
-int NodeBlend::read_sums() {
-  int missing = 0;
+void NodeBlend::read_sums(Values& to) const {
   for (std::size_t i = 0; i < kBrickCoefficients; ++i) {
     const std::size_t at = i % kBrickNodes, row = kRowHalves * (i / kBrickNodes) + at / 4, lane = at % 4;
     const float weight = sums_.weight[row][lane];
-    known_[i] = weight > kLeastWeight;
-    missing += known_[i] == 0;
-    const float per = known_[i] != 0 ? 1.0f / weight : 0.0f;
-    distance_[i] = sums_.distance[row][lane] * per;
-    x_[i] = sums_.x[row][lane] * per;
-    y_[i] = sums_.y[row][lane] * per;
-    z_[i] = sums_.z[row][lane] * per;
+    to.known[i] = weight > kLeastWeight;
+    const float per = to.known[i] != 0 ? 1.0f / weight : 0.0f;
+    to.distance[i] = sums_.distance[row][lane] * per;
+    to.x[i] = sums_.x[row][lane] * per;
+    to.y[i] = sums_.y[row][lane] * per;
+    to.z[i] = sums_.z[row][lane] * per;
   }
-  return missing;
+}
+
+void NodeBlend::join(Values& with, const Values& other, bool greater) {
+  for (std::size_t i = 0; i < kBrickCoefficients; ++i) {
+    if (other.known[i] == 0) continue;
+    if (with.known[i] != 0 && (other.distance[i] > with.distance[i]) != greater) continue;
+    with.known[i] = 1;
+    with.distance[i] = other.distance[i];
+    with.x[i] = other.x[i];
+    with.y[i] = other.y[i];
+    with.z[i] = other.z[i];
+  }
+}
+
+void NodeBlend::end_face() {
+  read_sums(faces_ == 0 ? ridge_ : face_);
+  if (faces_ > 0) join(ridge_, face_, true);
+  ++faces_;
+  sums_ = Sums{};
+}
+
+void NodeBlend::end_ridge() {
+  if (ridges_ == 0)
+    values_ = ridge_;
+  else
+    join(values_, ridge_, false);
+  ++ridges_;
+  faces_ = 0;
 }
 
 /// Nodes that no patch reaches go on from the nodes beside them, along their gradients.
-void NodeBlend::fill(int missing) {
+void NodeBlend::fill() {
   constexpr std::array<int, 3> kStep{kBrickNodes * kBrickNodes, kBrickNodes, 1};
+  Values& v = values_;
+  auto missing = std::count(v.known.begin(), v.known.end(), std::uint8_t{0});
   for (int round = 0; round < kFillRounds && missing > 0; ++round) {
-    std::array<std::uint8_t, kBrickCoefficients> now = known_;
+    std::array<std::uint8_t, kBrickCoefficients> now = v.known;
     for (int i = 0; i < kBrickCoefficients; ++i) {
       const auto k = static_cast<std::size_t>(i);
-      if (known_[k] != 0) continue;
+      if (v.known[k] != 0) continue;
       float count = 0.0f, f = 0.0f;
       Eigen::Vector3f g = Eigen::Vector3f::Zero();
       for (int axis = 0; axis < 3; ++axis) {
@@ -142,28 +171,28 @@ void NodeBlend::fill(int missing) {
           if (at + side < 0 || at + side >= kBrickNodes) continue;
           const int beside = i + side * kStep[static_cast<std::size_t>(axis)];
           const auto j = static_cast<std::size_t>(beside);
-          if (known_[j] == 0) continue;
-          const Eigen::Vector3f gj(x_[j], y_[j], z_[j]);
-          f += distance_[j] - static_cast<float>(side) * gj[axis];
+          if (v.known[j] == 0) continue;
+          const Eigen::Vector3f gj(v.x[j], v.y[j], v.z[j]);
+          f += v.distance[j] - static_cast<float>(side) * gj[axis];
           g += gj;
           count += 1.0f;
         }
       }
       if (count == 0.0f) continue;
-      distance_[k] = f / count;
-      x_[k] = g.x() / count;
-      y_[k] = g.y() / count;
-      z_[k] = g.z() / count;
+      v.distance[k] = f / count;
+      v.x[k] = g.x() / count;
+      v.y[k] = g.y() / count;
+      v.z[k] = g.z() / count;
       now[k] = 1;
       --missing;
     }
-    known_ = now;
+    v.known = now;
   }
 }
 
 const std::array<float, kBrickCoefficients>& NodeBlend::finish() {
-  fill(read_sums());
-  return distance_;
+  fill();
+  return values_.distance;
 }
 
 }  // namespace palpate::render

@@ -19,21 +19,31 @@ class NodeBlend {
   void clear();
   /// `middle`: of the brick, local mm.
   void add(const Patch& patch, const Vec3& middle, double per_voxel);
+  /// What was added since is one face of a ridge: its greatest distance counts.
+  void end_face();
+  /// The faces ended since are one ridge: of several the least distance counts.
+  void end_ridge();
   /// Node values in voxels, sharpened for the spline; what no patch reaches goes on from beside it.
   [[nodiscard]] const std::array<float, kBrickCoefficients>& finish();
 
  private:
   struct Local;
+  /// Of every node; where it is not known, nothing.
+  struct Values {
+    std::array<float, kBrickCoefficients> distance, x, y, z;  ///< and its gradient
+    std::array<std::uint8_t, kBrickCoefficients> known;
+  };
   void add_row(const Local& patch, float dx, float dy, std::size_t row);
-  int read_sums();
-  void fill(int missing);
+  void read_sums(Values& to) const;
+  static void join(Values& with, const Values& other, bool greater);
+  void fill();
 
   struct Sums {
     std::array<Lanes, std::size_t{kNodeRows} * std::size_t{kRowHalves}> weight, distance, x, y, z;
   };
   Sums sums_;
-  std::array<float, kBrickCoefficients> distance_, x_, y_, z_;  ///< and its gradient
-  std::array<std::uint8_t, kBrickCoefficients> known_;
+  Values face_, ridge_, values_;
+  int faces_ = 0, ridges_ = 0;
 };
 
 }  // namespace palpate::render

@@ -132,9 +132,6 @@ struct BrickPlace {
 /// Places of a closed piece that decide, by majority, which of its sides is free.
 inline constexpr std::size_t kPieceSamples = 5;
 
-/// The brick coordinate that a Morton code stands for.
-[[nodiscard]] std::array<std::int32_t, 3> coordinate_of(std::uint64_t code) noexcept;
-
 /// All bricks of a model. Immutable and shared; local mm.
 struct BrickGrid {
   Vec3 low_mm = Vec3::Zero();  ///< corner of brick (0, 0, 0)

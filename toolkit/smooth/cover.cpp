@@ -3,9 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "toolkit/core/parallel.h"
+#include "toolkit/smooth/first_ball.h"
+#include "toolkit/smooth/surround.h"
 
 namespace palpate::render {
 namespace {
@@ -13,11 +16,6 @@ namespace {
 /// Points that are covered together, each chunk for itself: some 64 spacings square, several of the largest
 /// patches.
 constexpr std::size_t kChunk = 4096;
-/// The first radius, in spacings: 15 points, twice what a quadric needs and a few more.
-constexpr double kFirstRadius = 2.2;
-/// Fewer points in it: it is widened; more: narrowed. Half and twice what an even set has, but for luck.
-constexpr int kFewest = 9, kMost = 34;
-constexpr int kMaxResizes = 6;  // eight times as far, or near
 /// Growth of the area by 2 a step, seven sizes: up to 17.6 spacings, 970 points.
 constexpr std::size_t kSizes = 7;
 constexpr double kGrowth = std::numbers::sqrt2;
@@ -39,12 +37,13 @@ constexpr double kOnSigmas = 3.5, kOnSpacings = 0.05;
 constexpr double kLeavingSpacings = 2.0;
 /// A wider ball is looked at this near to the last fit: another sheet has no say in it.
 constexpr double kGateSigmas = 6.0;
+/// The same beside another sheet, and at most.
+constexpr double kMixedGate = 0.3, kMixedMost = 0.45;
 /// Rings of a patch, and the share of leaving points in one where the patch ends.
 constexpr int kRings = 8;
 constexpr double kLeavingShare = 0.2;
-/// Of a ball's radius: its points' middle is nearer than this where they lie all around, but for luck (an
-/// even disc of 15 has 0.13, one that lacks the outer half of a side 0.2).
-constexpr double kAsideShare = 0.15;
+/// A patch may end where no point is in this part of a turn, outside this share of its support.
+constexpr double kRimGap = 1.0 / 6.0, kOuterShare = 0.5;
 /// A first fit with so many times the noise is tried again, from the plane of the points within this share of
 /// the radius.
 constexpr double kUnexplained = 2.0, kCoreShare = 0.65;
@@ -52,6 +51,8 @@ constexpr double kUnexplained = 2.0, kCoreShare = 0.65;
 constexpr double kMixedSpacings = 0.15;
 /// Covered from this sum of weights on.
 constexpr double kCovered = 0.25;
+/// Patches known better than this, in spacings, count alike.
+constexpr double kTrusted = 0.01;
 /// The seed is on its own patch where the robust cost leaves it this weight: two scales off.
 constexpr double kOwnWeight = 0.04;
 /// A leftover point is one of a piece of surface where this share of those within the first radius were left
@@ -82,24 +83,12 @@ class ChunkCover {
   }
 
  private:
-  /// The ball of the first radius at a place: false where the point stands alone.
-  bool first_ball(const Vec3& at, double& radius) {
-    radius = kFirstRadius * points_.spacing_mm();
-    int last = 0;
-    for (int i = 0; i < kMaxResizes; ++i) {
-      ball_.gather(points_, at, radius);
-      const auto count = static_cast<int>(ball_.away.size());
-      if (count < kFewest && last <= 0) {
-        radius *= kGrowth;
-        last = -1;
-      } else if (count > kMost && last >= 0) {
-        radius /= kGrowth;
-        last = 1;
-      } else {
-        return count >= kFewest;
-      }
-    }
-    return false;
+  /// The first ball about a point: false where it stands alone.
+  bool first_ball(std::size_t i, double& radius) {
+    mixed_ = false;
+    if (!gather_first(points_, begin_ + i, ball_)) return false;
+    radius = ball_.radius;
+    return true;
   }
 
   /// The fits of growing radius about a point, as long as they agree: how many.
@@ -110,14 +99,17 @@ class ChunkCover {
       if (k > 0) {
         radius *= kGrowth;
         ball_.gather(points_, at, radius);
-        const double gate =
-            std::max(kLeavingSpacings * spacing, kGateSigmas * std::max(fits[k - 1].sigma, rule_.noise));
-        ball_.keep_near(fits[k - 1].quadric, gate);
+        ball_.keep_near(fits[k - 1].quadric, gate(fits[k - 1], spacing));
         fits[k] = fits[k - 1];
       }
-      if (!fit_quadric(ball_, fit_rule, k > 0 ? &fits[k - 1].quadric : nullptr, fits[k])) return k;
+      const bool fitted = fit_quadric(ball_, fit_rule, k > 0 ? &fits[k - 1].quadric : nullptr, fits[k]);
+      if (!fitted && k > 0) return k;
       if (k == 0) {
-        try_core(fits[0], spacing);
+        if (!fitted) fits[0].sigma = std::numeric_limits<double>::infinity();
+        if (!fitted || unexplained(fits[0], kOnSpacings * spacing))
+          mixed_ = separate_sheets(ball_, spacing, rule_.noise, fits[0]);
+        if (!fitted && !mixed_) return 0;
+        if (!mixed_) try_core(fits[0], spacing);
         if (fits[0].centre_weight < kOwnWeight || unexplained(fits[0], kMixedSpacings * spacing)) return 0;
       } else if (!agrees(fits, k, spacing)) {
         return k;
@@ -132,20 +124,27 @@ class ChunkCover {
   bool seed(std::size_t i, bool sure, std::vector<Patch>& out) {
     const Vec3 at = points_[begin_ + i];
     double radius = 0.0;
-    if (!first_ball(at, radius)) return false;
+    if (!first_ball(i, radius)) return false;
     const double spacing = radius / kFirstRadius;
     std::array<QuadricFit, kSizes> fits;
     const std::size_t sizes = grow(at, spacing, fits);
     if (sizes == 0) return false;
     const QuadricFit& best = fits[sizes - 1];
     const bool noisy = std::max(best.sigma, rule_.noise) > kOnSpacings * spacing;
-    if (sure && sizes <= kSureSize && noisy) return false;
+    const bool doubtful = sizes <= kSureSize && noisy;
+    if (sure && doubtful) return false;
     for (std::size_t k = 1; k < sizes; ++k) radius *= kGrowth;
     if (best.sigma > kScattered * radius) return false;
     if (ball_.radius != radius) ball_.gather(points_, at, radius);
-    add(best, spacing, out);
+    add(best, spacing, !doubtful, out);
     state_[i] = kDone;
     return true;
+  }
+  /// A wider ball's points so far off the last fit have no say.
+  [[nodiscard]] double gate(const QuadricFit& fit, double spacing) const {
+    const double noise = kGateSigmas * std::max(fit.sigma, rule_.noise);
+    return mixed_ ? std::min(std::max(kMixedGate * spacing, noise), kMixedMost * spacing)
+                  : std::max(kLeavingSpacings * spacing, noise);
   }
   [[nodiscard]] bool unexplained(const QuadricFit& fit, double allowed) const {
     return fit.sigma > std::max(kUnexplained * rule_.noise, allowed);
@@ -178,15 +177,16 @@ class ChunkCover {
   }
 
   /// Ends where points begin to lie off it; tells its points that they are covered.
-  void add(const QuadricFit& fit, double spacing, std::vector<Patch>& out) {
+  void add(const QuadricFit& fit, double spacing, bool sure, std::vector<Patch>& out) {
     const Quadric& q = fit.quadric;
     const double off = std::max(kOnSigmas * std::max(fit.sigma, rule_.noise), kOnSpacings * spacing);
+    const double limit = mixed_ ? kMixedMost * spacing : kLeavingSpacings * spacing;
     std::array<int, kRings> all{}, leaving{};
     const double rings_sq = kRings / (ball_.radius * ball_.radius);
     for (const Vec3& away : ball_.away) {
       const Vec3 p = ball_.centre + away;
       const double residual = std::abs(q.residual(p));
-      if (residual > std::max(kLeavingSpacings * spacing, off)) continue;
+      if (residual > std::max(limit, off)) continue;
       const Vec3 d = p - q.at;
       const double share = (d.squaredNorm() - d.dot(q.n) * d.dot(q.n)) * rings_sq;
       const int ring = std::min(static_cast<int>(share), kRings - 1);
@@ -202,16 +202,29 @@ class ChunkCover {
       }
     }
     support = std::max(support, kLeastSupport * spacing);
-    out.push_back({q, support, spacing, fit.sigma, fit.points, lies_aside(q)});
+    Patch& patch = out.emplace_back();
+    patch.quadric = q;
+    patch.support = support;
+    patch.spacing = spacing;
+    patch.sigma = fit.sigma;
+    patch.slope_error = fit.slope_error;
+    patch.points = fit.points;
+    const double error = kTrusted * spacing / std::max(fit.value_error, kTrusted * spacing);
+    patch.trust = error * error;
+    patch.sure = sure;
+    patch.rim = may_end(q, support, off);
     cover(out.back(), off);
   }
 
-  /// Whether the ball's points lie to one side of its middle.
-  [[nodiscard]] bool lies_aside(const Quadric& q) const {
-    Vec3 sum = Vec3::Zero();
-    for (const Vec3& away : ball_.away) sum += away;
-    sum -= q.n * q.n.dot(sum);
-    return sum.norm() > kAsideShare * ball_.radius * static_cast<double>(ball_.away.size());
+  /// Whether there is a direction in which its points end.
+  [[nodiscard]] bool may_end(const Quadric& q, double support, double off) const {
+    Surround outer;
+    for (const Vec3& away : ball_.away) {
+      const Vec3 p = ball_.centre + away, d = p - q.at;
+      const double a = d.dot(q.u), b = d.dot(q.v), sq = (a * a + b * b) / (support * support);
+      if (sq >= kOuterShare * kOuterShare && std::abs(q.residual(p)) <= off) outer.add(a, b);
+    }
+    return outer.widest() > kRimGap;
   }
 
   void cover(const Patch& patch, double off) {
@@ -231,7 +244,7 @@ class ChunkCover {
   /// Whether the points around one that was left were left as well.
   bool left_together(std::size_t i) {
     double radius = 0.0;
-    if (!first_ball(points_[begin_ + i], radius)) return false;
+    if (!first_ball(i, radius)) return false;
     ball_.gather(points_, points_[begin_ + i], kLeftRadius / kFirstRadius * radius);
     int together = 0, own = 0;
     for (const std::uint32_t place : ball_.place) {
@@ -248,12 +261,13 @@ class ChunkCover {
     const Vec3 at = points_[begin_ + i];
     double radius = 0.0;
     QuadricFit fit;
-    if (!first_ball(at, radius)) return false;
+    if (!first_ball(i, radius)) return false;
     const double spacing = radius / kFirstRadius;
     ball_.gather(points_, at, kLeftRadius * spacing);
     if (!fit_quadric(ball_, {rule_.noise, false}, nullptr, fit) || fit.sigma > kScattered * ball_.radius)
       return false;
-    add(fit, spacing, out);
+    if (unexplained(fit, kOnSpacings * spacing)) mixed_ = separate_sheets(ball_, spacing, rule_.noise, fit);
+    add(fit, spacing, false, out);
     state_[i] = kDone;
     return true;
   }
@@ -264,6 +278,7 @@ class ChunkCover {
   std::vector<float> weight_;
   std::vector<std::uint8_t> state_;
   Ball ball_;
+  bool mixed_ = false;  ///< another sheet is near: its points are left out
 };
 
 }  // namespace

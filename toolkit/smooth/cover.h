@@ -11,11 +11,14 @@ namespace palpate::render {
 
 struct Patch {
   Quadric quadric;
-  double support = 0.0;  ///< mm from quadric.at, along the tangent plane: its weight ends there
-  double spacing = 0.0;  ///< of its points, mm
-  double sigma = 0.0;    ///< of its points about it, mm
-  int points = 0;        ///< that it follows
-  bool rim = false;      ///< its points do not lie all around it: they may end there
+  double support = 0.0;      ///< mm from quadric.at, along the tangent plane: its weight ends there
+  double spacing = 0.0;      ///< of its points, mm
+  double sigma = 0.0;        ///< of its points about it, mm
+  double slope_error = 0.0;  ///< a standard error of its normal
+  int points = 0;            ///< that it follows
+  double trust = 1.0;        ///< weight beside others: by how well it is known, at most 1
+  bool sure = false;         ///< no piece of noise or stray points
+  bool rim = false;          ///< its points do not lie all around it: they may end there
 };
 
 struct CoverRule {

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "toolkit/core/parallel.h"
+#include "toolkit/smooth/first_ball.h"
 
 namespace palpate::render {
 namespace {
@@ -17,10 +18,17 @@ constexpr double kReach = 0.8;
 /// either the one or the other.
 constexpr double kSteepest = 0.77;
 constexpr double kLeastAgreement = 0.64;
-/// Two that meet come within so many spacings, or standard deviations, of each other, and of where either
-/// ends.
-constexpr double kOffSpacings = 1.2, kOffSigmas = 3.0;
+/// Two that meet come within so many spacings, or standard deviations, of each other, and within so many
+/// spacings of where either ends.
+constexpr double kOffSpacings = 0.4, kOffSigmas = 3.0, kBeyondEnd = 1.2;
 constexpr int kMeetRounds = 3;
+/// Normals that differ by more than this where two patches meet (20 degrees), and by so many standard errors,
+/// make a crease.
+constexpr double kCreaseSine = 0.34, kCreaseErrors = 3.0;
+/// What both tell of it has to be so: of the points around where they meet this share, and not fewer than so
+/// many of each, lie within so many standard deviations or spacings of the folded surface.
+constexpr double kExplained = 0.75, kOnSigmas = 3.5, kOnSpacings = 0.1;
+constexpr int kFewestOfEach = 3;
 /// Links of one patch: to the nearest that there are.
 constexpr std::size_t kMostLinks = 24;
 /// Classes of agreement that links are taken in, best first.
@@ -48,7 +56,7 @@ bool meet(const Patch& a, const Patch& b, Vec3& at) {
       std::max(kOffSpacings * std::min(a.spacing, b.spacing), kOffSigmas * std::max(a.sigma, b.sigma)))
     return false;
   const auto reaches = [&](const Patch& p) {
-    const double reach = p.support + kOffSpacings * p.spacing;
+    const double reach = p.support + kBeyondEnd * p.spacing;
     return (at - p.quadric.at).squaredNorm() <= reach * reach;
   };
   return reaches(a) && reaches(b);
@@ -70,6 +78,35 @@ double agreement(const Patch& a, const Patch& b) {
   if (std::abs(na) > kSteepest || std::abs(nb) > kSteepest) return 0.0;
   const double agreed = a.quadric.n.dot(b.quadric.n) - 2.0 * na * nb;
   return std::abs(agreed) < kLeastAgreement ? 0.0 : agreed;
+}
+
+/// Unit, of a patch's quadric at a place near it.
+Vec3 normal_at(const Quadric& q, const Vec3& at) {
+  const Vec3 d = at - q.at;
+  const double a = d.dot(q.u), b = d.dot(q.v);
+  return (q.n - q.u * (2.0 * q.uu * a + q.uv * b) - q.v * (2.0 * q.vv * b + q.uv * a)).normalized();
+}
+
+/// Of two patches that continue each other with the same side up.
+Turn turn_between(const SmoothPoints& points, double noise, const Patch& a, const Patch& b) {
+  Vec3 at;
+  if (!meet(a, b, at)) return Turn::kNone;
+  const double sine = (normal_at(a.quadric, at) - normal_at(b.quadric, at)).norm();
+  if (sine < std::max(kCreaseSine, kCreaseErrors * std::hypot(a.slope_error, b.slope_error)))
+    return Turn::kNone;
+  const double spacing = std::max(a.spacing, b.spacing);
+  const double on = std::max(kOnSigmas * std::max({a.sigma, b.sigma, noise}), kOnSpacings * spacing);
+  int all = 0, of_a = 0, of_b = 0, ridge = 0, valley = 0;
+  points.in_ball(at, kFirstRadius * spacing, [&](std::uint32_t, const Vec3& d, double) {
+    const double ra = a.quadric.residual(at + d), rb = b.quadric.residual(at + d);
+    ++all;
+    of_a += std::abs(ra) <= on && std::abs(ra) < std::abs(rb);
+    of_b += std::abs(rb) <= on && std::abs(rb) < std::abs(ra);
+    ridge += std::abs(std::max(ra, rb)) <= on;
+    valley += std::abs(std::min(ra, rb)) <= on;
+  });
+  if (std::min(of_a, of_b) < kFewestOfEach || std::max(ridge, valley) < kExplained * all) return Turn::kNone;
+  return ridge > valley ? Turn::kRidge : valley > ridge ? Turn::kValley : Turn::kNone;
 }
 
 struct Link {
@@ -272,7 +309,7 @@ void drop_strays(std::vector<Patch>& patches, std::vector<Link>& links, Sides& s
 
 }  // namespace
 
-PatchLinks link_patches(std::vector<Patch>& patches, int threads) {
+PatchLinks link_patches(const SmoothPoints& points, double noise, std::vector<Patch>& patches, int threads) {
   std::vector<Link> links = find_links(patches, threads);
   Sides sides(patches.size());
   orient(patches, links, sides);
@@ -280,23 +317,34 @@ PatchLinks link_patches(std::vector<Patch>& patches, int threads) {
   PatchLinks out;
   out.sheet.resize(patches.size());
   for (std::uint32_t i = 0; i < patches.size(); ++i) out.sheet[i] = sides.root(i).first;
+  // Against the sheet's sides: a seam, or two sheets after all.
+  std::vector<Turn> turn(links.size());
+  std::vector<std::uint8_t> stands(links.size());
+  parallel_chunks(links.size(), kGrain, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const Patch &a = patches[links[i].a], &b = patches[links[i].b];
+      stands[i] = agreement(a, b) > 0.0;
+      if (stands[i] != 0 && a.sure && b.sure) turn[i] = turn_between(points, noise, a, b);
+    }
+  });
   out.begin.assign(patches.size() + 1, 0);
-  const auto stands = [&](const Link& link) {
-    // Against the sheet's sides: a seam, or two sheets after all.
-    return (agreement(patches[link.a], patches[link.b]) > 0.0);
-  };
-  for (const Link& link : links) {
-    if (!stands(link)) continue;
-    ++out.begin[link.a + 1];
-    ++out.begin[link.b + 1];
+  for (std::size_t i = 0; i < links.size(); ++i) {
+    if (stands[i] == 0) continue;
+    ++out.begin[links[i].a + 1];
+    ++out.begin[links[i].b + 1];
   }
   for (std::size_t i = 0; i < patches.size(); ++i) out.begin[i + 1] += out.begin[i];
   std::vector<std::uint32_t> next(out.begin.begin(), out.begin.end() - 1);
   out.to.resize(out.begin.back());
-  for (const Link& link : links) {
-    if (!stands(link)) continue;
-    out.to[next[link.a]++] = link.b;
-    out.to[next[link.b]++] = link.a;
+  out.turn.resize(out.begin.back());
+  for (std::size_t i = 0; i < links.size(); ++i) {
+    if (stands[i] == 0) continue;
+    const auto put = [&](std::uint32_t from, std::uint32_t to) {
+      out.turn[next[from]] = turn[i];
+      out.to[next[from]++] = to;
+    };
+    put(links[i].a, links[i].b);
+    put(links[i].b, links[i].a);
   }
   return out;
 }

@@ -10,9 +10,17 @@
 
 namespace palpate::render {
 
+/// How the surface goes on from one patch to the next.
+enum class Turn : std::int8_t {
+  kValley = -1,  ///< over a crease: the distance is the lesser of both
+  kNone = 0,
+  kRidge = 1,  ///< the greater
+};
+
 struct PatchLinks {
   std::vector<std::uint32_t> begin;  ///< of each patch in `to`, and one more
   std::vector<std::uint32_t> to;
+  std::vector<Turn> turn;            ///< beside `to`
   std::vector<std::uint32_t> sheet;  ///< of each patch: the first patch of its connected sheet
   [[nodiscard]] std::span<const std::uint32_t> of(std::size_t patch) const noexcept {
     return {to.data() + begin[patch], begin[patch + 1] - begin[patch]};
@@ -21,6 +29,7 @@ struct PatchLinks {
 
 /// Links the patches and turns their normals to one side of each connected sheet (the sheet's own; a surface
 /// with one side gets a seam). Deterministic; O(patches x overlaps).
-[[nodiscard]] PatchLinks link_patches(std::vector<Patch>& patches, int threads);
+[[nodiscard]] PatchLinks link_patches(const SmoothPoints& points, double noise, std::vector<Patch>& patches,
+                                      int threads);
 
 }  // namespace palpate::render

@@ -6,8 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-
-#include "toolkit/core/parallel.h"
+#include <utility>
 
 namespace palpate::render {
 namespace {
@@ -28,9 +27,14 @@ constexpr double kLeastPivot = 1e-7;
 /// Rounding of a fit, as a share of its radius: well above that of sums over a thousand points and of the
 /// points' single precision where a model spans some thousand spacings.
 constexpr double kRoundingShare = 1e-6;
-constexpr std::size_t kNoiseSamples = 600;
-/// The radius that noise is measured in: some 30 points against 6 numbers.
-constexpr double kNoiseRadiusSpacings = 3.1;
+/// A sheet is looked for through the centre and two of so many points next to it.
+constexpr std::size_t kNextPoints = 7;
+constexpr double kLeastSine = 0.3;
+/// Sheets are told apart where nearly all points are within this many spacings of one of them: the residuals'
+/// standard deviation is at most that over 3.3. Wider, and a sheet one spacing off would have a say.
+constexpr double kSheetGate = 0.4, kSheetSigma = 0.12;
+/// Of a fit to both sheets the residuals are at least so much larger.
+constexpr double kApart = 2.0;
 
 /// Square to n.
 Vec3 any_tangent(const Vec3& n) {
@@ -177,6 +181,28 @@ void Ball::gather(const SmoothPoints& points, const Vec3& at, double r) {
   });
 }
 
+bool spread_of(const Ball& ball, Spread& spread) {
+  Vec3 mean = Vec3::Zero();
+  double weights = 0.0;
+  const double per_sq = 1.0 / (ball.radius * ball.radius);
+  const auto weight_of = [&](const Vec3& p) { return std::max(1.0 - p.squaredNorm() * per_sq, 0.0); };
+  for (const Vec3& p : ball.away) {
+    const double weight = weight_of(p);
+    mean += weight * p;
+    weights += weight;
+  }
+  if (!(weights > 0.0)) return false;
+  mean /= weights;
+  Mat3 sum = Mat3::Zero();
+  for (const Vec3& p : ball.away) sum += weight_of(p) * per_sq * (p - mean) * (p - mean).transpose();
+  Eigen::SelfAdjointEigenSolver<Mat3> solver;
+  solver.computeDirect(sum);
+  if (solver.info() != Eigen::Success || !(solver.eigenvalues()[2] > 0.0)) return false;
+  spread.normal = solver.eigenvectors().col(0).normalized();
+  spread.roundness = solver.eigenvalues()[1] / solver.eigenvalues()[2];
+  return is_finite(spread.normal);
+}
+
 void Ball::keep_near(const Quadric& quadric, double gate) {
   std::size_t kept = 0;
   for (std::size_t i = 0; i < away.size(); ++i) {
@@ -253,24 +279,59 @@ bool fit_quadric(const Ball& ball, const FitRule& rule, const Quadric* start, Qu
   return is_finite(q.at) && is_finite(q.n);
 }
 
-double measure_noise(const SmoothPoints& points, int threads) {
-  const std::size_t n = points.size();
-  const std::size_t stride = std::max<std::size_t>(n / kNoiseSamples, 1);
-  const std::size_t samples = (n + stride - 1) / stride;
-  std::vector<double> sigma(samples, -1.0);
-  parallel_chunks(samples, 16, threads, [&](std::size_t begin, std::size_t end) {
-    Ball ball;
-    QuadricFit fit;
-    for (std::size_t i = begin; i < end; ++i) {
-      ball.gather(points, points[i * stride], kNoiseRadiusSpacings * points.spacing_mm());
-      if (fit_quadric(ball, {}, nullptr, fit)) sigma[i] = fit.sigma;
+namespace {
+
+/// How many points of a ball lie on a plane through its centre, nearer ones counted more.
+double points_on(const Ball& ball, const Vec3& n, double gate) {
+  const double per_sq = 1.0 / (ball.radius * ball.radius), per_gate = 1.0 / (gate * gate);
+  double sum = 0.0;
+  for (const Vec3& p : ball.away) {
+    const double off = p.dot(n);
+    sum += std::max(1.0 - p.squaredNorm() * per_sq, 0.0) * std::max(1.0 - off * off * per_gate, 0.0);
+  }
+  return sum;
+}
+
+/// Of the planes through the centre and two points next to it the one that most points are near to.
+bool likeliest_plane(const Ball& ball, double gate, Vec3& normal) {
+  std::vector<Vec3> next = ball.away;
+  const std::size_t count = std::min(next.size(), kNextPoints + 1);
+  const auto nearer = [](const Vec3& a, const Vec3& b) {
+    const double x = a.squaredNorm(), y = b.squaredNorm();
+    return x != y ? x < y : std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
+  };
+  std::partial_sort(next.begin(), next.begin() + static_cast<std::ptrdiff_t>(count), next.end(), nearer);
+  double most = 0.0;
+  for (std::size_t i = 0; i < count; ++i)
+    for (std::size_t j = 0; j < i; ++j) {
+      const Vec3 n = next[i].cross(next[j]);
+      const double size = n.norm();
+      if (!(size > kLeastSine * next[i].norm() * next[j].norm())) continue;
+      const double found = points_on(ball, n / size, gate);
+      if (!(found > most)) continue;
+      most = found;
+      normal = n / size;
     }
-  });
-  std::erase_if(sigma, [](double s) { return s < 0.0; });
-  if (sigma.empty()) return 0.0;
-  const auto middle = sigma.begin() + static_cast<std::ptrdiff_t>(sigma.size() / 2);
-  std::nth_element(sigma.begin(), middle, sigma.end());
-  return *middle;
+  return most > 0.0;
+}
+
+}  // namespace
+
+bool separate_sheets(Ball& ball, double spacing, double sigma_floor, QuadricFit& fit) {
+  if (sigma_floor > kSheetSigma * spacing) return false;
+  Quadric plane;
+  if (!likeliest_plane(ball, kSheetGate * spacing, plane.n)) return false;
+  plane.at = ball.centre;
+  set_normal(plane, plane.n);
+  Ball one = ball;
+  one.keep_near(plane, kSheetGate * spacing);
+  if (one.away.size() == ball.away.size()) return false;
+  QuadricFit found;
+  if (!fit_quadric(one, {sigma_floor, true}, nullptr, found)) return false;
+  if (found.sigma > kSheetSigma * spacing || kApart * found.sigma > fit.sigma) return false;
+  fit = found;
+  ball = std::move(one);
+  return true;
 }
 
 }  // namespace palpate::render

@@ -52,11 +52,21 @@ struct FitRule {
   double core = 1.0;  ///< share of the radius that a first plane is taken from
 };
 
+/// How the points of a ball are spread, near its centre most.
+struct Spread {
+  Vec3 normal = Vec3::UnitZ();  ///< their least direction
+  double roundness = 0.0;       ///< of the two others the lesser variance, over the greater
+};
+/// False where they are all in one place.
+[[nodiscard]] bool spread_of(const Ball& ball, Spread& spread);
+
 /// Fits the ball's points. `start`: a tangent plane to begin from, or null, where the points' least direction
 /// is taken. False where they determine no quadric. O(points).
 [[nodiscard]] bool fit_quadric(const Ball& ball, const FitRule& rule, const Quadric* start, QuadricFit& fit);
 
-/// The noise of the points about a smooth surface, mm: the median over some hundreds of places. O(1).
-[[nodiscard]] double measure_noise(const SmoothPoints& points, int threads);
+/// The sheet through a ball's centre, where another one within the ball makes it no fit: leaves the others'
+/// points out of the ball. False, with nothing changed, where there is one sheet, or noise that reaches
+/// across. `spacing`: of the points.
+[[nodiscard]] bool separate_sheets(Ball& ball, double spacing, double sigma_floor, QuadricFit& fit);
 
 }  // namespace palpate::render

@@ -14,6 +14,7 @@
 #include "toolkit/render/model_store.h"
 #include "toolkit/render/prepare_phases.h"
 #include "toolkit/smooth/bake.h"
+#include "toolkit/smooth/first_ball.h"
 
 namespace palpate::render {
 namespace {
@@ -55,7 +56,7 @@ Result<std::shared_ptr<const SmoothSurface>> build_surface(const cloud::Cloud& c
     cover = cover_points(points, {build.detail, measured.noise_mm}, context.threads);
   phases.end();
   phases.begin("sheets");
-  const PatchLinks links = link_patches(cover.patches, context.threads);
+  const PatchLinks links = link_patches(points, measured.noise_mm, cover.patches, context.threads);
   phases.end();
   phases.begin("bricks");
   out->grid = bake_bricks(points, cover.patches, links, measured.voxel_mm, context.threads);

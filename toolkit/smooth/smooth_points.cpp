@@ -5,6 +5,8 @@
 #include <numbers>
 #include <tuple>
 
+#include "toolkit/core/parallel.h"
+
 namespace palpate::render {
 namespace {
 
@@ -22,8 +24,21 @@ constexpr double kCellPerRadius = 0.75;
 constexpr std::size_t kSpacingSamples = 600;
 constexpr std::size_t kSpacingNeighbours = 16;
 constexpr int kMaxWiderLooks = 24;
+/// A spacing near a place is read from 27 cells with at least so many points. A sheet has passed through them
+/// over the square of their side, more where it leans.
+constexpr std::uint32_t kFewestInBlock = 12;
+constexpr double kBlockCells = 3.0, kLeanArea = 1.2;
+constexpr std::size_t kCellGrain = 1024;
 
 }  // namespace
+
+std::array<std::int32_t, 3> coordinate_of(std::uint64_t code) noexcept {
+  std::array<std::int32_t, 3> c{};
+  for (int bit = 0; bit < partition::kMortonBits; ++bit)
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      c[axis] |= static_cast<std::int32_t>((code >> (3 * bit + static_cast<int>(axis))) & 1u) << bit;
+  return c;
+}
 
 void CellTable::build(std::span<const std::uint64_t> codes) {
   if (codes.empty()) return;
@@ -76,6 +91,7 @@ SmoothPoints::SmoothPoints(const cloud::Cloud& cloud, int threads) {
   }
   build_levels(codes);
   measure_spacing();
+  measure_spacing_near(threads);
 }
 
 void SmoothPoints::build_levels(const std::vector<std::uint64_t>& codes) {
@@ -148,6 +164,42 @@ void SmoothPoints::measure_spacing() {
   const auto middle = found.begin() + static_cast<std::ptrdiff_t>(found.size() / 2);
   std::nth_element(found.begin(), middle, found.end());
   spacing_mm_ = *middle;
+}
+
+void SmoothPoints::measure_spacing_near(int threads) {
+  spacing_near_.assign(size(), 0.0f);
+  for (std::size_t l = 0; l < levels_.size(); ++l) {
+    const Level& level = levels_[l];
+    const std::vector<std::uint64_t> codes = level.table.codes(level.begin.size() - 1);
+    const bool last = l + 1 == levels_.size();
+    parallel_chunks(codes.size(), kCellGrain, threads, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t cell = begin; cell < end; ++cell) {
+        // What a finer level has told stays.
+        const std::uint32_t first = level.begin[cell], past = level.begin[cell + 1];
+        if (std::none_of(spacing_near_.begin() + first, spacing_near_.begin() + past,
+                         [](float s) { return s == 0.0f; }))
+          continue;
+        const std::uint32_t count = points_around_cell(level, codes[cell]);
+        if (count < kFewestInBlock && !last) continue;
+        const auto spacing = static_cast<float>(kBlockCells * level.cell_mm * std::sqrt(kLeanArea / count));
+        for (std::uint32_t i = first; i < past; ++i)
+          if (spacing_near_[i] == 0.0f) spacing_near_[i] = spacing;
+      }
+    });
+  }
+}
+
+std::uint32_t SmoothPoints::points_around_cell(const Level& level, std::uint64_t code) noexcept {
+  const std::array<std::int32_t, 3> at = coordinate_of(code);
+  std::uint32_t count = 0;
+  for (int i = 0; i < 27; ++i) {
+    const std::int32_t x = at[0] + i / 9 - 1, y = at[1] + i / 3 % 3 - 1, z = at[2] + i % 3 - 1;
+    if (x < 0 || y < 0 || z < 0) continue;
+    const std::uint32_t cell = level.table.find(partition::morton_code(
+        static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y), static_cast<std::uint32_t>(z)));
+    if (cell != CellTable::kNone) count += level.begin[cell + 1] - level.begin[cell];
+  }
+  return count;
 }
 
 }  // namespace palpate::render

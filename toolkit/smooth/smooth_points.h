@@ -15,6 +15,9 @@
 
 namespace palpate::render {
 
+/// The lattice coordinate that a Morton code stands for.
+[[nodiscard]] std::array<std::int32_t, 3> coordinate_of(std::uint64_t code) noexcept;
+
 /// A hash from a cell's Morton code to its number. Immutable once built; cells are given in ascending order.
 class CellTable {
  public:
@@ -59,6 +62,10 @@ class SmoothPoints {
   [[nodiscard]] const geometry::Aabb& box_mm() const noexcept { return box_mm_; }
   /// Median over the points of sqrt(area a point); 0 where no area is seen.
   [[nodiscard]] double spacing_mm() const noexcept { return spacing_mm_; }
+  /// The same around one point, roughly: from the points in 27 cells.
+  [[nodiscard]] double spacing_near(std::size_t i) const noexcept {
+    return static_cast<double>(spacing_near_[i]);
+  }
 
   /// Calls visit(place, Vec3 from the centre, squared distance) for every point in the ball.
   template <class Visit>
@@ -97,14 +104,17 @@ class SmoothPoints {
   [[nodiscard]] const Level& level_for(double radius) const noexcept;
   bool cells_of(const Level& level, const Vec3& centre, double radius, std::array<std::int64_t, 3>& low,
                 std::array<std::int64_t, 3>& high) const noexcept;
+  [[nodiscard]] static std::uint32_t points_around_cell(const Level& level, std::uint64_t code) noexcept;
   void build_levels(const std::vector<std::uint64_t>& codes);
   void measure_spacing();
+  void measure_spacing_near(int threads);
 
   partition::Lattice lattice_;
   geometry::Aabb box_mm_;
   std::vector<Vec3f> at_;
   std::vector<std::uint32_t> order_;
   std::vector<Level> levels_;
+  std::vector<float> spacing_near_;
   double spacing_mm_ = 0.0;
 };
 

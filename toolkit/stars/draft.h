@@ -3,14 +3,15 @@
 
 #include <Eigen/Geometry>  // cross products
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <span>
 #include <vector>
 
-#include "toolkit/cloud/cloud.h"
 #include "toolkit/core/vec.h"
 #include "toolkit/stars/flat_cell.h"
+#include "toolkit/stars/places.h"
 
 namespace palpate::stars {
 
@@ -22,58 +23,66 @@ using Near = std::array<std::uint32_t, kNear>;
 inline constexpr std::uint32_t kNoPoint = 0xFFFFFFFFu;
 
 /// The triangles around a point, as it sees them: its ring of neighbours, counter-clockwise about its normal;
-/// sector k lies between ring points k and k + 1.
-struct Star {
-  std::array<std::uint32_t, kMaxCorners> ring{};
+/// sector k lies between ring points k and k + 1. Nobody is in a ring twice. What is read of a neighbour's
+/// star is mostly in one line of cache.
+struct alignas(64) Star {
   std::uint32_t size = 0;
   std::uint32_t open = 0;    ///< bit k: sector k has no triangle
   std::uint32_t agreed = 0;  ///< bit k: the stars of its two other corners have the triangle too
+  std::array<std::uint32_t, kMaxCorners> ring{};
 
   [[nodiscard]] std::uint32_t next(std::uint32_t k) const noexcept { return k + 1 == size ? 0 : k + 1; }
+  [[nodiscard]] std::uint32_t previous(std::uint32_t k) const noexcept { return k == 0 ? size - 1 : k - 1; }
   [[nodiscard]] bool has_sector(std::uint32_t k) const noexcept { return (open >> k & 1u) == 0; }
   [[nodiscard]] bool is_agreed(std::uint32_t k) const noexcept { return (agreed >> k & 1u) != 0; }
-  [[nodiscard]] std::uint32_t sectors() const noexcept {
-    return size - static_cast<std::uint32_t>(__builtin_popcount(open));
-  }
-  [[nodiscard]] std::uint32_t agreements() const noexcept {
-    return static_cast<std::uint32_t>(__builtin_popcount(agreed));
-  }
-  /// Whether the triangle with b and c, in either order, is in the star.
-  [[nodiscard]] bool holds(std::uint32_t b, std::uint32_t c) const noexcept {
-    for (std::uint32_t k = 0; k < size; ++k) {
-      if (ring[k] != b && ring[k] != c) continue;
-      const std::uint32_t other = ring[next(k)];
-      if (has_sector(k) && (ring[k] == b ? other == c : other == b)) return true;
+  [[nodiscard]] std::uint32_t sectors() const noexcept { return size - bits_of(open); }
+  [[nodiscard]] std::uint32_t agreements() const noexcept { return bits_of(agreed); }
+  /// Where the point stands in the ring, or size.
+  [[nodiscard]] std::uint32_t find(std::uint32_t b) const noexcept {
+    for (std::uint32_t first = 0; first < size; first += kFound) {
+      unsigned same = 0;
+      for (std::uint32_t k = 0; k < kFound; ++k) same |= static_cast<unsigned>(ring[first + k] == b) << k;
+      if (same == 0) continue;
+      const std::uint32_t k = first + static_cast<std::uint32_t>(__builtin_ctz(same));
+      return k < size ? k : size;
     }
-    return false;
+    return size;
   }
-  [[nodiscard]] bool has_neighbour(std::uint32_t b) const noexcept {
-    for (std::uint32_t k = 0; k < size; ++k)
-      if (ring[k] == b) return true;
-    return false;
+  /// Whether the triangle with ring point k and c, on either side of k, is in the star; none where k is size.
+  [[nodiscard]] bool holds(std::uint32_t k, std::uint32_t c) const noexcept {
+    if (k == size) return false;
+    if (ring[next(k)] == c && has_sector(k)) return true;
+    const std::uint32_t before = previous(k);
+    return ring[before] == c && has_sector(before);
   }
-  [[nodiscard]] bool closed_and_agreed() const noexcept {
-    return size >= 3 && open == 0 && agreements() == size;
+  [[nodiscard]] bool closed_and_agreed() const noexcept { return size >= 3 && agreed == (1u << size) - 1u; }
+
+ private:
+  static constexpr std::uint32_t kFound = 8;  ///< ring points compared at once
+  static_assert(kMaxCorners % kFound == 0 && kMaxCorners < 32);
+  [[nodiscard]] static std::uint32_t bits_of(std::uint32_t x) noexcept {
+    return static_cast<std::uint32_t>(std::popcount(x));
   }
 };
 
 struct Draft {
-  const cloud::Cloud* cloud = nullptr;
   int threads = 0;
-  std::vector<Near> near;            ///< nearest first, unused places the point's own index
-  std::vector<Vec3f> normal;         ///< unit, either sign; zero where there is none
-  std::vector<float> scale_sq;       ///< squared length of the point's surroundings: to its fourth neighbour
-  std::vector<std::uint8_t> welded;  ///< 1: another point stands (nearly) at its place, it has no star
-  std::vector<std::uint8_t> sparse;  ///< 1: `near` are the nearest in each direction, others lie between
+  /// With, as weight, what settles lattices: see make_stars.cpp.
+  std::vector<Placed> point;
+  std::vector<Near> near;              ///< nearest first, unused places the point's own index
+  std::vector<Vec3f> normal;           ///< unit, either sign; zero where there is none
+  std::vector<std::uint8_t> welded;    ///< 1: another point stands (nearly) there, it has no star
+  std::vector<std::uint8_t> sparse;    ///< 1: `near` are the nearest in each direction, others lie between
+  std::vector<std::uint8_t> rough;     ///< 1: its star is flat, see Layout
   std::vector<std::uint8_t> doubtful;  ///< 1: not all that meet in its star agreed, see fill_gaps()
   std::vector<Star> star;
 
-  [[nodiscard]] std::size_t size() const noexcept { return near.size(); }
-  [[nodiscard]] Vec3 at(std::uint32_t i) const noexcept { return cloud->local_mm(i); }
+  [[nodiscard]] std::size_t size() const noexcept { return point.size(); }
+  [[nodiscard]] Vec3 at(std::uint32_t i) const noexcept { return point[i].at(); }
 };
 
-/// The nearest points, normals and scales; welds what is nearly doubled. Parallel.
-void find_near(Draft& draft);
+/// The nearest points, normals and weights; welds what is `doubled` or nearly. Parallel.
+void find_near(Draft& draft, const std::vector<std::uint8_t>& doubled);
 /// A star for every point, and where they agree. Parallel.
 void make_stars(Draft& draft);
 /// Points whose stars the neighbours do not confirm get new ones, laid out along the plane of what is
@@ -95,10 +104,15 @@ inline constexpr double kReachPerBall = 1.5;
 struct Layout {
   Vec3 normal = Vec3::Zero();
   double steepest = 1.0;  ///< a neighbour that rises more than this share of its distance is left out
+  /// Neighbours are laid out where they stand above the plane, instead of with their distances in space: on a
+  /// surface these are what two points agree on, in noise they are what no two do.
+  bool flat = false;
 };
 /// Of the nearest points and `more`.
 [[nodiscard]] Star lay_out(const Draft& draft, std::uint32_t point, const Layout& layout,
                            std::span<const std::uint32_t> more = {});
+/// The variance of the nearest across the point's plane, as a part of all: nothing on a plane.
+[[nodiscard]] double share_across(const Draft& draft, std::uint32_t point);
 /// Bits of the star's sectors that the stars of their corners have too.
 [[nodiscard]] std::uint32_t agreed_sectors(const Draft& draft, std::uint32_t point, const Star& star);
 

@@ -2,6 +2,7 @@
 // of the point's Delaunay star.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -23,84 +24,107 @@ inline constexpr std::uint32_t kOpenSide = 0xFFFFFFFFu;
 /// A convex polygon around the origin, counter-clockwise. Allocates nothing.
 class FlatCell {
  public:
-  struct Corner {
-    double u, v;
-    std::uint32_t side;  ///< whose bisector the edge from here to the next corner lies on
-  };
-
   /// The square of half edge `reach`.
   void start(double reach) noexcept {
     size_ = 4;
-    corner_[0] = {reach, reach, kOpenSide};
-    corner_[1] = {-reach, reach, kOpenSide};
-    corner_[2] = {-reach, -reach, kOpenSide};
-    corner_[3] = {reach, -reach, kOpenSide};
+    u_ = {reach, -reach, -reach, reach};
+    v_ = {reach, reach, -reach, -reach};
+    side_.fill(kOpenSide);
+    reach_sq_ = 2.0 * reach * reach;
   }
-  /// Takes away what is nearer to `q` than to the origin.
-  void cut(const FlatPoint& q, std::uint32_t side) noexcept;
+  /// Takes away what is nearer to `q` than to the origin; false where that is nothing.
+  bool cut(const FlatPoint& q, std::uint32_t side) noexcept;
 
   [[nodiscard]] bool has_side(std::uint32_t side) const noexcept {
     for (std::size_t i = 0; i < size_; ++i)
-      if (corner_[i].side == side) return true;
+      if (side_[i] == side) return true;
     return false;
   }
   [[nodiscard]] std::size_t size() const noexcept { return size_; }
-  [[nodiscard]] const Corner& operator[](std::size_t i) const noexcept { return corner_[i]; }
-  /// Squared distance of the farthest corner.
-  [[nodiscard]] double reach_sq() const noexcept {
-    double most = 0.0;
-    for (std::size_t i = 0; i < size_; ++i) {
-      const double d = corner_[i].u * corner_[i].u + corner_[i].v * corner_[i].v;
-      most = d > most ? d : most;
-    }
-    return most;
-  }
+  [[nodiscard]] std::size_t next(std::size_t i) const noexcept { return i + 1 == size_ ? 0 : i + 1; }
+  /// Whose bisector the edge from corner i to the next one lies on.
+  [[nodiscard]] std::uint32_t side(std::size_t i) const noexcept { return side_[i]; }
+  /// Squared distance of a corner, and of the farthest.
+  [[nodiscard]] double corner_sq(std::size_t i) const noexcept { return u_[i] * u_[i] + v_[i] * v_[i]; }
+  [[nodiscard]] double reach_sq() const noexcept { return reach_sq_; }
 
  private:
-  std::array<Corner, kMaxCorners> corner_;
+  struct Corner {
+    double u, v;
+  };
+  [[nodiscard]] Corner between(std::size_t a, double over_a, std::size_t b, double over_b) const noexcept {
+    const double t = over_a / (over_a - over_b);
+    return {u_[a] + t * (u_[b] - u_[a]), v_[a] + t * (v_[b] - v_[a])};
+  }
+  void put(std::size_t i, const Corner& corner, std::uint32_t side) noexcept {
+    u_[i] = corner.u;
+    v_[i] = corner.v;
+    side_[i] = side;
+  }
+  /// Corners from `from` on move to `to` on.
+  void move(std::size_t from, std::size_t to) noexcept {
+    const auto shift = [&](auto& of) {
+      if (to < from)
+        std::copy(of.begin() + from, of.begin() + size_, of.begin() + to);
+      else
+        std::copy_backward(of.begin() + from, of.begin() + size_, of.begin() + size_ + (to - from));
+    };
+    shift(u_);
+    shift(v_);
+    shift(side_);
+    size_ = size_ + to - from;
+  }
+
+  // Apart, so that corners are compared with a bisector some at a time.
+  std::array<double, kMaxCorners> u_, v_;
+  std::array<std::uint32_t, kMaxCorners> side_;
   std::size_t size_ = 0;
+  double reach_sq_ = 0.0;
 };
 
-inline void FlatCell::cut(const FlatPoint& q, std::uint32_t side) noexcept {
+inline bool FlatCell::cut(const FlatPoint& q, std::uint32_t side) noexcept {
   std::array<double, kMaxCorners> over;
-  bool any = false;
+  std::uint32_t beyond = 0;  // bit i: corner i goes
   for (std::size_t i = 0; i < size_; ++i) {
-    over[i] = corner_[i].u * q.u + corner_[i].v * q.v - q.half_square;
-    any = any || over[i] > 0.0;
+    over[i] = u_[i] * q.u + v_[i] * q.v - q.half_square;
+    beyond |= static_cast<std::uint32_t>(over[i] > 0.0) << i;
   }
-  if (!any) return;
+  if (beyond == 0) return false;
+  const auto n = static_cast<unsigned>(size_);
+  const std::uint32_t all = (1u << n) - 1u;
   // One run of corners goes; a corner where the polygon is cut on each side of it comes.
-  std::size_t first = 0;  // kept, and the next one is not
-  while (first < size_ && !(over[first] <= 0.0 && over[first + 1 == size_ ? 0 : first + 1] > 0.0)) ++first;
-  if (first == size_) {  // nothing is kept: the point is doubled
+  const std::uint32_t before_run = ~beyond & (beyond >> 1 | beyond << (n - 1)) & all;
+  if (before_run == 0) {  // nothing is kept: the point is doubled
     size_ = 0;
-    return;
+    return true;
   }
-  std::size_t last = first + 1 == size_ ? 0 : first + 1;  // gone, and the next one is not
-  std::size_t gone = 1;
-  for (std::size_t next = last + 1 == size_ ? 0 : last + 1; over[next] > 0.0;
-       next = last + 1 == size_ ? 0 : last + 1) {
-    last = next;
-    ++gone;
+  const auto first = static_cast<std::size_t>(__builtin_ctz(before_run));  // kept, and the next one is not
+  const std::size_t begin = next(first);
+  const std::uint32_t from_run = (beyond >> begin | beyond << (n - begin)) & all;
+  const auto gone = static_cast<std::size_t>(__builtin_ctz(~from_run));
+  const std::size_t last = begin + gone - 1 < n ? begin + gone - 1 : begin + gone - 1 - n;
+  const std::size_t after = next(last);
+  if (size_ - gone + 2 > kMaxCorners) return false;
+  const Corner in = between(first, over[first], begin, over[begin]);
+  const Corner out = between(after, over[after], last, over[last]);
+  const std::uint32_t side_after = side_[last];
+  if (gone == 1) {
+    move(begin, begin + 1);
+    put(begin, in, side);
+    put(begin + 1, out, side_after);
+  } else {
+    put(begin, in, side);
+    put(last, out, side_after);
+    if (last > begin) {
+      if (gone > 2) move(last, begin + 1);
+    } else {
+      size_ = begin + 1;
+      if (last > 0) move(last, 0);
+    }
   }
-  const std::size_t next = last + 1 == size_ ? 0 : last + 1;
-  if (size_ - gone + 2 > kMaxCorners) return;
-  const auto between = [&](std::size_t a, std::size_t b, std::uint32_t of) {
-    const double t = over[a] / (over[a] - over[b]);
-    return Corner{corner_[a].u + t * (corner_[b].u - corner_[a].u),
-                  corner_[a].v + t * (corner_[b].v - corner_[a].v), of};
-  };
-  const std::size_t second = first + 1 == size_ ? 0 : first + 1;
-  const Corner in = between(first, second, side);
-  const Corner out = between(next, last, corner_[last].side);
-  std::array<Corner, kMaxCorners> kept;
-  std::size_t count = 0;
-  kept[count++] = in;
-  kept[count++] = out;
-  for (std::size_t i = next, left = size_ - gone; left > 0; --left, i = i + 1 == size_ ? 0 : i + 1)
-    kept[count++] = corner_[i];
-  size_ = count;
-  for (std::size_t i = 0; i < count; ++i) corner_[i] = kept[i];
+  reach_sq_ = 0.0;
+  for (std::size_t i = 0; i < size_; ++i) reach_sq_ = std::max(reach_sq_, corner_sq(i));
+  return true;
 }
 
 }  // namespace palpate::stars

@@ -1,11 +1,12 @@
 #include <algorithm>
+#include <atomic>
 #include <bit>
 #include <cmath>
 
 #include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
-#include "toolkit/neighbourhood/knn_engine.h"
 #include "toolkit/stars/draft.h"
+#include "toolkit/stars/near_places.h"
 #include "toolkit/surface/least_direction.h"
 
 namespace palpate::stars {
@@ -13,18 +14,17 @@ namespace {
 
 /// Points nearer to one another than this share of the distance to the fourth neighbour are one: a facet
 /// between them would have a direction of noise alone.
-constexpr double kWeldShare = 0.02;
+constexpr float kWeldShare = 0.02F;
 constexpr std::size_t kScaleRank = 3;  ///< the fourth neighbour
 /// Four points of a lattice lie on one circle, and each of them lays them out a little differently. Weights
 /// by chance, the same for all that look, of up to this share of the square of the spacing settle which
 /// diagonal it is.
-constexpr double kTieShare = 0.01;
+constexpr float kTieShare = 0.01F;
 /// Rounds in which a cell that reaches beyond the ball of the nearest is cut with the nearest of its
 /// neighbours too.
 constexpr int kWiderRounds = 2;
-/// Points a plane is fitted to at first: the nearest twelve.
-constexpr std::size_t kPlanePoints = 12;
-constexpr std::array<std::size_t, 3> kPlaneSizes = {kPlanePoints, 8, 6};
+/// Points a plane is fitted to: the nearest twelve at first.
+constexpr std::array<std::size_t, 3> kPlaneSizes = {6, 8, 12};
 /// Less than this part of the variance across it is a plane: noise of a quarter of the spacing makes 0.03, a
 /// crease of 90 degrees 0.08, a second sheet a spacing off a fifth.
 constexpr double kPlaneShare = 0.1;
@@ -36,65 +36,15 @@ constexpr std::size_t kStarsPerChunk = 4096;
 
 /// Between 0 and 1, of the point's place alone; of the digits and not the exponents, so that a model twice as
 /// large is settled alike.
-double tie_weight(const cloud::Cloud& cloud, std::uint32_t i) noexcept {
+float tie_weight(const Placed& p) noexcept {
   constexpr std::uint32_t kExponent = 0x7F800000u;
   const auto bits = [](float x) {
     return static_cast<std::uint64_t>(std::bit_cast<std::uint32_t>(x) & ~kExponent);
   };
-  std::uint64_t h = bits(cloud.x_mm[i]) * kGolden64;
-  h = (h ^ (h >> 29) ^ bits(cloud.y_mm[i])) * kGolden64;
-  h = (h ^ (h >> 31) ^ bits(cloud.z_mm[i])) * kGolden64;
-  return static_cast<double>(h >> 40) * 0x1p-24;
-}
-
-/// The kMost nearest of the kept candidates, nearest first.
-template <std::size_t kMost>
-class Nearest {
- public:
-  void take(const neighbourhood::Scratch& scratch, std::uint32_t self) {
-    found_.clear();
-    for (std::size_t k = 0; k < scratch.count; ++k)
-      if (scratch.index[k] != self) found_.emplace_back(scratch.square[k], scratch.index[k]);
-    const auto most = found_.begin() + static_cast<std::ptrdiff_t>(std::min(found_.size(), kMost));
-    if (most != found_.end()) std::nth_element(found_.begin(), most, found_.end());
-    found_.erase(most, found_.end());
-    std::sort(found_.begin(), found_.end());
-    index_.clear();
-    for (const auto& [square, index] : found_) index_.push_back(index);
-  }
-  /// Infinite while there are fewer.
-  [[nodiscard]] double worst() const noexcept {
-    return found_.size() < kMost ? neighbourhood::kEverything : found_.back().first;
-  }
-  [[nodiscard]] std::span<const std::uint32_t> indices() const noexcept { return index_; }
-
- private:
-  std::vector<std::pair<double, std::uint32_t>> found_;  ///< squared distance, index
-  std::vector<std::uint32_t> index_;
-};
-
-/// use(point, its kMost nearest) for every wanted point.
-template <std::size_t kMost, class Use>
-void run_nearest(const neighbourhood::KnnEngine& engine, std::span<const std::uint8_t> wanted, Use&& use) {
-  const neighbourhood::Kernels& kernel = neighbourhood::kernels();
-  neighbourhood::NeighbourTable unused;
-  engine.run(
-      [&](std::uint32_t self, const Vec3& p, const neighbourhood::Candidates& candidates, double radius_mm,
-          neighbourhood::Neighbours&, neighbourhood::Scratch& scratch) {
-        const double covered = radius_mm * radius_mm;
-        static thread_local Nearest<kMost> nearest;
-        for (double guess = scratch.guess;; guess = neighbourhood::larger_guess(guess)) {
-          const bool all = !(guess < covered);
-          kernel.keep_ball(candidates, p, all ? neighbourhood::kEverything : guess, scratch);
-          nearest.take(scratch, self);
-          if (!all && !(nearest.worst() <= guess)) continue;
-          scratch.guess = neighbourhood::kGuessRoom * nearest.worst();
-          if (nearest.worst() >= covered && radius_mm != neighbourhood::kEverything) return false;
-          use(self, nearest.indices());
-          return true;
-        }
-      },
-      unused, wanted);
+  std::uint64_t h = bits(p.x_mm) * kGolden64;
+  h = (h ^ (h >> 29) ^ bits(p.y_mm)) * kGolden64;
+  h = (h ^ (h >> 31) ^ bits(p.z_mm)) * kGolden64;
+  return static_cast<float>(h >> 40) * 0x1p-24F;
 }
 
 /// The nearest points of a scan line may all be the line's own: where twelve of them have a second spread of
@@ -105,37 +55,31 @@ constexpr std::size_t kWideNear = 128;
 constexpr std::size_t kDirections = 8;
 constexpr std::size_t kOfEachDirection = kNear / kDirections;
 
-/// Of `count` offsets from a point, and of the point itself.
-surface::Symmetric covariance_of(const Vec3* at, std::size_t count) noexcept {
-  Vec3 mean = Vec3::Zero();
-  for (std::size_t k = 0; k < count; ++k) mean += at[k];
-  mean /= static_cast<double>(count + 1);
-  surface::Symmetric c;
-  const auto add = [&c](const Vec3& d) {
-    c.xx += d.x() * d.x();
-    c.xy += d.x() * d.y();
-    c.xz += d.x() * d.z();
-    c.yy += d.y() * d.y();
-    c.yz += d.y() * d.z();
-    c.zz += d.z() * d.z();
-  };
-  add(-mean);
-  for (std::size_t k = 0; k < count; ++k) add(at[k] - mean);
-  return c;
-}
-
-std::size_t offsets_of(const Draft& draft, std::uint32_t i, std::array<Vec3, kPlanePoints>& at) noexcept {
-  const Vec3 p = draft.at(i);
+/// Sums over offsets from a point.
+struct Moments {
+  Vec3 first = Vec3::Zero();
+  surface::Symmetric second;
   std::size_t count = 0;
-  for (; count < kPlanePoints && draft.near[i][count] != i; ++count)
-    at[count] = draft.at(draft.near[i][count]) - p;
-  return count;
-}
 
-bool is_line(const surface::Symmetric& c) noexcept {
-  const double trace = c.trace();
-  return c.adjugate().trace() < kLineMinors * trace * trace;
-}
+  void add(const Vec3& d) noexcept {
+    first += d;
+    second.xx += d.x() * d.x();
+    second.xy += d.x() * d.y();
+    second.xz += d.x() * d.z();
+    second.yy += d.y() * d.y();
+    second.yz += d.y() * d.z();
+    second.zz += d.z() * d.z();
+    ++count;
+  }
+  /// Of the offsets and of the point itself, times their number.
+  [[nodiscard]] surface::Symmetric covariance() const noexcept {
+    const double share = 1.0 / static_cast<double>(count + 1);
+    const Vec3& m = first;
+    return {second.xx - share * m.x() * m.x(), second.xy - share * m.x() * m.y(),
+            second.xz - share * m.x() * m.z(), second.yy - share * m.y() * m.y(),
+            second.yz - share * m.y() * m.z(), second.zz - share * m.z() * m.z()};
+  }
+};
 
 /// The variance along a direction as a part of all: nothing for points of a plane, a third for a ball.
 double share_along(const surface::Symmetric& c, const Vec3& n) noexcept {
@@ -144,46 +88,63 @@ double share_along(const surface::Symmetric& c, const Vec3& n) noexcept {
   return along / c.trace();
 }
 
-/// Of the nearest twelve; where these are no plane (another sheet's are among them) of fewer, if those are
-/// more of one.
-Vec3 plane_normal(const Draft& draft, std::uint32_t i) noexcept {
-  std::array<Vec3, kPlanePoints> at;
-  const std::size_t all = offsets_of(draft, i, at);
-  Vec3 best = Vec3::Zero();
-  double least = HUGE_VAL;
-  for (const std::size_t wanted : kPlaneSizes) {
-    const surface::Symmetric c = covariance_of(at.data(), std::min(wanted, all));
-    Vec3 normal;
-    if (!surface::least_direction(c, normal)) continue;
-    const double share = share_along(c, normal);
-    if (share < least) {
-      least = share;
-      best = normal;
+/// What the nearest twelve say of the surface at a point.
+struct Surroundings {
+  std::array<surface::Symmetric, kPlaneSizes.size()> covariance;  ///< as kPlaneSizes
+
+  Surroundings(const Draft& draft, std::uint32_t i) noexcept {
+    const Vec3 p = draft.at(i);
+    const Near& near = draft.near[i];
+    Moments moments;
+    std::size_t size = 0;
+    for (std::size_t k = 0; k < kPlaneSizes.size(); ++k) {
+      for (; size < kPlaneSizes[k] && near[size] != i; ++size) moments.add(draft.at(near[size]) - p);
+      covariance[k] = moments.covariance();
     }
-    if (least < kPlaneShare) break;
   }
-  return best;
-}
+  [[nodiscard]] bool is_line() const noexcept {
+    const surface::Symmetric& c = covariance.back();
+    const double trace = c.trace();
+    return c.adjugate().trace() < kLineMinors * trace * trace;
+  }
+  /// Of the nearest twelve; where these are no plane (another sheet's are among them) of fewer, if those are
+  /// more of one.
+  [[nodiscard]] Vec3 normal() const noexcept {
+    Vec3 best = Vec3::Zero();
+    double least = HUGE_VAL;
+    for (std::size_t k = covariance.size(); k-- > 0 && !(least < kPlaneShare);) {
+      Vec3 of_these;
+      if (!surface::least_direction(covariance[k], of_these)) continue;
+      const double share = share_along(covariance[k], of_these);
+      if (share < least) {
+        least = share;
+        best = of_these;
+      }
+    }
+    return best;
+  }
+};
 
 /// The nearest in each direction of the plane of `count` points, sorted by distance.
 void keep_directions(const Draft& draft, std::uint32_t self, std::span<const std::uint32_t> others,
                      Near& near) {
   const Vec3 p = draft.at(self);
-  std::array<Vec3, kWideNear> at;
-  std::size_t count = 0;
-  for (const std::uint32_t other : others) at[count++] = draft.at(other) - p;
+  Moments moments;
+  for (const std::uint32_t other : others) moments.add(draft.at(other) - p);
   Vec3 normal;
-  if (!surface::least_direction(covariance_of(at.data(), count), normal)) return;
+  if (!surface::least_direction(moments.covariance(), normal)) return;
   const Vec3 e = normal.unitOrthogonal(), f = normal.cross(e);
   std::array<std::size_t, kDirections> taken{};
   std::size_t size = 0;
-  for (std::size_t k = 0; k < count && size < kNear; ++k) {
-    const double u = e.dot(at[k]), v = f.dot(at[k]);
+  for (const std::uint32_t other : others) {
+    const Vec3 d = draft.at(other) - p;
+    const double u = e.dot(d), v = f.dot(d);
     const std::size_t direction =
         (u > 0.0 ? 1u : 0u) + (v > 0.0 ? 2u : 0u) + (std::abs(u) > std::abs(v) ? 4u : 0u);
     if (taken[direction] == kOfEachDirection) continue;
     ++taken[direction];
-    near[size++] = others[k];
+    near[size++] = other;
+    if (size == kNear) break;
   }
   for (; size < kNear; ++size) near[size] = self;
 }
@@ -192,32 +153,45 @@ void keep_directions(const Draft& draft, std::uint32_t self, std::span<const std
 class FlatNeighbours {
  public:
   FlatNeighbours(const Draft& draft, std::uint32_t point, const Layout& layout)
-      : draft_(draft), layout_(layout), p_(draft.at(point)) {
+      : draft_(draft),
+        normal_(layout.normal),
+        steepest_sq_(layout.steepest * layout.steepest),
+        flat_(layout.flat),
+        p_(draft.at(point)),
+        weight_(static_cast<double>(draft.point[point].weight)) {
     e_ = layout.normal.unitOrthogonal();
     f_ = layout.normal.cross(e_);
-    weight_ = weight(point);
   }
-  /// False where the layout leaves it out.
-  bool flatten(std::uint32_t other, FlatPoint& flat) const noexcept {
-    if (draft_.welded[other] != 0) return false;
-    const Vec3 d = draft_.at(other) - p_;
+  /// Whether the cell lost something to the neighbour. Most do not reach it; the layout leaves others out.
+  bool cut(FlatCell& cell, std::uint32_t other) const noexcept {
+    const Placed& placed = draft_.point[other];
+    const Vec3 d = placed.at() - p_;
     const double square = d.squaredNorm();
-    const double height = layout_.normal.dot(d);
-    if (height * height > layout_.steepest * layout_.steepest * square) return false;
+    const double weights = weight_ - static_cast<double>(placed.weight);
+    const auto reaches = [&](double length_sq) {
+      const double half_square = 0.5 * (length_sq + weights);
+      return !(half_square > 0.0 && half_square * half_square >= cell.reach_sq() * length_sq);
+    };
+    if (!flat_ && !reaches(square)) return false;
+    if (draft_.welded[other] != 0) return false;
+    const double height = normal_.dot(d);
+    if (height * height > steepest_sq_ * square) return false;
     const double u = e_.dot(d), v = f_.dot(d);
     const double in_plane = u * u + v * v;
     if (!(in_plane > 0.0)) return false;
+    if (flat_) return reaches(in_plane) && cell.cut({u, v, 0.5 * (in_plane + weights)}, other);
     const double unfold = std::sqrt(square / in_plane);
-    flat = {u * unfold, v * unfold, 0.5 * (square + weight_ - weight(other))};
-    return true;
+    return cell.cut({u * unfold, v * unfold, 0.5 * (square + weights)}, other);
+  }
+  [[nodiscard]] double square(std::uint32_t other) const noexcept {
+    return (draft_.at(other) - p_).squaredNorm();
   }
 
  private:
-  [[nodiscard]] double weight(std::uint32_t i) const noexcept {
-    return kTieShare * static_cast<double>(draft_.scale_sq[i]) * tie_weight(*draft_.cloud, i);
-  }
   const Draft& draft_;
-  const Layout& layout_;
+  Vec3 normal_;
+  double steepest_sq_;
+  bool flat_;
   Vec3 p_, e_, f_;
   double weight_;
 };
@@ -226,109 +200,107 @@ Star star_of(const FlatCell& cell, double reach) noexcept {
   Star star;
   const std::size_t n = cell.size();
   for (std::size_t j = 0; j < n; ++j) {
-    if (cell[j].side == kOpenSide) continue;
+    if (cell.side(j) == kOpenSide) continue;
     // Sector k lies at the corner where this edge ends and the next one begins.
-    const FlatCell::Corner& end = cell[j + 1 == n ? 0 : j + 1];
-    const bool open = end.side == kOpenSide || end.u * end.u + end.v * end.v > reach * reach;
+    const std::size_t end = cell.next(j);
+    const bool open = cell.side(end) == kOpenSide || cell.corner_sq(end) > reach * reach;
     star.open |= static_cast<std::uint32_t>(open) << star.size;
-    star.ring[star.size++] = cell[j].side;
+    star.ring[star.size++] = cell.side(j);
   }
   // Two corners that fall together leave one neighbour twice in a row, or less than a triangle.
   if (star.size < 2) star = {};
   return star;
 }
 
+/// A corner whose circle leaves the ball of the nearest, `known_sq`, may have a point in it that is not among
+/// them: the nearest of the corner's neighbours are asked. False where they change nothing.
+bool cut_wider(const Draft& draft, std::uint32_t point, const FlatNeighbours& flat, double known_sq,
+               FlatCell& cell) noexcept {
+  std::array<std::uint32_t, kMaxCorners> around;
+  std::size_t count = 0;
+  const auto far = [&](std::size_t c) { return 4.0 * cell.corner_sq(c) > known_sq; };
+  for (std::size_t j = 0; j < cell.size(); ++j)
+    if (cell.side(j) != kOpenSide && (far(j) || far(cell.next(j)))) around[count++] = cell.side(j);
+  const double most_sq = 4.0 * cell.reach_sq();
+  bool changed = false;
+  for (std::size_t a = 0; a < count; ++a)
+    for (const std::uint32_t other : draft.near[around[a]]) {
+      if (other == point) continue;
+      const double square = flat.square(other);
+      if (square > known_sq && square <= most_sq && !cell.has_side(other))
+        changed = flat.cut(cell, other) || changed;
+    }
+  return changed;
+}
+
 }  // namespace
 
-void find_near(Draft& draft) {
-  const cloud::Cloud& cloud = *draft.cloud;
-  const std::size_t n = cloud.size();
+void find_near(Draft& draft, const std::vector<std::uint8_t>& doubled) {
+  const std::size_t n = draft.size();
   draft.near.resize(n);
-  draft.normal.resize(n);
-  draft.scale_sq.resize(n);
-  draft.welded.assign(n, 0);
+  draft.normal.assign(n, Vec3f::Zero());
+  draft.welded = doubled;
   draft.sparse.assign(n, 0);
-  const neighbourhood::KnnEngine engine(cloud, draft.threads);
-  run_nearest<kNear>(engine, {}, [&](std::uint32_t self, std::span<const std::uint32_t> nearest) {
+  const NearPlaces places(draft.point, doubled, draft.threads);
+  const auto keep = [&draft](std::uint32_t self, const Nearby& nearby) {
     Near& near = draft.near[self];
-    std::copy(nearest.begin(), nearest.end(), near.begin());
-    std::fill(near.begin() + static_cast<std::ptrdiff_t>(nearest.size()), near.end(), self);
+    std::copy_n(nearby.place.begin(), nearby.size, near.begin());
+    std::fill(near.begin() + static_cast<std::ptrdiff_t>(nearby.size), near.end(), self);
+  };
+  std::atomic<bool> any_line = false;
+  places.run(kNear, {}, draft.threads, [&](std::uint32_t i, const Nearby& nearby) {
+    keep(i, nearby);
+    if (nearby.size == 0) return;
+    const float scale_sq = nearby.square[std::min(kScaleRank, nearby.size - 1)];
+    draft.point[i].weight = kTieShare * scale_sq * tie_weight(draft.point[i]);
+    for (std::size_t k = 0; k < nearby.size && nearby.square[k] <= kWeldShare * kWeldShare * scale_sq; ++k)
+      if (nearby.place[k] < i) draft.welded[i] = 1;
+    const Surroundings around(draft, i);
+    draft.sparse[i] = static_cast<std::uint8_t>(around.is_line());
+    if (draft.sparse[i] != 0)
+      any_line.store(true, std::memory_order_relaxed);
+    else
+      draft.normal[i] = around.normal().cast<float>();
   });
-  std::vector<std::size_t> lines((n + kPointsPerChunk - 1) / kPointsPerChunk, 0);
-  parallel_chunks(n, kPointsPerChunk, draft.threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t k = begin; k < end; ++k) {
-      const auto i = static_cast<std::uint32_t>(k);
-      const double scale_sq = (draft.at(draft.near[i][kScaleRank]) - draft.at(i)).squaredNorm();
-      draft.scale_sq[i] = static_cast<float>(scale_sq);
-      for (const std::uint32_t other : draft.near[i]) {
-        if ((draft.at(other) - draft.at(i)).squaredNorm() > kWeldShare * kWeldShare * scale_sq) break;
-        if (other < i) draft.welded[i] = 1;
-      }
-      std::array<Vec3, kPlanePoints> at;
-      draft.sparse[i] = is_line(covariance_of(at.data(), offsets_of(draft, i, at)));
-      lines[begin / kPointsPerChunk] += draft.sparse[i];
-    }
-  });
-  if (std::any_of(lines.begin(), lines.end(), [](std::size_t count) { return count > 0; }))
-    run_nearest<kWideNear>(engine, draft.sparse,
-                           [&](std::uint32_t self, std::span<const std::uint32_t> nearest) {
-                             keep_directions(draft, self, nearest, draft.near[self]);
-                           });
-  parallel_chunks(n, kPointsPerChunk, draft.threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      draft.normal[i] = plane_normal(draft, static_cast<std::uint32_t>(i)).cast<float>();
+  if (!any_line.load()) return;
+  places.run(kWideNear, draft.sparse, draft.threads, [&](std::uint32_t i, const Nearby& nearby) {
+    keep_directions(draft, i, {nearby.place.data(), nearby.size}, draft.near[i]);
+    draft.normal[i] = Surroundings(draft, i).normal().cast<float>();
   });
 }
 
 Star lay_out(const Draft& draft, std::uint32_t point, const Layout& layout,
              std::span<const std::uint32_t> more) {
-  const Near& near = draft.near[point];
-  const Vec3 p = draft.at(point);
   const double around_sq = ball_sq(draft, point);
   const double reach = kReachPerBall * std::sqrt(around_sq);
   if (!(reach > 0.0) || layout.normal == Vec3::Zero()) return {};
-  const FlatNeighbours flat_of(draft, point, layout);
+  const FlatNeighbours flat(draft, point, layout);
   FlatCell cell;
   cell.start(reach);
-  FlatPoint flat;
-  const auto cut = [&](std::uint32_t other) {
-    if (flat_of.flatten(other, flat)) cell.cut(flat, other);
-  };
-  for (const std::uint32_t other : near) {
+  for (const std::uint32_t other : draft.near[point]) {
     if (other == point) break;
-    cut(other);
+    flat.cut(cell, other);
   }
   for (const std::uint32_t other : more)
-    if (!cell.has_side(other)) cut(other);
+    if (!cell.has_side(other)) flat.cut(cell, other);
   const double known_sq = draft.sparse[point] != 0 ? 0.0 : around_sq;
-  for (int round = 0; round < kWiderRounds; ++round) {
-    // A corner whose circle leaves the ball may have a point in it that is not among the nearest.
-    const double reach_sq = cell.reach_sq();
-    if (4.0 * reach_sq <= known_sq) break;
-    std::array<std::uint32_t, kMaxCorners> around;
-    std::size_t count = 0;
-    const auto far = [&](std::size_t c) {
-      return 4.0 * (cell[c].u * cell[c].u + cell[c].v * cell[c].v) > known_sq;
-    };
-    for (std::size_t j = 0; j < cell.size(); ++j)
-      if (cell[j].side != kOpenSide && (far(j) || far(j + 1 == cell.size() ? 0 : j + 1)))
-        around[count++] = cell[j].side;
-    for (std::size_t a = 0; a < count; ++a)
-      for (const std::uint32_t other : draft.near[around[a]]) {
-        if (other == point) continue;
-        const double square = (draft.at(other) - p).squaredNorm();
-        if (square > known_sq && square <= 4.0 * reach_sq && !cell.has_side(other)) cut(other);
-      }
-  }
+  for (int round = 0; round < kWiderRounds && 4.0 * cell.reach_sq() > known_sq; ++round)
+    if (!cut_wider(draft, point, flat, known_sq, cell)) break;
   return star_of(cell, reach);
 }
 
+double share_across(const Draft& draft, std::uint32_t point) {
+  return share_along(Surroundings(draft, point).covariance.back(), draft.normal[point].cast<double>());
+}
+
 std::uint32_t agreed_sectors(const Draft& draft, std::uint32_t point, const Star& star) {
+  std::array<std::uint32_t, kMaxCorners> at;  // where the point stands in the rings of its own ring
+  for (std::uint32_t k = 0; k < star.size; ++k) at[k] = draft.star[star.ring[k]].find(point);
   std::uint32_t agreed = 0;
   for (std::uint32_t k = 0; k < star.size; ++k) {
     if (!star.has_sector(k)) continue;
-    const std::uint32_t b = star.ring[k], c = star.ring[star.next(k)];
-    if (b != c && draft.star[b].holds(point, c) && draft.star[c].holds(point, b)) agreed |= 1u << k;
+    const std::uint32_t next = star.next(k), b = star.ring[k], c = star.ring[next];
+    if (b != c && draft.star[b].holds(at[k], c) && draft.star[c].holds(at[next], b)) agreed |= 1u << k;
   }
   return agreed;
 }

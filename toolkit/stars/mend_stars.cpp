@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "toolkit/core/parallel.h"
 #include "toolkit/stars/draft.h"
@@ -13,89 +14,264 @@ constexpr std::array<double, 6> kSteepest = {0.71, 0.5, 0.85, 0.6, 0.71, 0.5};
 /// A neighbour's triangles count so much beside the point's own: sixteen of them outvote it four to one.
 constexpr double kBesideShare = 0.25;
 constexpr std::size_t kMendedPerChunk = 1024;
+/// Noise: so many of the sixteen around are in doubt. Where four points lie on one circle they are four at
+/// once.
+constexpr std::uint32_t kRoughDoubts = 6;
+/// There the planes of single points and the steps between them say little: normals are the mean of the
+/// planes around, taken some times over, and nearly all that lies near is the surface's.
+constexpr int kNormalPasses = 3;
+constexpr double kRoughSteepest = 0.97;
+/// Of the variance lies across the plane: from what noise of a thirtieth of the spacing makes to twice what
+/// noise of three tenths does. Less is no noise, and more another sheet.
+constexpr double kLeastRough = 0.0005, kMostRough = 0.09;
+constexpr std::int32_t kLeastGain = 8 * 17;  ///< agreements around each of the seventeen, summed
 
-/// The plane of a point's confirmed triangles; else of its neighbours' that are confirmed.
-Vec3 confirmed_normal(const Draft& draft, std::uint32_t i) noexcept {
-  const auto area = [&draft](std::uint32_t of) {
-    const Star& star = draft.star[of];
-    const Vec3 p = draft.at(of);
-    Vec3 sum = Vec3::Zero();
-    for (std::uint32_t k = 0; k < star.size; ++k)
-      if (star.is_agreed(k)) sum += (draft.at(star.ring[k]) - p).cross(draft.at(star.ring[star.next(k)]) - p);
-    return sum;
-  };
-  Vec3 sum = area(i);
-  const Vec3 own = draft.normal[i].cast<double>();
-  for (const std::uint32_t other : draft.near[i]) {
-    if (other == i) break;
-    Vec3 there = area(other);
-    const double size = there.norm();
-    if (!(size > 0.0)) continue;
-    const double side = sum == Vec3::Zero() ? own.dot(there) : sum.dot(there);
-    if (side < 0.0) there = -there;
-    sum += kBesideShare * there;
-  }
-  const double size = sum.norm();
-  return size > 0.0 ? Vec3(sum / size) : own;
-}
-
-/// Whom others have in their rings, without being in those that they have in theirs: a point in a sparse
-/// place is among the nearest of few.
-class Offers {
+class Mender {
  public:
-  Offers(const Draft& draft, const std::vector<std::uint32_t>& doubtful) {
-    for (const std::uint32_t i : doubtful) {
-      const Star& star = draft.star[i];
-      for (std::uint32_t k = 0; k < star.size; ++k)
-        if (!draft.star[star.ring[k]].has_neighbour(i)) offers_.push_back({star.ring[k], i});
-    }
-    std::sort(offers_.begin(), offers_.end());
-    points_.reserve(offers_.size());
-    for (const auto& offer : offers_) points_.push_back(offer[1]);
+  explicit Mender(Draft& draft) : draft_(draft), area_(draft.size()), slot_(draft.size(), kNoPoint) {
+    draft.rough.assign(draft.size(), 0);
+    chunks(draft.size(), [&](std::uint32_t i) { area_[i] = area_of(i); });
   }
-  [[nodiscard]] std::span<const std::uint32_t> to(std::uint32_t i) const noexcept {
-    const auto first = std::lower_bound(offers_.begin(), offers_.end(), std::array{i, 0u});
-    const auto last = std::lower_bound(first, offers_.end(), std::array{i + 1, 0u});
-    return {points_.data() + (first - offers_.begin()), static_cast<std::size_t>(last - first)};
+
+  void run() {
+    Points looked_at = all_places();
+    lay_out_rough();
+    for (const double steepest : kSteepest) {
+      doubtful_ = those(looked_at, [&](std::uint32_t i) { return is_doubtful(i); });
+      if (doubtful_.empty()) return;
+      for (std::uint32_t d = 0; d < doubtful_.size(); ++d) slot_[doubtful_[d]] = d;
+      offer();
+      const Points changed = lay_out_again(steepest);
+      for (const std::uint32_t i : doubtful_) slot_[i] = kNoPoint;
+      agree_again(changed);
+      looked_at = doubtful_;
+      looked_at.insert(looked_at.end(), changed.begin(), changed.end());
+      make_unique(looked_at);
+    }
   }
 
  private:
-  std::vector<std::array<std::uint32_t, 2>> offers_;  ///< to whom, who
-  std::vector<std::uint32_t> points_;
+  using Points = std::vector<std::uint32_t>;
+
+  template <class Use>
+  void chunks(std::size_t count, Use&& use) const {
+    parallel_chunks(count, kMendedPerChunk, draft_.threads, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) use(static_cast<std::uint32_t>(i));
+    });
+  }
+  template <class Use>
+  void chunks_of(const Points& points, Use&& use) const {
+    chunks(points.size(), [&](std::uint32_t k) { use(points[k]); });
+  }
+  static void make_unique(Points& points) {
+    std::sort(points.begin(), points.end());
+    points.erase(std::unique(points.begin(), points.end()), points.end());
+  }
+  [[nodiscard]] Points all_places() const {
+    Points all(draft_.size());
+    std::iota(all.begin(), all.end(), 0u);
+    return all;
+  }
+  /// Those of the points that are so, in their order.
+  template <class Is>
+  [[nodiscard]] Points those(const Points& of, Is&& is) const {
+    std::vector<Points> parts((of.size() + kMendedPerChunk - 1) / kMendedPerChunk);
+    parallel_chunks(of.size(), kMendedPerChunk, draft_.threads, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t k = begin; k < end; ++k)
+        if (is(of[k])) parts[begin / kMendedPerChunk].push_back(of[k]);
+    });
+    Points out;
+    for (const Points& part : parts) out.insert(out.end(), part.begin(), part.end());
+    return out;
+  }
+
+  [[nodiscard]] bool is_doubtful(std::uint32_t i) const noexcept {
+    return draft_.welded[i] == 0 && draft_.star[i].agreements() < draft_.star[i].size;
+  }
+  /// Only where a star changed can more or less be agreed on.
+  void agree_again(const Points& changed) {
+    chunks_of(changed, [&](std::uint32_t i) {
+      draft_.star[i].agreed = agreed_sectors(draft_, i, draft_.star[i]);
+      area_[i] = area_of(i);
+    });
+  }
+  void add_star(std::uint32_t i, Points& points) const {
+    const Star& star = draft_.star[i];
+    points.push_back(i);
+    points.insert(points.end(), star.ring.begin(), star.ring.begin() + star.size);
+  }
+
+  /// Where most are in doubt: flat stars along smoothed planes, kept where more is agreed around than before.
+  void lay_out_rough() {
+    const Points rough = rough_points();
+    if (rough.empty()) return;
+    const std::vector<Vec3f> normal = smooth_normals(rough);
+    std::vector<Star> former(rough.size());
+    Points changed;
+    for (std::size_t r = 0; r < rough.size(); ++r) {
+      former[r] = draft_.star[rough[r]];
+      add_star(rough[r], changed);
+    }
+    chunks(rough.size(), [&](std::uint32_t r) {
+      draft_.star[rough[r]] = lay_out(draft_, rough[r], {normal[r].cast<double>(), kRoughSteepest, true});
+    });
+    for (const std::uint32_t i : rough) add_star(i, changed);
+    make_unique(changed);
+    std::vector<std::int32_t> gain(draft_.size(), 0);
+    const auto count = [&](std::int32_t sign) {
+      chunks_of(changed, [&](std::uint32_t i) {
+        gain[i] += sign * static_cast<std::int32_t>(draft_.star[i].agreements());
+      });
+    };
+    count(-1);
+    for (std::size_t r = 0; r < rough.size(); ++r)  // what the new stars have agreed is not known yet
+      gain[rough[r]] = -static_cast<std::int32_t>(former[r].agreements());
+    agree_again(changed);
+    count(1);
+    // Of what is around those around: noise covers more than a place.
+    std::vector<std::int32_t> around(draft_.size(), 0);
+    const auto sum = [&](const std::vector<std::int32_t>& of, std::uint32_t i) {
+      std::int32_t all = of[i];
+      for (const std::uint32_t other : draft_.near[i]) all += of[other];
+      return all;
+    };
+    chunks(draft_.size(), [&](std::uint32_t i) { around[i] = sum(gain, i); });
+    chunks_of(rough, [&](std::uint32_t i) {
+      draft_.rough[i] = static_cast<std::uint8_t>(sum(around, i) >= kLeastGain);
+    });
+    for (std::size_t r = 0; r < rough.size(); ++r) {
+      if (draft_.rough[rough[r]] != 0)
+        draft_.normal[rough[r]] = normal[r];
+      else
+        draft_.star[rough[r]] = former[r];
+    }
+    agree_again(changed);
+  }
+  [[nodiscard]] Points rough_points() {
+    const Points doubtful = those(all_places(), [&](std::uint32_t i) { return is_doubtful(i); });
+    std::vector<std::uint8_t> doubts(draft_.size(), 0);
+    for (const std::uint32_t i : doubtful)
+      for (const std::uint32_t other : draft_.near[i])
+        doubts[other] = static_cast<std::uint8_t>(std::min(doubts[other] + 1, 255));
+    return those(all_places(), [&](std::uint32_t i) {
+      if (doubts[i] < kRoughDoubts || draft_.welded[i] != 0) return false;
+      const double share = share_across(draft_, i);
+      return share > kLeastRough && share < kMostRough;
+    });
+  }
+  /// By place in `of`.
+  [[nodiscard]] std::vector<Vec3f> smooth_normals(const Points& of) const {
+    std::vector<Vec3f> normal = draft_.normal;
+    std::vector<Vec3f> smooth(of.size());
+    for (int pass = 0; pass < kNormalPasses; ++pass) {
+      chunks(of.size(), [&](std::uint32_t r) {
+        const Vec3f own = normal[of[r]];
+        Vec3f sum = own;
+        for (const std::uint32_t other : draft_.near[of[r]])
+          sum += normal[other].dot(own) < 0.0F ? Vec3f(-normal[other]) : normal[other];
+        const float size = sum.norm();
+        smooth[r] = size > 0.0F ? Vec3f(sum / size) : own;
+      });
+      chunks(of.size(), [&](std::uint32_t r) { normal[of[r]] = smooth[r]; });
+    }
+    return smooth;
+  }
+
+  /// Twice the area of the confirmed triangles, as a vector.
+  [[nodiscard]] Vec3f area_of(std::uint32_t i) const noexcept {
+    const Star& star = draft_.star[i];
+    const Vec3 p = draft_.at(i);
+    Vec3 sum = Vec3::Zero();
+    for (std::uint32_t k = 0; k < star.size; ++k)
+      if (star.is_agreed(k))
+        sum += (draft_.at(star.ring[k]) - p).cross(draft_.at(star.ring[star.next(k)]) - p);
+    return sum.cast<float>();
+  }
+  /// The plane of a point's confirmed triangles; else of its neighbours' that are confirmed.
+  [[nodiscard]] Vec3 confirmed_normal(std::uint32_t i) const noexcept {
+    Vec3 sum = area_[i].cast<double>();
+    const Vec3 own = draft_.normal[i].cast<double>();
+    for (const std::uint32_t other : draft_.near[i]) {
+      if (other == i) break;
+      Vec3 there = area_[other].cast<double>();
+      const double side = sum == Vec3::Zero() ? own.dot(there) : sum.dot(there);
+      if (side < 0.0) there = -there;
+      sum += kBesideShare * there;
+    }
+    const double size = sum.norm();
+    return size > 0.0 ? Vec3(sum / size) : own;
+  }
+
+  /// To the doubtful, whom others have in their rings without being in those that they have in theirs: a
+  /// point in a sparse place is among the nearest of few.
+  void offer() {
+    const auto for_offers = [&](std::uint32_t i, auto&& use) {
+      const Star& star = draft_.star[i];
+      for (std::uint32_t k = 0; k < star.size; ++k) {
+        const std::uint32_t to = star.ring[k];
+        if (slot_[to] != kNoPoint && draft_.star[to].find(i) == draft_.star[to].size) use(slot_[to]);
+      }
+    };
+    offers_begin_.assign(doubtful_.size() + 1, 0);
+    for (const std::uint32_t i : doubtful_)
+      for_offers(i, [&](std::uint32_t slot) { ++offers_begin_[slot + 1]; });
+    std::partial_sum(offers_begin_.begin(), offers_begin_.end(), offers_begin_.begin());
+    offers_.resize(offers_begin_.back());
+    Points filled(offers_begin_.begin(), offers_begin_.end() - 1);
+    for (const std::uint32_t i : doubtful_)
+      for_offers(i, [&](std::uint32_t slot) { offers_[filled[slot]++] = i; });
+  }
+
+  /// The doubtful by what rises less than `steepest`. Of those that have a new star, who they are and whom
+  /// they had and have around them.
+  Points lay_out_again(double steepest) {
+    mended_.resize(doubtful_.size());
+    std::vector<std::uint8_t> is_new(doubtful_.size(), 0);
+    chunks(doubtful_.size(), [&](std::uint32_t d) {
+      const std::uint32_t i = doubtful_[d];
+      const Star& old = draft_.star[i];
+      const std::span<const std::uint32_t> offered(offers_.data() + offers_begin_[d],
+                                                   offers_begin_[d + 1] - offers_begin_[d]);
+      const Layout layout = draft_.rough[i] != 0
+                                ? Layout{draft_.normal[i].cast<double>(), kRoughSteepest, true}
+                                : Layout{confirmed_normal(i), steepest};
+      Star made = lay_out(draft_, i, layout, offered);
+      const auto opened = [](const Star& s) { return s.size - s.sectors(); };
+      if (opened(made) > opened(old)) return;
+      made.agreed = agreed_sectors(draft_, i, made);
+      if (made.agreements() <= old.agreements()) return;
+      mended_[d] = made;
+      is_new[d] = 1;
+    });
+    Points changed;
+    const auto around = [&](std::uint32_t i) {
+      const Star& star = draft_.star[i];
+      changed.insert(changed.end(), star.ring.begin(), star.ring.begin() + star.size);
+    };
+    for (std::uint32_t d = 0; d < doubtful_.size(); ++d) {
+      if (is_new[d] == 0) continue;
+      changed.push_back(doubtful_[d]);
+      around(doubtful_[d]);
+      draft_.star[doubtful_[d]] = mended_[d];
+      around(doubtful_[d]);
+    }
+    make_unique(changed);
+    return changed;
+  }
+
+  Draft& draft_;
+  std::vector<Vec3f> area_;
+  Points slot_;          ///< by point: where it is among the doubtful
+  Points doubtful_;      ///< ascending
+  Points offers_begin_;  ///< by slot
+  Points offers_;
+  std::vector<Star> mended_;  ///< by slot
 };
 
 }  // namespace
 
 void mend_stars(Draft& draft) {
-  const std::size_t n = draft.size();
-  std::vector<std::uint32_t> doubtful;
-  std::vector<Star> mended;
-  for (std::size_t round = 0; round < kSteepest.size(); ++round) {
-    doubtful.clear();
-    for (std::uint32_t i = 0; i < n; ++i)
-      if (draft.welded[i] == 0 && draft.star[i].agreements() < draft.star[i].size) doubtful.push_back(i);
-    if (doubtful.empty()) return;
-    mended.resize(doubtful.size());
-    const Offers offers(draft, doubtful);
-    parallel_chunks(doubtful.size(), kMendedPerChunk, draft.threads, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t d = begin; d < end; ++d) {
-        const std::uint32_t i = doubtful[d];
-        const Star& old = draft.star[i];
-        mended[d] = old;
-        Star made = lay_out(draft, i, {confirmed_normal(draft, i), kSteepest[round]}, offers.to(i));
-        made.agreed = agreed_sectors(draft, i, made);
-        const auto opened = [](const Star& s) { return s.size - s.sectors(); };
-        if (made.agreements() > old.agreements() && opened(made) <= opened(old)) mended[d] = made;
-      }
-    });
-    for (std::size_t d = 0; d < doubtful.size(); ++d) draft.star[doubtful[d]] = mended[d];
-    parallel_chunks(n, kMendedPerChunk, draft.threads, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t k = begin; k < end; ++k) {
-        const auto i = static_cast<std::uint32_t>(k);
-        draft.star[i].agreed = agreed_sectors(draft, i, draft.star[i]);
-      }
-    });
-  }
+  Mender(draft).run();
 }
 
 }  // namespace palpate::stars

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
+#include <utility>
 
 #include "toolkit/core/parallel.h"
 #include "toolkit/partition/morton_order.h"
@@ -13,67 +15,172 @@ namespace {
 /// Cubes along the longest side of the lattice that sorts the points: all that a code holds, so that two
 /// points share a cube only where they are one to a float.
 constexpr double kSortingCubes = 2097151.0;  // 2^21 - 1
-
+/// Bits of a code that are sorted by counting: three passes over eight bytes a point. They tell the points of
+/// a million apart but for a few, and those few are sorted among themselves.
+constexpr int kCountedBits = 32;
+constexpr int kDigitBits = 11;
+constexpr std::uint32_t kDigits = 1u << kDigitBits;
+constexpr std::size_t kChunk = std::size_t{1} << 16;
 /// Points of a group that are put in order among themselves. A Morton curve jumps, and a block of places that
 /// lies across a jump has a box and a layer many times its neighbours': only blocks across the middle of a
 /// group can.
 constexpr std::size_t kGroup = 512;
 
+struct Item {
+  std::uint32_t key;  ///< the highest bits of its code
+  std::uint32_t index;
+};
+
+struct Codes {
+  const cloud::Cloud& cloud;
+  geometry::Aabb box;
+  partition::Lattice lattice;
+
+  [[nodiscard]] std::uint64_t at(const Vec3& p) const noexcept {
+    const auto along = [&](int axis) {
+      return static_cast<std::uint32_t>((p[axis] - lattice.low_mm[axis]) * lattice.per_mm);
+    };
+    return partition::morton_code(along(0), along(1), along(2));
+  }
+  [[nodiscard]] std::uint64_t operator()(std::uint32_t i) const noexcept { return at(cloud.local_mm(i)); }
+  /// Has the highest bit of any: coordinates along each axis grow with the place.
+  [[nodiscard]] std::uint64_t highest() const noexcept { return at(box.high_mm); }
+};
+
+/// One stable counting pass. Chunk borders do not depend on the threads.
+void count_digit(const std::vector<Item>& from, std::vector<Item>& to, int shift, int threads) {
+  const std::size_t n = from.size();
+  std::vector<std::array<std::uint32_t, kDigits>> counts((n + kChunk - 1) / kChunk);
+  parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
+    auto& count = counts[begin / kChunk];
+    count.fill(0);
+    for (std::size_t i = begin; i < end; ++i) ++count[from[i].key >> shift & (kDigits - 1)];
+  });
+  std::uint32_t sum = 0;
+  for (std::uint32_t digit = 0; digit < kDigits; ++digit)
+    for (auto& count : counts) sum += std::exchange(count[digit], sum);
+  parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
+    auto& place = counts[begin / kChunk];
+    for (std::size_t i = begin; i < end; ++i) to[place[from[i].key >> shift & (kDigits - 1)]++] = from[i];
+  });
+}
+
+/// Sorted by the highest bits of the codes.
+std::vector<Item> counted(const Codes& codes, int threads) {
+  const std::size_t n = codes.cloud.size();
+  const int below = std::max(0, 64 - std::countl_zero(codes.highest()) - kCountedBits);
+  std::vector<Item> items(n), other(n);
+  parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      const auto i = static_cast<std::uint32_t>(k);
+      items[k] = {static_cast<std::uint32_t>(codes(i) >> below), i};
+    }
+  });
+  for (int shift = 0; shift < kCountedBits; shift += kDigitBits) {
+    count_digit(items, other, shift, threads);
+    items.swap(other);
+  }
+  return items;
+}
+
+std::array<float, 3> coordinates(const cloud::Cloud& cloud, std::uint32_t i) noexcept {
+  return {cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i]};
+}
+
+/// Points with equal keys by the rest of their codes, then by coordinates, then by index; marks who stands
+/// where the one before does.
+void settle_runs(const Codes& codes, std::vector<Item>& items, std::vector<std::uint8_t>& doubled,
+                 int threads) {
+  const cloud::Cloud& cloud = codes.cloud;
+  const std::size_t n = items.size();
+  parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
+    // A chunk has the runs that begin in it.
+    std::size_t i = begin;
+    while (i > 0 && i < end && items[i].key == items[i - 1].key) ++i;
+    struct Full {
+      std::uint64_t code;
+      std::array<float, 3> at;
+      std::uint32_t index;
+      bool operator<(const Full& o) const noexcept {
+        if (code != o.code) return code < o.code;
+        return at != o.at ? at < o.at : index < o.index;
+      }
+    };
+    std::vector<Full> run;
+    while (i < end) {
+      std::size_t last = i + 1;
+      while (last < n && items[last].key == items[i].key) ++last;
+      if (last - i > 1) {
+        run.clear();
+        for (std::size_t k = i; k < last; ++k)
+          run.push_back({codes(items[k].index), coordinates(cloud, items[k].index), items[k].index});
+        std::sort(run.begin(), run.end());
+        for (std::size_t k = 0; k < run.size(); ++k) {
+          items[i + k].index = run[k].index;
+          if (k > 0 && run[k].at == run[k - 1].at) doubled[run[k].index] = 1;
+        }
+      }
+      i = last;
+    }
+  });
+}
+
+struct Member {
+  std::array<float, 3> at;
+  std::uint32_t index;
+};
+
 /// Halves the range across its longest side, down to blocks.
-void split(const cloud::Cloud& cloud, std::uint32_t* first, std::uint32_t* last) {
+void split(Member* first, Member* last) {
   const auto count = static_cast<std::size_t>(last - first);
   if (count <= kBlockPlaces) return;
-  const auto at = [&](std::uint32_t i) { return std::array{cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i]}; };
-  std::array<float, 3> low = at(*first), high = low;
-  for (const std::uint32_t* i = first; i != last; ++i)
+  std::array<float, 3> low = first->at, high = low;
+  for (const Member* m = first; m != last; ++m)
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      low[axis] = std::min(low[axis], at(*i)[axis]);
-      high[axis] = std::max(high[axis], at(*i)[axis]);
+      low[axis] = std::min(low[axis], m->at[axis]);
+      high[axis] = std::max(high[axis], m->at[axis]);
     }
   std::size_t longest = 0;
   for (std::size_t axis = 1; axis < 3; ++axis)
     if (high[axis] - low[axis] > high[longest] - low[longest]) longest = axis;
   const std::size_t blocks = (count + kBlockPlaces - 1) / kBlockPlaces;
-  std::uint32_t* const middle = first + (blocks + 1) / 2 * kBlockPlaces;
+  Member* const middle = first + (blocks + 1) / 2 * kBlockPlaces;
   if (middle >= last) return;
-  std::nth_element(first, middle, last, [&](std::uint32_t i, std::uint32_t j) {
-    const auto a = at(i), b = at(j);
-    if (a[longest] != b[longest]) return a[longest] < b[longest];
-    return a != b ? a < b : i < j;
+  std::nth_element(first, middle, last, [longest](const Member& a, const Member& b) {
+    if (a.at[longest] != b.at[longest]) return a.at[longest] < b.at[longest];
+    return a.at != b.at ? a.at < b.at : a.index < b.index;
   });
-  split(cloud, first, middle);
-  split(cloud, middle, last);
+  split(first, middle);
+  split(middle, last);
 }
 
 }  // namespace
 
-cloud::Cloud sorted_cloud(const cloud::Cloud& cloud, const std::vector<std::uint32_t>& order, int threads) {
-  cloud::Cloud sorted;
-  sorted.origin_mm = cloud.origin_mm;
+Places sort_places(const cloud::Cloud& cloud, int threads) {
   const std::size_t n = cloud.size();
-  sorted.x_mm.resize(n);
-  sorted.y_mm.resize(n);
-  sorted.z_mm.resize(n);
-  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      sorted.x_mm[i] = cloud.x_mm[order[i]];
-      sorted.y_mm[i] = cloud.y_mm[order[i]];
-      sorted.z_mm[i] = cloud.z_mm[order[i]];
-    }
-  });
-  return sorted;
-}
-
-std::vector<std::uint32_t> places_of(const cloud::Cloud& cloud, int threads) {
   const geometry::Aabb box = partition::local_box(cloud, threads);
   const double extent = box.extent_mm().maxCoeff();
-  const partition::Lattice lattice =
-      partition::Lattice::over(box, extent > 0.0 ? extent / kSortingCubes : 1.0);
-  std::vector<std::uint32_t> order = partition::sort_by_morton(cloud, lattice, threads).order;
-  parallel_chunks(order.size(), kGroup, threads, [&](std::size_t begin, std::size_t end) {
-    split(cloud, order.data() + begin, order.data() + end);
+  const Codes codes{cloud, box, partition::Lattice::over(box, extent > 0.0 ? extent / kSortingCubes : 1.0)};
+  std::vector<std::uint8_t> doubled(n, 0);
+  std::vector<Item> items = counted(codes, threads);
+  settle_runs(codes, items, doubled, threads);
+  Places places;
+  places.point.resize(n);
+  places.order.resize(n);
+  places.doubled.resize(n);
+  parallel_chunks(n, kGroup, threads, [&](std::size_t begin, std::size_t end) {
+    std::array<Member, kGroup> group;
+    for (std::size_t k = begin; k < end; ++k)
+      group[k - begin] = {coordinates(cloud, items[k].index), items[k].index};
+    split(group.data(), group.data() + (end - begin));
+    for (std::size_t k = begin; k < end; ++k) {
+      const Member& member = group[k - begin];
+      places.point[k] = {member.at[0], member.at[1], member.at[2], 0.0F};
+      places.order[k] = member.index;
+      places.doubled[k] = doubled[member.index];
+    }
   });
-  return order;
+  return places;
 }
 
 }  // namespace palpate::stars

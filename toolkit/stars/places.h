@@ -1,18 +1,32 @@
-// Internal to stars: the order in which points are stored.
+// Internal to stars: the points in the order of their places.
 #pragma once
 
 #include <cstdint>
 #include <vector>
 
 #include "toolkit/cloud/cloud.h"
+#include "toolkit/core/vec.h"
 
 namespace palpate::stars {
 
-/// Of each place the index of its point: along a Morton curve, then in blocks of near ones. Parallel, the
-/// same for any number of threads.
-[[nodiscard]] std::vector<std::uint32_t> places_of(const cloud::Cloud& cloud, int threads);
-/// The points in that order, without what else the cloud knows. Parallel.
-[[nodiscard]] cloud::Cloud sorted_cloud(const cloud::Cloud& cloud, const std::vector<std::uint32_t>& order,
-                                        int threads);
+/// A point at its place: what its neighbours read of it, together.
+struct Placed {
+  float x_mm = 0.0F, y_mm = 0.0F, z_mm = 0.0F;
+  float weight = 0.0F;  ///< see Draft
+
+  [[nodiscard]] Vec3 at() const noexcept {
+    return {static_cast<double>(x_mm), static_cast<double>(y_mm), static_cast<double>(z_mm)};
+  }
+};
+
+struct Places {
+  std::vector<Placed> point;
+  std::vector<std::uint32_t> order;   ///< of each place its index in the cloud
+  std::vector<std::uint8_t> doubled;  ///< 1: a point of a lower index stands at the very same coordinates
+};
+
+/// Along a Morton curve, then halved along the longest side in groups down to blocks. Parallel; the same for
+/// any number of threads, and for any order of points of which no two are one.
+[[nodiscard]] Places sort_places(const cloud::Cloud& cloud, int threads);
 
 }  // namespace palpate::stars

@@ -108,8 +108,8 @@ class StarRefiner {
         }
       }
     });
-    const std::vector<std::uint32_t> order = places_of(cloud, threads_);
-    const cloud::Cloud sorted = sorted_cloud(cloud, order, threads_);
+    const Places places = sort_places(cloud, threads_);
+    const std::vector<std::uint32_t>& order = places.order;
     place_.resize(n);
     for (std::uint32_t place = 0; place < n; ++place) place_[order[place]] = place;
 
@@ -120,7 +120,7 @@ class StarRefiner {
     for (std::uint32_t place = 0; place < n; ++place)
       made.order_[place] = mesh_.order()[parent(order[place])];
     StarMeshStore::fill(
-        made, sorted, [&](std::uint32_t place) { return star_of(order[place]); },
+        made, places.point, [&](std::uint32_t place) { return star_of(order[place]); },
         [&](std::uint32_t place) {
           const std::uint32_t from = parent(order[place]);
           return mesh_.is_closed(from) ? mesh_.closed_piece(from) : kNoPlace;

@@ -85,6 +85,10 @@ bool StarContact::update_slowly(const Vec3& h, StarCounters& counters) noexcept 
 void StarContact::stand_on(const Hit& hit) noexcept {
   stand_.facet = Facet(*mesh_, hit.place[0], hit.place[1], hit.place[2]);
   side_ = hit.side;
+  const Trend trend = trend_around(*mesh_, stand_.facet, false);
+  if (!mesh_->is_closed(hit.place[0]) && trend.share > kTrendShare &&
+      trend.normal.dot(stand_.facet.area_normal()) < 0.0)
+    side_ = -side_;  // a facet that is turned over
   framed_ = false;
   contact_ = true;
 }
@@ -126,10 +130,71 @@ bool StarContact::follow(const Vec3& h, StarCounters& counters) noexcept {
     bound_hit_ = true;
     return true;
   }
-  if (stand_.foot.feature == Feature::kInside) return !(frame_.at(h).height > 0.0);
+  const double edge_sq = stand_.facet.longest_edge_sq();
+  if (stand_.foot.feature == Feature::kInside)
+    return !(frame_.at(h).height > 0.0) || still_behind(h, edge_sq);
   const Side side = side_of(*mesh_, stand_, h);
-  if (side_ * side.height > 0.0) return false;
-  return !(side.border && past_border_sq(stand_, h) > stand_.facet.longest_edge_sq());
+  if (side_ * side.height > 0.0) return still_behind(h, edge_sq);
+  const bool past = side.border && past_border_sq(stand_, h) > edge_sq;
+  const double along = side.area.dot(pull_);
+  const bool leans = stand_.foot.distance_sq > edge_sq &&
+                     !(along * side_ > 0.0 &&
+                       along * along > kUprightShare * side.area.squaredNorm() * stand_.foot.distance_sq);
+  if (!past && !leans) [[likely]]
+    return true;
+  return bridge(h, std::sqrt(edge_sq), counters) || !past;
+}
+
+bool StarContact::still_behind(const Vec3& h, double edge_sq) const noexcept {
+  if (!(stand_.foot.distance_sq > edge_sq)) return false;
+  const Trend trend = trend_around(*mesh_, stand_.facet, true);
+  return trend.share > kTrendShare && side_ * trend.normal.dot(h - stand_.foot.point) < 0.0;
+}
+
+bool StarContact::bridge(const Vec3& h, double edge, StarCounters& counters) noexcept {
+  const Vec3 g = stand_.foot.point;
+  const Vec3 n = stand_.facet.area_normal();
+  const double square = n.squaredNorm();
+  Vec3 ahead = h - g;
+  if (square > 0.0) ahead -= n * (n.dot(ahead) / square);
+  const double size = ahead.norm();
+  if (!(size > 0.0)) return true;
+  ahead /= size;
+  const double half = 0.5 * kGapEdges * edge;
+  const Vec3 middle = g + ahead * half;
+  double to_beat = stand_.foot.distance_sq * kDescent;
+  Facet best;
+  Foot nearest;
+  bool narrow = false;
+  std::uint32_t tested = 0;
+  const geometry::Aabb around{middle - Vec3::Constant(half), middle + Vec3::Constant(half)};
+  const FloatBox box = FloatBox::around(around);
+  const bool all =
+      tree_->for_blocks(around, kMaxNodes, [&](std::uint32_t block, const BoxNode&, std::uint32_t) noexcept {
+        const std::uint32_t first = block * kBlockPlaces;
+        const std::uint32_t last = std::min(first + kBlockPlaces, mesh_->size());
+        for (std::uint32_t place = first; place < last; ++place)
+          mesh_->for_triangles_of(place, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+            ++tested;
+            if (mesh_->triangle_misses(a, b, c, box)) return;
+            const Facet facet(*mesh_, a, b, c);
+            for (const Vec3& corner : facet.corner) narrow = narrow || ahead.dot(corner - g) > edge;
+            const Foot foot = foot_on(facet, h);
+            if (!(foot.distance_sq < to_beat) || !(side_ * facet.area_normal().dot(h - foot.point) < 0.0))
+              return;
+            to_beat = foot.distance_sq;
+            best = facet;
+            nearest = foot;
+          });
+        return tested < kMaxTested;
+      });
+  counters.tested += tested;
+  bound_hit_ = bound_hit_ || !all;
+  if (best.place[0] == kNoPlace) return narrow;
+  stand_ = {best, nearest};
+  frame_ = FacetFrame(best, side_);
+  pull_ = nearest.point - h;
+  return true;
 }
 
 void StarContact::test_block(std::uint32_t block, const Way& way, const Stand* left, Hit& hit,

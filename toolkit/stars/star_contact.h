@@ -18,6 +18,13 @@ inline constexpr std::uint32_t kMaxTested = 8192;
 inline constexpr int kMaxCrossed = 16;
 /// Times a frame may leave one sheet and meet another; the rest is done in the next.
 inline constexpr int kMaxFlights = 4;
+/// A gap of so many edges is bridged: loops of twenty edges, which filling takes, are six wide.
+inline constexpr double kGapEdges = 6.0;
+/// A pull that leans by more than 45 degrees from the surface hangs on something: the square of its cosine.
+inline constexpr double kUprightShare = 0.5;
+/// The surface around faces one way where the sum of its area normals is so long a part of their lengths: at
+/// noise of a fifth of the spacing, with one facet in ten turned over, it is two thirds.
+inline constexpr double kTrendShare = 0.5;
 /// Blocks remembered around a free HIP.
 inline constexpr std::size_t kMaxBlocksNear = 16;
 /// Steps of the HIP that they are looked up for: half of the look-ups of four, twice the blocks.
@@ -95,6 +102,13 @@ class StarContact {
   bool update_slowly(const Vec3& h, StarCounters& counters) noexcept;
   /// Follows the sheet. False where h is free of it.
   bool follow(const Vec3& h, StarCounters& counters) noexcept;
+  /// A facet says that h is in front, and h is farther off than an edge: a HIP that leaves is near. True
+  /// where the surface around says otherwise.
+  [[nodiscard]] bool still_behind(const Vec3& h, double edge_sq) const noexcept;
+  /// The HIP is behind the sheet and past its border by more than an edge. True where the god object stays:
+  /// the surface goes on within kGapEdges, and either the god object is at home there, nearer to the HIP, or
+  /// it waits at the border. Gaps that narrow are what sampling leaves, not what anybody could enter.
+  bool bridge(const Vec3& h, double edge, StarCounters& counters) noexcept;
   /// The first triangle that the way from -> to enters from a side that is free. `skip`: places whose
   /// triangles do not count.
   bool first_entry(const Vec3& from, const Vec3& to, const Stand* left, StarCounters& counters,

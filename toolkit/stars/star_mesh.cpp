@@ -17,17 +17,18 @@ class StarMeshBuilder {
   StarMeshBuilder(const cloud::Cloud& cloud, int threads, const OnStep& on_step)
       : threads_(threads), on_step_(on_step) {
     step("sort");
-    mesh_.order_ = places_of(cloud, threads);
-    sorted_ = sorted_cloud(cloud, mesh_.order_, threads);
+    Places places = sort_places(cloud, threads);
+    mesh_.order_ = std::move(places.order);
     mesh_.origin_mm_ = cloud.origin_mm;
-    draft_.cloud = &sorted_;
+    doubled_ = std::move(places.doubled);
+    draft_.point = std::move(places.point);
     draft_.threads = threads;
   }
 
   StarMesh build() {
     StarCounts& counts = mesh_.counts_;
     step("neighbours");
-    find_near(draft_);
+    find_near(draft_, doubled_);
     step("stars");
     make_stars(draft_);
     step("mend");
@@ -59,7 +60,7 @@ class StarMeshBuilder {
     for (std::size_t p = 0; p < pieces_.closed.size(); ++p)
       if (pieces_.closed[p] != 0) closed_number[p] = static_cast<std::uint32_t>(counts.closed_pieces++);
     StarMeshStore::fill(
-        mesh_, sorted_, [this](std::uint32_t i) -> const Star& { return draft_.star[i]; },
+        mesh_, draft_.point, [this](std::uint32_t i) -> const Star& { return draft_.star[i]; },
         [&](std::uint32_t i) { return pieces_.of[i] == kNoPoint ? kNoPlace : closed_number[pieces_.of[i]]; },
         threads_);
     counts.unused -= counts.welded;
@@ -67,7 +68,7 @@ class StarMeshBuilder {
 
   int threads_;
   const OnStep& on_step_;
-  cloud::Cloud sorted_;
+  std::vector<std::uint8_t> doubled_;
   Draft draft_;
   Pieces pieces_;
   StarMesh mesh_;

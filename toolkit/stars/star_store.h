@@ -6,9 +6,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "toolkit/cloud/cloud.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/stars/draft.h"
+#include "toolkit/stars/places.h"
 #include "toolkit/stars/star_mesh.h"
 
 namespace palpate::stars {
@@ -19,9 +19,9 @@ class StarMeshStore {
   /// star_of(place): the Star there, its ring by place. closed_of(place): the number of the closed piece that
   /// it is on, or kNoPlace. Both are called on many threads.
   template <class StarOf, class ClosedOf>
-  static void fill(StarMesh& mesh, const cloud::Cloud& sorted, StarOf&& star_of, ClosedOf&& closed_of,
+  static void fill(StarMesh& mesh, const std::vector<Placed>& points, StarOf&& star_of, ClosedOf&& closed_of,
                    int threads) {
-    const std::size_t n = sorted.size();
+    const std::size_t n = points.size();
     StarCounts& counts = mesh.counts_;
     counts.triangles = counts.unused = counts.open_points = 0;
     std::vector<std::uint32_t> long_at(n, 0);
@@ -59,7 +59,7 @@ class StarMeshStore {
           info |= star.size | (star.open << StarMesh::kOpenShift);
           std::copy_n(star.ring.begin(), star.size, row.begin());
         }
-        mesh.points_[i] = {sorted.x_mm[i], sorted.y_mm[i], sorted.z_mm[i], info};
+        mesh.points_[i] = {points[i].x_mm, points[i].y_mm, points[i].z_mm, info};
         if (closed != kNoPlace && !mesh.closed_piece_of_.empty()) mesh.closed_piece_of_[i] = closed;
       }
     });

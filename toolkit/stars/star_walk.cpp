@@ -22,7 +22,32 @@ bool at_border(const StarMesh& mesh, const Stand& stand) noexcept {
   return mesh.ring(stand.facet.place[k]).open != 0;
 }
 
+/// Adds the area normals at a place, and their lengths.
+void add_areas(const StarMesh& mesh, std::uint32_t place, Vec3& sum, double& area) noexcept {
+  const Ring ring = mesh.ring(place);
+  const Vec3 p = mesh.at(place);
+  for (std::uint32_t k = 0; k < ring.size; ++k) {
+    if (!ring.has_sector(k)) continue;
+    const Vec3 n = (mesh.at(ring.of[k]) - p).cross(mesh.at(ring.of[ring.next(k)]) - p);
+    sum += n;
+    area += n.norm();
+  }
+}
+
 }  // namespace
+
+Trend trend_around(const StarMesh& mesh, const Facet& facet, bool wide) noexcept {
+  Trend trend;
+  double area = 0.0;
+  for (const std::uint32_t place : facet.place) {
+    add_areas(mesh, place, trend.normal, area);
+    if (!wide) continue;
+    const Ring ring = mesh.ring(place);
+    for (std::uint32_t k = 0; k < ring.size; ++k) add_areas(mesh, ring.of[k], trend.normal, area);
+  }
+  if (area > 0.0) trend.share = trend.normal.norm() / area;
+  return trend;
+}
 
 Side side_of(const StarMesh& mesh, const Stand& stand, const Vec3& h) noexcept {
   const Vec3 r = h - stand.foot.point;
@@ -36,6 +61,7 @@ Side side_of(const StarMesh& mesh, const Stand& stand, const Vec3& h) noexcept {
     const double d = n.dot(r);
     above = above || d > 0.0;
     below = below || d < 0.0;
+    side.area += n;
     const double size = n.norm();
     if (size > 0.0) sum += n / size;
   });

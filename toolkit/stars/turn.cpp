@@ -2,6 +2,9 @@
 
 #include <Eigen/Geometry>  // cross products
 #include <algorithm>
+#include <utility>
+
+#include "toolkit/core/parallel.h"
 
 namespace palpate::stars {
 namespace {
@@ -41,6 +44,13 @@ class Sides {
       up_[ra.set] = rb.set << 1 | between;
     return true;
   }
+  /// Asked of every point in ascending order: hangs it right below its set's first, which is lower.
+  Root settle(std::uint32_t i) noexcept {
+    const std::uint32_t link = up_[i];
+    up_[i] = up_[link >> 1] ^ (link & 1u);
+    return settled(i);
+  }
+  [[nodiscard]] Root settled(std::uint32_t i) const noexcept { return {up_[i] >> 1, up_[i] & 1u}; }
 
  private:
   std::vector<std::uint32_t> up_;  ///< parent << 1 | turned against it; below 2^31 points
@@ -48,9 +58,8 @@ class Sides {
 
 /// Whether the star has the sector b -> c (0) or c -> b (1).
 std::uint32_t way(const Star& star, std::uint32_t b, std::uint32_t c) noexcept {
-  for (std::uint32_t k = 0; k < star.size; ++k)
-    if (star.ring[k] == b && star.has_sector(k) && star.ring[star.next(k)] == c) return 0;
-  return 1;
+  const std::uint32_t k = star.find(b);
+  return k < star.size && star.has_sector(k) && star.ring[star.next(k)] == c ? 0 : 1;
 }
 
 void open_sector(Star& star, std::uint32_t b, std::uint32_t c) noexcept {
@@ -74,62 +83,136 @@ void reverse(Star& star) noexcept {
   star.agreed = ~open & (n == 32 ? ~0u : (1u << n) - 1u);
 }
 
-/// visit(i, b, c) for each triangle once, from its lowest point.
+/// visit(i, b, c) for each triangle of a point that is its lowest.
 template <class Visit>
-void for_triangles(const Draft& draft, Visit&& visit) {
-  for (std::uint32_t i = 0; i < draft.size(); ++i) {
-    const Star& star = draft.star[i];
-    for (std::uint32_t k = 0; k < star.size; ++k) {
-      const std::uint32_t b = star.ring[k], c = star.ring[star.next(k)];
-      if (star.has_sector(k) && i < b && i < c) visit(i, b, c);
-    }
+void for_triangles(const Draft& draft, std::uint32_t i, Visit&& visit) {
+  const Star& star = draft.star[i];
+  for (std::uint32_t k = 0; k < star.size; ++k) {
+    const std::uint32_t b = star.ring[k], c = star.ring[star.next(k)];
+    if (star.has_sector(k) && i < b && i < c) visit(i, b, c);
   }
 }
+
+class Turner {
+ public:
+  explicit Turner(Draft& draft) : draft_(draft), sides_(draft.size()) {}
+
+  Pieces run() {
+    join_all();
+    number_pieces();
+    turn_outward();
+    return std::move(pieces_);
+  }
+
+ private:
+  using Triple = std::array<std::uint32_t, 3>;
+
+  /// use(chunk, point) for the points of each chunk in their order.
+  template <class Use>
+  void chunks(Use&& use) {
+    parallel_chunks(draft_.size(), kPointsPerChunk, draft_.threads, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) use(begin / kPointsPerChunk, static_cast<std::uint32_t>(i));
+    });
+  }
+  [[nodiscard]] std::size_t chunk_count() const noexcept {
+    return (draft_.size() + kPointsPerChunk - 1) / kPointsPerChunk;
+  }
+
+  void join(const Triple& t, std::vector<Triple>& torn) {
+    const auto [a, b, c] = t;
+    const bool one = sides_.join(a, b, way(draft_.star[b], c, a));
+    const bool two = sides_.join(a, c, way(draft_.star[c], a, b));
+    if (!one || !two) torn.push_back(t);
+  }
+  /// What all three stars agreed on goes first: it is seldom wrong. Of that, what lies within a chunk, whose
+  /// points are joined to one another alone: chunks do not meet.
+  void join_all() {
+    struct Chunk {
+      std::vector<Triple> torn, across, unsure;
+    };
+    std::vector<Chunk> parts(chunk_count());
+    chunks([&](std::size_t chunk, std::uint32_t i) {
+      Chunk& part = parts[chunk];
+      const std::size_t end = (chunk + 1) * kPointsPerChunk;
+      for_triangles(draft_, i, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+        const bool sure = (draft_.doubtful[a] | draft_.doubtful[b] | draft_.doubtful[c]) == 0;
+        if (!sure)
+          part.unsure.push_back({a, b, c});
+        else if (b >= end || c >= end)
+          part.across.push_back({a, b, c});
+        else
+          join({a, b, c}, part.torn);
+      });
+    });
+    std::vector<Triple> torn;
+    for (const Chunk& part : parts) torn.insert(torn.end(), part.torn.begin(), part.torn.end());
+    for (const Chunk& part : parts)
+      for (const Triple& t : part.across) join(t, torn);
+    for (const Chunk& part : parts)
+      for (const Triple& t : part.unsure) join(t, torn);
+    for (const Triple& t : torn)
+      for (std::size_t k = 0; k < 3; ++k) open_sector(draft_.star[t[k]], t[(k + 1) % 3], t[(k + 2) % 3]);
+    pieces_.torn = torn.size();
+  }
+
+  void number_pieces() {
+    const std::size_t n = draft_.size();
+    constexpr std::uint8_t kHasSectors = 1, kHasBorder = 2;
+    std::vector<std::uint8_t> state(n);
+    chunks([&](std::size_t, std::uint32_t i) {
+      const Star& star = draft_.star[i];
+      state[i] = static_cast<std::uint8_t>((star.sectors() > 0 ? kHasSectors : 0) |
+                                           (star.open != 0 ? kHasBorder : 0));
+    });
+    std::vector<std::uint32_t> piece_of_root(n, kNoPoint);
+    pieces_.of.assign(n, kNoPoint);
+    for (std::uint32_t i = 0; i < n; ++i) {
+      const std::uint32_t root = sides_.settle(i).set;
+      if ((state[i] & kHasSectors) == 0) continue;
+      if (piece_of_root[root] == kNoPoint) {
+        piece_of_root[root] = static_cast<std::uint32_t>(pieces_.closed.size());
+        pieces_.closed.push_back(1);
+      }
+      pieces_.of[i] = piece_of_root[root];
+      if ((state[i] & kHasBorder) != 0) pieces_.closed[pieces_.of[i]] = 0;
+    }
+    chunks([&](std::size_t, std::uint32_t i) {
+      if (pieces_.of[i] != kNoPoint && sides_.settled(i).turned != 0) reverse(draft_.star[i]);
+    });
+  }
+
+  void turn_outward() {
+    struct Share {
+      std::uint32_t piece;
+      double volume;
+    };
+    std::vector<std::vector<Share>> parts(chunk_count());
+    chunks([&](std::size_t chunk, std::uint32_t i) {
+      const std::uint32_t piece = pieces_.of[i];
+      if (piece == kNoPoint || pieces_.closed[piece] == 0) return;
+      auto& shares = parts[chunk];
+      if (shares.empty() || shares.back().piece != piece) shares.push_back({piece, 0.0});
+      for_triangles(draft_, i, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+        shares.back().volume += draft_.at(a).dot(draft_.at(b).cross(draft_.at(c)));
+      });
+    });
+    std::vector<double> volume(pieces_.closed.size(), 0.0);
+    for (const auto& shares : parts)
+      for (const Share& share : shares) volume[share.piece] += share.volume;
+    chunks([&](std::size_t, std::uint32_t i) {
+      if (pieces_.of[i] != kNoPoint && volume[pieces_.of[i]] < 0.0) reverse(draft_.star[i]);
+    });
+  }
+
+  Draft& draft_;
+  Sides sides_;
+  Pieces pieces_;
+};
 
 }  // namespace
 
 Pieces turn_stars(Draft& draft) {
-  const std::size_t n = draft.size();
-  Sides sides(n);
-  Pieces pieces;
-  std::vector<std::array<std::uint32_t, 3>> torn;
-  // What all three stars agreed on goes first: it is seldom wrong.
-  const auto join = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-    const bool one = sides.join(a, b, way(draft.star[b], c, a));
-    const bool two = sides.join(a, c, way(draft.star[c], a, b));
-    if (!one || !two) torn.push_back({a, b, c});
-  };
-  for (const bool first : {true, false})
-    for_triangles(draft, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-      const bool sure = (draft.doubtful[a] | draft.doubtful[b] | draft.doubtful[c]) == 0;
-      if (sure == first) join(a, b, c);
-    });
-  for (const auto& t : torn)
-    for (std::size_t k = 0; k < 3; ++k) open_sector(draft.star[t[k]], t[(k + 1) % 3], t[(k + 2) % 3]);
-  pieces.torn = torn.size();
-
-  std::vector<std::uint32_t> piece_of_root(n, kNoPoint);
-  pieces.of.assign(n, kNoPoint);
-  for (std::uint32_t i = 0; i < n; ++i) {
-    if (draft.star[i].sectors() == 0) continue;
-    const Sides::Root root = sides.find(i);
-    if (root.turned != 0) reverse(draft.star[i]);
-    if (piece_of_root[root.set] == kNoPoint) {
-      piece_of_root[root.set] = static_cast<std::uint32_t>(pieces.closed.size());
-      pieces.closed.push_back(1);
-    }
-    const std::uint32_t piece = piece_of_root[root.set];
-    pieces.of[i] = piece;
-    if (draft.star[i].open != 0) pieces.closed[piece] = 0;
-  }
-  std::vector<double> volume(pieces.closed.size(), 0.0);
-  for_triangles(draft, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-    if (pieces.closed[pieces.of[a]] != 0)
-      volume[pieces.of[a]] += draft.at(a).dot(draft.at(b).cross(draft.at(c)));
-  });
-  for (std::uint32_t i = 0; i < n; ++i)
-    if (pieces.of[i] != kNoPoint && volume[pieces.of[i]] < 0.0) reverse(draft.star[i]);
-  return pieces;
+  return Turner(draft).run();
 }
 
 }  // namespace palpate::stars

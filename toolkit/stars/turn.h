@@ -16,7 +16,8 @@ struct Pieces {
 };
 
 /// Turns the stars so that neighbours run the same way around; of closed pieces, counter-clockwise seen from
-/// outside. Every sector must be agreed. O(n), serial.
+/// outside. Every sector must be agreed. O(n), parallel but for what lies across chunks of points or is in
+/// doubt; the same for any number of threads.
 Pieces turn_stars(Draft& draft);
 
 }  // namespace palpate::stars
