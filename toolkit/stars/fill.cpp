@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 namespace palpate::stars {
 namespace {
@@ -15,8 +16,10 @@ using Triple = std::array<std::uint32_t, 3>;
 /// on one another: one of them is none of the surface's. cos 60 = 0.5.
 constexpr double kFoldCosine = 0.5;
 /// Loops of more edges are holes or borders: around a hole as wide as the widest circle that a triangle may
-/// have, 3.4 mean spacings, stand some twenty points.
-constexpr std::size_t kMaxLoop = 20;
+/// have, 3.4 mean spacings, stand some twenty points, and in noise the loop is twice as long as straight.
+constexpr std::size_t kMaxLoop = 40;
+/// What is left of folds after points with fans apart were taken out a few times is crumpled throughout.
+constexpr int kPruningRounds = 3;
 
 /// The triangles at one point, each as the edge that lies across.
 class Link {
@@ -64,6 +67,26 @@ class Link {
     const std::size_t ring = edges.size() + 1 + chains() + static_cast<std::size_t>(at_b == 0 && at_c == 0);
     return ring <= kMaxCorners;
   }
+  /// All triangles but those of the largest chain, of two the first.
+  [[nodiscard]] std::vector<Pair> beside_largest() const {
+    std::vector<Pair> left = edges, largest;
+    std::vector<Pair> beside;
+    while (!left.empty()) {
+      std::vector<Pair> chain = {left.back()};
+      left.pop_back();
+      for (std::size_t k = 0; k < chain.size(); ++k)
+        for (std::size_t j = left.size(); j-- > 0;) {
+          const bool joined = left[j][0] == chain[k][0] || left[j][0] == chain[k][1] ||
+                              left[j][1] == chain[k][0] || left[j][1] == chain[k][1];
+          if (!joined) continue;
+          chain.push_back(left[j]);
+          left.erase(left.begin() + static_cast<std::ptrdiff_t>(j));
+        }
+      if (chain.size() > largest.size()) largest.swap(chain);
+      beside.insert(beside.end(), chain.begin(), chain.end());
+    }
+    return beside;
+  }
   [[nodiscard]] std::size_t chains() const noexcept {
     std::size_t ends = 0;
     for (const Pair& e : edges)
@@ -79,13 +102,8 @@ class Filler {
     for (std::uint32_t i = 0; i < draft.size(); ++i) {
       const Star& star = draft.star[i];
       if (draft.welded[i] != 0 || star.closed_and_agreed()) continue;
-      link_of_[i] = static_cast<std::uint32_t>(points_.size());
-      points_.push_back(i);
       draft.doubtful[i] = 1;
-      Link link;
-      for (std::uint32_t k = 0; k < star.size; ++k)
-        if (star.is_agreed(k)) link.edges.push_back({star.ring[k], star.ring[star.next(k)]});
-      links_.push_back(std::move(link));
+      add_link(i);
     }
   }
 
@@ -94,13 +112,74 @@ class Filler {
     report.voted = take_voted();
     report.filled = fill_loops(true);
     report.filled += fill_loops(false);
-    for (std::size_t l = 0; l < links_.size(); ++l) {
-      draft_.star[points_[l]] = star_of(points_[l], links_[l]);
+    for (int round = 0; round < kPruningRounds; ++round) {
+      const std::vector<std::uint32_t> pinched = those_pinched();
+      if (pinched.empty()) break;
+      report.filled += fill_without_smaller_fans(pinched);
     }
+    write_stars();
     return report;
+  }
+  /// What has only agreed sectors, without these points.
+  std::size_t run_without(const std::vector<std::uint32_t>& points) {
+    for (const std::uint32_t i : points) ensure_link(i);
+    const std::size_t filled = fill_without(points);
+    write_stars();
+    return filled;
   }
 
  private:
+  void add_link(std::uint32_t i) {
+    const Star& star = draft_.star[i];
+    link_of_[i] = static_cast<std::uint32_t>(points_.size());
+    points_.push_back(i);
+    Link link;
+    for (std::uint32_t k = 0; k < star.size; ++k)
+      if (star.is_agreed(k)) link.edges.push_back({star.ring[k], star.ring[star.next(k)]});
+    links_.push_back(std::move(link));
+  }
+  void ensure_link(std::uint32_t i) {
+    if (has_link(i)) return;
+    add_link(i);
+    draft_.doubtful[i] = 1;
+  }
+  void write_stars() {
+    for (std::size_t l = 0; l < links_.size(); ++l) draft_.star[points_[l]] = star_of(points_[l], links_[l]);
+  }
+  /// Points with fans apart: what lies folded behind the surface hangs on such, and no loop goes through
+  /// them.
+  [[nodiscard]] std::vector<std::uint32_t> those_pinched() {
+    std::vector<std::uint32_t> out;
+    for (const std::uint32_t i : points_)
+      if (link(i).chains() > 1) out.push_back(i);
+    std::sort(out.begin(), out.end());
+    return out;
+  }
+  void remove(const Triple& t) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      ensure_link(t[k]);
+      auto& there = link(t[k]).edges;
+      const std::uint32_t b = t[(k + 1) % 3], c = t[(k + 2) % 3];
+      there.erase(std::find_if(there.begin(), there.end(), [&](const Pair& x) {
+        return (x[0] == b && x[1] == c) || (x[0] == c && x[1] == b);
+      }));
+    }
+  }
+  /// Takes the smaller fans of points that have some apart, and fills the holes that are left.
+  std::size_t fill_without_smaller_fans(const std::vector<std::uint32_t>& points) {
+    for (const std::uint32_t i : points)
+      for (const Pair& e : link(i).beside_largest()) remove({i, e[0], e[1]});
+    return fill_loops(true) + fill_loops(false);
+  }
+  /// Takes the triangles of these points away and fills the holes that are left: a surface that goes past a
+  /// point is better than one with a hole in it.
+  std::size_t fill_without(const std::vector<std::uint32_t>& points) {
+    for (const std::uint32_t i : points) {
+      const std::vector<Pair> edges = link(i).edges;
+      for (const Pair& e : edges) remove({i, e[0], e[1]});
+    }
+    return fill_loops(true) + fill_loops(false);
+  }
   [[nodiscard]] bool has_link(std::uint32_t i) const noexcept { return link_of_[i] != kNoPoint; }
   Link& link(std::uint32_t i) noexcept { return links_[link_of_[i]]; }
 
@@ -186,7 +265,8 @@ class Filler {
   }
   std::size_t fill_loops(bool flat) {
     std::size_t filled = 0;
-    for (const std::uint32_t i : points_) {
+    for (std::size_t l = 0; l < points_.size(); ++l) {
+      const std::uint32_t i = points_[l];
       if (link(i).edges.empty() || link(i).chains() != 1) continue;
       for (const Pair& e : link(i).edges)
         for (const std::uint32_t b : e)
@@ -296,6 +376,10 @@ class Filler {
 
 FillReport fill_gaps(Draft& draft) {
   return Filler(draft).run();
+}
+
+std::size_t fill_without(Draft& draft, const std::vector<std::uint32_t>& points) {
+  return Filler(draft).run_without(points);
 }
 
 }  // namespace palpate::stars

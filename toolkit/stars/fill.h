@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <vector>
 
 #include "toolkit/stars/draft.h"
 
@@ -16,5 +18,9 @@ struct FillReport {
 /// Afterwards every star's sectors are agreed, and what is not is open. Points whose stars agreed keep them.
 /// The same for any number of threads. O(n), and O(m log m) in the m triangles in doubt.
 FillReport fill_gaps(Draft& draft);
+
+/// Of stars whose sectors are all agreed: takes the triangles of `points` away and fills the loops that are
+/// left. Their number.
+std::size_t fill_without(Draft& draft, const std::vector<std::uint32_t>& points);
 
 }  // namespace palpate::stars

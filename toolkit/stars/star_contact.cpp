@@ -136,13 +136,16 @@ bool StarContact::follow(const Vec3& h, StarCounters& counters) noexcept {
   const Side side = side_of(*mesh_, stand_, h);
   if (side_ * side.height > 0.0) return still_behind(h, edge_sq);
   const bool past = side.border && past_border_sq(stand_, h) > edge_sq;
-  const double along = side.area.dot(pull_);
-  const bool leans = stand_.foot.distance_sq > edge_sq &&
-                     !(along * side_ > 0.0 &&
-                       along * along > kUprightShare * side.area.squaredNorm() * stand_.foot.distance_sq);
+  const bool leans = stand_.foot.distance_sq > edge_sq && leans_from(side.area, kSmoothShare) &&
+                     leans_from(trend_around(*mesh_, stand_.facet, true).normal, kUprightShare);
   if (!past && !leans) [[likely]]
     return true;
   return bridge(h, std::sqrt(edge_sq), counters) || !past;
+}
+
+bool StarContact::leans_from(const Vec3& normal, double share) const noexcept {
+  const double along = side_ * normal.dot(pull_);
+  return !(along > 0.0 && along * along > share * normal.squaredNorm() * pull_.squaredNorm());
 }
 
 bool StarContact::still_behind(const Vec3& h, double edge_sq) const noexcept {

@@ -20,8 +20,10 @@ inline constexpr int kMaxCrossed = 16;
 inline constexpr int kMaxFlights = 4;
 /// A gap of so many edges is bridged: loops of twenty edges, which filling takes, are six wide.
 inline constexpr double kGapEdges = 6.0;
-/// A pull that leans by more than 45 degrees from the surface hangs on something: the square of its cosine.
-inline constexpr double kUprightShare = 0.5;
+/// A pull that leans by more than 45 degrees from the surface around hangs on something: the square of its
+/// cosine. Looked at where it leans by more than 11 from the facets that it stands on, which on a smooth
+/// surface no pull does.
+inline constexpr double kUprightShare = 0.5, kSmoothShare = 0.96;
 /// The surface around faces one way where the sum of its area normals is so long a part of their lengths: at
 /// noise of a fifth of the spacing, with one facet in ten turned over, it is two thirds.
 inline constexpr double kTrendShare = 0.5;
@@ -102,6 +104,8 @@ class StarContact {
   bool update_slowly(const Vec3& h, StarCounters& counters) noexcept;
   /// Follows the sheet. False where h is free of it.
   bool follow(const Vec3& h, StarCounters& counters) noexcept;
+  /// Whether the pull's cosine with a normal, squared, is below a share.
+  [[nodiscard]] bool leans_from(const Vec3& normal, double share) const noexcept;
   /// A facet says that h is in front, and h is farther off than an edge: a HIP that leaves is near. True
   /// where the surface around says otherwise.
   [[nodiscard]] bool still_behind(const Vec3& h, double edge_sq) const noexcept;

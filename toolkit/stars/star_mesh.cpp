@@ -12,6 +12,10 @@
 
 namespace palpate::stars {
 
+/// Where sides do not agree the surface is made anew without the points of the tear, so many times: what is
+/// torn then has no sides.
+constexpr int kTornRounds = 3;
+
 class StarMeshBuilder {
  public:
   StarMeshBuilder(const cloud::Cloud& cloud, int threads, const OnStep& on_step)
@@ -43,7 +47,11 @@ class StarMeshBuilder {
     counts.filled = filled.filled;
     step("sides");
     pieces_ = turn_stars(draft_);
-    counts.torn = pieces_.torn;
+    for (int round = 0; round < kTornRounds && !pieces_.torn.empty(); ++round) {
+      counts.filled += fill_without(draft_, corners_of(pieces_.torn));
+      pieces_ = turn_stars(draft_);
+    }
+    counts.torn = pieces_.torn.size();
     counts.pieces = pieces_.closed.size();
     step("store");
     store();
@@ -53,6 +61,14 @@ class StarMeshBuilder {
  private:
   void step(std::string_view name) const {
     if (on_step_) on_step_(name);
+  }
+  /// Ascending, each once.
+  static std::vector<std::uint32_t> corners_of(const std::vector<std::array<std::uint32_t, 3>>& triangles) {
+    std::vector<std::uint32_t> points;
+    for (const auto& t : triangles) points.insert(points.end(), t.begin(), t.end());
+    std::sort(points.begin(), points.end());
+    points.erase(std::unique(points.begin(), points.end()), points.end());
+    return points;
   }
   void store() {
     StarCounts& counts = mesh_.counts_;

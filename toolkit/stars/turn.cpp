@@ -152,7 +152,7 @@ class Turner {
       for (const Triple& t : part.unsure) join(t, torn);
     for (const Triple& t : torn)
       for (std::size_t k = 0; k < 3; ++k) open_sector(draft_.star[t[k]], t[(k + 1) % 3], t[(k + 2) % 3]);
-    pieces_.torn = torn.size();
+    pieces_.torn = std::move(torn);
   }
 
   void number_pieces() {

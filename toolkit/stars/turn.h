@@ -1,6 +1,7 @@
 // Internal to stars: one side for each piece.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -12,7 +13,8 @@ namespace palpate::stars {
 struct Pieces {
   std::vector<std::uint32_t> of;     ///< by point; kNoPoint where it has no triangle
   std::vector<std::uint8_t> closed;  ///< by piece: it encloses a volume
-  std::size_t torn = 0;              ///< triangles left out where sides would not agree
+  /// Corners of the triangles left out where sides would not agree.
+  std::vector<std::array<std::uint32_t, 3>> torn;
 };
 
 /// Turns the stars so that neighbours run the same way around; of closed pieces, counter-clockwise seen from
