@@ -16,6 +16,8 @@
 #include "toolkit/control/controlled_renderer.h"
 #include "toolkit/core/handover.h"
 #include "toolkit/core/options.h"
+#include "toolkit/core/random.h"
+#include "toolkit/deformation/editable.h"
 #include "toolkit/geometry/broad_phase.h"
 
 namespace palpate::house {
@@ -148,14 +150,50 @@ TEST(Frames, NoSurfaceAllocates) {
   stand.scene.models[1].motion = simulation->add(motion);
   stand.scene.models[0].surface.dent = {0.5, 2.0, 5.0};
   stand.scene.simulation = simulation;
-  for (const char* name :
-       {"cloud", "cloud-literal", "mesh-godobject:mesh=original", "mesh-proxy:mesh=original"}) {
+  for (const char* name : {"cloud", "cloud:surface=vertices", "cloud-literal", "mesh-godobject:mesh=original",
+                           "mesh-proxy:mesh=original"}) {
     SCOPED_TRACE(name);
     const NamedOptions named = parse_named_options(name).value();
     if (stand.registry.find(named.name) == nullptr) continue;  // built without the baselines
     test::Stepped renderer(stand.registry.make(named.name, named.options).value());
     renderer->drive(simulation);
     EXPECT_EQ(blocks_of_frames(std::move(renderer), stand, false), 0u);
+  }
+}
+
+// Pressed, moved from outside, taken back: all between frames or in them.
+TEST(Frames, NoChangeOfShapeAllocates) {
+  Stand stand = sinusoid_stand();
+  render::ModelInput& model = stand.scene.models[0];
+  model.surface.dent = {0.2, 2.0, 50.0};
+  for (const char* name : {"cloud", "cloud:surface=vertices"}) {
+    SCOPED_TRACE(name);
+    model.moves = std::make_shared<render::MoveQueue>();
+    const NamedOptions named = parse_named_options(name).value();
+    const test::Stepped renderer(stand.registry.make(named.name, named.options).value());
+    ASSERT_TRUE(renderer->prepare(stand.scene, {}));
+    auto& editable = dynamic_cast<render::Editable&>(*renderer);
+    renderer->restart(stand.path.front());
+    Random random(5);
+    int undone = 0;
+    const AllocationCount count;
+    for (std::size_t i = 0; i < stand.path.size(); ++i) {
+      if (render::MoveBatch* batch = i % 10 == 0 ? model.moves->begin() : nullptr; batch != nullptr) {
+        for (; batch->count < render::kMaxBatch; ++batch->count) {
+          const auto point = static_cast<std::uint32_t>(random.below(model.cloud->size()));
+          batch->point[batch->count] = point;
+          batch->to_mm[batch->count] =
+              (model.cloud->local_mm(point) + Vec3(0, 0, 0.1 * random.normal())).cast<float>();
+        }
+        model.moves->publish();
+      }
+      (void)renderer->step(stand.path[i], 1e-3);
+      if (i % 1000 == 999) undone += editable.undo(0);
+      if (i % 2500 == 2499) editable.restore(0);
+    }
+    EXPECT_EQ(count.count(), 0u);
+    EXPECT_GT(undone, 1);
+    EXPECT_GT(editable.deform_counters(0).inferred, 0u);
   }
 }
 

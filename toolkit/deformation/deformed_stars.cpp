@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "toolkit/deformation/journal.h"
+#include "toolkit/geometry/rounded_middle.h"
 #include "toolkit/stars/flat_cell.h"
 
 namespace palpate::render {
@@ -58,19 +59,19 @@ void DeformedStars::settle(std::span<const MovedPoint> moved, Journal& journal, 
   stars_.refit();
 }
 
-/// Beside what it was, an edge is compared with those around it then: one between points that lay close
-/// together is not long because they have parted.
+/// Beside what it was, an edge is compared with those around its end `a` then: one between points that lay
+/// close together is not long because they have parted.
 bool DeformedStars::stretched(std::uint32_t a, std::uint32_t b) const noexcept {
-  const First &first_a = first_[a], &first_b = first_[b];
-  const double mean = 0.5 * (static_cast<double>(first_a.mean_mm) + static_cast<double>(first_b.mean_mm));
-  const double before_sq = (first_at(a) - first_at(b)).squaredNorm();
-  return (at(a) - at(b)).squaredNorm() > kStretchedSq * std::max(before_sq, mean * mean);
+  const double mean = static_cast<double>(first_[a].mean_mm);
+  const double length_sq = (at(a) - at(b)).squaredNorm();
+  return length_sq > kStretchedSq * mean * mean &&
+         length_sq > kStretchedSq * (first_at(a) - first_at(b)).squaredNorm();
 }
 
 bool DeformedStars::infer_between(std::uint32_t a, std::uint32_t b, Journal& journal,
                                   MoveWatcher& watcher) noexcept {
-  const Vec3 middle =
-      rounded_middle(at(a), at(b), area_normal(a).stableNormalized(), area_normal(b).stableNormalized());
+  const Vec3 middle = geometry::rounded_middle(at(a), at(b), area_normal(a).stableNormalized(),
+                                               area_normal(b).stableNormalized());
   if (!middle.cast<float>().allFinite()) return false;
   const std::uint32_t place = stars_.split(a, b);
   if (place == stars::kNoPlace) return false;

@@ -64,7 +64,7 @@ class DeformedStars final : public MovablePoints {
     return true;
   }
   void remove_last(MoveWatcher& watcher) noexcept override;
-  void finish_putting_back() noexcept override { stars_.refit(); }
+  void finish_putting_back() noexcept override { stars_.refit_all(); }
 
   [[nodiscard]] std::size_t bytes() const noexcept override;
   /// What bytes() will be, and by how much mesh and tree will grow.

@@ -103,16 +103,4 @@ class MovablePoints {
   std::uint32_t built_ = 0, used_ = 0, most_ = 0;
 };
 
-/// The middle of the curve that leaves both ends along their planes (a cubic Hermite segment's), so that a
-/// stretched surface stays as round as it was. Unit normals, or zero where there is none.
-[[nodiscard]] inline Vec3 rounded_middle(const Vec3& a, const Vec3& b, const Vec3& normal_a,
-                                         const Vec3& normal_b) noexcept {
-  const Vec3 chord = b - a;
-  const Vec3 middle = 0.5 * (a + b);
-  if (normal_a == Vec3::Zero() || normal_b == Vec3::Zero()) return middle;
-  const Vec3 along_a = chord - normal_a * normal_a.dot(chord);
-  const Vec3 along_b = chord - normal_b * normal_b.dot(chord);
-  return middle + 0.125 * (along_a - along_b);
-}
-
 }  // namespace palpate::render

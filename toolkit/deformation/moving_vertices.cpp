@@ -6,6 +6,7 @@
 #include <variant>
 
 #include "toolkit/deformation/journal.h"
+#include "toolkit/geometry/rounded_middle.h"
 #include "toolkit/points/point_walk.h"
 #include "toolkit/surface/planes.h"
 
@@ -140,7 +141,7 @@ bool MovingVertices::infer_between(std::uint32_t a, std::uint32_t b, Journal& jo
   if (used_ == most_) return false;
   const StoredPoint &pa = model_->points[a], &pb = model_->points[b];
   const std::uint32_t place = used_;
-  const Vec3f stored = rounded_middle(pa.at(), pb.at(), normal_of(pa), normal_of(pb)).cast<float>();
+  const Vec3f stored = geometry::rounded_middle(pa.at(), pb.at(), normal_of(pa), normal_of(pb)).cast<float>();
   const auto at = [this](std::uint32_t p) { return stored_at(*model_, p); };
   const auto add = [&](auto& tree) { return tree.add(place, stored, at); };
   if (!stored.allFinite() || with_moving(*model_, add) == partition::MoveStatus::kFull) return false;

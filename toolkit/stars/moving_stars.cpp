@@ -46,7 +46,7 @@ MovingStars::MovingStars(StarMesh& mesh, StarTree& tree, std::size_t spare, int 
     mesh.rings_[place].fill(static_cast<std::uint32_t>(place));
   if (!mesh.closed_piece_of_.empty()) mesh.closed_piece_of_.resize(most, 0);
   const std::size_t blocks = (most + kBlockPlaces - 1) / kBlockPlaces;
-  changed_.reserve(blocks);
+  changed_.resize(blocks);
   is_changed_.assign(blocks, 0);
   tree = StarTree::build(mesh, threads);
 }
@@ -139,15 +139,22 @@ void MovingStars::erase(std::uint32_t place, std::uint32_t gone) noexcept {
 void MovingStars::mark_block(std::uint32_t block) noexcept {
   if (is_changed_[block] != 0) return;
   is_changed_[block] = 1;
-  changed_.push_back(block);
+  changed_[(first_changed_ + changed_count_++) % changed_.size()] = block;
 }
 
-/// The blocks that hold the triangles of a place: each lies with its lowest corner.
+/// The blocks that hold the triangles of a place: each lies with its lowest corner. Those that may have to
+/// wait for their turn grow.
 void MovingStars::mark(std::uint32_t place) noexcept {
-  mark_block(place / kBlockPlaces);
   const Ring ring = mesh_->ring(place);
+  mark_block(place / kBlockPlaces);
   for (std::uint32_t k = 0; k < ring.size; ++k)
     if (ring.of[k] < place) mark_block(ring.of[k] / kBlockPlaces);
+  if (changed_count_ <= kMaxRefitBlocks) return;
+  for (std::uint32_t k = 0; k < ring.size; ++k) {
+    if (!ring.has_sector(k)) continue;
+    const std::uint32_t b = ring.of[k], c = ring.of[ring.next(k)];
+    tree_->grow(std::min({place, b, c}) / kBlockPlaces, {mesh_->at(place), mesh_->at(b), mesh_->at(c)});
+  }
 }
 
 void MovingStars::set(std::uint32_t place, const Vec3f& to) noexcept {
@@ -215,13 +222,24 @@ void MovingStars::join_last() noexcept {
   replace(b, place, a);
   mesh_->points_[place].info = 0;
   mesh_->rings_[place].fill(place);
+  mark(a);
 }
 
 void MovingStars::refit() noexcept {
-  std::sort(changed_.begin(), changed_.end());
-  for (const std::uint32_t block : changed_) is_changed_[block] = 0;
-  tree_->refit(*mesh_, changed_);
-  changed_.clear();
+  std::array<std::uint32_t, kMaxRefitBlocks> blocks;
+  const std::size_t count = std::min(changed_count_, blocks.size());
+  for (std::size_t i = 0; i < count; ++i) {
+    blocks[i] = changed_[(first_changed_ + i) % changed_.size()];
+    is_changed_[blocks[i]] = 0;
+  }
+  first_changed_ += count;
+  changed_count_ -= count;
+  std::sort(blocks.begin(), blocks.begin() + static_cast<std::ptrdiff_t>(count));
+  tree_->refit(*mesh_, {blocks.data(), count});
+}
+
+void MovingStars::refit_all() noexcept {
+  while (changed_count_ > 0) refit();
 }
 
 std::size_t MovingStars::bytes_for(std::size_t points, std::size_t spare) noexcept {

@@ -12,8 +12,12 @@
 
 namespace palpate::stars {
 
+/// Blocks whose boxes a frame makes anew, 0.3 to 0.8 us each; of more, the rest only grow and are made anew
+/// when their turn comes. A full dent changes some 80, as many moves all over a cloud up to 2,000.
+inline constexpr std::size_t kMaxRefitBlocks = 256;
+
 /// Belongs to one thread. Only the constructor allocates; no call throws. Work: of set() the rings of one
-/// ring, of split() and join_last() five rings, of refit() the blocks around what was changed.
+/// ring, of split() and join_last() five rings, of refit() kMaxRefitBlocks.
 class MovingStars {
  public:
   /// `mesh` is this one's own to change, with room for `spare` points to come; `tree` becomes the tree over
@@ -35,8 +39,10 @@ class MovingStars {
   [[nodiscard]] const std::array<std::uint32_t, 2>& parents(std::uint32_t place) const noexcept {
     return parents_[place - built_];
   }
-  /// Boxes and layers follow what was changed since the last time. Nothing may be looked for before.
+  /// Boxes and layers hold what was changed since the last time. Nothing may be looked for before.
   void refit() noexcept;
+  /// The same, and none is larger than it has to be. O(changed).
+  void refit_all() noexcept;
   /// Beside mesh and tree.
   [[nodiscard]] std::size_t bytes() const noexcept;
   /// What bytes() will be, and by how much the mesh and its tree will grow.
@@ -65,8 +71,9 @@ class MovingStars {
   std::uint32_t built_, used_;
   std::vector<std::array<std::uint32_t, 2>> parents_;
   std::vector<std::uint32_t> free_rooms_;  ///< for long rings: where each begins
-  std::vector<std::uint32_t> changed_;     ///< blocks since the last refit, each once
-  std::vector<std::uint8_t> is_changed_;   ///< by block
+  std::vector<std::uint32_t> changed_;     ///< a ring: blocks to be made anew, each once
+  std::size_t first_changed_ = 0, changed_count_ = 0;
+  std::vector<std::uint8_t> is_changed_;  ///< by block
 };
 
 }  // namespace palpate::stars

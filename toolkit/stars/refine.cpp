@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "toolkit/core/parallel.h"
+#include "toolkit/geometry/rounded_middle.h"
 #include "toolkit/stars/places.h"
 #include "toolkit/stars/star_store.h"
 
@@ -15,9 +16,6 @@ namespace {
 /// Facets that turn by more than 40 degrees are faces of their own: as many as nine around a circle are still
 /// taken for a round body.
 const double kCreaseCosine = std::cos(40.0 * M_PI / 180.0);
-/// The middle of a cubic Hermite segment over a chord: half way, and an eighth of what its ends' tangents
-/// differ by.
-constexpr double kHermiteMiddle = 0.125;
 
 Vec3 facet_normal(const StarMesh& mesh, const Ring& ring, std::uint32_t place, std::uint32_t sector) {
   const Vec3 p = mesh.at(place);
@@ -69,13 +67,8 @@ Vec3 normal_beside(const StarMesh& mesh, std::uint32_t place, std::uint32_t k) {
 /// Where the curve over the edge from a to ring point k of a passes its middle.
 Vec3 middle_of(const StarMesh& mesh, std::uint32_t a, std::uint32_t k) {
   const std::uint32_t b = mesh.ring(a).of[k];
-  const Vec3 pa = mesh.at(a), pb = mesh.at(b);
-  const Vec3 straight = 0.5 * (pa + pb);
-  const Vec3 na = normal_beside(mesh, a, k);
-  const Vec3 nb = normal_beside(mesh, b, mesh.ring(b).find(a));
-  if (na == Vec3::Zero() || nb == Vec3::Zero()) return straight;
-  const Vec3 chord = pb - pa;
-  return straight + kHermiteMiddle * (nb * nb.dot(chord) - na * na.dot(chord));
+  return geometry::rounded_middle(mesh.at(a), mesh.at(b), normal_beside(mesh, a, k),
+                                  normal_beside(mesh, b, mesh.ring(b).find(a)));
 }
 
 }  // namespace

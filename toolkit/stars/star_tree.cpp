@@ -22,19 +22,34 @@ BoxNode empty_node() noexcept {
   return node;
 }
 
-void grow(BoxNode& node, std::uint32_t child, const Vec3f& p) noexcept {
+void add_to_box(BoxNode& node, std::uint32_t child, const Vec3f& p) noexcept {
   for (std::size_t axis = 0; axis < 3; ++axis) {
     node.low[axis][child] = std::min(node.low[axis][child], p[static_cast<int>(axis)]);
     node.high[axis][child] = std::max(node.high[axis][child], p[static_cast<int>(axis)]);
   }
 }
 
-/// The box of `child` is the one around all of `below`.
-void cover(BoxNode& node, std::uint32_t child, const BoxNode& below) noexcept {
+bool is_in_box(const BoxNode& node, std::uint32_t child, const Vec3f& p) noexcept {
+  bool in = true;
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    node.low[axis][child] = *std::min_element(below.low[axis].begin(), below.low[axis].end());
-    node.high[axis][child] = *std::max_element(below.high[axis].begin(), below.high[axis].end());
+    const float x = p[static_cast<int>(axis)];
+    in = in && node.low[axis][child] <= x && x <= node.high[axis][child];
   }
+  return in;
+}
+
+/// The box of `child` is the one around all of `below`. False where it was already.
+bool cover(BoxNode& node, std::uint32_t child, const BoxNode& below) noexcept {
+  bool changed = false;
+  const auto put = [&](float& at, float value) {
+    changed = changed || at != value;
+    at = value;
+  };
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    put(node.low[axis][child], *std::min_element(below.low[axis].begin(), below.low[axis].end()));
+    put(node.high[axis][child], *std::max_element(below.high[axis].begin(), below.high[axis].end()));
+  }
+  return changed;
 }
 
 /// Rounded outward, and one more step for the rounding of the products that it is compared with.
@@ -95,7 +110,7 @@ StarTree StarTree::build(const StarMesh& mesh, int threads) {
     const std::size_t above = (count + kFanOut - 1) / kFanOut;
     LargeVector<BoxNode> level(above, empty_node());
     for (std::size_t i = 0; i < count; ++i)
-      cover(level[i / kFanOut], static_cast<std::uint32_t>(i % kFanOut), below[i]);
+      (void)cover(level[i / kFanOut], static_cast<std::uint32_t>(i % kFanOut), below[i]);
     tree.levels_.push_back(std::move(level));
     count = above;
   }
@@ -118,7 +133,7 @@ void StarTree::fit_block(const StarMesh& mesh, std::uint32_t block) noexcept {
     node.high[axis][child] = -kFar;
   }
   for_triangles_in(mesh, block, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-    for (const std::uint32_t corner : {a, b, c}) grow(node, child, mesh.at(corner).cast<float>());
+    for (const std::uint32_t corner : {a, b, c}) add_to_box(node, child, mesh.at(corner).cast<float>());
   });
   layers_[block] = layer_of(mesh, block);
 }
@@ -133,9 +148,31 @@ void StarTree::refit(const StarMesh& mesh, std::span<std::uint32_t> blocks) noex
       const std::uint32_t node = blocks[i] / kFanOut;
       if (nodes == 0 || blocks[nodes - 1] != node) blocks[nodes++] = node;
     }
-    count = nodes;
-    for (std::size_t i = 0; i < count; ++i)
-      cover(levels_[level + 1][blocks[i] / kFanOut], blocks[i] % kFanOut, levels_[level][blocks[i]]);
+    // Of those, the ones whose box is another now: the boxes above the others stay.
+    count = 0;
+    for (std::size_t i = 0; i < nodes; ++i)
+      if (cover(levels_[level + 1][blocks[i] / kFanOut], blocks[i] % kFanOut, levels_[level][blocks[i]]))
+        blocks[count++] = blocks[i];
+  }
+}
+
+void StarTree::grow(std::uint32_t block, const std::array<Vec3, 3>& corners) noexcept {
+  std::array<Vec3f, 3> at;
+  for (std::size_t i = 0; i < 3; ++i) at[i] = corners[i].cast<float>();
+  std::uint32_t child = block;
+  for (LargeVector<BoxNode>& level : levels_) {
+    BoxNode& node = level[child / kFanOut];
+    bool all_in = true;
+    for (const Vec3f& p : at) all_in = all_in && is_in_box(node, child % kFanOut, p);
+    if (all_in) break;
+    for (const Vec3f& p : at) add_to_box(node, child % kFanOut, p);
+    child /= kFanOut;
+  }
+  Layer& layer = layers_[block];
+  const Vec3 n = Vec3f(layer.normal[0], layer.normal[1], layer.normal[2]).cast<double>();
+  for (const Vec3& p : corners) {
+    layer.low = std::min(layer.low, below(n.dot(p)));
+    layer.high = std::max(layer.high, above(n.dot(p)));
   }
 }
 

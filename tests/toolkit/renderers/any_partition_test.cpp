@@ -92,7 +92,8 @@ TEST(AnyPartition, DrivesDentsToTheSameTrace) {
        {"sinusoid:points=10000", "sphere:points=8000", "plane:points=10000:jitter=0.3"}) {
     Setting made = setting(model, "weave:frames=6000:depth_mm=3");
     made.scene.models[0].surface.dent = {0.3, 3.0, 40.0};
-    const Ran grid = run(made, "cloud"), rigid = run(setting(model, "weave:frames=6000:depth_mm=3"), "cloud");
+    const Ran grid = run(made, "cloud:surface=vertices"),
+              rigid = run(setting(model, "weave:frames=6000:depth_mm=3"), "cloud:surface=vertices");
     EXPECT_NE(grid.hash, rigid.hash) << model << " gives way";
     for (const std::string other : {"octree", "quadtree"}) {
       const Ran tree = run(made, "cloud:partition=" + other);
