@@ -94,6 +94,7 @@ struct Draft {
   std::vector<std::uint8_t> welded;    ///< 1: another point stands (nearly) there, it has no star
   std::vector<std::uint8_t> sparse;    ///< 1: `near` are the nearest in each direction, others lie between
   std::vector<std::uint8_t> rough;     ///< 1: its star is flat, see Layout
+  std::vector<std::uint8_t> crossed;   ///< 1: another sheet goes through this one here
   std::vector<std::uint8_t> doubtful;  ///< 1: not all that meet in its star agreed, see fill_gaps()
   std::vector<Star> star;
 
@@ -129,9 +130,10 @@ struct Layout {
   /// surface these are what two points agree on, in noise they are what no two do.
   bool flat = false;
 };
-/// Of the nearest points and `more`.
+/// Of the nearest points and `more`. `crossed`, where given, is set to 1 if one was left out as on a sheet
+/// that crosses.
 [[nodiscard]] Star lay_out(const Draft& draft, std::uint32_t point, const Layout& layout,
-                           std::span<const std::uint32_t> more = {});
+                           std::span<const std::uint32_t> more = {}, std::uint8_t* crossed = nullptr);
 /// The variance of the nearest across the point's plane, as a part of all: nothing on a plane.
 [[nodiscard]] double share_across(const Draft& draft, std::uint32_t point);
 /// Bits of the star's sectors that the stars of their corners have too.

@@ -212,7 +212,7 @@ class FlatNeighbours {
     f_ = layout.normal.cross(e_);
   }
   /// Whether the cell lost something to the neighbour. Most do not reach it; the layout leaves others out.
-  bool cut(FlatCell& cell, std::uint32_t other) const noexcept {
+  bool cut(FlatCell& cell, std::uint32_t other) noexcept {
     const Placed& placed = draft_.point[other];
     const Vec3 d = placed.at() - p_;
     const double square = d.squaredNorm();
@@ -223,7 +223,10 @@ class FlatNeighbours {
     };
     if (!flat_ && !reaches(square)) return false;
     if (draft_.welded[other] != 0) return false;
-    if (apart_ && crosses(other, d)) return false;
+    if (apart_ && crosses(other, d)) {
+      crossed_ = true;
+      return false;
+    }
     const double height = normal_.dot(d);
     if (height * height > steepest_sq_ * square) return false;
     const double u = e_.dot(d), v = f_.dot(d);
@@ -233,6 +236,8 @@ class FlatNeighbours {
     const double unfold = std::sqrt(square / in_plane);
     return cell.cut({u * unfold, v * unfold, 0.5 * (square + weights)}, other);
   }
+  /// Whether one was left out as on a sheet that crosses.
+  [[nodiscard]] bool crossed() const noexcept { return crossed_; }
   [[nodiscard]] double square(std::uint32_t other) const noexcept {
     return (draft_.at(other) - p_).squaredNorm();
   }
@@ -263,6 +268,7 @@ class FlatNeighbours {
   const Near& near_;
   std::uint32_t point_;
   bool apart_;
+  bool crossed_ = false;
   bool flat_;
   Vec3 p_, e_, f_;
   double weight_;
@@ -286,7 +292,7 @@ Star star_of(const FlatCell& cell, double reach) noexcept {
 
 /// A corner whose circle leaves the ball of the nearest, `known_sq`, may have a point in it that is not among
 /// them: the nearest of the corner's neighbours are asked. False where they change nothing.
-bool cut_wider(const Draft& draft, std::uint32_t point, const FlatNeighbours& flat, double known_sq,
+bool cut_wider(const Draft& draft, std::uint32_t point, FlatNeighbours& flat, double known_sq,
                FlatCell& cell) noexcept {
   std::array<std::uint32_t, kMaxCorners> around;
   std::size_t count = 0;
@@ -343,11 +349,11 @@ void find_near(Draft& draft, const std::vector<std::uint8_t>& doubled) {
 }
 
 Star lay_out(const Draft& draft, std::uint32_t point, const Layout& layout,
-             std::span<const std::uint32_t> more) {
+             std::span<const std::uint32_t> more, std::uint8_t* crossed) {
   const double around_sq = ball_sq(draft, point);
   const double reach = kReachPerBall * std::sqrt(around_sq);
   if (!(reach > 0.0) || layout.normal == Vec3::Zero()) return {};
-  const FlatNeighbours flat(draft, point, layout);
+  FlatNeighbours flat(draft, point, layout);
   FlatCell cell;
   cell.start(reach);
   for (const std::uint32_t other : draft.near[point]) {
@@ -359,6 +365,7 @@ Star lay_out(const Draft& draft, std::uint32_t point, const Layout& layout,
   const double known_sq = draft.sparse[point] != 0 ? 0.0 : around_sq;
   for (int round = 0; round < kWiderRounds && 4.0 * cell.reach_sq() > known_sq; ++round)
     if (!cut_wider(draft, point, flat, known_sq, cell)) break;
+  if (crossed != nullptr && flat.crossed()) *crossed = 1;
   return star_of(cell, reach);
 }
 
@@ -381,12 +388,14 @@ std::uint32_t agreed_sectors(const Draft& draft, std::uint32_t point, const Star
 void make_stars(Draft& draft) {
   const std::size_t n = draft.size();
   draft.star.resize(n);
+  draft.crossed.assign(n, 0);
   parallel_chunks(n, kStarsPerChunk, draft.threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t k = begin; k < end; ++k) {
       const auto i = static_cast<std::uint32_t>(k);
       draft.star[i] = {};
       if (draft.welded[i] == 0)
-        draft.star[i] = lay_out(draft, i, {draft.normal[i].cast<double>(), kFirstSteepest, true});
+        draft.star[i] =
+            lay_out(draft, i, {draft.normal[i].cast<double>(), kFirstSteepest, true}, {}, &draft.crossed[i]);
     }
   });
   parallel_chunks(n, kStarsPerChunk, draft.threads, [&](std::size_t begin, std::size_t end) {

@@ -74,7 +74,7 @@ void MovingStars::set_size(std::uint32_t place, std::uint32_t size, std::uint32_
     return;
   }
   std::uint32_t& info = mesh_->points_[place].info;
-  info = (info & StarMesh::kClosed) | size | (open << StarMesh::kOpenShift);
+  info = (info & StarMesh::kOfPlace) | size | (open << StarMesh::kOpenShift);
 }
 
 void MovingStars::lengthen(std::uint32_t place) noexcept {
@@ -83,7 +83,7 @@ void MovingStars::lengthen(std::uint32_t place) noexcept {
   free_rooms_.pop_back();
   std::copy_n(old.of, old.size, mesh_->long_rings_.begin() + room);
   std::uint32_t& info = mesh_->points_[place].info;
-  info = (info & StarMesh::kClosed) | StarMesh::kLong;
+  info = (info & StarMesh::kOfPlace) | StarMesh::kLong;
   mesh_->rings_[place].fill(place);
   mesh_->rings_[place][0] = room;
   set_size(place, old.size, old.open);
@@ -96,7 +96,7 @@ void MovingStars::shorten(std::uint32_t place) noexcept {
   ring.fill(place);
   std::copy_n(old.of, old.size, ring.begin());
   std::uint32_t& info = mesh_->points_[place].info;
-  info = (info & StarMesh::kClosed) | old.size | (old.open << StarMesh::kOpenShift);
+  info = (info & StarMesh::kOfPlace) | old.size | (old.open << StarMesh::kOpenShift);
 }
 
 /// Whether a ring can take one more; `rooms`: those left for rings that become long.
@@ -204,7 +204,7 @@ std::uint32_t MovingStars::split(std::uint32_t a, std::uint32_t b) noexcept {
   }
   mesh_->rings_[place] = ring;
   const Vec3f middle = (0.5 * (mesh_->at(a) + mesh_->at(b))).cast<float>();
-  mesh_->points_[place] = {middle.x(), middle.y(), middle.z(), mesh_->points_[a].info & StarMesh::kClosed};
+  mesh_->points_[place] = {middle.x(), middle.y(), middle.z(), mesh_->points_[a].info & StarMesh::kOfPlace};
   set_size(place, size, open);
   if (!mesh_->closed_piece_of_.empty()) mesh_->closed_piece_of_[place] = mesh_->closed_piece_of_[a];
   mark(place);

@@ -125,6 +125,12 @@ class StarRefiner {
           const std::uint32_t from = parent(order[place]);
           return mesh_.is_closed(from) ? mesh_.closed_piece(from) : kNoPlace;
         },
+        [&](std::uint32_t place) {
+          const std::uint32_t i = order[place];
+          if (i < mesh_.size()) return mesh_.is_crossed(i);
+          const auto [a, k] = edge_[i - mesh_.size()];
+          return mesh_.is_crossed(a) || mesh_.is_crossed(mesh_.ring(a).of[k]);
+        },
         threads_);
     made.counts_.unused -= made.counts_.welded;
     return made;

@@ -15,18 +15,6 @@ double solid_angle(const Vec3& a, const Vec3& b, const Vec3& c) noexcept {
   return 2.0 * std::atan2(a.dot(b.cross(c)), la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
 }
 
-/// d . (a x b), the same to the bit for both triangles of an edge.
-double along_edge(const Vec3& d, const Vec3& a, const Vec3& b, std::uint32_t place_a,
-                  std::uint32_t place_b) noexcept {
-  return place_a < place_b ? d.dot(a.cross(b)) : -d.dot(b.cross(a));
-}
-
-/// a . (b x c), the same to the bit whichever corner of a triangle comes first.
-double triple(std::array<std::uint32_t, 3> place, std::array<Vec3, 3> at) noexcept {
-  const auto first = static_cast<std::size_t>(std::min_element(place.begin(), place.end()) - place.begin());
-  return at[first].dot(at[(first + 1) % 3].cross(at[(first + 2) % 3]));
-}
-
 bool shares(const Stand& left, std::uint32_t a, std::uint32_t b, std::uint32_t c) noexcept {
   const auto has = [&](std::uint32_t place) { return place == a || place == b || place == c; };
   const Feature f = left.foot.feature;
@@ -70,10 +58,12 @@ bool StarContact::update_slowly(const Vec3& h, StarCounters& counters) noexcept 
         bound_hit_ = !all;
         return false;
       }
+      stand_.foot.point = from_ + hit.fraction * (h - from_);
       stand_on(hit);
     }
-    if (follow(h, counters)) return true;
+    if (others_count_ > 0 ? hold_together(h, counters) : follow_alone(h, counters)) return true;
     contact_ = false;
+    others_count_ = 0;
     from_ = stand_.foot.point;
     left = &stand_;
     forget_blocks();
@@ -90,6 +80,7 @@ void StarContact::stand_on(const Hit& hit) noexcept {
       trend.normal.dot(stand_.facet.area_normal()) < 0.0)
     side_ = -side_;  // a facet that is turned over
   framed_ = false;
+  others_count_ = 0;
   contact_ = true;
 }
 
@@ -98,7 +89,7 @@ bool StarContact::cross(const Vec3& h, FacetFrame::Weights weights, StarCounters
     const std::uint32_t corner = weights.beyond();
     if (corner == 3) return false;
     const Facet next = across(*mesh_, stand_.facet, corner_after(corner));
-    if (next.place[0] == kNoPlace) return false;
+    if (next.place[0] == kNoPlace || is_crossed(next)) return false;
     const FacetFrame frame(next, side_);
     weights = frame.at(h);
     // Its own edge is the one between corners 0 and 2: back over it means that the foot is on the edge.
@@ -123,6 +114,7 @@ bool StarContact::follow(const Vec3& h, StarCounters& counters) noexcept {
   if (stand_.facet.place != before || !framed_) {
     frame_ = FacetFrame(stand_.facet, side_);
     framed_ = true;
+    watched_ = is_crossed(stand_.facet);
     for (const std::uint32_t place : stand_.facet.place) read_ahead(place);
   }
   pull_ = stand_.foot.point - h;
@@ -196,37 +188,9 @@ bool StarContact::bridge(const Vec3& h, double edge, StarCounters& counters) noe
   if (best.place[0] == kNoPlace) return narrow;
   stand_ = {best, nearest};
   frame_ = FacetFrame(best, side_);
+  watched_ = is_crossed(best);
   pull_ = nearest.point - h;
   return true;
-}
-
-void StarContact::test_block(std::uint32_t block, const Way& way, const Stand* left, Hit& hit,
-                             std::uint32_t& tested) const noexcept {
-  const Vec3 &from = way.from, &to = way.to;
-  if (tree_->layer(block).misses(from, to)) return;
-  const Vec3 d = to - from;
-  const std::uint32_t first = block * kBlockPlaces;
-  const std::uint32_t last = std::min(first + kBlockPlaces, mesh_->size());
-  for (std::uint32_t place = first; place < last; ++place)
-    mesh_->for_triangles_of(place, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-      ++tested;
-      if (mesh_->triangle_misses(a, b, c, way.box)) return;
-      const Vec3 pa = mesh_->at(a), pb = mesh_->at(b), pc = mesh_->at(c);
-      const Vec3 n = (pb - pa).cross(pc - pa);
-      const double before = n.dot(from - pa), behind = n.dot(to - pa);
-      const bool in = before >= 0.0 && behind < 0.0, out = before <= 0.0 && behind > 0.0;
-      if (!in && !out) return;
-      const double fraction = before / (before - behind);
-      if (!(fraction < hit.fraction)) return;
-      const Vec3 ra = pa - from, rb = pb - from, rc = pc - from;
-      const double u = along_edge(d, ra, rb, a, b), v = along_edge(d, rb, rc, b, c),
-                   w = along_edge(d, rc, ra, c, a);
-      if (!((u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0))) return;
-      if (left != nullptr && shares(*left, a, b, c)) return;
-      const double side = in ? 1.0 : -1.0;
-      if (mesh_->is_closed(a) && free_side_[mesh_->closed_piece(a)] != side) return;
-      hit = {{a, b, c}, fraction, side};
-    });
 }
 
 bool StarContact::look_around(const Vec3& at, double reach, StarCounters& counters) noexcept {
@@ -265,16 +229,21 @@ bool StarContact::first_entry(const Vec3& from, const Vec3& to, const Stand* lef
   const auto covered = [&](const Vec3& p) { return (p - near_at_).cwiseAbs().maxCoeff() <= near_reach_; };
   bool near = covered(to) && covered(from);
   if (!near) near = look_around(to, kStepsAhead * (to - from).cwiseAbs().maxCoeff(), counters);
+  const auto look = [&](std::uint32_t block) noexcept {
+    pierce_block(*mesh_, *tree_, block, way, hit, tested,
+                 [&](std::uint32_t a, std::uint32_t b, std::uint32_t c, double side) noexcept {
+                   return !(left != nullptr && shares(*left, a, b, c)) && is_free(a, side);
+                 });
+  };
   bool all = true;
   if (near) {
     for (std::uint32_t node = 0; node * kFanOut < near_count_; ++node)
       for (unsigned mask = near_box_[node].meets(way.box); mask != 0; mask &= mask - 1)
-        test_block(near_block_[node * kFanOut + static_cast<std::uint32_t>(__builtin_ctz(mask))], way, left,
-                   hit, tested);
+        look(near_block_[node * kFanOut + static_cast<std::uint32_t>(__builtin_ctz(mask))]);
   } else {
     all = tree_->for_blocks(around, kMaxNodes,
                             [&](std::uint32_t block, const BoxNode&, std::uint32_t) noexcept {
-                              test_block(block, way, left, hit, tested);
+                              look(block);
                               return tested < kMaxTested;
                             });
   }
@@ -301,7 +270,7 @@ void StarContact::point_moved(std::uint32_t place, const Vec3& from, const Vec3&
     const bool out = before >= 0.0 && behind < 0.0 && at_b >= 0.0 && at_c <= 0.0;
     const double side = in ? 1.0 : -1.0;
     if (!in && !out) continue;
-    if (mesh_->is_closed(place) && free_side_[mesh_->closed_piece(place)] != side) continue;
+    if (!is_free(place, side)) continue;
     Hit hit;
     hit.place = corner;
     hit.side = side;

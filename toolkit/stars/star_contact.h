@@ -3,8 +3,10 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
+#include "toolkit/stars/pierce.h"
 #include "toolkit/stars/star_tree.h"
 #include "toolkit/stars/star_walk.h"
 
@@ -32,6 +34,11 @@ inline constexpr std::size_t kMaxBlocksNear = 16;
 /// Steps of the HIP that they are looked up for: half of the look-ups of four, twice the blocks.
 inline constexpr double kStepsAhead = 8.0;
 
+/// Sheets that hold a god object together: of three that cross, none adds a place where it may go.
+inline constexpr std::size_t kMaxHeld = 3;
+/// Times the facets are looked up again where the last solution lies, as for several models.
+inline constexpr int kHeldRounds = 3;
+
 struct StarCounters {
   std::uint64_t moves = 0, tested = 0, blocks = 0;
 };
@@ -46,6 +53,7 @@ class StarContact {
   /// Free at h, known to be clear.
   void start_from(const Vec3& h) noexcept {
     contact_ = false;
+    others_count_ = 0;
     from_ = h;
     forget_blocks();
   }
@@ -54,11 +62,11 @@ class StarContact {
     bound_hit_ = false;
     if (contact_) [[likely]] {
       const FacetFrame::Weights weights = frame_.at(h);
-      if (weights.hold()) [[likely]] {
+      if (weights.hold() && !watched_) [[likely]] {
         rest_inside(h, weights);
         return true;
       }
-      if (cross(h, weights, counters)) return true;
+      if (!watched_ && cross(h, weights, counters)) return true;
     }
     return update_slowly(h, counters);
   }
@@ -73,6 +81,10 @@ class StarContact {
     if (!contact_) return;
     const auto& place = stand_.facet.place;
     take_facet({standing(place[0]), standing(place[1]), standing(place[2])});
+    for (std::uint32_t i = 0; i < others_count_; ++i) {
+      const auto& corner = others_[i].stand.facet.place;
+      others_[i].stand.facet = Facet(*mesh_, standing(corner[0]), standing(corner[1]), standing(corner[2]));
+    }
   }
   [[nodiscard]] bool contact() const noexcept { return contact_; }
   [[nodiscard]] bool bound_hit() const noexcept { return bound_hit_; }
@@ -82,13 +94,14 @@ class StarContact {
   [[nodiscard]] const Stand& stand() const noexcept { return stand_; }
   /// 1: the outer side is touched, -1: the inner one.
   [[nodiscard]] double side() const noexcept { return side_; }
-
- private:
-  struct Hit {
-    std::array<std::uint32_t, 3> place{kNoPlace, kNoPlace, kNoPlace};
-    double fraction = 2.0;
+  /// A further sheet that holds the god object.
+  struct Held {
+    Stand stand;
     double side = 1.0;
   };
+  [[nodiscard]] std::span<const Held> others() const noexcept { return {others_.data(), others_count_}; }
+
+ private:
   void rest_inside(const Vec3& h, const FacetFrame::Weights& weights) noexcept {
     pull_ = frame_.normal() * -weights.height;
     stand_.foot = {h + pull_, weights.height * weights.height, Feature::kInside};
@@ -101,9 +114,25 @@ class StarContact {
     const Ring ring = mesh_->ring(place);
     for (std::uint32_t k = 0; k < ring.size; ++k) mesh_->prefetch(ring.of[k]);
   }
+  /// Both sides of an open piece can be touched, of a closed one that where the replay began.
+  [[nodiscard]] bool is_free(std::uint32_t place, double side) const noexcept {
+    return !mesh_->is_closed(place) || free_side_[mesh_->closed_piece(place)] == side;
+  }
+  /// Another sheet may go through the facet.
+  [[nodiscard]] bool is_crossed(const Facet& facet) const noexcept {
+    return mesh_->is_crossed(facet.place[0]) || mesh_->is_crossed(facet.place[1]) ||
+           mesh_->is_crossed(facet.place[2]);
+  }
   bool update_slowly(const Vec3& h, StarCounters& counters) noexcept;
   /// Follows the sheet. False where h is free of it.
   bool follow(const Vec3& h, StarCounters& counters) noexcept;
+  /// Follows the sheet, and looks whether the god object went through another on its way: then both hold it.
+  bool follow_alone(const Vec3& h, StarCounters& counters) noexcept;
+  /// The first triangle of another sheet on the god object's way.
+  bool meet_other(const Vec3& from, const Vec3& to, StarCounters& counters, Hit& hit) noexcept;
+  /// Several sheets hold: the god object goes to the place nearest to h that is behind none of them. False
+  /// where none holds any more.
+  bool hold_together(const Vec3& h, StarCounters& counters) noexcept;
   /// Whether the pull's cosine with a normal, squared, is below a share.
   [[nodiscard]] bool leans_from(const Vec3& normal, double share) const noexcept;
   /// A facet says that h is in front, and h is farther off than an edge: a HIP that leaves is near. True
@@ -117,13 +146,6 @@ class StarContact {
   /// triangles do not count.
   bool first_entry(const Vec3& from, const Vec3& to, const Stand* left, StarCounters& counters,
                    Hit& hit) noexcept;
-  /// A step of a free HIP.
-  struct Way {
-    const Vec3 &from, &to;
-    FloatBox box;
-  };
-  void test_block(std::uint32_t block, const Way& way, const Stand* left, Hit& hit,
-                  std::uint32_t& tested) const noexcept;
   void stand_on(const Hit& hit) noexcept;
   void take_facet(const std::array<std::uint32_t, 3>& place) noexcept;
   void forget_blocks() noexcept { near_reach_ = -1.0; }
@@ -137,8 +159,11 @@ class StarContact {
   double side_ = 1.0;
   Vec3 pull_ = Vec3::Zero();
   FacetFrame frame_;
-  bool framed_ = false;  ///< frame_ is that of stand_.facet
+  bool framed_ = false;   ///< frame_ is that of stand_.facet
+  bool watched_ = false;  ///< another sheet may go through it: no frame is a quick one
   Stand stand_;
+  std::array<Held, kMaxHeld - 1> others_;  ///< what holds besides stand_
+  std::uint32_t others_count_ = 0;
   Vec3 from_ = Vec3::Zero();  ///< free up to here
 
   // Blocks that meet the cube of half edge near_reach_ around near_at_: two nodes' worth of boxes.

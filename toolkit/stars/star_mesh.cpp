@@ -78,7 +78,7 @@ class StarMeshBuilder {
     StarMeshStore::fill(
         mesh_, draft_.point, [this](std::uint32_t i) -> const Star& { return draft_.star[i]; },
         [&](std::uint32_t i) { return pieces_.of[i] == kNoPoint ? kNoPlace : closed_number[pieces_.of[i]]; },
-        threads_);
+        [this](std::uint32_t i) { return draft_.crossed[i] != 0; }, threads_);
     counts.unused -= counts.welded;
   }
 

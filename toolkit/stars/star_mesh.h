@@ -92,6 +92,10 @@ class StarMesh {
   [[nodiscard]] bool is_closed(std::uint32_t place) const noexcept {
     return (points_[place].info & kClosed) != 0;
   }
+  /// Another sheet goes through this one beside the place, or may.
+  [[nodiscard]] bool is_crossed(std::uint32_t place) const noexcept {
+    return (points_[place].info & kCrossed) != 0;
+  }
   /// The closed piece of a place that is on one: below counts().closed_pieces.
   [[nodiscard]] std::uint32_t closed_piece(std::uint32_t place) const noexcept {
     return closed_piece_of_.empty() ? 0 : closed_piece_of_[place];
@@ -133,7 +137,8 @@ class StarMesh {
   friend class MovingStars;
   friend class StarMeshStore;
   friend class StarRefiner;
-  static constexpr std::uint32_t kSizeMask = 0xF, kLong = 0xF, kClosed = 0x10;
+  static constexpr std::uint32_t kSizeMask = 0xF, kLong = 0xF, kClosed = 0x10, kCrossed = 0x20;
+  static constexpr std::uint32_t kOfPlace = kClosed | kCrossed;  ///< what does not change with the ring
   static constexpr std::uint32_t kOpenShift = 8, kOpenMask = 0xFF;
 
   Vec3 origin_mm_ = Vec3::Zero();

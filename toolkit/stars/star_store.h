@@ -17,10 +17,10 @@ class StarMeshStore {
  public:
   /// Points, rings and what is counted of them; `mesh` has its origin, order and other counts already.
   /// star_of(place): the Star there, its ring by place. closed_of(place): the number of the closed piece that
-  /// it is on, or kNoPlace. Both are called on many threads.
-  template <class StarOf, class ClosedOf>
+  /// it is on, or kNoPlace. is_crossed(place): see StarMesh. All are called on many threads.
+  template <class StarOf, class ClosedOf, class IsCrossed>
   static void fill(StarMesh& mesh, const std::vector<Placed>& points, StarOf&& star_of, ClosedOf&& closed_of,
-                   int threads) {
+                   IsCrossed&& is_crossed, int threads) {
     const std::size_t n = points.size();
     StarCounts& counts = mesh.counts_;
     counts.triangles = counts.unused = counts.open_points = 0;
@@ -47,6 +47,7 @@ class StarMeshStore {
         const Star& star = star_of(place);
         const std::uint32_t closed = closed_of(place);
         std::uint32_t info = closed != kNoPlace ? StarMesh::kClosed : 0;
+        if (is_crossed(place)) info |= StarMesh::kCrossed;
         auto& row = mesh.rings_[i];
         row.fill(place);
         if (star.size > kShortRing) {

@@ -1,0 +1,68 @@
+// Internal to stars: the triangles of a block that a step goes through.
+#pragma once
+
+#include <Eigen/Geometry>  // cross products
+#include <algorithm>
+#include <array>
+#include <cstdint>
+
+#include "toolkit/stars/star_tree.h"
+
+namespace palpate::stars {
+
+/// A step of a HIP, or of a god object.
+struct Way {
+  const Vec3 &from, &to;
+  FloatBox box;
+};
+
+/// The first triangle that a way goes through.
+struct Hit {
+  std::array<std::uint32_t, 3> place{kNoPlace, kNoPlace, kNoPlace};
+  double fraction = 2.0;  ///< of the way
+  double side = 1.0;      ///< 1: it comes from the outer side, -1: from the inner one
+};
+
+/// d . (a x b), the same to the bit for both triangles of an edge.
+inline double along_edge(const Vec3& d, const Vec3& a, const Vec3& b, std::uint32_t place_a,
+                         std::uint32_t place_b) noexcept {
+  return place_a < place_b ? d.dot(a.cross(b)) : -d.dot(b.cross(a));
+}
+
+/// a . (b x c), the same to the bit whichever corner of a triangle comes first.
+inline double triple(std::array<std::uint32_t, 3> place, std::array<Vec3, 3> at) noexcept {
+  const auto first = static_cast<std::size_t>(std::min_element(place.begin(), place.end()) - place.begin());
+  return at[first].dot(at[(first + 1) % 3].cross(at[(first + 2) % 3]));
+}
+
+/// Looks for an earlier hit in a block. The test is exact: nothing slips through between two triangles of a
+/// sheet. takes(a, b, c, side): whether that triangle counts.
+template <class Takes>
+void pierce_block(const StarMesh& mesh, const StarTree& tree, std::uint32_t block, const Way& way, Hit& hit,
+                  std::uint32_t& tested, Takes&& takes) noexcept {
+  const Vec3 &from = way.from, &to = way.to;
+  if (tree.layer(block).misses(from, to)) return;
+  const Vec3 d = to - from;
+  const std::uint32_t first = block * kBlockPlaces;
+  const std::uint32_t last = std::min(first + kBlockPlaces, mesh.size());
+  for (std::uint32_t place = first; place < last; ++place)
+    mesh.for_triangles_of(place, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+      ++tested;
+      if (mesh.triangle_misses(a, b, c, way.box)) return;
+      const Vec3 pa = mesh.at(a), pb = mesh.at(b), pc = mesh.at(c);
+      const Vec3 n = (pb - pa).cross(pc - pa);
+      const double before = n.dot(from - pa), behind = n.dot(to - pa);
+      const bool in = before >= 0.0 && behind < 0.0, out = before <= 0.0 && behind > 0.0;
+      if (!in && !out) return;
+      const double fraction = before / (before - behind);
+      if (!(fraction < hit.fraction)) return;
+      const Vec3 ra = pa - from, rb = pb - from, rc = pc - from;
+      const double u = along_edge(d, ra, rb, a, b), v = along_edge(d, rb, rc, b, c),
+                   w = along_edge(d, rc, ra, c, a);
+      if (!((u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0))) return;
+      const double side = in ? 1.0 : -1.0;
+      if (takes(a, b, c, side)) hit = {{a, b, c}, fraction, side};
+    });
+}
+
+}  // namespace palpate::stars
