@@ -102,7 +102,7 @@ double share_along(const surface::Symmetric& c, const Vec3& n) noexcept {
 /// Where sheets cross or fold: the plane through the point and two of its nearest ten that most of the
 /// nearest lie in, if half of them do; else `otherwise`.
 Vec3 normal_of_most(const Draft& draft, std::uint32_t i, const Vec3& otherwise) noexcept {
-  constexpr std::size_t kSpanning = 10, kEnough = kNear / 2;
+  constexpr std::size_t kSpanning = 10, kEnough = 6;
   constexpr double kInPlane = 0.08;   // height for distance: 5 degrees
   constexpr double kLeastSine = 0.3;  // of the angle that spans a plane
   std::array<Vec3, kNear> at;

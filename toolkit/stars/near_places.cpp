@@ -12,7 +12,7 @@
 namespace palpate::stars {
 namespace {
 
-constexpr float kFar = std::numeric_limits<float>::infinity();
+constexpr float kNowhere = std::numeric_limits<float>::infinity();
 /// The radius that served the block before, with a little to spare: most blocks are served at once, and few
 /// points beyond the nearest are looked at.
 constexpr float kRadiusRoom = 1.06F;
@@ -152,7 +152,7 @@ void choose(std::uint32_t self, std::size_t count, std::size_t most, NearScratch
     out.place[out.size++] = place;
   };
   if (count <= kMostRanked) {
-    std::fill_n(scratch.key.begin() + static_cast<std::ptrdiff_t>(count), kLanes, kFar);
+    std::fill_n(scratch.key.begin() + static_cast<std::ptrdiff_t>(count), kLanes, kNowhere);
     search_kernels().rank(scratch.key.data(), count, scratch.rank.data());
     std::array<std::uint32_t, kMostRanked> order;
     for (std::uint32_t k = 0; k < count; ++k) order[scratch.rank[k]] = k;
@@ -175,8 +175,8 @@ void choose(std::uint32_t self, std::size_t count, std::size_t most, NearScratch
 BoxNode empty_box_node() noexcept {
   BoxNode node;
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    node.low[axis].fill(kFar);
-    node.high[axis].fill(-kFar);
+    node.low[axis].fill(kNowhere);
+    node.high[axis].fill(-kNowhere);
   }
   return node;
 }
@@ -289,8 +289,8 @@ float NearPlaces::search(std::size_t block, unsigned places, std::size_t most, f
     for (std::size_t axis = 0; axis < 3; ++axis) {
       // More than the rounding of the distances, and a step for that of this.
       const float far = radius * kBoxRoom;
-      box.low[axis] = std::nextafter(box.low[axis] - far, -kFar);
-      box.high[axis] = std::nextafter(box.high[axis] + far, kFar);
+      box.low[axis] = std::nextafter(box.low[axis] - far, -kNowhere);
+      box.high[axis] = std::nextafter(box.high[axis] + far, kNowhere);
     }
     more = gather(box, scratch.blocks);
     const std::size_t room = scratch.blocks.size() * kBlockPlaces + 2 * kLanes;
@@ -303,7 +303,7 @@ float NearPlaces::search(std::size_t block, unsigned places, std::size_t most, f
       const auto k = static_cast<std::size_t>(std::countr_zero(left));
       const std::size_t i = block * kBlockPlaces + k;
       const Search search = {
-          x_.data(),     y_.data(), z_.data(), x_[i], y_[i], z_[i], more ? radius * radius : kFar,
+          x_.data(),     y_.data(), z_.data(), x_[i], y_[i], z_[i], more ? radius * radius : kNowhere,
           scratch.blocks};
       const std::size_t count = search_kernels().sieve(search, scratch.key.data(), scratch.place.data());
       // Itself is one of them.

@@ -12,8 +12,8 @@
 
 namespace palpate::stars {
 
-/// Where sides do not agree the surface is made anew without the points of the tear, so many times: what is
-/// torn then has no sides.
+/// Where sides do not agree, or noise hangs over, the surface is made anew without the points of the place,
+/// so many times: what is torn then has no sides.
 constexpr int kTornRounds = 3;
 
 class StarMeshBuilder {
@@ -47,8 +47,11 @@ class StarMeshBuilder {
     counts.filled = filled.filled;
     step("sides");
     pieces_ = turn_stars(draft_);
-    for (int round = 0; round < kTornRounds && !pieces_.torn.empty(); ++round) {
-      counts.filled += fill_without(draft_, corners_of(pieces_.torn));
+    for (int round = 0; round < kTornRounds; ++round) {
+      std::vector<std::array<std::uint32_t, 3>> wrong = overhanging(draft_);
+      wrong.insert(wrong.end(), pieces_.torn.begin(), pieces_.torn.end());
+      if (wrong.empty()) break;
+      counts.filled += fill_without(draft_, corners_of(wrong));
       pieces_ = turn_stars(draft_);
     }
     counts.torn = pieces_.torn.size();

@@ -215,4 +215,40 @@ Pieces turn_stars(Draft& draft) {
   return Turner(draft).run();
 }
 
+std::vector<std::array<std::uint32_t, 3>> overhanging(const Draft& draft) {
+  const std::size_t n = draft.size();
+  // Planes, to the side that the triangles there face.
+  std::vector<Vec3f> plane(n, Vec3f::Zero());
+  const auto rough = [&](std::size_t begin, std::size_t end, auto&& use) {
+    for (std::size_t i = begin; i < end; ++i)
+      if (draft.rough[i] != 0) use(static_cast<std::uint32_t>(i));
+  };
+  parallel_chunks(n, kPointsPerChunk, draft.threads, [&](std::size_t begin, std::size_t end) {
+    rough(begin, end, [&](std::uint32_t i) {
+      const Star& star = draft.star[i];
+      const Vec3 p = draft.at(i);
+      Vec3 area = Vec3::Zero();
+      for (std::uint32_t k = 0; k < star.size; ++k)
+        if (star.has_sector(k))
+          area += (draft.at(star.ring[k]) - p).cross(draft.at(star.ring[star.next(k)]) - p);
+      plane[i] = area.dot(draft.normal[i].cast<double>()) < 0.0 ? Vec3f(-draft.normal[i]) : draft.normal[i];
+    });
+  });
+  std::vector<std::vector<std::array<std::uint32_t, 3>>> parts((n + kPointsPerChunk - 1) / kPointsPerChunk);
+  parallel_chunks(n, kPointsPerChunk, draft.threads, [&](std::size_t begin, std::size_t end) {
+    rough(begin, end, [&](std::uint32_t i) {
+      for_triangles(draft, i, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+        if (draft.rough[b] == 0 || draft.rough[c] == 0) return;
+        const Vec3 p = draft.at(a);
+        const Vec3 area = (draft.at(b) - p).cross(draft.at(c) - p);
+        if (area.dot((plane[a] + plane[b] + plane[c]).cast<double>()) < 0.0)
+          parts[begin / kPointsPerChunk].push_back({a, b, c});
+      });
+    });
+  });
+  std::vector<std::array<std::uint32_t, 3>> found;
+  for (const auto& part : parts) found.insert(found.end(), part.begin(), part.end());
+  return found;
+}
+
 }  // namespace palpate::stars

@@ -9,6 +9,7 @@
 
 #include "tests/toolkit/stars/clouds.h"
 #include "tests/toolkit/stars/sound.h"
+#include "toolkit/stars/near_places.h"
 
 namespace palpate::stars {
 namespace {
@@ -41,6 +42,29 @@ TEST(StarMesh, OfRandomPointsIsWhole) {
   EXPECT_EQ(torus.counts().triangles, 2 * used);
   EXPECT_LT(torus.counts().unused + torus.counts().welded, torus.size() / 500);
   EXPECT_LT(torus.counts().voted + torus.counts().filled, torus.size() / 500);
+}
+
+/// Noise leaves no holes and no tears: what cannot be settled is made without the points in question, and
+/// these are few.
+TEST(StarMesh, InNoiseIsWhole) {
+  for (const double noise : {0.05, 0.1, 0.15}) {
+    SCOPED_TRACE(noise);
+    const StarMesh torus = StarMesh::build(cloud_of(random_torus(60000, noise, 18)), 2);
+    EXPECT_EQ(torus.counts().torn, 0u);
+    EXPECT_LT(torus.counts().open_points, torus.size() / 1000);
+    EXPECT_LT(torus.counts().unused + torus.counts().welded, torus.size() / 200);
+  }
+}
+
+/// More points at each place than a star looks at: one of each place counts.
+TEST(StarMesh, PilesAreOnePointEach) {
+  const std::vector<Vec3> once = random_torus(2000, 0.0, 19);
+  std::vector<Vec3> piled;
+  for (int copy = 0; copy < 40; ++copy) piled.insert(piled.end(), once.begin(), once.end());
+  const StarMesh single = StarMesh::build(cloud_of(once), 2), many = StarMesh::build(cloud_of(piled), 2);
+  EXPECT_EQ(many.counts().triangles, single.counts().triangles);
+  EXPECT_EQ(many.counts().welded, single.counts().welded + 39u * 2000u);
+  EXPECT_EQ(many.counts().unused, single.counts().unused);
 }
 
 TEST(StarMesh, PointsOutOfClosedPieces) {
@@ -166,6 +190,41 @@ TEST(StarMesh, FewPointsHaveNoSurface) {
     const StarMesh mesh = StarMesh::build(cloud_of(points), 1);
     EXPECT_EQ(mesh.size(), count);
     EXPECT_EQ(mesh.counts().triangles, 0u);
+  }
+}
+
+/// Against all pairs: even and uneven, lattices with their ties, an outlier, piles, few points.
+TEST(NearPlaces, AreTheNearest) {
+  std::vector<Vec3> lattice, far = random_torus(1500, 0.0, 20);
+  for (int x = 0; x < 30; ++x)
+    for (int y = 0; y < 30; ++y) lattice.emplace_back(0.25 * x, 0.25 * y, 0.0);
+  far.emplace_back(1e5, 0.0, 0.0);
+  std::vector<Vec3> piled(100, Vec3(1, 2, 3));
+  for (const Vec3& p : random_torus(300, 0.0, 21)) piled.push_back(p);
+  for (const std::vector<Vec3>& points :
+       {random_torus(1500, 0.3, 22), density_step(1500, 23), lattice, far, piled, random_torus(5, 0.0, 24)}) {
+    const Places places = sort_places(cloud_of(points), 2);
+    const NearPlaces near(places.point, places.doubled, 2);
+    std::vector<int> asked(points.size(), 0);
+    for (const std::size_t most : {std::size_t{16}, std::size_t{128}}) {
+      near.run(most, {}, 2, [&](std::uint32_t i, const Nearby& nearby) {
+        ++asked[i];
+        using Pair = std::pair<float, std::uint32_t>;
+        std::vector<Pair> all;
+        const Placed& p = places.point[i];
+        for (std::uint32_t j = 0; j < places.point.size(); ++j) {
+          if (j == i || places.doubled[j] != 0) continue;
+          const Placed& q = places.point[j];
+          const float x = q.x_mm - p.x_mm, y = q.y_mm - p.y_mm, z = q.z_mm - p.z_mm;
+          all.emplace_back(x * x + y * y + z * z, j);
+        }
+        std::sort(all.begin(), all.end());
+        all.resize(std::min(all.size(), most));
+        ASSERT_EQ(nearby.size, all.size());
+        for (std::size_t k = 0; k < all.size(); ++k) EXPECT_EQ(nearby.place[k], all[k].second);
+      });
+    }
+    for (std::size_t i = 0; i < points.size(); ++i) EXPECT_EQ(asked[i], places.doubled[i] != 0 ? 0 : 2);
   }
 }
 
