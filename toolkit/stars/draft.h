@@ -13,6 +13,10 @@
 #include "toolkit/stars/flat_cell.h"
 #include "toolkit/stars/places.h"
 
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
+
 namespace palpate::stars {
 
 /// Nearest points that a star is made of. A random point's star reaches its twelfth neighbour in one of a
@@ -60,6 +64,22 @@ struct alignas(64) Star {
  private:
   static constexpr std::uint32_t kFound = 8;  ///< ring points compared at once
   static_assert(kMaxCorners % kFound == 0 && kMaxCorners < 32);
+  /// Bit k: ring point first + k is b, or what stands beyond the ring's end is.
+  [[nodiscard]] unsigned same_in(std::uint32_t first, std::uint32_t b) const noexcept {
+#if defined(__SSE2__)
+    const __m128i wanted = _mm_set1_epi32(static_cast<int>(b));
+    const auto four = [&](std::uint32_t at) {
+      const __m128i these = _mm_loadu_si128(reinterpret_cast<const __m128i*>(&ring[at]));
+      return _mm_cmpeq_epi32(these, wanted);
+    };
+    const __m128i eight = _mm_packs_epi32(four(first), four(first + kFound / 2));
+    return static_cast<unsigned>(_mm_movemask_epi8(_mm_packs_epi16(eight, _mm_setzero_si128())));
+#else
+    unsigned same = 0;
+    for (std::uint32_t k = 0; k < kFound; ++k) same |= static_cast<unsigned>(ring[first + k] == b) << k;
+    return same;
+#endif
+  }
   [[nodiscard]] static std::uint32_t bits_of(std::uint32_t x) noexcept {
     return static_cast<std::uint32_t>(std::popcount(x));
   }
@@ -104,6 +124,7 @@ inline constexpr double kReachPerBall = 1.5;
 struct Layout {
   Vec3 normal = Vec3::Zero();
   double steepest = 1.0;  ///< a neighbour that rises more than this share of its distance is left out
+  bool apart = false;     ///< a neighbour on a sheet that crosses this one is left out
   /// Neighbours are laid out where they stand above the plane, instead of with their distances in space: on a
   /// surface these are what two points agree on, in noise they are what no two do.
   bool flat = false;

@@ -7,6 +7,10 @@
 #include <cstddef>
 #include <cstdint>
 
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
+
 namespace palpate::stars {
 
 /// A neighbour laid out flat, relative to the point.
@@ -26,10 +30,12 @@ class FlatCell {
  public:
   /// The square of half edge `reach`.
   void start(double reach) noexcept {
+    static_assert(kMaxCorners % 2 == 0 && kMaxCorners < 32);
     size_ = 4;
-    u_ = {reach, -reach, -reach, reach};
-    v_ = {reach, reach, -reach, -reach};
-    side_.fill(kOpenSide);
+    put(0, {reach, reach}, kOpenSide);
+    put(1, {-reach, reach}, kOpenSide);
+    put(2, {-reach, -reach}, kOpenSide);
+    put(3, {reach, -reach}, kOpenSide);
     reach_sq_ = 2.0 * reach * reach;
   }
   /// Takes away what is nearer to `q` than to the origin; false where that is nothing.
@@ -61,34 +67,42 @@ class FlatCell {
     v_[i] = corner.v;
     side_[i] = side;
   }
-  /// Corners from `from` on move to `to` on.
+  /// Corners from `from` on move to `to` on. Few and short: calls of memmove would cost more.
   void move(std::size_t from, std::size_t to) noexcept {
-    const auto shift = [&](auto& of) {
-      if (to < from)
-        std::copy(of.begin() + from, of.begin() + size_, of.begin() + to);
-      else
-        std::copy_backward(of.begin() + from, of.begin() + size_, of.begin() + size_ + (to - from));
-    };
-    shift(u_);
-    shift(v_);
-    shift(side_);
+    const auto copy = [this](std::size_t of, std::size_t into) { put(into, {u_[of], v_[of]}, side_[of]); };
+    if (to < from)
+      for (std::size_t i = from; i < size_; ++i) copy(i, i - from + to);
+    else
+      for (std::size_t i = size_; i-- > from;) copy(i, i - from + to);
     size_ = size_ + to - from;
   }
 
   // Apart, so that corners are compared with a bisector some at a time.
-  std::array<double, kMaxCorners> u_, v_;
+  alignas(16) std::array<double, kMaxCorners> u_, v_;
   std::array<std::uint32_t, kMaxCorners> side_;
   std::size_t size_ = 0;
   double reach_sq_ = 0.0;
 };
 
 inline bool FlatCell::cut(const FlatPoint& q, std::uint32_t side) noexcept {
-  std::array<double, kMaxCorners> over;
+  alignas(16) std::array<double, kMaxCorners> over;
   std::uint32_t beyond = 0;  // bit i: corner i goes
+#if defined(__SSE2__)
+  const __m128d qu = _mm_set1_pd(q.u), qv = _mm_set1_pd(q.v), half_square = _mm_set1_pd(q.half_square);
+  for (std::size_t i = 0; i < size_; i += 2) {
+    const __m128d along =
+        _mm_add_pd(_mm_mul_pd(_mm_load_pd(&u_[i]), qu), _mm_mul_pd(_mm_load_pd(&v_[i]), qv));
+    const __m128d two = _mm_sub_pd(along, half_square);
+    _mm_store_pd(&over[i], two);
+    beyond |= static_cast<std::uint32_t>(_mm_movemask_pd(_mm_cmpgt_pd(two, _mm_setzero_pd()))) << i;
+  }
+  beyond &= (1u << size_) - 1u;
+#else
   for (std::size_t i = 0; i < size_; ++i) {
     over[i] = u_[i] * q.u + v_[i] * q.v - q.half_square;
     beyond |= static_cast<std::uint32_t>(over[i] > 0.0) << i;
   }
+#endif
   if (beyond == 0) return false;
   const auto n = static_cast<unsigned>(size_);
   const std::uint32_t all = (1u << n) - 1u;

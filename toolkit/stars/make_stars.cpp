@@ -31,15 +31,26 @@ constexpr double kPlaneShare = 0.1;
 /// At first a neighbour that rises by more than 37 degrees is left out: another sheet's, a spacing away, is,
 /// and what is left out at a crease is mended afterwards.
 constexpr double kFirstSteepest = 0.6;
+/// And one of a sheet that goes through this one: its plane is turned by more than 60 degrees, and points
+/// that rise less than 9 degrees from this one lie on both sides of it, by a quarter of how far they are.
+constexpr double kTurned = 0.5, kInSheet = 0.15, kBeyond = 0.25;
 /// Points a chunk where each takes about a microsecond.
 constexpr std::size_t kStarsPerChunk = 4096;
 
-/// Between 0 and 1, of the point's place alone; of the digits and not the exponents, so that a model twice as
-/// large is settled alike.
-float tie_weight(const Placed& p) noexcept {
+/// A power of two that grows with the model: as a float's exponent, where it stands in a float's bits.
+std::uint32_t scale_bits(const std::vector<Placed>& points) noexcept {
   constexpr std::uint32_t kExponent = 0x7F800000u;
-  const auto bits = [](float x) {
-    return static_cast<std::uint64_t>(std::bit_cast<std::uint32_t>(x) & ~kExponent);
+  float most = 0.0F;
+  for (const Placed& p : points)
+    most = std::max({most, std::abs(p.x_mm), std::abs(p.y_mm), std::abs(p.z_mm)});
+  return std::bit_cast<std::uint32_t>(most) & kExponent;
+}
+
+/// Between 0 and 1, of the point's place alone, with exponents counted from the model's: so that a model
+/// twice as large is settled alike.
+float tie_weight(const Placed& p, std::uint32_t scale) noexcept {
+  const auto bits = [scale](float x) {
+    return x == 0.0F ? std::uint64_t{0} : std::uint64_t{std::bit_cast<std::uint32_t>(x) - scale};
   };
   std::uint64_t h = bits(p.x_mm) * kGolden64;
   h = (h ^ (h >> 29) ^ bits(p.y_mm)) * kGolden64;
@@ -88,6 +99,41 @@ double share_along(const surface::Symmetric& c, const Vec3& n) noexcept {
   return along / c.trace();
 }
 
+/// Where sheets cross or fold: the plane through the point and two of its nearest ten that most of the
+/// nearest lie in, if half of them do; else `otherwise`.
+Vec3 normal_of_most(const Draft& draft, std::uint32_t i, const Vec3& otherwise) noexcept {
+  constexpr std::size_t kSpanning = 10, kEnough = kNear / 2;
+  constexpr double kInPlane = 0.08;   // height for distance: 5 degrees
+  constexpr double kLeastSine = 0.3;  // of the angle that spans a plane
+  std::array<Vec3, kNear> at;
+  std::size_t size = 0;
+  for (; size < kNear && draft.near[i][size] != i; ++size)
+    at[size] = draft.at(draft.near[i][size]) - draft.at(i);
+  Vec3 best = otherwise;
+  std::size_t most = kEnough - 1;
+  double least = HUGE_VAL;
+  for (std::size_t a = 0; a < std::min(size, kSpanning); ++a)
+    for (std::size_t b = a + 1; b < std::min(size, kSpanning); ++b) {
+      const Vec3 n = at[a].cross(at[b]);
+      const double square = n.squaredNorm();
+      if (!(square > kLeastSine * kLeastSine * at[a].squaredNorm() * at[b].squaredNorm())) continue;
+      std::size_t in_plane = 0;
+      double off = 0.0;
+      for (std::size_t k = 0; k < size; ++k) {
+        const double height = n.dot(at[k]);
+        const double off_sq = height * height / (square * at[k].squaredNorm());
+        if (!(off_sq < kInPlane * kInPlane)) continue;
+        ++in_plane;
+        off += off_sq;
+      }
+      if (in_plane < most || (in_plane == most && !(off < least)) || in_plane < kEnough) continue;
+      most = in_plane;
+      least = off;
+      best = n / std::sqrt(square);
+    }
+  return best;
+}
+
 /// What the nearest twelve say of the surface at a point.
 struct Surroundings {
   std::array<surface::Symmetric, kPlaneSizes.size()> covariance;  ///< as kPlaneSizes
@@ -109,7 +155,7 @@ struct Surroundings {
   }
   /// Of the nearest twelve; where these are no plane (another sheet's are among them) of fewer, if those are
   /// more of one.
-  [[nodiscard]] Vec3 normal() const noexcept {
+  [[nodiscard]] Vec3 normal(const Draft& draft, std::uint32_t i) const noexcept {
     Vec3 best = Vec3::Zero();
     double least = HUGE_VAL;
     for (std::size_t k = covariance.size(); k-- > 0 && !(least < kPlaneShare);) {
@@ -121,7 +167,7 @@ struct Surroundings {
         best = of_these;
       }
     }
-    return best;
+    return least < kPlaneShare ? best : normal_of_most(draft, i, best);
   }
 };
 
@@ -156,6 +202,9 @@ class FlatNeighbours {
       : draft_(draft),
         normal_(layout.normal),
         steepest_sq_(layout.steepest * layout.steepest),
+        near_(draft.near[point]),
+        point_(point),
+        apart_(layout.apart),
         flat_(layout.flat),
         p_(draft.at(point)),
         weight_(static_cast<double>(draft.point[point].weight)) {
@@ -174,6 +223,7 @@ class FlatNeighbours {
     };
     if (!flat_ && !reaches(square)) return false;
     if (draft_.welded[other] != 0) return false;
+    if (apart_ && crosses(other, d)) return false;
     const double height = normal_.dot(d);
     if (height * height > steepest_sq_ * square) return false;
     const double u = e_.dot(d), v = f_.dot(d);
@@ -188,9 +238,31 @@ class FlatNeighbours {
   }
 
  private:
+  /// Whether the sheet of `other`, which is at d, goes through this one: it is turned by more than 60
+  /// degrees, and this one's points lie on both sides of it. At a crease they lie on one.
+  [[nodiscard]] bool crosses(std::uint32_t other, const Vec3& d) const noexcept {
+    const Vec3 theirs = draft_.normal[other].cast<double>();
+    if (theirs == Vec3::Zero() || !(std::abs(normal_.dot(theirs)) < kTurned)) return false;
+    const double here = -theirs.dot(d), there = kBeyond * d.norm();
+    bool before = here<-there, behind = here> there;
+    for (const std::uint32_t k : near_) {
+      if (k == point_) break;
+      const Vec3 r = draft_.at(k) - p_;
+      const double length = r.norm();
+      if (std::abs(normal_.dot(r)) > kInSheet * length) continue;
+      const double height = here + theirs.dot(r);
+      before = before || height < -kBeyond * length;
+      behind = behind || height > kBeyond * length;
+    }
+    return before && behind;
+  }
+
   const Draft& draft_;
   Vec3 normal_;
   double steepest_sq_;
+  const Near& near_;
+  std::uint32_t point_;
+  bool apart_;
   bool flat_;
   Vec3 p_, e_, f_;
   double weight_;
@@ -248,11 +320,12 @@ void find_near(Draft& draft, const std::vector<std::uint8_t>& doubled) {
     std::fill(near.begin() + static_cast<std::ptrdiff_t>(nearby.size), near.end(), self);
   };
   std::atomic<bool> any_line = false;
+  const std::uint32_t scale = scale_bits(draft.point);
   places.run(kNear, {}, draft.threads, [&](std::uint32_t i, const Nearby& nearby) {
     keep(i, nearby);
     if (nearby.size == 0) return;
     const float scale_sq = nearby.square[std::min(kScaleRank, nearby.size - 1)];
-    draft.point[i].weight = kTieShare * scale_sq * tie_weight(draft.point[i]);
+    draft.point[i].weight = kTieShare * scale_sq * tie_weight(draft.point[i], scale);
     for (std::size_t k = 0; k < nearby.size && nearby.square[k] <= kWeldShare * kWeldShare * scale_sq; ++k)
       if (nearby.place[k] < i) draft.welded[i] = 1;
     const Surroundings around(draft, i);
@@ -260,12 +333,12 @@ void find_near(Draft& draft, const std::vector<std::uint8_t>& doubled) {
     if (draft.sparse[i] != 0)
       any_line.store(true, std::memory_order_relaxed);
     else
-      draft.normal[i] = around.normal().cast<float>();
+      draft.normal[i] = around.normal(draft, i).cast<float>();
   });
   if (!any_line.load()) return;
   places.run(kWideNear, draft.sparse, draft.threads, [&](std::uint32_t i, const Nearby& nearby) {
     keep_directions(draft, i, {nearby.place.data(), nearby.size}, draft.near[i]);
-    draft.normal[i] = Surroundings(draft, i).normal().cast<float>();
+    draft.normal[i] = Surroundings(draft, i).normal(draft, i).cast<float>();
   });
 }
 
@@ -313,7 +386,7 @@ void make_stars(Draft& draft) {
       const auto i = static_cast<std::uint32_t>(k);
       draft.star[i] = {};
       if (draft.welded[i] == 0)
-        draft.star[i] = lay_out(draft, i, {draft.normal[i].cast<double>(), kFirstSteepest});
+        draft.star[i] = lay_out(draft, i, {draft.normal[i].cast<double>(), kFirstSteepest, true});
     }
   });
   parallel_chunks(n, kStarsPerChunk, draft.threads, [&](std::size_t begin, std::size_t end) {

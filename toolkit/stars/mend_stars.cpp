@@ -113,7 +113,8 @@ class Mender {
       add_star(rough[r], changed);
     }
     chunks(rough.size(), [&](std::uint32_t r) {
-      draft_.star[rough[r]] = lay_out(draft_, rough[r], {normal[r].cast<double>(), kRoughSteepest, true});
+      draft_.star[rough[r]] =
+          lay_out(draft_, rough[r], {normal[r].cast<double>(), kRoughSteepest, false, true});
     });
     for (const std::uint32_t i : rough) add_star(i, changed);
     make_unique(changed);
@@ -233,7 +234,7 @@ class Mender {
       const std::span<const std::uint32_t> offered(offers_.data() + offers_begin_[d],
                                                    offers_begin_[d + 1] - offers_begin_[d]);
       const Layout layout = draft_.rough[i] != 0
-                                ? Layout{draft_.normal[i].cast<double>(), kRoughSteepest, true}
+                                ? Layout{draft_.normal[i].cast<double>(), kRoughSteepest, false, true}
                                 : Layout{confirmed_normal(i), steepest};
       Star made = lay_out(draft_, i, layout, offered);
       const auto opened = [](const Star& s) { return s.size - s.sectors(); };

@@ -1,0 +1,74 @@
+// What the triangles of `cloud` cost to make, step by step: see docs/surface.md. Counters are ms a million
+// points of one build; what a step costs on a thread is told by one thread.
+#include <benchmark/benchmark.h>
+
+#include <chrono>
+#include <map>
+#include <string>
+
+#include "toolkit/cloud/generate.h"
+#include "toolkit/stars/star_mesh.h"
+#include "toolkit/stars/star_tree.h"
+
+namespace palpate::benchmarks {
+namespace {
+
+const cloud::Cloud& points_of(const std::string& generator) {
+  static std::map<std::string, cloud::Cloud> made;
+  auto [at, fresh] = made.try_emplace(generator);
+  if (fresh) at->second = cloud::generate(parse_named_options(generator).value()).value().cloud;
+  return at->second;
+}
+
+void make_stars_of(benchmark::State& state, const std::string& generator) {
+  using Clock = std::chrono::steady_clock;
+  const cloud::Cloud& cloud = points_of(generator);
+  const auto threads = static_cast<int>(state.range(0));
+  std::map<std::string, double> ms;
+  for (auto _ : state) {
+    std::string step;
+    Clock::time_point begin;
+    const auto next = [&](std::string_view name) {
+      const Clock::time_point now = Clock::now();
+      if (!step.empty()) ms[step] += std::chrono::duration<double, std::milli>(now - begin).count();
+      step = name;
+      begin = now;
+    };
+    const stars::StarMesh mesh = stars::StarMesh::build(cloud, threads, next);
+    next("tree");
+    benchmark::DoNotOptimize(stars::StarTree::build(mesh, threads).bytes());
+    next("");
+  }
+  constexpr double kMillion = 1e6;
+  const double runs = static_cast<double>(state.iterations()) * static_cast<double>(cloud.size()) / kMillion;
+  double all = 0.0;
+  for (const auto& [step, sum] : ms) {
+    state.counters[step] = sum / runs;
+    all += sum / runs;
+  }
+  state.counters["all"] = all;
+}
+
+BENCHMARK_CAPTURE(make_stars_of, random, "torus:sampling=random:points=1000000:mesh=false")
+    ->Arg(1)
+    ->Arg(2)
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
+BENCHMARK_CAPTURE(make_stars_of, even, "ellipsoid:points=1000000:mesh=false")
+    ->Arg(1)
+    ->Arg(2)
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
+BENCHMARK_CAPTURE(make_stars_of, lattice, "sinusoid:shuffle:points=1002001:mesh=false")
+    ->Arg(1)
+    ->Arg(2)
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
+BENCHMARK_CAPTURE(make_stars_of, noise, "torus:sampling=random:noise=0.22:points=428860:mesh=false")
+    ->Arg(1)
+    ->Arg(2)
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
+
+}  // namespace
+}  // namespace palpate::benchmarks
