@@ -1,12 +1,16 @@
 // The segment-box test, and the frame in contact by size: one renderer after the other over the same contact
-// frames of the same path.
+// frames of the same path. What a dent costs, and a batch of moved points.
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
+#include <cmath>
 #include <memory>
+#include <string>
 
 #include "baselines/register.h"
 #include "toolkit/cloud/generate.h"
 #include "toolkit/core/random.h"
+#include "toolkit/deformation/editable.h"
 #include "toolkit/geometry/segment_box.h"
 #include "toolkit/renderers/toolkit_renderers.h"
 #include "toolkit/trace/paths.h"
@@ -87,6 +91,81 @@ void frame(benchmark::State& state, const char* spec) {
   run_frames(state, spec, state.range(0), 1);
 }
 
+/// A flat square of so many points, 0.1 mm apart, that gives way.
+render::SceneInput yielding_scene(std::int64_t points) {
+  const double extent_mm = 0.1 * std::sqrt(static_cast<double>(points));
+  const std::string spec =
+      "plane:jitter=0.3:points=" + std::to_string(points) + ":extent_mm=" + std::to_string(extent_mm);
+  auto model = cloud::generate(parse_named_options(spec).value()).value();
+  render::SceneInput scene;
+  render::ModelInput input;
+  input.cloud = std::make_shared<cloud::Cloud>(std::move(model.cloud));
+  input.surface.dent = {0.1, 1.0, 50.0};
+  input.moves = std::make_shared<render::MoveQueue>();
+  scene.models.push_back(input);
+  return scene;
+}
+
+std::unique_ptr<render::HapticRenderer> made(const char* spec, const render::SceneInput& scene) {
+  render::Registry registry;
+  render::register_toolkit_renderers(registry);
+  const NamedOptions named = parse_named_options(spec).value();
+  auto renderer = registry.make(named.name, named.options).value();
+  return renderer->prepare(scene, {}) ? std::move(renderer) : nullptr;
+}
+
+/// Pressed in and dragged along, somewhere else in each iteration; counted are frames in which points moved.
+void dent(benchmark::State& state, const char* spec) {
+  const render::SceneInput scene = yielding_scene(state.range(0));
+  const auto renderer = made(spec, scene);
+  if (renderer == nullptr) return state.SkipWithError("preparation failed");
+  auto& editable = dynamic_cast<render::Editable&>(*renderer);
+  const double half = 0.3 * scene.models[0].cloud->box_mm().extent_mm().x();
+  Random random(1);
+  double t = 0.0;
+  renderer->restart(Vec3(0, 0, 1), t);
+  std::int64_t frames = 0;
+  for (auto _ : state) {
+    state.PauseTiming();
+    const Vec3 start(random.uniform(-half, half), random.uniform(-half, half), 0.01);
+    renderer->let_go(start);
+    (void)editable.undo(0);
+    const std::uint64_t before = editable.deform_counters(0).moved;
+    state.ResumeTiming();
+    for (int i = 1; i <= 200; ++i)
+      (void)renderer->step(start + Vec3(0.005 * i, 0, -std::min(0.005 * i, 0.6)), t += 1e-3);
+    frames += editable.deform_counters(0).moved > before ? 200 : 0;
+  }
+  state.counters["per_frame"] = benchmark::Counter(static_cast<double>(frames),
+                                                   benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
+}
+
+/// A batch of 512 points that lie side by side, or anywhere (range 1: 0, 1), and the frame that applies it.
+void batch(benchmark::State& state, const char* spec) {
+  const render::SceneInput scene = yielding_scene(state.range(0));
+  const auto renderer = made(spec, scene);
+  if (renderer == nullptr) return state.SkipWithError("preparation failed");
+  const cloud::Cloud& cloud = *scene.models[0].cloud;
+  Random random(2);
+  double t = 0.0;
+  const Vec3 away(0, 0, 20);
+  renderer->restart(away, t);
+  for (auto _ : state) {
+    state.PauseTiming();
+    render::MoveBatch& moves = *scene.models[0].moves->begin();
+    const std::uint64_t first = random.below(cloud.size() - render::kMaxBatch);
+    for (; moves.count < render::kMaxBatch; ++moves.count) {
+      const auto point =
+          static_cast<std::uint32_t>(state.range(1) == 0 ? first + moves.count : random.below(cloud.size()));
+      moves.point[moves.count] = point;
+      moves.to_mm[moves.count] = (cloud.local_mm(point) + Vec3(0, 0, 0.05 * random.normal())).cast<float>();
+    }
+    scene.models[0].moves->publish();
+    state.ResumeTiming();
+    (void)renderer->step(away, t += 1e-3);
+  }
+}
+
 /// Most of the models are away from the probe; each has 10,201 points up to a hundred, 1,024 in a thousand.
 void models(benchmark::State& state) {
   run_frames(state, "cloud", state.range(1), state.range(0));
@@ -107,6 +186,19 @@ BENCHMARK_CAPTURE(frame, heightfield, "heightfield")->PALPATE_SIZES;
 BENCHMARK_CAPTURE(frame, heightfield_lookup, "heightfield-literal:response=lookup")->PALPATE_SIZES;
 BENCHMARK_CAPTURE(frame, cloud_unshaded, "cloud:shading=none")->PALPATE_SIZES;
 BENCHMARK_CAPTURE(frame, mesh_godobject, "mesh-godobject:mesh=original")->PALPATE_SIZES;
+BENCHMARK_CAPTURE(dent, cloud, "cloud")->Arg(kSizes[0])->Arg(kSizes[2])->Unit(benchmark::kMicrosecond);
+BENCHMARK_CAPTURE(dent, cloud_vertices, "cloud:surface=vertices")
+    ->Arg(kSizes[0])
+    ->Arg(kSizes[2])
+    ->Unit(benchmark::kMicrosecond);
+BENCHMARK_CAPTURE(batch, cloud, "cloud")
+    ->Args({kSizes[2], 0})
+    ->Args({kSizes[2], 1})
+    ->Unit(benchmark::kMicrosecond);
+BENCHMARK_CAPTURE(batch, cloud_vertices, "cloud:surface=vertices")
+    ->Args({kSizes[2], 0})
+    ->Args({kSizes[2], 1})
+    ->Unit(benchmark::kMicrosecond);
 BENCHMARK_CAPTURE(frame, analytic, "analytic")->Arg(kSizes[0])->Unit(benchmark::kMicrosecond);
 
 }  // namespace

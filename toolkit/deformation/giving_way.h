@@ -55,7 +55,8 @@ class GivingWay {
     return depth_mm - dent_.yield_mm > 0.0;
   }
   /// The surface's normal as far around a place as it would give way there: a dent's own walls, however
-  /// steep, add up to nothing in it, so that what is pressed again and again, or dragged along, never folds.
+  /// steep, add up to nothing in it, so that what is pressed again and again, or dragged along, does not
+  /// fold.
   [[nodiscard]] Vec3 normal_around(std::uint32_t place, const Vec3& middle) noexcept {
     return deformer_->normal_around(place, middle, radius_mm(place));
   }

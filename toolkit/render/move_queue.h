@@ -17,7 +17,7 @@
 
 namespace palpate::render {
 
-/// Moves handed over at once: some 100 us of work for the frame that applies them.
+/// Moves handed over at once: 0.25 to 0.8 ms of work for the frame that applies them, on a million points.
 inline constexpr std::size_t kMaxBatch = 512;
 
 /// New positions of points of the cloud, local to its origin, mm.

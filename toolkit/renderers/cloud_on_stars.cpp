@@ -40,8 +40,10 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
         fmt::format(
             "a model near the HIP: {} moves of the god object from facet to facet, {} flights of {} nodes of "
             "eight boxes and {} triangles; what is left is done in the next; of models touched at once the "
-            "{} deepest",
-            stars::kMaxFacetMoves, stars::kMaxFlights, stars::kMaxNodes, stars::kMaxTested, kMaxTouched),
+            "{} deepest; where points move, {} of a dent or {} of a batch, {} new ones and {} blocks of the "
+            "tree",
+            stars::kMaxFacetMoves, stars::kMaxFlights, stars::kMaxNodes, stars::kMaxTested, kMaxTouched,
+            kMaxMovedPoints, kMaxBatch, kMaxInferredPoints, stars::kMaxRefitBlocks),
         options_};
   }
 

@@ -142,18 +142,30 @@ void MovingStars::mark_block(std::uint32_t block) noexcept {
   changed_[(first_changed_ + changed_count_++) % changed_.size()] = block;
 }
 
-/// The blocks that hold the triangles of a place: each lies with its lowest corner. Those that may have to
-/// wait for their turn grow.
-void MovingStars::mark(std::uint32_t place) noexcept {
+/// use(block) for those that hold the triangles of a place, some more than once: each triangle lies with its
+/// lowest corner.
+template <class Use>
+void MovingStars::for_blocks_of(std::uint32_t place, Use&& use) const noexcept {
+  use(place / kBlockPlaces);
   const Ring ring = mesh_->ring(place);
-  mark_block(place / kBlockPlaces);
   for (std::uint32_t k = 0; k < ring.size; ++k)
-    if (ring.of[k] < place) mark_block(ring.of[k] / kBlockPlaces);
+    if (ring.of[k] < place) use(ring.of[k] / kBlockPlaces);
+}
+
+void MovingStars::mark(std::uint32_t place) noexcept {
+  for_blocks_of(place, [this](std::uint32_t block) noexcept { mark_block(block); });
+}
+
+/// After mark(), where triangles have come to blocks that did not have them: those that may have to wait for
+/// their turn grow.
+void MovingStars::grow_star(std::uint32_t place) noexcept {
   if (changed_count_ <= kMaxRefitBlocks) return;
+  const Ring ring = mesh_->ring(place);
   for (std::uint32_t k = 0; k < ring.size; ++k) {
     if (!ring.has_sector(k)) continue;
     const std::uint32_t b = ring.of[k], c = ring.of[ring.next(k)];
-    tree_->grow(std::min({place, b, c}) / kBlockPlaces, {mesh_->at(place), mesh_->at(b), mesh_->at(c)});
+    for (const std::uint32_t corner : {place, b, c})
+      tree_->grow(std::min({place, b, c}) / kBlockPlaces, mesh_->at(corner));
   }
 }
 
@@ -163,6 +175,9 @@ void MovingStars::set(std::uint32_t place, const Vec3f& to) noexcept {
   point.y_mm = to.y();
   point.z_mm = to.z();
   mark(place);
+  if (changed_count_ <= kMaxRefitBlocks) return;
+  const Vec3 at = mesh_->at(place);
+  for_blocks_of(place, [&](std::uint32_t block) noexcept { tree_->grow(block, at); });
 }
 
 std::uint32_t MovingStars::split(std::uint32_t a, std::uint32_t b) noexcept {
@@ -208,6 +223,7 @@ std::uint32_t MovingStars::split(std::uint32_t a, std::uint32_t b) noexcept {
   set_size(place, size, open);
   if (!mesh_->closed_piece_of_.empty()) mesh_->closed_piece_of_[place] = mesh_->closed_piece_of_[a];
   mark(place);
+  grow_star(place);
   return place;
 }
 
@@ -223,6 +239,7 @@ void MovingStars::join_last() noexcept {
   mesh_->points_[place].info = 0;
   mesh_->rings_[place].fill(place);
   mark(a);
+  grow_star(a);
 }
 
 void MovingStars::refit() noexcept {

@@ -63,7 +63,10 @@ class MovingStars {
   void erase(std::uint32_t place, std::uint32_t gone) noexcept;
   void lengthen(std::uint32_t place) noexcept;
   void shorten(std::uint32_t place) noexcept;
+  template <class Use>
+  void for_blocks_of(std::uint32_t place, Use&& use) const noexcept;
   void mark(std::uint32_t place) noexcept;
+  void grow_star(std::uint32_t place) noexcept;
   void mark_block(std::uint32_t block) noexcept;
 
   StarMesh* mesh_;

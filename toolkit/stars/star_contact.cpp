@@ -173,7 +173,11 @@ bool StarContact::bridge(const Vec3& h, double edge, StarCounters& counters) noe
             ++tested;
             if (mesh_->triangle_misses(a, b, c, box)) return;
             const Facet facet(*mesh_, a, b, c);
-            for (const Vec3& corner : facet.corner) narrow = narrow || ahead.dot(corner - g) > edge;
+            for (const Vec3& corner : facet.corner) {
+              const Vec3 r = corner - g;
+              const double on = ahead.dot(r);
+              narrow = narrow || (on > edge && on * on > kAheadShare * r.squaredNorm());
+            }
             const Foot foot = foot_on(facet, h);
             if (!(foot.distance_sq < to_beat) || !(side_ * facet.area_normal().dot(h - foot.point) < 0.0))
               return;

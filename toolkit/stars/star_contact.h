@@ -22,6 +22,9 @@ inline constexpr int kMaxCrossed = 16;
 inline constexpr int kMaxFlights = 4;
 /// A gap of so many edges is bridged: loops of twenty edges, which filling takes, are six wide.
 inline constexpr double kGapEdges = 6.0;
+/// What lies across a gap is less than 45 degrees off the way ahead, the square of its cosine: beside it the
+/// border itself goes on, and what rises there would hold a HIP that is long past it.
+inline constexpr double kAheadShare = 0.5;
 /// A pull that leans by more than 45 degrees from the surface around hangs on something: the square of its
 /// cosine. Looked at where it leans by more than 11 from the facets that it stands on, which on a smooth
 /// surface no pull does.

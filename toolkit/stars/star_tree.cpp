@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "toolkit/core/parallel.h"
+#include "toolkit/stars/flat_cell.h"
 
 namespace palpate::stars {
 namespace {
@@ -60,32 +61,42 @@ float above(double x) noexcept {
   return std::nextafter(std::nextafter(static_cast<float>(x), kFar), kFar);
 }
 
-/// visit(a, b, c) for the triangles of a block.
-template <class Visit>
-void for_triangles_in(const StarMesh& mesh, std::size_t block, Visit&& visit) {
-  const std::size_t first = block * kBlockPlaces;
-  const std::size_t last = std::min<std::size_t>(first + kBlockPlaces, mesh.size());
-  for (std::size_t place = first; place < last; ++place)
-    mesh.for_triangles_of(static_cast<std::uint32_t>(place), visit);
-}
+/// The corners of a block's triangles, few of them twice, and the sum of the triangles' area normals.
+struct BlockCorners {
+  std::array<Vec3, kBlockPlaces*(1 + kMaxCorners)> at;
+  std::size_t count = 0;
+  Vec3 area = Vec3::Zero();
 
-Layer layer_of(const StarMesh& mesh, std::size_t block) {
-  Vec3 sum = Vec3::Zero();
-  for_triangles_in(mesh, block, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-    const Vec3 p = mesh.at(a);
-    sum += (mesh.at(b) - p).cross(mesh.at(c) - p);
-  });
-  const double size = sum.norm();
-  if (!(size > 0.0)) return {{}, -kFar, kFar};
-  const Vec3f normal = (sum / size).cast<float>();
-  double low = HUGE_VAL, high = -HUGE_VAL;
-  for_triangles_in(mesh, block, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-    for (const std::uint32_t corner : {a, b, c}) {
-      const double height = normal.cast<double>().dot(mesh.at(corner));
-      low = std::min(low, height);
-      high = std::max(high, height);
+  BlockCorners(const StarMesh& mesh, std::uint32_t block) noexcept {
+    const std::uint32_t first = block * kBlockPlaces, last = std::min(first + kBlockPlaces, mesh.size());
+    for (std::uint32_t place = first; place < last; ++place) {
+      const Ring ring = mesh.ring(place);
+      const Vec3 p = mesh.at(place);
+      std::uint32_t used = 0;
+      for (std::uint32_t k = 0; k < ring.size; ++k) {
+        const std::uint32_t next = ring.next(k), b = ring.of[k], c = ring.of[next];
+        if (!ring.has_sector(k) || b < place || c < place) continue;
+        area += (mesh.at(b) - p).cross(mesh.at(c) - p);
+        used |= 1u << k | 1u << next;
+      }
+      if (used == 0) continue;
+      at[count++] = p;
+      for (; used != 0; used &= used - 1)
+        at[count++] = mesh.at(ring.of[static_cast<std::uint32_t>(__builtin_ctz(used))]);
     }
-  });
+  }
+};
+
+Layer layer_of(const BlockCorners& corners) noexcept {
+  const double size = corners.area.norm();
+  if (!(size > 0.0)) return {{}, -kFar, kFar};
+  const Vec3f normal = (corners.area / size).cast<float>();
+  double low = HUGE_VAL, high = -HUGE_VAL;
+  for (std::size_t i = 0; i < corners.count; ++i) {
+    const double height = normal.cast<double>().dot(corners.at[i]);
+    low = std::min(low, height);
+    high = std::max(high, height);
+  }
   return {{normal.x(), normal.y(), normal.z()}, below(low), above(high)};
 }
 
@@ -132,10 +143,9 @@ void StarTree::fit_block(const StarMesh& mesh, std::uint32_t block) noexcept {
     node.low[axis][child] = kFar;
     node.high[axis][child] = -kFar;
   }
-  for_triangles_in(mesh, block, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-    for (const std::uint32_t corner : {a, b, c}) add_to_box(node, child, mesh.at(corner).cast<float>());
-  });
-  layers_[block] = layer_of(mesh, block);
+  const BlockCorners corners(mesh, block);
+  for (std::size_t i = 0; i < corners.count; ++i) add_to_box(node, child, corners.at[i].cast<float>());
+  layers_[block] = layer_of(corners);
 }
 
 void StarTree::refit(const StarMesh& mesh, std::span<std::uint32_t> blocks) noexcept {
@@ -156,24 +166,19 @@ void StarTree::refit(const StarMesh& mesh, std::span<std::uint32_t> blocks) noex
   }
 }
 
-void StarTree::grow(std::uint32_t block, const std::array<Vec3, 3>& corners) noexcept {
-  std::array<Vec3f, 3> at;
-  for (std::size_t i = 0; i < 3; ++i) at[i] = corners[i].cast<float>();
+void StarTree::grow(std::uint32_t block, const Vec3& p) noexcept {
+  const Vec3f at = p.cast<float>();
   std::uint32_t child = block;
   for (LargeVector<BoxNode>& level : levels_) {
     BoxNode& node = level[child / kFanOut];
-    bool all_in = true;
-    for (const Vec3f& p : at) all_in = all_in && is_in_box(node, child % kFanOut, p);
-    if (all_in) break;
-    for (const Vec3f& p : at) add_to_box(node, child % kFanOut, p);
+    if (is_in_box(node, child % kFanOut, at)) break;
+    add_to_box(node, child % kFanOut, at);
     child /= kFanOut;
   }
   Layer& layer = layers_[block];
-  const Vec3 n = Vec3f(layer.normal[0], layer.normal[1], layer.normal[2]).cast<double>();
-  for (const Vec3& p : corners) {
-    layer.low = std::min(layer.low, below(n.dot(p)));
-    layer.high = std::max(layer.high, above(n.dot(p)));
-  }
+  const double height = Vec3f(layer.normal[0], layer.normal[1], layer.normal[2]).cast<double>().dot(p);
+  layer.low = std::min(layer.low, below(height));
+  layer.high = std::max(layer.high, above(height));
 }
 
 std::size_t StarTree::bytes() const noexcept {

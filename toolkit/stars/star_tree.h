@@ -40,9 +40,9 @@ class StarTree {
   /// Triangles of these blocks (sorted, each once) have moved: their boxes and layers and the boxes above
   /// them are made anew. `blocks` is written over. O(blocks) for each level.
   void refit(const StarMesh& mesh, std::span<std::uint32_t> blocks) noexcept;
-  /// A triangle of a block has gone where these corners are: its box and layer and the boxes above them grow
-  /// to hold it, and get no smaller. O(levels).
-  void grow(std::uint32_t block, const std::array<Vec3, 3>& corners) noexcept;
+  /// A corner of a block's triangles has gone to `p`: its box and layer and the boxes above them grow to hold
+  /// it, and get no smaller. O(levels).
+  void grow(std::uint32_t block, const Vec3& p) noexcept;
 
   /// visit(block, its box's node and child) for every block whose box meets `box`; false stops. Looks at no
   /// more than `most` nodes; false where that or visit() ended it.
