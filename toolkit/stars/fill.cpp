@@ -21,6 +21,9 @@ constexpr std::size_t kMaxLoop = 40;
 /// What is left of folds after points with fans apart were taken out a few times is crumpled throughout.
 constexpr int kPruningRounds = 3;
 
+/// Planes that turn by more than 60 degrees are of two sheets.
+constexpr float kTurned = 0.5F;
+
 /// The triangles at one point, each as the edge that lies across.
 class Link {
  public:
@@ -205,12 +208,20 @@ class Filler {
     }
     return false;
   }
+  /// Where sheets cross, a triangle between points of both is none of either.
+  [[nodiscard]] bool joins_crossing(const Triple& t) const noexcept {
+    if ((draft_.crossed[t[0]] & draft_.crossed[t[1]] & draft_.crossed[t[2]]) == 0) return false;
+    for (std::size_t k = 0; k < 3; ++k)
+      if (std::abs(draft_.normal[t[k]].dot(draft_.normal[t[(k + 1) % 3]])) < kTurned) return true;
+    return false;
+  }
   bool add(const Triple& t, bool flat) {
     for (const std::uint32_t i : t)
       if (!has_link(i)) return false;
     for (std::size_t k = 0; k < 3; ++k)
       if (!link(t[k]).takes(t[(k + 1) % 3], t[(k + 2) % 3])) return false;
     if (flat && folds(t)) return false;
+    if (joins_crossing(t)) return false;
     for (std::size_t k = 0; k < 3; ++k) link(t[k]).edges.push_back({t[(k + 1) % 3], t[(k + 2) % 3]});
     return true;
   }
