@@ -43,14 +43,14 @@ constexpr double kMixedGate = 0.3, kMixedMost = 0.45;
 constexpr int kRings = 8;
 constexpr double kLeavingShare = 0.2;
 /// A patch may end where no point is in this part of a turn, outside this share of its support.
-constexpr double kRimGap = 1.0 / 6.0, kOuterShare = 0.5;
+constexpr double kRimGap = 1.0 / 6.0, kOuterShare = 0.85;
 /// A first fit with so many times the noise is tried again, from the plane of the points within this share of
 /// the radius.
 constexpr double kUnexplained = 2.0, kCoreShare = 0.65;
 /// So many spacings that noise does not explain are no shape of one sheet.
 constexpr double kMixedSpacings = 0.15;
 /// Covered from this sum of weights on.
-constexpr double kCovered = 0.25;
+constexpr double kCovered = 0.1;
 /// Patches known better than this, in spacings, count alike.
 constexpr double kTrusted = 0.01;
 /// The seed is on its own patch where the robust cost leaves it this weight: two scales off.
