@@ -8,6 +8,7 @@
 #include <cmath>
 #include <numeric>
 #include <tuple>
+#include <utility>
 
 #include "toolkit/core/parallel.h"
 #include "toolkit/smooth/blend.h"
@@ -32,8 +33,9 @@ constexpr int kFewestNear = 4;
 constexpr double kLatticeShift = 1.09;
 /// A surface that only just enters a cube is in it, too.
 constexpr double kThroughRoom = 0.25;
-/// With a low corner farther off than this no surface goes through the cell: its diagonal, and half a voxel.
-constexpr float kNotCrossed = 2.3f;
+/// With a mean of its corners farther off than this no surface goes through the cell: its half diagonal with
+/// room, and as much again for a slope of more than one and a crease.
+constexpr float kNotCrossed = 1.4f;
 /// A sheet with no more cells beyond its points than these, or this share of its cells, is closed: the
 /// smallest hole, two spacings wide, has some eight around it, and a void of chance one.
 constexpr std::uint64_t kChanceCells = 4;
@@ -41,6 +43,8 @@ constexpr double kChanceShare = 1e-4;
 /// Closed pieces that a brick can name.
 constexpr std::size_t kMostPieces = 65535;
 constexpr float kLargestValue = static_cast<float>(kBrickReach);
+/// Points of a face, in its patches in a cube: three of the smallest.
+constexpr int kFewestOfFace = 45;
 constexpr std::size_t kPatchGrain = 1024, kBrickGrain = 64;
 
 std::int16_t rounded(float distance) {
@@ -115,6 +119,8 @@ class Baker {
     std::vector<std::uint32_t> order;
     std::vector<Crease> creases;
     std::vector<Doubtful> doubtful;
+    std::vector<int> weight;  ///< points of each face
+    std::vector<std::uint8_t> creased;
     std::vector<Near> near;
     NodeBlend blend;
   };
@@ -230,6 +236,7 @@ class Baker {
       s.face[i] = root_of(s.face, i);
     }
     settle_doubtful(s);
+    settle_small(pairs, s);
     s.ridge = s.face;
     if (!s.creases.empty()) part_ridges(s);
   }
@@ -244,6 +251,31 @@ class Baker {
     for (std::size_t i = 0; i < s.doubtful.size(); ++i)
       if (i == 0 || s.doubtful[i].patch != s.doubtful[i - 1].patch)
         s.face[s.doubtful[i].patch] = s.face[s.doubtful[i].sure];
+  }
+  /// A face of few points is none, nor one that meets no other in a crease: both go with another face of the
+  /// sheet. Bricks beside each other would not agree about them.
+  void settle_small(std::span<const Pair> pairs, Scratch& s) const {
+    s.weight.assign(pairs.size(), 0);
+    for (std::uint32_t i = 0; i < pairs.size(); ++i) s.weight[s.face[i]] += patches_[pairs[i].patch].points;
+    const auto give = [&](std::uint32_t from, std::uint32_t to) {
+      s.weight[to] += std::exchange(s.weight[from], 0);
+      std::replace(s.face.begin(), s.face.end(), from, to);
+    };
+    for (const Crease& c : s.creases) {
+      const std::uint32_t a = s.face[c.a], b = s.face[c.b];
+      if (a == b || std::min(s.weight[a], s.weight[b]) >= kFewestOfFace) continue;
+      give(s.weight[a] < s.weight[b] ? a : b, s.weight[a] < s.weight[b] ? b : a);
+    }
+    std::erase_if(s.creases, [&](const Crease& c) { return s.face[c.a] == s.face[c.b]; });
+    s.creased.assign(pairs.size(), 0);
+    for (const Crease& c : s.creases) s.creased[s.face[c.a]] = s.creased[s.face[c.b]] = 1;
+    for (std::uint32_t i = 0; i < pairs.size(); ++i) {
+      if (s.face[i] != i || s.creased[i] != 0) continue;
+      std::uint32_t largest = i;
+      for (std::uint32_t j = 0; j < pairs.size(); ++j)
+        if (s.root[j] == s.root[i] && s.weight[s.face[j]] > s.weight[largest]) largest = s.face[j];
+      if (largest != i) give(i, largest);
+    }
   }
   /// Faces that meet in ridges more than in valleys are of one body there; bodies stand beside each other.
   static void part_ridges(Scratch& s) {
@@ -291,13 +323,12 @@ class Baker {
     const Vec3 middle = grid_.low_mm + Vec3(c[0] + 0.5, c[1] + 0.5, c[2] + 0.5) * brick_mm_;
     for (std::uint32_t sheet = 0; sheet < pairs.size(); ++sheet) {
       if (s.root[sheet] != sheet) continue;
-      bool through = false, rim = false;
+      bool through = false;
       double spacing = 0.0;
       for (std::uint32_t i = sheet; i < pairs.size(); ++i) {
         if (s.root[i] != sheet) continue;
         const Patch& p = patches_[pairs[i].patch];
         through |= pairs[i].through;
-        rim |= p.rim;
         spacing = std::max(spacing, p.spacing);
       }
       if (!through) continue;
@@ -308,44 +339,41 @@ class Baker {
       for (std::size_t i = 0; i < kBrickCoefficients; ++i) brick.distance[i] = rounded(distance[i]);
       out.code = pairs.front().code;
       out.sheet = links_.sheet[pairs[sheet].patch];
-      set_mask(out, middle, spacing, rim, s);
+      set_mask(pairs, out, middle, spacing, s);
       if ((brick.mask | out.beyond) == 0) made.pop_back();
     }
   }
 
-  /// The spline is within half a voxel of this at the cell's low corner.
-  static float coefficient_at(const Brick& brick, const std::array<int, 3>& cell) {
-    const int at = ((cell[0] + 1) * kBrickNodes + cell[1] + 1) * kBrickNodes + cell[2] + 1;
-    return kBrickUnit * static_cast<float>(brick.distance[static_cast<std::size_t>(at)]);
+  /// The mean at a cell's corners: the spline at its middle is within a few hundredths of it.
+  static float coefficients_about(const Brick& brick, const std::array<int, 3>& cell) {
+    int sum = 0;
+    for (int corner = 0; corner < 8; ++corner) {
+      const int x = cell[0] + 1 + corner / 4, y = cell[1] + 1 + corner / 2 % 2, z = cell[2] + 1 + corner % 2;
+      sum += brick.distance[static_cast<std::size_t>((x * kBrickNodes + y) * kBrickNodes + z)];
+    }
+    return kBrickUnit * 0.125f * static_cast<float>(sum);
   }
   /// The cells that the surface goes through, but for those beyond where the points end.
-  void set_mask(Made& out, const Vec3& middle, double spacing, bool rim, Scratch& s) const {
-    const double reach = kTellsSpacings * spacing;
+  void set_mask(std::span<const Pair> pairs, Made& out, const Vec3& middle, double spacing,
+                Scratch& s) const {
     bool gathered = false;
     Brick& brick = out.brick;
     for (int cell = 0; cell < kBrickCells * kBrickCells * kBrickCells; ++cell) {
       BrickPlace at;
       at.cell = {cell / 16, cell / 4 % 4, cell % 4};
       at.t = {0.5f, 0.5f, 0.5f};
-      if (std::abs(coefficient_at(brick, at.cell)) > kNotCrossed) continue;
+      if (std::abs(coefficients_about(brick, at.cell)) > kNotCrossed) continue;
       const Jet jet = spline_jet(brick, at);
       const double slope = static_cast<double>(jet.gradient.norm());
       if (!(slope > 0.0) || std::abs(static_cast<double>(jet.value)) > kCrossed * std::max(slope, 0.5))
         continue;
-      if (rim) {
-        if (!gathered) {
-          s.near.clear();
-          points_.in_ball(middle, kHalfDiagonal * grid_.voxel_mm + reach,
-                          [&](std::uint32_t i, const Vec3& d, double) {
-                            const double own = kTellsSpacings * std::min(points_.spacing_near(i), spacing);
-                            s.near.push_back({d, own * own});
-                          });
-          gathered = true;
-        }
-        const Vec3 n = jet.gradient.cast<double>() / slope;
-        const Vec3 foot = (Vec3(at.cell[0] - 1.5, at.cell[1] - 1.5, at.cell[2] - 1.5) -
-                           n * (static_cast<double>(jet.value) / slope)) *
-                          grid_.voxel_mm;
+      const Vec3 n = jet.gradient.cast<double>() / slope;
+      const Vec3 foot = (Vec3(at.cell[0] - 1.5, at.cell[1] - 1.5, at.cell[2] - 1.5) -
+                         n * (static_cast<double>(jet.value) / slope)) *
+                        grid_.voxel_mm;
+      if (!vouched_for(pairs, middle + foot, s)) {
+        if (!gathered) gather_near(middle, spacing, s);
+        gathered = true;
         if (!points_around(s.near, foot, n)) {
           out.beyond |= std::uint64_t{1} << cell;
           continue;
@@ -353,6 +381,24 @@ class Baker {
       }
       brick.mask |= std::uint64_t{1} << cell;
     }
+  }
+  /// Whether some patch of the sheet has points on all sides of a place.
+  [[nodiscard]] bool vouched_for(std::span<const Pair> pairs, const Vec3& place, const Scratch& s) const {
+    return std::any_of(s.order.begin(), s.order.end(), [&](std::uint32_t i) {
+      const Patch& p = patches_[pairs[i].patch];
+      const Vec3 d = place - p.quadric.at;
+      const double per = 1.0 / p.support;
+      return std::abs(p.quadric.residual(place)) <= p.spacing &&
+             p.filled.around(d.dot(p.quadric.u) * per, d.dot(p.quadric.v) * per);
+    });
+  }
+  void gather_near(const Vec3& middle, double spacing, Scratch& s) const {
+    s.near.clear();
+    points_.in_ball(middle, kHalfDiagonal * grid_.voxel_mm + kTellsSpacings * spacing,
+                    [&](std::uint32_t i, const Vec3& d, double) {
+                      const double own = kTellsSpacings * std::min(points_.spacing_near(i), spacing);
+                      s.near.push_back({d, own * own});
+                    });
   }
   static bool points_around(const std::vector<Near>& near, const Vec3& foot, const Vec3& n) {
     const Vec3 axis = std::abs(n.x()) < std::abs(n.y()) ? Vec3::UnitX() : Vec3::UnitY();
