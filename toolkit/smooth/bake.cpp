@@ -6,12 +6,11 @@
 #include <array>
 #include <bit>
 #include <cmath>
-#include <numeric>
 #include <tuple>
-#include <utility>
 
 #include "toolkit/core/parallel.h"
 #include "toolkit/smooth/blend.h"
+#include "toolkit/smooth/cube_faces.h"
 #include "toolkit/smooth/surround.h"
 
 namespace palpate::render {
@@ -43,8 +42,6 @@ constexpr double kChanceShare = 1e-4;
 /// Closed pieces that a brick can name.
 constexpr std::size_t kMostPieces = 65535;
 constexpr float kLargestValue = static_cast<float>(kBrickReach);
-/// Points of a face, in its patches in a cube: three of the smallest.
-constexpr int kFewestOfFace = 45;
 constexpr std::size_t kPatchGrain = 1024, kBrickGrain = 64;
 
 std::int16_t rounded(float distance) {
@@ -105,22 +102,10 @@ class Baker {
     Vec3 at;
     double reach_sq;
   };
-  /// Between patches of a cube.
-  struct Crease {
-    std::uint32_t a, b;
-    Turn turn;
-  };
-  struct Doubtful {
-    std::uint32_t patch, sure;
-    double off;
-  };
   struct Scratch {
-    std::vector<std::uint32_t> root, face, ridge;  ///< of each patch: the first of its sheet, face, body
-    std::vector<std::uint32_t> order;
-    std::vector<Crease> creases;
-    std::vector<Doubtful> doubtful;
-    std::vector<int> weight;  ///< points of each face
-    std::vector<std::uint8_t> creased;
+    std::vector<std::uint32_t> members;  ///< patches of the cube
+    CubeFaces faces;
+    std::vector<std::uint32_t> order;  ///< of one sheet's patches, face by face
     std::vector<Near> near;
     NodeBlend blend;
   };
@@ -196,137 +181,38 @@ class Baker {
     return true;
   }
 
-  static std::uint32_t root_of(std::vector<std::uint32_t>& root, std::uint32_t i) {
-    while (root[i] != i) i = root[i] = root[root[i]];
-    return i;
-  }
-  static void join(std::vector<std::uint32_t>& root, std::uint32_t i, std::uint32_t j) {
-    const std::uint32_t a = root_of(root, i), b = root_of(root, j);
-    root[std::max(a, b)] = std::min(a, b);
-  }
-  /// Which patches of a cube are one sheet, and one face: those that go on without a crease.
-  void part_sheets(std::span<const Pair> pairs, Scratch& s) const {
-    s.root.resize(pairs.size());
-    std::iota(s.root.begin(), s.root.end(), 0u);
-    s.face = s.root;
-    s.creases.clear();
-    s.doubtful.clear();
-    for (std::uint32_t i = 0; i < pairs.size(); ++i) {
-      const std::uint32_t from = links_.begin[pairs[i].patch], past = links_.begin[pairs[i].patch + 1];
-      for (std::uint32_t link = from; link < past; ++link) {
-        const std::uint32_t to = links_.to[link];
-        if (to < pairs[i].patch) continue;  // told from there
-        const auto at = std::lower_bound(pairs.begin(), pairs.end(), to,
-                                         [](const Pair& p, std::uint32_t patch) { return p.patch < patch; });
-        if (at == pairs.end() || at->patch != to) continue;
-        const auto j = static_cast<std::uint32_t>(at - pairs.begin());
-        join(s.root, i, j);
-        const Patch &a = patches_[pairs[i].patch], &b = patches_[to];
-        if (links_.turn[link] != Turn::kNone)
-          s.creases.push_back({i, j, links_.turn[link]});
-        else if (a.sure == b.sure)
-          join(s.face, i, j);
-        else
-          s.doubtful.push_back(a.sure ? Doubtful{j, i, off_between(a, b)}
-                                      : Doubtful{i, j, off_between(a, b)});
-      }
-    }
-    for (std::uint32_t i = 0; i < pairs.size(); ++i) {
-      s.root[i] = root_of(s.root, i);
-      s.face[i] = root_of(s.face, i);
-    }
-    settle_doubtful(s);
-    settle_small(pairs, s);
-    s.ridge = s.face;
-    if (!s.creases.empty()) part_ridges(s);
-  }
-  static double off_between(const Patch& a, const Patch& b) {
-    return std::abs(a.quadric.residual(b.quadric.at)) + std::abs(b.quadric.residual(a.quadric.at));
-  }
-  /// A doubtful patch makes no face of two: it goes with the sure one that it lies nearest to.
-  static void settle_doubtful(Scratch& s) {
-    std::sort(s.doubtful.begin(), s.doubtful.end(), [](const Doubtful& x, const Doubtful& y) {
-      return std::tie(x.patch, x.off, x.sure) < std::tie(y.patch, y.off, y.sure);
-    });
-    for (std::size_t i = 0; i < s.doubtful.size(); ++i)
-      if (i == 0 || s.doubtful[i].patch != s.doubtful[i - 1].patch)
-        s.face[s.doubtful[i].patch] = s.face[s.doubtful[i].sure];
-  }
-  /// A face of few points is none, nor one that meets no other in a crease: both go with another face of the
-  /// sheet. Bricks beside each other would not agree about them.
-  void settle_small(std::span<const Pair> pairs, Scratch& s) const {
-    s.weight.assign(pairs.size(), 0);
-    for (std::uint32_t i = 0; i < pairs.size(); ++i) s.weight[s.face[i]] += patches_[pairs[i].patch].points;
-    const auto give = [&](std::uint32_t from, std::uint32_t to) {
-      s.weight[to] += std::exchange(s.weight[from], 0);
-      std::replace(s.face.begin(), s.face.end(), from, to);
-    };
-    for (const Crease& c : s.creases) {
-      const std::uint32_t a = s.face[c.a], b = s.face[c.b];
-      if (a == b || std::min(s.weight[a], s.weight[b]) >= kFewestOfFace) continue;
-      give(s.weight[a] < s.weight[b] ? a : b, s.weight[a] < s.weight[b] ? b : a);
-    }
-    std::erase_if(s.creases, [&](const Crease& c) { return s.face[c.a] == s.face[c.b]; });
-    s.creased.assign(pairs.size(), 0);
-    for (const Crease& c : s.creases) s.creased[s.face[c.a]] = s.creased[s.face[c.b]] = 1;
-    for (std::uint32_t i = 0; i < pairs.size(); ++i) {
-      if (s.face[i] != i || s.creased[i] != 0) continue;
-      std::uint32_t largest = i;
-      for (std::uint32_t j = 0; j < pairs.size(); ++j)
-        if (s.root[j] == s.root[i] && s.weight[s.face[j]] > s.weight[largest]) largest = s.face[j];
-      if (largest != i) give(i, largest);
-    }
-  }
-  /// Faces that meet in ridges more than in valleys are of one body there; bodies stand beside each other.
-  static void part_ridges(Scratch& s) {
-    for (Crease& c : s.creases) {
-      c.a = s.face[c.a];
-      c.b = s.face[c.b];
-      if (c.a > c.b) std::swap(c.a, c.b);
-    }
-    std::sort(s.creases.begin(), s.creases.end(),
-              [](const Crease& x, const Crease& y) { return x.a != y.a ? x.a < y.a : x.b < y.b; });
-    for (std::size_t i = 0; i < s.creases.size();) {
-      int ridges = 0;
-      std::size_t end = i;
-      for (;
-           end < s.creases.size() && s.creases[end].a == s.creases[i].a && s.creases[end].b == s.creases[i].b;
-           ++end)
-        ridges += static_cast<int>(s.creases[end].turn);
-      if (ridges > 0) join(s.ridge, s.creases[i].a, s.creases[i].b);
-      i = end;
-    }
-    for (std::uint32_t& r : s.ridge) r = root_of(s.ridge, r);
-  }
   /// The distance of one sheet at the nodes: face by face, each body's faces in a row.
   void blend(std::span<const Pair> pairs, std::uint32_t sheet, const Vec3& middle, Scratch& s) const {
     s.order.clear();
     for (std::uint32_t i = sheet; i < pairs.size(); ++i)
-      if (s.root[i] == sheet) s.order.push_back(i);
+      if (s.faces.sheet(i) == sheet) s.order.push_back(i);
     std::sort(s.order.begin(), s.order.end(), [&](std::uint32_t x, std::uint32_t y) {
-      return std::tie(s.ridge[x], s.face[x], x) < std::tie(s.ridge[y], s.face[y], y);
+      return std::make_tuple(s.faces.body(x), s.faces.face(x), x) <
+             std::make_tuple(s.faces.body(y), s.faces.face(y), y);
     });
     s.blend.clear();
     for (std::size_t k = 0; k < s.order.size(); ++k) {
       const std::uint32_t i = s.order[k];
       s.blend.add(patches_[pairs[i].patch], middle, grid_.per_voxel);
       const bool last = k + 1 == s.order.size();
-      if (last || s.face[s.order[k + 1]] != s.face[i]) s.blend.end_face();
-      if (last || s.ridge[s.order[k + 1]] != s.ridge[i]) s.blend.end_ridge();
+      if (last || s.faces.face(s.order[k + 1]) != s.faces.face(i)) s.blend.end_face();
+      if (last || s.faces.body(s.order[k + 1]) != s.faces.body(i)) s.blend.end_ridge();
     }
   }
 
   /// The patches of a cube, sheet by sheet.
   void bake_cube(std::span<const Pair> pairs, Scratch& s, std::vector<Made>& made) const {
-    part_sheets(pairs, s);
+    s.members.clear();
+    for (const Pair& pair : pairs) s.members.push_back(pair.patch);
+    s.faces.part(s.members, patches_, links_);
     const BrickGrid::Coordinate c = coordinate_of(pairs.front().code);
     const Vec3 middle = grid_.low_mm + Vec3(c[0] + 0.5, c[1] + 0.5, c[2] + 0.5) * brick_mm_;
     for (std::uint32_t sheet = 0; sheet < pairs.size(); ++sheet) {
-      if (s.root[sheet] != sheet) continue;
+      if (s.faces.sheet(sheet) != sheet) continue;
       bool through = false;
       double spacing = 0.0;
       for (std::uint32_t i = sheet; i < pairs.size(); ++i) {
-        if (s.root[i] != sheet) continue;
+        if (s.faces.sheet(i) != sheet) continue;
         const Patch& p = patches_[pairs[i].patch];
         through |= pairs[i].through;
         spacing = std::max(spacing, p.spacing);
