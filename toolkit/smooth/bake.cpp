@@ -6,11 +6,11 @@
 #include <array>
 #include <bit>
 #include <cmath>
-#include <numeric>
 #include <tuple>
 
 #include "toolkit/core/parallel.h"
 #include "toolkit/smooth/blend.h"
+#include "toolkit/smooth/cube_faces.h"
 #include "toolkit/smooth/surround.h"
 
 namespace palpate::render {
@@ -32,8 +32,9 @@ constexpr int kFewestNear = 4;
 constexpr double kLatticeShift = 1.09;
 /// A surface that only just enters a cube is in it, too.
 constexpr double kThroughRoom = 0.25;
-/// With a low corner farther off than this no surface goes through the cell: its diagonal, and half a voxel.
-constexpr float kNotCrossed = 2.3f;
+/// With a mean of its corners farther off than this no surface goes through the cell: its half diagonal with
+/// room, and as much again for a slope of more than one and a crease.
+constexpr float kNotCrossed = 1.4f;
 /// A sheet with no more cells beyond its points than these, or this share of its cells, is closed: the
 /// smallest hole, two spacings wide, has some eight around it, and a void of chance one.
 constexpr std::uint64_t kChanceCells = 4;
@@ -101,20 +102,10 @@ class Baker {
     Vec3 at;
     double reach_sq;
   };
-  /// Between patches of a cube.
-  struct Crease {
-    std::uint32_t a, b;
-    Turn turn;
-  };
-  struct Doubtful {
-    std::uint32_t patch, sure;
-    double off;
-  };
   struct Scratch {
-    std::vector<std::uint32_t> root, face, ridge;  ///< of each patch: the first of its sheet, face, body
-    std::vector<std::uint32_t> order;
-    std::vector<Crease> creases;
-    std::vector<Doubtful> doubtful;
+    std::vector<std::uint32_t> members;  ///< patches of the cube
+    CubeFaces faces;
+    std::vector<std::uint32_t> order;  ///< of one sheet's patches, face by face
     std::vector<Near> near;
     NodeBlend blend;
   };
@@ -190,114 +181,40 @@ class Baker {
     return true;
   }
 
-  static std::uint32_t root_of(std::vector<std::uint32_t>& root, std::uint32_t i) {
-    while (root[i] != i) i = root[i] = root[root[i]];
-    return i;
-  }
-  static void join(std::vector<std::uint32_t>& root, std::uint32_t i, std::uint32_t j) {
-    const std::uint32_t a = root_of(root, i), b = root_of(root, j);
-    root[std::max(a, b)] = std::min(a, b);
-  }
-  /// Which patches of a cube are one sheet, and one face: those that go on without a crease.
-  void part_sheets(std::span<const Pair> pairs, Scratch& s) const {
-    s.root.resize(pairs.size());
-    std::iota(s.root.begin(), s.root.end(), 0u);
-    s.face = s.root;
-    s.creases.clear();
-    s.doubtful.clear();
-    for (std::uint32_t i = 0; i < pairs.size(); ++i) {
-      const std::uint32_t from = links_.begin[pairs[i].patch], past = links_.begin[pairs[i].patch + 1];
-      for (std::uint32_t link = from; link < past; ++link) {
-        const std::uint32_t to = links_.to[link];
-        if (to < pairs[i].patch) continue;  // told from there
-        const auto at = std::lower_bound(pairs.begin(), pairs.end(), to,
-                                         [](const Pair& p, std::uint32_t patch) { return p.patch < patch; });
-        if (at == pairs.end() || at->patch != to) continue;
-        const auto j = static_cast<std::uint32_t>(at - pairs.begin());
-        join(s.root, i, j);
-        const Patch &a = patches_[pairs[i].patch], &b = patches_[to];
-        if (links_.turn[link] != Turn::kNone)
-          s.creases.push_back({i, j, links_.turn[link]});
-        else if (a.sure == b.sure)
-          join(s.face, i, j);
-        else
-          s.doubtful.push_back(a.sure ? Doubtful{j, i, off_between(a, b)}
-                                      : Doubtful{i, j, off_between(a, b)});
-      }
-    }
-    for (std::uint32_t i = 0; i < pairs.size(); ++i) {
-      s.root[i] = root_of(s.root, i);
-      s.face[i] = root_of(s.face, i);
-    }
-    settle_doubtful(s);
-    s.ridge = s.face;
-    if (!s.creases.empty()) part_ridges(s);
-  }
-  static double off_between(const Patch& a, const Patch& b) {
-    return std::abs(a.quadric.residual(b.quadric.at)) + std::abs(b.quadric.residual(a.quadric.at));
-  }
-  /// A doubtful patch makes no face of two: it goes with the sure one that it lies nearest to.
-  static void settle_doubtful(Scratch& s) {
-    std::sort(s.doubtful.begin(), s.doubtful.end(), [](const Doubtful& x, const Doubtful& y) {
-      return std::tie(x.patch, x.off, x.sure) < std::tie(y.patch, y.off, y.sure);
-    });
-    for (std::size_t i = 0; i < s.doubtful.size(); ++i)
-      if (i == 0 || s.doubtful[i].patch != s.doubtful[i - 1].patch)
-        s.face[s.doubtful[i].patch] = s.face[s.doubtful[i].sure];
-  }
-  /// Faces that meet in ridges more than in valleys are of one body there; bodies stand beside each other.
-  static void part_ridges(Scratch& s) {
-    for (Crease& c : s.creases) {
-      c.a = s.face[c.a];
-      c.b = s.face[c.b];
-      if (c.a > c.b) std::swap(c.a, c.b);
-    }
-    std::sort(s.creases.begin(), s.creases.end(),
-              [](const Crease& x, const Crease& y) { return x.a != y.a ? x.a < y.a : x.b < y.b; });
-    for (std::size_t i = 0; i < s.creases.size();) {
-      int ridges = 0;
-      std::size_t end = i;
-      for (;
-           end < s.creases.size() && s.creases[end].a == s.creases[i].a && s.creases[end].b == s.creases[i].b;
-           ++end)
-        ridges += static_cast<int>(s.creases[end].turn);
-      if (ridges > 0) join(s.ridge, s.creases[i].a, s.creases[i].b);
-      i = end;
-    }
-    for (std::uint32_t& r : s.ridge) r = root_of(s.ridge, r);
-  }
   /// The distance of one sheet at the nodes: face by face, each body's faces in a row.
   void blend(std::span<const Pair> pairs, std::uint32_t sheet, const Vec3& middle, Scratch& s) const {
     s.order.clear();
     for (std::uint32_t i = sheet; i < pairs.size(); ++i)
-      if (s.root[i] == sheet) s.order.push_back(i);
+      if (s.faces.sheet(i) == sheet) s.order.push_back(i);
     std::sort(s.order.begin(), s.order.end(), [&](std::uint32_t x, std::uint32_t y) {
-      return std::tie(s.ridge[x], s.face[x], x) < std::tie(s.ridge[y], s.face[y], y);
+      return std::make_tuple(s.faces.body(x), s.faces.face(x), x) <
+             std::make_tuple(s.faces.body(y), s.faces.face(y), y);
     });
     s.blend.clear();
     for (std::size_t k = 0; k < s.order.size(); ++k) {
       const std::uint32_t i = s.order[k];
       s.blend.add(patches_[pairs[i].patch], middle, grid_.per_voxel);
       const bool last = k + 1 == s.order.size();
-      if (last || s.face[s.order[k + 1]] != s.face[i]) s.blend.end_face();
-      if (last || s.ridge[s.order[k + 1]] != s.ridge[i]) s.blend.end_ridge();
+      if (last || s.faces.face(s.order[k + 1]) != s.faces.face(i)) s.blend.end_face();
+      if (last || s.faces.body(s.order[k + 1]) != s.faces.body(i)) s.blend.end_ridge();
     }
   }
 
   /// The patches of a cube, sheet by sheet.
   void bake_cube(std::span<const Pair> pairs, Scratch& s, std::vector<Made>& made) const {
-    part_sheets(pairs, s);
+    s.members.clear();
+    for (const Pair& pair : pairs) s.members.push_back(pair.patch);
+    s.faces.part(s.members, patches_, links_);
     const BrickGrid::Coordinate c = coordinate_of(pairs.front().code);
     const Vec3 middle = grid_.low_mm + Vec3(c[0] + 0.5, c[1] + 0.5, c[2] + 0.5) * brick_mm_;
     for (std::uint32_t sheet = 0; sheet < pairs.size(); ++sheet) {
-      if (s.root[sheet] != sheet) continue;
-      bool through = false, rim = false;
+      if (s.faces.sheet(sheet) != sheet) continue;
+      bool through = false;
       double spacing = 0.0;
       for (std::uint32_t i = sheet; i < pairs.size(); ++i) {
-        if (s.root[i] != sheet) continue;
+        if (s.faces.sheet(i) != sheet) continue;
         const Patch& p = patches_[pairs[i].patch];
         through |= pairs[i].through;
-        rim |= p.rim;
         spacing = std::max(spacing, p.spacing);
       }
       if (!through) continue;
@@ -308,44 +225,41 @@ class Baker {
       for (std::size_t i = 0; i < kBrickCoefficients; ++i) brick.distance[i] = rounded(distance[i]);
       out.code = pairs.front().code;
       out.sheet = links_.sheet[pairs[sheet].patch];
-      set_mask(out, middle, spacing, rim, s);
+      set_mask(pairs, out, middle, spacing, s);
       if ((brick.mask | out.beyond) == 0) made.pop_back();
     }
   }
 
-  /// The spline is within half a voxel of this at the cell's low corner.
-  static float coefficient_at(const Brick& brick, const std::array<int, 3>& cell) {
-    const int at = ((cell[0] + 1) * kBrickNodes + cell[1] + 1) * kBrickNodes + cell[2] + 1;
-    return kBrickUnit * static_cast<float>(brick.distance[static_cast<std::size_t>(at)]);
+  /// The mean at a cell's corners: the spline at its middle is within a few hundredths of it.
+  static float coefficients_about(const Brick& brick, const std::array<int, 3>& cell) {
+    int sum = 0;
+    for (int corner = 0; corner < 8; ++corner) {
+      const int x = cell[0] + 1 + corner / 4, y = cell[1] + 1 + corner / 2 % 2, z = cell[2] + 1 + corner % 2;
+      sum += brick.distance[static_cast<std::size_t>((x * kBrickNodes + y) * kBrickNodes + z)];
+    }
+    return kBrickUnit * 0.125f * static_cast<float>(sum);
   }
   /// The cells that the surface goes through, but for those beyond where the points end.
-  void set_mask(Made& out, const Vec3& middle, double spacing, bool rim, Scratch& s) const {
-    const double reach = kTellsSpacings * spacing;
+  void set_mask(std::span<const Pair> pairs, Made& out, const Vec3& middle, double spacing,
+                Scratch& s) const {
     bool gathered = false;
     Brick& brick = out.brick;
     for (int cell = 0; cell < kBrickCells * kBrickCells * kBrickCells; ++cell) {
       BrickPlace at;
       at.cell = {cell / 16, cell / 4 % 4, cell % 4};
       at.t = {0.5f, 0.5f, 0.5f};
-      if (std::abs(coefficient_at(brick, at.cell)) > kNotCrossed) continue;
+      if (std::abs(coefficients_about(brick, at.cell)) > kNotCrossed) continue;
       const Jet jet = spline_jet(brick, at);
       const double slope = static_cast<double>(jet.gradient.norm());
       if (!(slope > 0.0) || std::abs(static_cast<double>(jet.value)) > kCrossed * std::max(slope, 0.5))
         continue;
-      if (rim) {
-        if (!gathered) {
-          s.near.clear();
-          points_.in_ball(middle, kHalfDiagonal * grid_.voxel_mm + reach,
-                          [&](std::uint32_t i, const Vec3& d, double) {
-                            const double own = kTellsSpacings * std::min(points_.spacing_near(i), spacing);
-                            s.near.push_back({d, own * own});
-                          });
-          gathered = true;
-        }
-        const Vec3 n = jet.gradient.cast<double>() / slope;
-        const Vec3 foot = (Vec3(at.cell[0] - 1.5, at.cell[1] - 1.5, at.cell[2] - 1.5) -
-                           n * (static_cast<double>(jet.value) / slope)) *
-                          grid_.voxel_mm;
+      const Vec3 n = jet.gradient.cast<double>() / slope;
+      const Vec3 foot = (Vec3(at.cell[0] - 1.5, at.cell[1] - 1.5, at.cell[2] - 1.5) -
+                         n * (static_cast<double>(jet.value) / slope)) *
+                        grid_.voxel_mm;
+      if (!vouched_for(pairs, middle + foot, s)) {
+        if (!gathered) gather_near(middle, spacing, s);
+        gathered = true;
         if (!points_around(s.near, foot, n)) {
           out.beyond |= std::uint64_t{1} << cell;
           continue;
@@ -353,6 +267,24 @@ class Baker {
       }
       brick.mask |= std::uint64_t{1} << cell;
     }
+  }
+  /// Whether some patch of the sheet has points on all sides of a place.
+  [[nodiscard]] bool vouched_for(std::span<const Pair> pairs, const Vec3& place, const Scratch& s) const {
+    return std::any_of(s.order.begin(), s.order.end(), [&](std::uint32_t i) {
+      const Patch& p = patches_[pairs[i].patch];
+      const Vec3 d = place - p.quadric.at;
+      const double per = 1.0 / p.support;
+      return std::abs(p.quadric.residual(place)) <= p.spacing &&
+             p.filled.around(d.dot(p.quadric.u) * per, d.dot(p.quadric.v) * per);
+    });
+  }
+  void gather_near(const Vec3& middle, double spacing, Scratch& s) const {
+    s.near.clear();
+    points_.in_ball(middle, kHalfDiagonal * grid_.voxel_mm + kTellsSpacings * spacing,
+                    [&](std::uint32_t i, const Vec3& d, double) {
+                      const double own = kTellsSpacings * std::min(points_.spacing_near(i), spacing);
+                      s.near.push_back({d, own * own});
+                    });
   }
   static bool points_around(const std::vector<Near>& near, const Vec3& foot, const Vec3& n) {
     const Vec3 axis = std::abs(n.x()) < std::abs(n.y()) ? Vec3::UnitX() : Vec3::UnitY();

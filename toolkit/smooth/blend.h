@@ -5,14 +5,11 @@
 #include <array>
 #include <cstdint>
 
+#include "toolkit/smooth/blend_rows.h"
 #include "toolkit/smooth/brick_grid.h"
 #include "toolkit/smooth/cover.h"
 
 namespace palpate::render {
-
-/// Half a row of nodes along z; the last lane of the second half is no node.
-inline constexpr int kRowHalves = 2;
-inline constexpr int kNodeRows = kBrickNodes * kBrickNodes;
 
 class NodeBlend {
  public:
@@ -27,21 +24,16 @@ class NodeBlend {
   [[nodiscard]] const std::array<float, kBrickCoefficients>& finish();
 
  private:
-  struct Local;
   /// Of every node; where it is not known, nothing.
   struct Values {
     std::array<float, kBrickCoefficients> distance, x, y, z;  ///< and its gradient
     std::array<std::uint8_t, kBrickCoefficients> known;
   };
-  void add_row(const Local& patch, float dx, float dy, std::size_t row);
   void read_sums(Values& to) const;
   static void join(Values& with, const Values& other, bool greater);
   void fill();
 
-  struct Sums {
-    std::array<Lanes, std::size_t{kNodeRows} * std::size_t{kRowHalves}> weight, distance, x, y, z;
-  };
-  Sums sums_;
+  RowSums sums_;
   Values face_, ridge_, values_;
   int faces_ = 0, ridges_ = 0;
 };

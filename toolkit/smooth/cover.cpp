@@ -8,7 +8,6 @@
 
 #include "toolkit/core/parallel.h"
 #include "toolkit/smooth/first_ball.h"
-#include "toolkit/smooth/surround.h"
 
 namespace palpate::render {
 namespace {
@@ -42,15 +41,13 @@ constexpr double kMixedGate = 0.3, kMixedMost = 0.45;
 /// Rings of a patch, and the share of leaving points in one where the patch ends.
 constexpr int kRings = 8;
 constexpr double kLeavingShare = 0.2;
-/// A patch may end where no point is in this part of a turn, outside this share of its support.
-constexpr double kRimGap = 1.0 / 6.0, kOuterShare = 0.5;
 /// A first fit with so many times the noise is tried again, from the plane of the points within this share of
 /// the radius.
 constexpr double kUnexplained = 2.0, kCoreShare = 0.65;
 /// So many spacings that noise does not explain are no shape of one sheet.
 constexpr double kMixedSpacings = 0.15;
 /// Covered from this sum of weights on.
-constexpr double kCovered = 0.25;
+constexpr double kCovered = 0.1;
 /// Patches known better than this, in spacings, count alike.
 constexpr double kTrusted = 0.01;
 /// The seed is on its own patch where the robust cost leaves it this weight: two scales off.
@@ -212,19 +209,18 @@ class ChunkCover {
     const double error = kTrusted * spacing / std::max(fit.value_error, kTrusted * spacing);
     patch.trust = error * error;
     patch.sure = sure;
-    patch.rim = may_end(q, support, off);
+    patch.filled = Filled(ball_.away.size());
+    fill(patch, off);
     cover(out.back(), off);
   }
 
-  /// Whether there is a direction in which its points end.
-  [[nodiscard]] bool may_end(const Quadric& q, double support, double off) const {
-    Surround outer;
+  void fill(Patch& patch, double off) const {
+    const Quadric& q = patch.quadric;
+    const double per = 1.0 / patch.support;
     for (const Vec3& away : ball_.away) {
       const Vec3 p = ball_.centre + away, d = p - q.at;
-      const double a = d.dot(q.u), b = d.dot(q.v), sq = (a * a + b * b) / (support * support);
-      if (sq >= kOuterShare * kOuterShare && std::abs(q.residual(p)) <= off) outer.add(a, b);
+      if (std::abs(q.residual(p)) <= off) patch.filled.add(d.dot(q.u) * per, d.dot(q.v) * per);
     }
-    return outer.widest() > kRimGap;
   }
 
   void cover(const Patch& patch, double off) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "toolkit/smooth/quadric.h"
+#include "toolkit/smooth/surround.h"
 
 namespace palpate::render {
 
@@ -18,7 +19,7 @@ struct Patch {
   int points = 0;            ///< that it follows
   double trust = 1.0;        ///< weight beside others: by how well it is known, at most 1
   bool sure = false;         ///< no piece of noise or stray points
-  bool rim = false;          ///< its points do not lie all around it: they may end there
+  Filled filled;             ///< by its points, in supports along quadric.u and v
 };
 
 struct CoverRule {

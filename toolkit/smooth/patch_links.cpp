@@ -105,7 +105,8 @@ Turn turn_between(const SmoothPoints& points, double noise, const Patch& a, cons
     ridge += std::abs(std::max(ra, rb)) <= on;
     valley += std::abs(std::min(ra, rb)) <= on;
   });
-  if (std::min(of_a, of_b) < kFewestOfEach || std::max(ridge, valley) < kExplained * all) return Turn::kNone;
+  if (std::min(of_a, of_b) < kFewestOfEach || std::max(ridge, valley) < kExplained * all)
+    return Turn::kUnclear;
   return ridge > valley ? Turn::kRidge : valley > ridge ? Turn::kValley : Turn::kNone;
 }
 
@@ -325,6 +326,7 @@ PatchLinks link_patches(const SmoothPoints& points, double noise, std::vector<Pa
       const Patch &a = patches[links[i].a], &b = patches[links[i].b];
       stands[i] = agreement(a, b) > 0.0;
       if (stands[i] != 0 && a.sure && b.sure) turn[i] = turn_between(points, noise, a, b);
+      if (turn[i] == Turn::kUnclear) stands[i] = 0;
     }
   });
   out.begin.assign(patches.size() + 1, 0);

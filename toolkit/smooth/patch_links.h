@@ -14,7 +14,8 @@ namespace palpate::render {
 enum class Turn : std::int8_t {
   kValley = -1,  ///< over a crease: the distance is the lesser of both
   kNone = 0,
-  kRidge = 1,  ///< the greater
+  kRidge = 1,    ///< the greater
+  kUnclear = 2,  ///< they lean against each other, and the points around make no crease of it
 };
 
 struct PatchLinks {

@@ -30,6 +30,8 @@ constexpr double kRoundingShare = 1e-6;
 /// A sheet is looked for through the centre and two of so many points next to it.
 constexpr std::size_t kNextPoints = 7;
 constexpr double kLeastSine = 0.3;
+/// The lesser variance of a sheet's points along it is at least this share of the greater.
+constexpr double kSheetRoundness = 0.2;
 /// Sheets are told apart where nearly all points are within this many spacings of one of them: the residuals'
 /// standard deviation is at most that over 3.3. Wider, and a sheet one spacing off would have a say.
 constexpr double kSheetGate = 0.4, kSheetSigma = 0.12;
@@ -326,6 +328,9 @@ bool separate_sheets(Ball& ball, double spacing, double sigma_floor, QuadricFit&
   Ball one = ball;
   one.keep_near(plane, kSheetGate * spacing);
   if (one.away.size() == ball.away.size()) return false;
+  // A scan line and its noise make a plane on edge, and no sheet.
+  Spread spread;
+  if (!spread_of(one, spread) || spread.roundness < kSheetRoundness) return false;
   QuadricFit found;
   if (!fit_quadric(one, {sigma_floor, true}, nullptr, found)) return false;
   if (found.sigma > kSheetSigma * spacing || kApart * found.sigma > fit.sigma) return false;

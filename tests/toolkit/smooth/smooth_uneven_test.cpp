@@ -1,0 +1,115 @@
+// `cloud-smooth` on points as scanners leave them: in lines, dense here and sparse there, sheets one spacing
+// apart, and where two faces meet.
+#include <gtest/gtest.h>
+
+#include "tests/toolkit/smooth/smooth_scenes.h"
+
+namespace palpate::render {
+namespace {
+
+void expect_kept(const Score& s) {
+  EXPECT_EQ(s.missed, 0);
+  EXPECT_EQ(s.false_ones, 0);
+  EXPECT_EQ(s.bounds, 0);
+}
+
+Score felt_on_torus(const std::vector<Vec3>& points) {
+  test::Stepped renderer = prepared(cloud_of(points), "cloud-smooth", 2);
+  return score(renderer, torus_path({}, 9000), torus_truth({}), 0.1);
+}
+
+// Lines around the tube's axis, eight times as far apart as points along them.
+std::vector<Vec3> torus_in_lines(double noise_mm) {
+  constexpr int kLines = 64;
+  constexpr double kBetween = 2.0 * std::numbers::pi * kTube / kLines;
+  Random random(11);
+  std::vector<Vec3> points;
+  for (int line = 0; line < kLines; ++line) {
+    const double b = 2.0 * std::numbers::pi * line / kLines, across = kRing + kTube * std::cos(b);
+    const auto count = static_cast<int>(2.0 * std::numbers::pi * across / (kBetween / 8.0));
+    for (int i = 0; i < count; ++i) {
+      const double a = 2.0 * std::numbers::pi * (i + 0.5 * random.uniform()) / count,
+                   r = kTube + noise_mm * random.normal();
+      points.emplace_back((kRing + r * std::cos(b)) * std::cos(a), (kRing + r * std::cos(b)) * std::sin(a),
+                          r * std::sin(b));
+    }
+  }
+  return points;
+}
+
+TEST(CloudSmoothUneven, ScanLinesAreASurface) {
+  const Score clean = felt_on_torus(torus_in_lines(0.0)), noisy = felt_on_torus(torus_in_lines(0.02));
+  EXPECT_LT(clean.rms_percent, 1.0);
+  expect_kept(clean);
+  EXPECT_EQ(clean.jumps, 0);
+  EXPECT_LT(noisy.rms_percent, 5.0);
+  expect_kept(noisy);
+}
+
+// A sixteenth of the points on one half: four times the spacing.
+TEST(CloudSmoothUneven, AStepOfDensityIsNoBorder) {
+  TorusSpec t;
+  t.points = 100000;
+  std::vector<Vec3> points;
+  std::size_t at = 0;
+  for (const Vec3& p : torus_points(t))
+    if (p.x() < 0.0 || at++ % 16 == 0) points.push_back(p);
+  const Score s = felt_on_torus(points);
+  EXPECT_LT(s.rms_percent, 1.0);
+  expect_kept(s);
+  EXPECT_EQ(s.jumps, 0);
+}
+
+// Even points on a sphere.
+void add_sphere(double radius, double spacing, std::vector<Vec3>& points) {
+  const auto count = static_cast<int>(4.0 * std::numbers::pi * radius * radius / (spacing * spacing));
+  const double golden = std::numbers::pi * (3.0 - std::sqrt(5.0));
+  for (int i = 0; i < count; ++i) {
+    const double z = 1.0 - (2.0 * i + 1.0) / count, r = std::sqrt(1.0 - z * z);
+    points.push_back(radius * Vec3(r * std::cos(golden * i), r * std::sin(golden * i), z));
+  }
+}
+
+TEST(CloudSmoothUneven, SheetsASpacingApartAreKeptApart) {
+  constexpr double kRadius = 10.0, kSpacing = 0.2;
+  std::vector<Vec3> points;
+  add_sphere(kRadius, kSpacing, points);
+  add_sphere(kRadius - 1.25 * kSpacing, kSpacing, points);
+  test::Stepped renderer = prepared(cloud_of(points), "cloud-smooth", 2);
+  std::vector<Vec3> path;
+  for (int k = 0; k < 9000; ++k) {
+    const double a = 0.003 * k, b = 1.2 * std::sin(0.0011 * k);
+    const double r = kRadius + 1.1 * std::cos(2.0 * std::numbers::pi * k / 900.0) - 0.7;
+    path.push_back(r * Vec3(std::cos(a) * std::cos(b), std::sin(a) * std::cos(b), std::sin(b)));
+  }
+  const Truth truth = [](const Vec3& x, Vec3& foot) {
+    foot = x * (kRadius / x.norm());
+    return x.norm() - kRadius;
+  };
+  const Score s = score(renderer, path, truth, 0.1);
+  EXPECT_LT(s.rms_percent, 0.1);
+  expect_kept(s);
+  EXPECT_EQ(s.jumps, 0);
+}
+
+// Floor and wall: pressed into both, the god object stands in the corner.
+TEST(CloudSmoothUneven, ACornerHolds) {
+  Random random(5);
+  std::vector<Vec3> points;
+  for (int i = 0; i < 20000; ++i) points.emplace_back(10.0 * random.uniform(), 20.0 * random.uniform(), 0.0);
+  for (int i = 0; i < 20000; ++i) points.emplace_back(0.0, 20.0 * random.uniform(), 10.0 * random.uniform());
+  test::Stepped renderer = prepared(cloud_of(points), "cloud-smooth", 2);
+  renderer->restart(Vec3(1.0, 5.0, 1.0));
+  Frame frame;
+  for (int k = 0; k <= 200; ++k) frame = renderer->step(Vec3(1.0 - 0.009 * k, 5.0, 1.0 - 0.009 * k), 0.001);
+  ASSERT_TRUE(frame.contact);
+  for (int k = 0; k <= 400; ++k) {
+    const Vec3 h(-0.8, 5.0 + 0.02 * k, -0.8);
+    frame = renderer->step(h, 0.001);
+    ASSERT_TRUE(frame.contact) << k;
+    EXPECT_LT((frame.god_object_mm - Vec3(0.0, h.y(), 0.0)).norm(), 0.2) << k;
+  }
+}
+
+}  // namespace
+}  // namespace palpate::render

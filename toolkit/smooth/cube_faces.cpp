@@ -1,0 +1,118 @@
+#include "toolkit/smooth/cube_faces.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <tuple>
+#include <utility>
+
+namespace palpate::render {
+namespace {
+
+/// Points of a face, in its patches in a cube: three of the smallest.
+constexpr int kFewestOfFace = 45;
+
+std::uint32_t root_of(std::vector<std::uint32_t>& root, std::uint32_t i) {
+  while (root[i] != i) i = root[i] = root[root[i]];
+  return i;
+}
+void join(std::vector<std::uint32_t>& root, std::uint32_t i, std::uint32_t j) {
+  const std::uint32_t a = root_of(root, i), b = root_of(root, j);
+  root[std::max(a, b)] = std::min(a, b);
+}
+double off_between(const Patch& a, const Patch& b) {
+  return std::abs(a.quadric.residual(b.quadric.at)) + std::abs(b.quadric.residual(a.quadric.at));
+}
+
+}  // namespace
+
+void CubeFaces::part(std::span<const std::uint32_t> members, const std::vector<Patch>& patches,
+                     const PatchLinks& links) {
+  sheet_.resize(members.size());
+  std::iota(sheet_.begin(), sheet_.end(), 0u);
+  face_ = sheet_;
+  creases_.clear();
+  doubtful_.clear();
+  for (std::uint32_t i = 0; i < members.size(); ++i) {
+    const std::uint32_t from = links.begin[members[i]], past = links.begin[members[i] + 1];
+    for (std::uint32_t link = from; link < past; ++link) {
+      const std::uint32_t to = links.to[link];
+      if (to < members[i]) continue;  // told from there
+      const auto at = std::lower_bound(members.begin(), members.end(), to);
+      if (at == members.end() || *at != to) continue;
+      const auto j = static_cast<std::uint32_t>(at - members.begin());
+      join(sheet_, i, j);
+      const Patch &a = patches[members[i]], &b = patches[to];
+      if (links.turn[link] != Turn::kNone)
+        creases_.push_back({i, j, links.turn[link]});
+      else if (a.sure == b.sure)
+        join(face_, i, j);
+      else
+        doubtful_.push_back(a.sure ? Doubtful{j, i, off_between(a, b)} : Doubtful{i, j, off_between(a, b)});
+    }
+  }
+  for (std::uint32_t i = 0; i < members.size(); ++i) {
+    sheet_[i] = root_of(sheet_, i);
+    face_[i] = root_of(face_, i);
+  }
+  settle_doubtful();
+  settle_small(members, patches);
+  body_ = face_;
+  if (!creases_.empty()) part_bodies();
+}
+
+void CubeFaces::settle_doubtful() {
+  std::sort(doubtful_.begin(), doubtful_.end(), [](const Doubtful& x, const Doubtful& y) {
+    return std::tie(x.patch, x.off, x.sure) < std::tie(y.patch, y.off, y.sure);
+  });
+  for (std::size_t i = 0; i < doubtful_.size(); ++i)
+    if (i == 0 || doubtful_[i].patch != doubtful_[i - 1].patch)
+      face_[doubtful_[i].patch] = face_[doubtful_[i].sure];
+}
+
+void CubeFaces::settle_small(std::span<const std::uint32_t> members, const std::vector<Patch>& patches) {
+  weight_.assign(members.size(), 0);
+  for (std::uint32_t i = 0; i < members.size(); ++i) weight_[face_[i]] += patches[members[i]].points;
+  const auto give = [&](std::uint32_t from, std::uint32_t to) {
+    weight_[to] += std::exchange(weight_[from], 0);
+    std::replace(face_.begin(), face_.end(), from, to);
+  };
+  for (const Crease& c : creases_) {
+    const std::uint32_t a = face_[c.a], b = face_[c.b];
+    if (a == b || std::min(weight_[a], weight_[b]) >= kFewestOfFace) continue;
+    give(weight_[a] < weight_[b] ? a : b, weight_[a] < weight_[b] ? b : a);
+  }
+  std::erase_if(creases_, [&](const Crease& c) { return face_[c.a] == face_[c.b]; });
+  creased_.assign(members.size(), 0);
+  for (const Crease& c : creases_) creased_[face_[c.a]] = creased_[face_[c.b]] = 1;
+  for (std::uint32_t i = 0; i < members.size(); ++i) {
+    const std::uint32_t face = face_[i];
+    if (creased_[face] != 0) continue;
+    std::uint32_t largest = face;
+    for (std::uint32_t j = 0; j < members.size(); ++j)
+      if (sheet_[j] == sheet_[i] && weight_[face_[j]] > weight_[largest]) largest = face_[j];
+    if (largest != face) give(face, largest);
+  }
+}
+
+void CubeFaces::part_bodies() {
+  for (Crease& c : creases_) {
+    c.a = face_[c.a];
+    c.b = face_[c.b];
+    if (c.a > c.b) std::swap(c.a, c.b);
+  }
+  std::sort(creases_.begin(), creases_.end(),
+            [](const Crease& x, const Crease& y) { return x.a != y.a ? x.a < y.a : x.b < y.b; });
+  for (std::size_t i = 0; i < creases_.size();) {
+    int ridges = 0;
+    std::size_t end = i;
+    for (; end < creases_.size() && creases_[end].a == creases_[i].a && creases_[end].b == creases_[i].b;
+         ++end)
+      ridges += static_cast<int>(creases_[end].turn);
+    if (ridges > 0) join(body_, creases_[i].a, creases_[i].b);
+    i = end;
+  }
+  for (std::uint32_t& r : body_) r = root_of(body_, r);
+}
+
+}  // namespace palpate::render

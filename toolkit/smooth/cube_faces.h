@@ -1,0 +1,49 @@
+// The patches of one cube, parted into sheets, and each sheet into faces that creases bound: the distance of
+// a face is blended of its patches, that of a body is the greatest of its faces', that of a sheet the least
+// of its bodies'.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "toolkit/smooth/patch_links.h"
+
+namespace palpate::render {
+
+/// Scratch that is used again from cube to cube. Belongs to one thread.
+class CubeFaces {
+ public:
+  /// `members`: the cube's patches, ascending. O(links of the patches).
+  void part(std::span<const std::uint32_t> members, const std::vector<Patch>& patches,
+            const PatchLinks& links);
+  /// Of a member: the first of its sheet; what is told apart by face and body.
+  [[nodiscard]] std::uint32_t sheet(std::size_t i) const noexcept { return sheet_[i]; }
+  [[nodiscard]] std::uint32_t face(std::size_t i) const noexcept { return face_[i]; }
+  [[nodiscard]] std::uint32_t body(std::size_t i) const noexcept { return body_[i]; }
+
+ private:
+  struct Crease {
+    std::uint32_t a, b;
+    Turn turn;
+  };
+  struct Doubtful {
+    std::uint32_t patch, sure;
+    double off;
+  };
+  /// A doubtful patch makes no face of two: it goes with the sure one that it lies nearest to.
+  void settle_doubtful();
+  /// A face of few points is none, nor one that meets no other in a crease: both go with another face of the
+  /// sheet. Cubes beside each other would not agree about them.
+  void settle_small(std::span<const std::uint32_t> members, const std::vector<Patch>& patches);
+  /// Faces that meet in ridges more than in valleys are of one body there; bodies stand beside each other.
+  void part_bodies();
+
+  std::vector<std::uint32_t> sheet_, face_, body_;
+  std::vector<Crease> creases_;
+  std::vector<Doubtful> doubtful_;
+  std::vector<int> weight_;  ///< points of each face
+  std::vector<std::uint8_t> creased_;
+};
+
+}  // namespace palpate::render
