@@ -48,6 +48,10 @@ std::unique_lock<std::recursive_mutex> hold_stop() {
   return std::unique_lock(list().mutex);
 }
 
+void forget_stop_actions() {
+  list().actions.clear();
+}
+
 std::string run_stop_actions() {
   List& all = list();
   all.mutex.lock();  // for ever

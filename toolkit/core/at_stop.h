@@ -37,4 +37,8 @@ class AtStop {
 /// on nobody can make or drop an action: it is for the thread that ends the program next, and for it alone.
 [[nodiscard]] std::string run_stop_actions();
 
+/// For a process that was forked from this one, right after: what the other one must do is not its own. To be
+/// called under hold_stop(), held since before the fork.
+void forget_stop_actions();
+
 }  // namespace palpate
