@@ -211,7 +211,7 @@ void Seat::State::fork_off() {
     for (const int end : our_ends()) ::close(end);
     ::close(talks[0]);
     ::close(lives[1]);
-    hold.unlock();
+    static_cast<void>(hold.release());  // forgotten with the actions
     serve(talks[1], lives[0], work);
   }
   ::close(talks[1]);
