@@ -184,9 +184,9 @@ struct Seat::State {
 
   void fork_off();
   void let_go() noexcept;
-  int wait_for_end(int options) noexcept {
+  int wait_for_end() noexcept {
     int status = 0;
-    while (::waitpid(pid, &status, options) < 0 && errno == EINTR) {
+    while (::waitpid(pid, &status, 0) < 0 && errno == EINTR) {
     }
     return status;
   }
@@ -233,17 +233,21 @@ void Seat::State::fork_off() {
 
 void Seat::State::let_go() noexcept {
   if (life >= 0) ::close(std::exchange(life, -1));
-  if (pid == 0) return;
+  // The thread that stops the program and the one that asks may both be here: each has its own copy, and who
+  // comes second is told that there is no such child. 0 would mean the whole group.
+  const pid_t child = pid;
+  if (child <= 0) return;
   constexpr int kPatienceMs = 2000, kLookMs = 2;  // it ends what it has started first
   for (int ms = 0; ms < kPatienceMs; ms += kLookMs) {
-    if (::waitpid(pid, nullptr, WNOHANG) != 0) {
+    if (::waitpid(child, nullptr, WNOHANG) != 0) {
       pid = 0;
       return;
     }
     ::poll(nullptr, 0, kLookMs);
   }
-  ::kill(pid, SIGKILL);
-  wait_for_end(0);
+  ::kill(child, SIGKILL);
+  while (::waitpid(child, nullptr, 0) < 0 && errno == EINTR) {
+  }
   pid = 0;
 }
 
@@ -274,7 +278,7 @@ Result<std::string> Seat::ask(Task task, Progress& progress) {
     const Json said = Json::parse(text, nullptr, false);
     if (said.is_object()) progress.report(said.value("what", ""), said.value("fraction", -1.0));
   }
-  const int status = s.wait_for_end(0);
+  const int status = s.wait_for_end();
   s.pid = 0;
   return Error{WIFSIGNALED(status) ? fmt::format("its process was ended by signal {} ({})", WTERMSIG(status),
                                                  ::strsignal(WTERMSIG(status)))
