@@ -1,6 +1,5 @@
 #include "baselines/versions.h"
 
-#include <tbb/version.h>
 #if __has_include(<CGAL/version.h>)
 #include <CGAL/version.h>
 #endif
@@ -37,7 +36,6 @@ std::vector<std::pair<std::string, std::string>> library_versions() {
 #ifdef PCL_VERSION_PRETTY
   all.emplace_back("PCL", PCL_VERSION_PRETTY);
 #endif
-  all.emplace_back("oneTBB", TBB_runtime_version());
   return all;
 }
 

@@ -8,7 +8,7 @@
 namespace palpate::baselines {
 
 /// Name and version of every library that does a rival's work, as this program found them when it was
-/// compiled; oneTBB as it is loaded.
+/// compiled.
 [[nodiscard]] std::vector<std::pair<std::string, std::string>> library_versions();
 
 }  // namespace palpate::baselines

@@ -12,6 +12,7 @@
 #ifdef PALPATE_WITH_PCD
 #include "toolkit/pcd/pcd_reader.h"
 #endif
+#include "toolkit/core/parallel_library.h"
 #include "toolkit/renderers/toolkit_renderers.h"
 #include "toolkit/voronoi/voronoi.h"
 
@@ -76,6 +77,7 @@ metrics::DocumentHead new_head(const std::string& command_line) {
 void add_program(metrics::Conditions& conditions) {
   conditions.compiler_flags = flags_text();
   conditions.libraries = baselines::library_versions();
+  conditions.libraries.push_back(parallel_library());
 }
 
 metrics::ResultDocument new_document(const std::string& command_line) {

@@ -9,16 +9,26 @@
 #include <vector>
 
 #include "toolkit/core/fork_ready.h"
+#include "toolkit/core/parallel_library.h"
 #ifndef PALPATE_STD_THREADS
 #include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
+#include <tbb/version.h>
 #endif
 
 namespace palpate {
 
 int available_threads() noexcept {
   return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+}
+
+std::pair<std::string, std::string> parallel_library() {
+#ifdef PALPATE_STD_THREADS
+  return {"std::thread", "of the compiler"};
+#else
+  return {"oneTBB", TBB_runtime_version()};
+#endif
 }
 
 bool end_waiting_threads() {
