@@ -2,12 +2,15 @@
 
 #include <fmt/format.h>
 
+#include <atomic>
 #include <utility>
 
 #include "baselines/reconstruct/reconstruct.h"
 
 namespace palpate::baselines {
 namespace {
+
+std::atomic<std::uint64_t> recorded_meshes{0};
 
 constexpr double kBytesPerGb = 1e9;
 constexpr const char* kAuto = "auto";
@@ -117,10 +120,16 @@ Result<std::shared_ptr<const geometry::TriangleMesh>> mesh_of(const render::Mode
   for (render::PreparePhase& phase : made->made.phases)
     phases.add({fmt::format("{}: {}", name, phase.name), phase.ms});
   for (std::string& note : made->made.notes) phases.note(std::move(note));
-  if (made->recorded)
+  if (made->recorded) {
+    ++recorded_meshes;
     phases.note(fmt::format("{}: from the cache; its times are those of {}, on {} threads", name,
                             made->made_on, made->threads));
+  }
   return std::make_shared<const geometry::TriangleMesh>(std::move(made->mesh));
+}
+
+std::uint64_t meshes_from_cache() noexcept {
+  return recorded_meshes;
 }
 
 }  // namespace palpate::baselines

@@ -41,4 +41,8 @@ struct MeshSource {
                                                                             int threads,
                                                                             render::PreparePhases& phases);
 
+/// How many meshes this process has taken from the cache so far: who measures preparation asks before and
+/// after.
+[[nodiscard]] std::uint64_t meshes_from_cache() noexcept;
+
 }  // namespace palpate::baselines

@@ -37,6 +37,7 @@ void declare_surface(const Declaration& declare, SurfaceArguments& surface) {
 
 void declare_run(const Declaration& declare, RunArguments& run) {
   constexpr NumberRange kFrames{0, 10'000'000};  // 2.8 hours at 1 kHz
+  constexpr NumberRange kPasses{1, 1000}, kSeconds{0, 86'400};
   declare.required("SCENE", run.scene, kSceneHelp);
   declare.text(
       "--path", run.path,
@@ -53,6 +54,12 @@ void declare_run(const Declaration& declare, RunArguments& run) {
                "model's frame");
   declare.integer("--paced", run.paced, kFrames,
                   "also time so many frames at 1 kHz, with the caches warm and evicted");
+  declare.integer(
+      "--passes", run.passes, kPasses,
+      fmt::format("timed passes of each kind and renderer, in turns (default: {})", kUsualPasses));
+  declare.number("--timing-budget", run.budget_s, kSeconds,
+                 fmt::format("seconds of timed passes a renderer: a slow one gets fewer (default: {:g})",
+                             kUsualBudgetS));
   declare.text("--save-mesh", run.save_mesh, "write the mesh of a mesh renderer to this PLY file");
   declare.flag("--force", run.force, kForceHelp);
   declare.flag("--allow-missing", run.allow_missing,

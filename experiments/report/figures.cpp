@@ -43,10 +43,10 @@ constexpr std::size_t kManyLines = 7;
 Chart frame_times(const Study& study, const std::string& prefix) {
   constexpr double kPercent = 100.0;
   Chart chart = begin(prefix, "frame-times", "Frame times",
-                      "Share of contact frames that took longer than the time on the x axis, back to back, "
-                      "the clock's own cost included. "
+                      "Share of all frames that took longer than the time on the x axis, back to back, every "
+                      "frame's median over the passes, the clock's own cost included. "
                       "Further left is faster; a steep fall is steadier.");
-  chart.nothing = "No frame was in contact.";
+  chart.nothing = "No frame was timed.";
   chart.x_label = "frame time, µs";
   chart.y_label = "frames that took longer, %";
   chart.log_x = chart.log_y = true;
@@ -57,7 +57,7 @@ Chart frame_times(const Study& study, const std::string& prefix) {
     const trace::ForceTrace& trace = study.runs[i].trace;
     std::vector<std::int64_t> times;
     for (std::size_t k = 0; k < trace.frame_ns.size() && k < trace.frames.size(); ++k)
-      if (trace.frames[k].contact) times.push_back(trace.frame_ns[k]);
+      times.push_back(trace.frame_ns[k]);
     std::sort(times.begin(), times.end());
     const auto n = static_cast<double>(times.size());
     // Ranks from the longest down, evenly spaced in the logarithm.

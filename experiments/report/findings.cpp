@@ -8,6 +8,9 @@ namespace palpate::experiments {
 
 std::vector<std::string> warnings_of(const metrics::ResultDocument& document) {
   std::vector<std::string> all = document.warnings;
+  if (document.schema == metrics::kFormerResultSchema)
+    all.push_back(
+        "An earlier version measured this: times are over each renderer's own contact frames, of one pass.");
   std::vector<std::pair<std::string, std::string>> by_text;  // a warning and who it holds for
   for (const metrics::RendererResult& r : document.renderers) {
     if (!r.prepare) continue;

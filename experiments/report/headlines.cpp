@@ -20,9 +20,12 @@ std::string listed(const std::vector<std::string>& items) {
   return joined({items.begin(), items.end() - 1}, ", ") + " and " + items.back();
 }
 
+using GetInterval = std::function<std::optional<Interval>(const RendererResult&)>;
+
 /// "cloud 0.21 µs, mesh-godobject 0.40 µs (1.9 times)", the lowest first; of many the first ones and the
-/// last.
-std::string ranked(const metrics::ResultDocument& document, const Value& value, const Show& show) {
+/// last. Whose interval overlaps that of the first is no worse: "(no difference)".
+std::string ranked(const metrics::ResultDocument& document, const Value& value, const Show& show,
+                   const GetInterval& interval = {}) {
   constexpr std::size_t kMany = 7, kFirst = 5;
   std::vector<const RendererResult*> order;
   for (const RendererResult& r : document.renderers)
@@ -34,7 +37,8 @@ std::string ranked(const metrics::ResultDocument& document, const Value& value, 
     const bool last_of_many = order.size() > kMany && i + 1 == order.size();
     if (order.size() > kMany && i >= kFirst && !last_of_many) continue;
     const double own = *value(*order[i]), best = *value(*order.front());
-    const std::string times = i == 0 ? "" : ratio_text(own, best);
+    const bool same = i > 0 && interval && overlap(interval(*order[i]), interval(*order.front()));
+    const std::string times = i == 0 ? "" : same ? "no difference" : ratio_text(own, best);
     items.push_back(fmt::format("{}{} {}{}",
                                 last_of_many ? fmt::format("{} more up to ", order.size() - kFirst) : "",
                                 order[i]->label, show(own), times.empty() ? "" : " (" + times + ")"));
@@ -45,11 +49,21 @@ std::string ranked(const metrics::ResultDocument& document, const Value& value, 
 std::optional<double> mean_us(const RendererResult& r) {
   return r.frame ? r.frame->mean_us : std::nullopt;
 }
+std::optional<double> all_us(const RendererResult& r) {
+  return r.frame_all ? r.frame_all->mean_us : std::nullopt;
+}
 std::optional<double> prepare_ms(const RendererResult& r) {
-  return r.prepare ? std::optional<double>(r.prepare->total_ms) : std::nullopt;
+  // What came from a cache was measured on another day, perhaps on another machine.
+  return r.prepare && !prepared_from_cache(r) ? std::optional<double>(r.prepare->total_ms) : std::nullopt;
 }
 std::optional<double> force_rms(const RendererResult& r) {
-  return settled_score(r, &metrics::Accuracy::force_rms_n);
+  return settled_score(r, &metrics::Accuracy::force_rms_percent);
+}
+/// The best is the highest: ranked by what lacks.
+std::optional<double> told_apart(const RendererResult& r) {
+  constexpr double kWhole = 100.0;
+  if (!r.accuracy || !r.accuracy->indistinguishable_percent) return std::nullopt;
+  return kWhole - *r.accuracy->indistinguishable_percent;
 }
 
 /// What a renderer's contact got wrong, or nothing.
@@ -64,6 +78,10 @@ std::string contact_faults(const RendererResult& r) {
     faults.push_back(
         fmt::format("stuck for up to {} in a row", count_text(r.accuracy->longest_stick_frames)));
   add(r.accuracy->pop_throughs.value_or(0), "pop-through", "pop-throughs");
+  add(r.accuracy->fall_throughs.value_or(0), "fall-through", "fall-throughs");
+  // A tolerance as large as the path is deep would call right what never answers.
+  if (r.accuracy->felt_percent.value_or(metrics::kRightSharePercent) < metrics::kRightSharePercent)
+    faults.push_back(fmt::format("only {} % of the contact is felt", short_number(r.accuracy->felt_percent)));
   return joined(faults, ", ");
 }
 
@@ -106,11 +124,32 @@ std::vector<Headline> headlines_of(const metrics::ResultDocument& document) {
     if (!text.empty()) lines.push_back({lead, text});
   };
   add("Contact", contact_verdict(document));
-  add("Force error, RMS", ranked(document, force_rms, [](double n) {
-        return n == 0.0 ? std::string("exact") : short_number(n) + " N";
-      }));
-  add("Mean frame in contact", ranked(document, mean_us, [](double us) { return short_number(us) + " µs"; }));
-  add("Preparation", ranked(document, prepare_ms, duration_text));
+  const auto percent = [](double p) { return p == 0.0 ? std::string("exact") : short_number(p) + " %"; };
+  const auto us = [](double t) { return short_number(t) + " µs"; };
+  const auto of_accuracy = [](std::optional<Interval> metrics::Accuracy::*member) {
+    return [member](const RendererResult& r) { return r.accuracy ? (*r.accuracy).*member : std::nullopt; };
+  };
+  const auto of_frames = [](std::optional<trace::FrameStatistics> RendererResult::*set) {
+    return [set](const RendererResult& r) { return r.*set ? (r.*set)->mean_interval_us : std::nullopt; };
+  };
+  constexpr double kWhole = 100.0;
+  add("Frames that no hand tells from the truth",
+      ranked(
+          document, told_apart, [](double lacks) { return short_number(kWhole - lacks) + " %"; },
+          [](const RendererResult& r) -> std::optional<Interval> {
+            if (!r.accuracy || !r.accuracy->indistinguishable_interval) return std::nullopt;
+            return Interval{kWhole - r.accuracy->indistinguishable_interval->high,
+                            kWhole - r.accuracy->indistinguishable_interval->low};
+          }));
+  add("Force error, RMS",
+      ranked(document, force_rms, percent, of_accuracy(&metrics::Accuracy::force_rms_percent_interval)));
+  add("Mean of all frames", ranked(document, all_us, us, of_frames(&RendererResult::frame_all)));
+  add("Mean frame in contact", ranked(document, mean_us, us, of_frames(&RendererResult::frame)));
+  std::string cached;
+  for (const RendererResult& r : document.renderers)
+    if (competes(r) && prepared_from_cache(r)) cached += (cached.empty() ? "" : ", ") + r.label;
+  add("Preparation", ranked(document, prepare_ms, duration_text) +
+                         (cached.empty() ? "" : "; from the cache, and not ranked: " + cached));
   return lines;
 }
 

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "experiments/report/page.h"
@@ -29,30 +30,43 @@ bool finite(const Value& v) {
 
 /// Frames of wrong contact, and surfaces passed through.
 std::uint64_t contact_faults(const metrics::Accuracy& a) {
-  return a.missed_contact_frames + a.false_contact_frames + a.pop_throughs.value_or(0);
+  return a.missed_contact_frames + a.false_contact_frames + a.pop_throughs.value_or(0) +
+         a.fall_throughs.value_or(0);
+}
+
+/// Too little of the contact is felt at all, whatever the tolerances of the faults.
+bool feels_too_little(const metrics::Accuracy& a) {
+  return a.felt_percent.value_or(metrics::kRightSharePercent) < metrics::kRightSharePercent;
 }
 
 std::string faults_text(const metrics::Accuracy& a) {
   const std::uint64_t wrong = a.missed_contact_frames + a.false_contact_frames,
-                      pops = a.pop_throughs.value_or(0);
+                      pops = a.pop_throughs.value_or(0) + a.fall_throughs.value_or(0);
   std::string text;
   if (wrong > 0) text = fmt::format("contact wrong in {} frame{}", count_text(wrong), wrong == 1 ? "" : "s");
   if (pops > 0)
     text += fmt::format("{}through the surface {} time{}", text.empty() ? "" : ", ", count_text(pops),
                         pops == 1 ? "" : "s");
+  if (feels_too_little(a))
+    text += fmt::format("{}{} % of it felt", text.empty() ? "contact wrong: " : ", ",
+                        short_number(a.felt_percent));
   return text;
 }
 
 Value error_percent(const R& r) {
   return settled_score(r, &metrics::Accuracy::force_rms_percent);
 }
+/// All frames count, where they are known: free ones are where boxes are searched.
+const std::optional<trace::FrameStatistics>& frames_of(const R& r) {
+  return r.frame_all ? r.frame_all : r.frame;
+}
 Value mean_us(const R& r) {
-  return r.frame ? r.frame->mean_us : std::nullopt;
+  return frames_of(r) ? frames_of(r)->mean_us : std::nullopt;
 }
 
 Number right_of(const R& r) {
   if (!r.accuracy) return {kNoNumber, "no ground truth"};
-  const bool wrong = contact_faults(*r.accuracy) > 0;
+  const bool wrong = contact_faults(*r.accuracy) > 0 || feels_too_little(*r.accuracy);
   const std::string contact = wrong ? faults_text(*r.accuracy) : "contact right";
   const Value percent = error_percent(r);
   if (!percent) return {wrong ? "no" : "contact right", wrong ? contact : "forces are not compared", wrong};
@@ -60,13 +74,17 @@ Number right_of(const R& r) {
 }
 
 Number fast_of(const R& r) {
-  if (!finite(mean_us(r))) return {kNoNumber, "never in contact"};
-  return {short_number(*mean_us(r)) + " µs",
-          finite(r.frame->p999_us) ? "99.9 %: " + short_number(*r.frame->p999_us) + " µs" : ""};
+  if (!finite(mean_us(r))) return {kNoNumber, "no frames"};
+  std::string more;
+  if (r.frame && finite(r.frame->mean_us)) more = "in contact " + short_number(*r.frame->mean_us) + " µs";
+  if (finite(frames_of(r)->p999_us))
+    more += fmt::format("{}99.9 %: {} µs", more.empty() ? "" : ", ", short_number(*frames_of(r)->p999_us));
+  return {short_number(*mean_us(r)) + " µs", more};
 }
 
 Number ready_of(const R& r) {
-  return r.prepare ? Number{duration_text(r.prepare->total_ms), ""} : Number{kNoNumber, ""};
+  if (!r.prepare) return {kNoNumber, ""};
+  return {duration_text(r.prepare->total_ms), prepared_from_cache(r) ? "from the cache: of another day" : ""};
 }
 
 Number large_of(const R& r) {
@@ -207,8 +225,38 @@ std::string axes_svg(const Axis& across, const Axis& upward, const Upward& what,
   if (zero_band) svg += word(kLeft - 7, floor - kZeroBand / 2 + 4, "end", what.nothing);
   svg += line(kLeft, kTop, kLeft, floor, "axis") + line(kLeft, floor, kWidth - kRight, floor, "axis");
   svg += word((kLeft + kWidth - kRight) / 2, kHeight - 8, "middle",
-              "mean frame in contact, µs (left is faster)");
+              "mean of all frames, µs; from free to contact ○, 99.9 % | (left is faster)");
   return svg + word(4, 14, "start", what.label + " (low is better)");
+}
+
+/// Free, contact and the slowest thousandth of all frames: what the dot's place is a mean of.
+std::array<Value, 3> times_beside(const R& r) {
+  const auto mean = [](const std::optional<trace::FrameStatistics>& s) {
+    return s ? s->mean_us : std::nullopt;
+  };
+  return {mean(r.frame_free), mean(r.frame), r.frame_all ? r.frame_all->p999_us : std::nullopt};
+}
+
+/// A line from the fastest to the slowest of them, a ring where contact is, a stroke where 99.9 % is.
+std::string span_svg(const R& r, const Axis& across, double y, const std::string& colour) {
+  constexpr double kRing = 4.0, kStroke = 6.0;
+  const std::array<Value, 3> beside = times_beside(r);
+  double low = *mean_us(r), high = low;
+  for (const Value& v : beside) {
+    if (!finite(v) || !(*v > 0.0)) continue;
+    low = std::min(low, *v);
+    high = std::max(high, *v);
+  }
+  if (!(low < high)) return {};
+  std::string svg =
+      fmt::format("<g stroke=\"{}\" fill=\"none\" stroke-opacity=\"0.6\"><path d=\"M{:.1f} {:.1f}H{:.1f}",
+                  colour, across.at(low), y, across.at(high));
+  if (const Value& tail = beside[2]; finite(tail) && *tail > 0.0)
+    svg += fmt::format("M{:.1f} {:.1f}v{:.1f}", across.at(*tail), y - kStroke, 2.0 * kStroke);
+  svg += "\"/>";
+  if (const Value& contact = beside[1]; finite(contact) && *contact > 0.0)
+    svg += fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{:g}\"/>", across.at(*contact), y, kRing);
+  return svg + "</g>";
 }
 
 std::string picture(const metrics::ResultDocument& document, const std::vector<Look>& looks) {
@@ -222,6 +270,8 @@ std::string picture(const metrics::ResultDocument& document, const std::vector<L
     if (!finite(time) || !(*time > 0.0) || !finite(value)) continue;
     dots.push_back({i, *time, *value});
     times.push_back(*time);
+    for (const Value& other : times_beside(r))
+      if (finite(other) && *other > 0.0) times.push_back(*other);
     values.push_back(*value);
     zero = zero || !(*value > 0.0);
   }
@@ -229,13 +279,16 @@ std::string picture(const metrics::ResultDocument& document, const std::vector<L
   const double floor = kHeight - kBottom;
   const Axis across = axis_over(times, kLeft + kDot, kWidth - kRight - kDot),
              upward = axis_over(values, floor - (zero ? kZeroBand : kDot), kTop + kDot);
+  std::string spans;
   for (Dot& dot : dots) {
+    const double y = dot.y > 0.0 ? upward.at(dot.y) : floor - kZeroBand / 2;
+    spans += span_svg(document.renderers[dot.renderer], across, y, looks[dot.renderer].colour);
     dot.x = across.at(dot.x);
     dot.y = dot.y > 0.0 ? upward.at(dot.y) : floor - kZeroBand / 2;
   }
   spread(dots);
   std::string svg = fmt::format("<svg class=\"trade\" viewBox=\"0 0 {:g} {:g}\" role=\"img\">{}", kWidth,
-                                kHeight, axes_svg(across, upward, what, zero));
+                                kHeight, axes_svg(across, upward, what, zero) + spans);
   for (const Dot& dot : dots) {
     const R& r = document.renderers[dot.renderer];
     if (dot.at_x != dot.x) svg += line(dot.x, dot.y, dot.at_x, dot.at_y, "axis");
@@ -285,7 +338,9 @@ std::string row(const metrics::ResultDocument& document, std::size_t i, const Lo
     const std::optional<double> best = best_of(document, value);
     return best && competes(r) && finite(value(r)) && *value(r) <= *best;
   };
-  const auto prepare = [](const R& x) { return x.prepare ? Value(x.prepare->total_ms) : std::nullopt; };
+  const auto prepare = [](const R& x) {
+    return x.prepare && !prepared_from_cache(x) ? Value(x.prepare->total_ms) : std::nullopt;
+  };
   const auto bytes = [](const R& x) {
     return x.prepare ? Value(static_cast<double>(x.prepare->bytes)) : std::nullopt;
   };
@@ -305,7 +360,7 @@ std::string opening_html(const metrics::ResultDocument& document) {
                                  drawn.empty() ? "" : "<div class=\"picture\">" + drawn + "</div>\n");
   html +=
       "<table class=\"four\"><thead><tr><th></th><th>Right?<small>force error, contact</small></th>"
-      "<th>Fast?<small>mean frame, 99.9 %</small></th><th>Ready when?<small>preparation</small></th>"
+      "<th>Fast?<small>mean of all frames, 99.9 %</small></th><th>Ready when?<small>preparation</small></th>"
       "<th>How large?<small>memory</small></th></tr></thead>\n<tbody>\n";
   for (std::size_t i = 0; i < document.renderers.size(); ++i) html += row(document, i, looks[i]);
   return html + "</tbody></table>\n</div>\n";

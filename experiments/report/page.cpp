@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "experiments/report/card.h"
 #include "experiments/report/findings.h"
 #include "experiments/report/model_picture.h"
 #include "toolkit/core/words.h"
@@ -127,12 +128,39 @@ Fact fact_of(const metrics::RendererResult& r) {
     if (!r.prepare->notes.empty()) fact.sentences.push_back(joined(r.prepare->notes, "; "));
     for (const std::string& warning : r.prepare->warnings) fact.sentences.push_back("Warning: " + warning);
   }
+  if (r.timing)
+    fact.sentences.push_back(fmt::format(
+        "timed {}{}{}", r.timing->own_process ? "in a process of its own" : "in the program's own process",
+        r.timing->pinned_cpu ? fmt::format(", on processor {}", *r.timing->pinned_cpu)
+                             : ", on no fixed processor",
+        r.timing->in_turns_with > 0 ? fmt::format(", in turns with {} others", r.timing->in_turns_with)
+                                    : ", alone"));
   if (!r.trace_hash.empty()) fact.sentences.push_back("trace hash " + r.trace_hash);
   return fact;
 }
 
+/// Under what conditions the times were measured.
+std::optional<Fact> conditions_fact(const metrics::ResultDocument& document) {
+  if (!document.conditions) return std::nullopt;
+  const metrics::Conditions& c = *document.conditions;
+  std::string libraries;
+  for (const auto& [name, version] : c.libraries)
+    libraries += fmt::format("{}{} {}", libraries.empty() ? "" : ", ", name, version);
+  return Fact{"timing",
+              {fmt::format("{} passes of each kind in random order (seed {}), at most {} s a renderer",
+                           c.rounds, c.order_seed, short_number(c.budget_s)),
+               fmt::format("stolen by the host {}; load {} before, {} after; governor {}; huge pages {}",
+                           c.steal_percent ? short_number(*c.steal_percent) + " %" : "unknown",
+                           short_number(c.load_before), short_number(c.load_after), c.governor, c.huge_pages),
+               fmt::format("processor has {}; compiled for {} with {}", c.processor_sets, c.compiled_for,
+                           c.compiler_flags),
+               libraries}};
+}
+
 std::vector<Fact> facts_of(const Study& study) {
   std::vector<Fact> facts = {{"model", {study.document.scene}}, {"path", {study.document.path}}};
+  if (std::optional<Fact> conditions = conditions_fact(study.document))
+    facts.push_back(*std::move(conditions));
   if (study.reference)
     facts.push_back({"ground truth", {study.reference->name + ": " + study.reference->exactness}});
   for (const metrics::RendererResult& r : study.document.renderers) facts.push_back(fact_of(r));
@@ -174,6 +202,7 @@ void add_study(Page& page, const Study& study, const std::string& id, const std:
   section.title = study.document.title;
   if (!study.document.about.empty()) section.paragraphs.push_back(study.document.about);
   if (const std::string path = contact_of_path(study); !path.empty()) section.paragraphs.push_back(path);
+  if (std::optional<Table> card = card_table(study.document)) section.tables.push_back(*std::move(card));
   Table table = comparison_table(study.document);
   if (study.reference) table.notes.insert(table.notes.end(), contact_words().begin(), contact_words().end());
   section.tables.push_back(std::move(table));

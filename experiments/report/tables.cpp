@@ -20,12 +20,15 @@ enum class Show { kNumbers, kCounts, kTimes };
 constexpr double kNsPerUs = 1e3, kPercent = 100.0;
 constexpr double kDegPerRad = 57.295779513082320877;  // 180 / pi
 
+using GetInterval = std::function<std::optional<Interval>(const Result_&)>;
+using Ranks = std::function<bool(const Result_&)>;
+
 /// Which of `values` is the best of a row; nothing where nobody is.
 std::optional<std::size_t> best_of(const std::vector<Value>& values, const metrics::ResultDocument& document,
-                                   Better better) {
+                                   Better better, const Ranks& ranks) {
   std::optional<std::size_t> best;
   for (std::size_t i = 0; better != Better::kNeither && i < values.size(); ++i) {
-    if (!values[i] || !competes(document.renderers[i])) continue;
+    if (!values[i] || !ranks(document.renderers[i])) continue;
     if (!best || (better == Better::kLower ? *values[i] < *values[*best] : *values[i] > *values[*best]))
       best = i;
   }
@@ -39,8 +42,10 @@ class Scores {
 
   void heading(std::string text) { table_.rows.push_back({{std::move(text), false, false}}); }
 
-  /// `rounding`: of each renderer's value, what rounding alone makes; empty: none.
-  void add(std::string name, const Get& get, Better better, Show show, const Get& rounding = {}) {
+  /// `rounding`: of each renderer's value, what rounding alone makes; empty: none. `interval`: of each value;
+  /// whom it does not tell from the best is as good, and it stands in a row below. `ranks`: who may be best.
+  void add(std::string name, const Get& get, Better better, Show show, const Get& rounding = {},
+           const GetInterval& interval = {}, const Ranks& ranks = competes) {
     std::vector<Value> values;
     for (const Result_& r : document_.renderers) {
       Value value = get(r);
@@ -65,19 +70,30 @@ class Scores {
         texts.push_back(v ? count_text(static_cast<std::uint64_t>(*v)) : kNoNumber);
     }
     // What reads the same is as good; where all are, nobody is marked.
-    const std::optional<std::size_t> best = best_of(values, document_, better);
+    const std::optional<std::size_t> best = best_of(values, document_, better, ranks);
     const auto is_best = [&](std::size_t i) {
-      return best && values[i] && competes(document_.renderers[i]) && texts[i] == texts[*best];
+      if (!best || !values[i] || !ranks(document_.renderers[i])) return false;
+      return texts[i] == texts[*best] ||
+             (interval && overlap(interval(document_.renderers[i]), interval(document_.renderers[*best])));
     };
     std::size_t rivals = 0, equal = 0;
     for (std::size_t i = 0; i < values.size(); ++i) {
-      rivals += values[i] && competes(document_.renderers[i]) ? 1u : 0u;
+      rivals += values[i] && ranks(document_.renderers[i]) ? 1u : 0u;
       equal += is_best(i) ? 1u : 0u;
     }
     std::vector<Cell> row = {{std::move(name), false, false}};
     for (std::size_t i = 0; i < values.size(); ++i)
       row.push_back({texts[i], equal < rivals && is_best(i), false});
     table_.rows.push_back(std::move(row));
+    if (!interval) return;
+    std::vector<Cell> below = {{"its interval, 95 %", false, false}};
+    bool any = false;
+    for (const Result_& r : document_.renderers) {
+      below.push_back({interval_text(interval(r)), false, false});
+      any = any || below.back().text != kNoNumber;
+    }
+    if (any) table_.rows.push_back(std::move(below));
+    intervals_ = intervals_ || any;
   }
   void lower(std::string name, const Get& get, const Get& rounding = {}) {
     add(std::move(name), get, Better::kLower, Show::kNumbers, rounding);
@@ -85,20 +101,32 @@ class Scores {
   void fewer(std::string name, const Get& get) { add(std::move(name), get, Better::kLower, Show::kCounts); }
   /// Something was more than 0 and no more than rounding.
   [[nodiscard]] bool settled_any() const { return settled_any_; }
+  /// Intervals stand in the table.
+  [[nodiscard]] bool intervals() const { return intervals_; }
 
  private:
   Table& table_;
   const metrics::ResultDocument& document_;
   bool settled_any_ = false;
+  bool intervals_ = false;
 };
 
-Get frame(Value trace::FrameStatistics::*member) {
-  return [member](const Result_& r) { return r.frame ? (*r.frame).*member : std::nullopt; };
+using Set = std::optional<trace::FrameStatistics> Result_::*;
+
+Get frame(Set set, Value trace::FrameStatistics::*member) {
+  return [set, member](const Result_& r) { return r.*set ? (*(r.*set)).*member : std::nullopt; };
 }
-Get frame_count(std::uint64_t trace::FrameStatistics::*member) {
-  return [member](const Result_& r) -> Value {
-    if (!r.frame) return std::nullopt;
-    return static_cast<double>((*r.frame).*member);
+GetInterval frame_interval(Set set, std::optional<Interval> trace::FrameStatistics::*member) {
+  return [set, member](const Result_& r) { return r.*set ? (*(r.*set)).*member : std::nullopt; };
+}
+Get frame_count(Set set, std::uint64_t trace::FrameStatistics::*member) {
+  return [set, member](const Result_& r) -> Value {
+    if (!(r.*set)) return std::nullopt;
+    const std::uint64_t n = (*(r.*set)).*member;
+    // Earlier documents do not say how often, or in how many episodes.
+    const bool unsaid =
+        n == 0 && (member == &trace::FrameStatistics::passes || member == &trace::FrameStatistics::episodes);
+    return unsaid ? std::nullopt : Value(static_cast<double>(n));
   };
 }
 Get accuracy(Value metrics::Accuracy::*member) {
@@ -118,36 +146,72 @@ Value rounding_energy_percent(const Result_& r) {
   return kPercent * r.energy->rounding_mj / r.energy->max_stored_mj;
 }
 
+/// Every document of today has the truth's frames; in earlier ones each renderer had its own.
+std::string contact_words_of(const metrics::ResultDocument& d) {
+  for (const Result_& r : d.renderers)
+    if (r.timing && r.timing->contact_of == "truth") return "Frames of the truth's contact";
+  for (const Result_& r : d.renderers)
+    if (r.timing && r.timing->contact_of == "majority") return "Frames that most renderers call contact";
+  return "Frames in contact, each renderer's own";
+}
+
+void add_frames_of(Scores& t, Set set) {
+  using F = trace::FrameStatistics;
+  t.add("mean without the clock, µs", frame(set, &F::mean_us), Better::kLower, Show::kNumbers, {},
+        frame_interval(set, &F::mean_interval_us));
+  t.lower("mean, µs", frame(set, &F::mean_clocked_us));
+  t.lower("median, µs", frame(set, &F::p50_us));
+  t.lower("99 %, µs", frame(set, &F::p99_us));
+  t.add("99.9 %, µs", frame(set, &F::p999_us), Better::kLower, Show::kNumbers, {},
+        frame_interval(set, &F::p999_interval_us));
+  t.lower("longest, µs", frame(set, &F::max_us));
+}
+
 void add_costs(Scores& t, const metrics::ResultDocument& d) {
   using F = trace::FrameStatistics;
   t.heading("Preparation");
   t.add(
       "preparation", [](const Result_& r) { return r.prepare ? Value(r.prepare->total_ms) : std::nullopt; },
-      Better::kLower, Show::kTimes);
+      Better::kLower, Show::kTimes, {}, {},
+      [](const Result_& r) { return competes(r) && !prepared_from_cache(r); });
+  t.add(
+      "processor time of it",
+      [](const Result_& r) { return r.prepare_clock ? Value(r.prepare_clock->cpu_ms) : std::nullopt; },
+      Better::kNeither, Show::kTimes);
   t.lower("memory, bytes a point", [](const Result_& r) -> Value {
     if (!r.prepare || !r.model || r.model->points == 0) return std::nullopt;
     return static_cast<double>(r.prepare->bytes) / static_cast<double>(r.model->points);
   });
-  t.heading("Frames");
+  t.heading(contact_words_of(d));
   const std::string all = frames_text(d);
-  t.add("frames in contact" + (all.empty() ? "" : ", " + all), frame_count(&F::contact_frames),
+  t.add("frames in contact" + (all.empty() ? "" : ", " + all), frame_count(&Result_::frame, &F::timed_frames),
         Better::kNeither, Show::kCounts);
-  if (all.empty()) t.add("frames in all", frame_count(&F::frames), Better::kNeither, Show::kCounts);
-  t.lower("mean without the clock, µs", frame(&F::mean_us));
-  t.fewer("frames at the work bound", frame_count(&F::bound_hits));
+  t.add("frames that it calls contact", frame_count(&Result_::frame, &F::contact_frames), Better::kNeither,
+        Show::kCounts);
+  if (all.empty())
+    t.add("frames in all", frame_count(&Result_::frame, &F::frames), Better::kNeither, Show::kCounts);
+  add_frames_of(t, &Result_::frame);
+  t.add("processor time, mean, µs", frame(&Result_::frame, &F::cpu_mean_us), Better::kNeither,
+        Show::kNumbers);
   t.lower("paced at 1 kHz, median, µs",
           [](const Result_& r) { return r.paced ? r.paced->frame.p50_us : std::nullopt; });
   t.lower("paced, caches evicted, median, µs",
           [](const Result_& r) { return r.paced_evicted ? r.paced_evicted->frame.p50_us : std::nullopt; });
-  t.heading("Frames one by one, the clock in each");
-  t.lower("mean, µs", frame(&F::mean_clocked_us));
-  t.lower("median, µs", frame(&F::p50_us));
-  t.lower("99 %, µs", frame(&F::p99_us));
-  t.lower("99.9 %, µs", frame(&F::p999_us));
-  t.lower("longest, µs", frame(&F::max_us));
-  t.fewer("missed 1 ms deadlines", frame_count(&F::deadline_misses_1khz));
+  t.heading("Free frames");
+  add_frames_of(t, &Result_::frame_free);
+  t.heading("All frames");
+  add_frames_of(t, &Result_::frame_all);
+  t.add("longest single reading, µs", frame(&Result_::frame_all, &F::worst_us), Better::kNeither,
+        Show::kNumbers);
+  t.fewer("frames at the work bound", frame_count(&Result_::frame_all, &F::bound_hits));
+  t.fewer("missed 1 ms deadlines", frame_count(&Result_::frame_all, &F::deadline_misses_1khz));
+  t.fewer("missed 0.2 ms deadlines (5 kHz)", frame_count(&Result_::frame_all, &F::deadline_misses_5khz));
+  t.fewer("missed 0.1 ms deadlines (10 kHz)", frame_count(&Result_::frame_all, &F::deadline_misses_10khz));
+  t.heading("How it was timed");
+  t.add("passes of each kind", frame_count(&Result_::frame_all, &F::passes), Better::kNeither, Show::kCounts);
+  t.add("episodes of contact", frame_count(&Result_::frame, &F::episodes), Better::kNeither, Show::kCounts);
   t.add(
-      "of it the clock, µs",
+      "the clock in frames one by one, µs",
       [](const Result_& r) { return r.frame ? Value(r.frame->clock_overhead_ns / kNsPerUs) : std::nullopt; },
       Better::kNeither, Show::kNumbers);
 }
@@ -157,18 +221,37 @@ void add_scores(Scores& t) {
   const auto lower = [&](const char* name, Value A::*score) {
     t.lower(name, accuracy(score), [score](const Result_& r) { return Value(rounding_of(r, score)); });
   };
+  const auto accuracy_interval = [](std::optional<Interval> A::*member) {
+    return [member](const Result_& r) { return r.accuracy ? (*r.accuracy).*member : std::nullopt; };
+  };
   t.heading("Force against the ground truth");
+  t.add("frames that no hand tells from the truth, %", accuracy(&A::indistinguishable_percent),
+        Better::kHigher, Show::kNumbers, {}, accuracy_interval(&A::indistinguishable_interval));
   lower("force error, RMS, N", &A::force_rms_n);
-  lower("force error, RMS, %", &A::force_rms_percent);
+  t.add(
+      "force error, RMS, %", accuracy(&A::force_rms_percent), Better::kLower, Show::kNumbers,
+      [](const Result_& r) { return Value(rounding_of(r, &A::force_rms_percent)); },
+      accuracy_interval(&A::force_rms_percent_interval));
+  lower("force error, median, %", &A::force_p50_percent);
+  lower("force error, 95 %, %", &A::force_p95_percent);
   lower("force error, largest, N", &A::force_max_n);
   t.add("frames within 7 % of the force, %", accuracy(&A::within_7_percent), Better::kHigher, Show::kNumbers);
   lower("force direction, 99 %, degrees", &A::direction_p99_deg);
   lower("largest excess jump, N", &A::excess_jump_max_n);
   t.fewer("excess jumps", accuracy_count(&A::excess_jumps));
+  lower("largest jump error, N", &A::jump_error_max_n);
+  t.fewer("jump errors", accuracy_count(&A::jump_errors));
+  t.lower("lag, ms", accuracy(&A::lag_ms));
+  t.lower("ripple, times what touch notices", accuracy(&A::ripple_ratio));
+  t.lower("relief, times what touch notices", accuracy(&A::relief_ratio));
   t.heading("Contact against the ground truth");
+  t.add("contact that is felt, %", accuracy(&A::felt_percent), Better::kHigher, Show::kNumbers);
   t.fewer("missed contact, frames", accuracy_count(&A::missed_contact_frames));
   t.fewer("false contact, frames", accuracy_count(&A::false_contact_frames));
+  t.fewer("missed beyond the device's 0.055 mm, frames", accuracy_count(&A::missed_device_frames));
+  t.fewer("false beyond the device's 0.055 mm, frames", accuracy_count(&A::false_device_frames));
   t.fewer("longest stick, frames", accuracy_count(&A::longest_stick_frames));
+  t.fewer("fall-throughs", accuracy_count(&A::fall_throughs));
   t.fewer("pop-throughs", accuracy_count(&A::pop_throughs));
   lower("onset error, mm", &A::onset_error_mm);
   lower("release error, mm", &A::release_error_mm);
@@ -178,6 +261,10 @@ void add_scores(Scores& t) {
   t.lower(
       "energy generated, %",
       [](const Result_& r) { return r.energy ? r.energy->generated_percent : std::nullopt; },
+      rounding_energy_percent);
+  t.lower(
+      "energy made in the worst episode, %",
+      [](const Result_& r) { return r.energy ? r.energy->drawdown_percent : std::nullopt; },
       rounding_energy_percent);
 }
 
@@ -204,6 +291,24 @@ const std::vector<std::string>& contact_words() {
   return kWords;
 }
 
+std::string interval_text(const std::optional<Interval>& interval) {
+  if (!interval) return kNoNumber;
+  return fmt::format("{} to {}", short_number(interval->low), short_number(interval->high));
+}
+
+bool overlap(const std::optional<Interval>& a, const std::optional<Interval>& b) {
+  return a && b && a->low <= b->high && b->low <= a->high;
+}
+
+bool prepared_from_cache(const metrics::RendererResult& r) {
+  return r.prepare_clock && r.prepare_clock->from_cache;
+}
+
+std::string preparation_text(const metrics::RendererResult& r) {
+  if (!r.prepare) return kNoNumber;
+  return duration_text(r.prepare->total_ms) + (prepared_from_cache(r) ? " (from the cache)" : "");
+}
+
 bool competes(const metrics::RendererResult& result) {
   return result.role != render::Role::kReference && result.role != render::Role::kOracle;
 }
@@ -218,9 +323,10 @@ double rounding_of(const metrics::RendererResult& r, std::optional<double> metri
   if (is_one_of({&A::force_rms_n, &A::force_normal_rms_n, &A::force_tangential_rms_n, &A::force_max_n}))
     return a.rounding_n;
   // The difference of two forces may be wrong by the rounding of both.
-  if (is_one_of({&A::excess_jump_max_n, &A::path_dependence_n})) return 2.0 * a.rounding_n;
+  if (is_one_of({&A::excess_jump_max_n, &A::jump_error_max_n, &A::path_dependence_n}))
+    return 2.0 * a.rounding_n;
   // A share of the true force, by the ratio of the two scores.
-  if (score == &A::force_rms_percent)
+  if (is_one_of({&A::force_rms_percent, &A::force_p50_percent, &A::force_p95_percent}))
     return a.force_rms_n.value_or(0.0) > 0.0
                ? a.rounding_n * (a.force_rms_percent.value_or(0.0) / *a.force_rms_n)
                : 0.0;
@@ -330,12 +436,44 @@ Table comparison_table(const metrics::ResultDocument& document) {
     if (table.rows[i].size() == 1 && (i + 1 == table.rows.size() || table.rows[i + 1].size() == 1))
       table.rows.erase(table.rows.begin() + static_cast<std::ptrdiff_t>(i));
   table.caption =
-      "Times are of frames in contact, back to back. The mean without the clock is of whole runs of frames, "
-      "one clock pair around each run; the times one by one have a clock pair in every frame.";
+      "Times are back to back, of frames that are the same for every renderer. The mean without the clock is "
+      "the median of the passes, the clock read at the ends of each stretch of contact; all other times are "
+      "of each frame's median over the passes, with a clock pair in every frame.";
   table.notes = std::move(reasons);
   if (!outside.empty())
     table.notes.push_back("Shown to compare with, and not marked as best: " + outside + ".");
   if (scores.settled_any()) table.notes.push_back(zero_note(document));
+  if (scores.intervals()) {
+    table.best_means = "the best, and whom the intervals do not tell from it";
+    table.notes.push_back(
+        "Intervals: 95 %, bootstrap over episodes of contact and over passes. Where two overlap, there is no "
+        "difference.");
+  }
+  std::string cached, few, disturbed;
+  constexpr double kDisturbed = 1.1;  // wall over processor: a tenth is more than clocks and interrupts take
+  for (const Result_& r : document.renderers) {
+    if (r.frame_all && r.frame_all->mean_us && r.frame_all->cpu_mean_us &&
+        *r.frame_all->mean_us > kDisturbed * *r.frame_all->cpu_mean_us)
+      disturbed += fmt::format("{}{} {}", disturbed.empty() ? "" : ", ", r.label,
+                               short_number(*r.frame_all->cpu_mean_us));
+    if (prepared_from_cache(r)) cached += (cached.empty() ? "" : ", ") + r.label;
+    if (document.conditions && r.frame_all && r.frame_all->passes < document.conditions->rounds)
+      few += fmt::format("{}{} {}", few.empty() ? "" : ", ", r.label, r.frame_all->passes);
+  }
+  if (!cached.empty())
+    table.notes.push_back(
+        "From the cache, with the times of the day it was made, and so never the best: preparation of " +
+        cached + ".");
+  if (!disturbed.empty())
+    table.notes.push_back(
+        "Other programs took the processor while these were timed; by the processor's own clock the mean of "
+        "all "
+        "frames is, in µs: " +
+        disturbed + ".");
+  if (!few.empty())
+    table.notes.push_back(fmt::format("Fewer passes than {}, for they would have taken longer than {} s: {}.",
+                                      document.conditions->rounds,
+                                      short_number(document.conditions->budget_s), few));
   return table;
 }
 

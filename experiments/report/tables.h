@@ -59,6 +59,16 @@ struct Table {
 [[nodiscard]] std::optional<double> settled_score(const metrics::RendererResult& result,
                                                   std::optional<double> metrics::Accuracy::*score);
 
+/// "0.115 to 0.121", or a dash.
+[[nodiscard]] std::string interval_text(const std::optional<Interval>& interval);
+/// Neither can be told from the other: both known, and one does not end before the other begins.
+[[nodiscard]] bool overlap(const std::optional<Interval>& a, const std::optional<Interval>& b);
+
+/// A part of what was prepared came from a cache: its time is no measurement of today, and wins nothing.
+[[nodiscard]] bool prepared_from_cache(const metrics::RendererResult& result);
+/// "1.92 s", "41.0 s (from the cache)", or a dash.
+[[nodiscard]] std::string preparation_text(const metrics::RendererResult& result);
+
 /// One column per renderer, one row per score.
 [[nodiscard]] Table comparison_table(const metrics::ResultDocument& document);
 

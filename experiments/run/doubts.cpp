@@ -178,15 +178,8 @@ std::vector<std::string> doubts_about_alignment(const Stage& stage) {
 std::vector<std::string> remarks_on_reference(const StagedStudy& study) {
   if (!study.stage.reference || study.stage.reference->name != "original-mesh") return {};
   std::vector<std::string> same;
-  for (const Run& run : study.runs) {
-    if (!run.result.prepare || run.result.prepare->decisions.models.empty()) continue;
-    bool as_it_is = false;  // the file's faces, none of them changed
-    for (const render::Decision& d : run.result.prepare->decisions.models.front().decisions) {
-      if (d.about == "mesh") as_it_is = d.choice == "original";
-      if ((d.about == "repair" || d.about == "facets") && d.given) as_it_is = false;
-    }
-    if (as_it_is) same.push_back(run.result.label);
-  }
+  for (const Run& run : study.runs)
+    if (run.own_faces) same.push_back(run.result.label);
   if (same.empty()) return {};
   return {fmt::format(
       "The ground truth is the file's own faces, and {} feels the same ones: an error of 0 says that "

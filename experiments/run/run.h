@@ -1,6 +1,7 @@
 // One renderer on a stage: prepared, replayed, timed, scored.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -12,12 +13,20 @@
 
 namespace palpate::experiments {
 
+/// Passes of each kind, where frames are cheap enough: fewer tell little of how much a median is worth.
+inline constexpr std::uint64_t kUsualPasses = 30;
+/// Of all passes of one renderer: a frame of 1 us along 50,000 frames just gets its 30.
+inline constexpr double kUsualBudgetS = 6.0;
+
 struct RunOptions {
   int threads = 0;
   std::uint64_t paced_frames = 0;
   std::string save_mesh;         ///< a PLY file for the mesh of a mesh renderer; empty: none
   std::string save_edited;       ///< a PLY file for the first model as the path left it; empty: none
   double prepare_limit_s = 0.0;  ///< preparation that takes longer is stopped and says so; 0 = none
+  std::uint64_t passes = kUsualPasses;
+  double budget_s = kUsualBudgetS;
+  bool own_process = true;  ///< each renderer in a process of its own, where that can be had
 };
 
 /// Cold paced frames need some 10 ms each, warm ones 1 ms: a tenth as many of them.
@@ -28,10 +37,29 @@ struct Run {
   trace::ForceTrace trace;            ///< empty where it failed
   metrics::AccuracyFrames per_frame;  ///< empty without a reference
   bool saved_mesh = false;
+  bool own_faces = false;  ///< it feels the file's own faces, as they are
 };
 
-/// A renderer that fails to prepare or does not finish is no Error: its result says so. Errors are bad input
-/// (a path whose times do not increase) or a mesh file that cannot be written.
+/// A run has news that are worth keeping: it has everything, from one pass alone, or the times of all passes.
+using RunNews = std::function<Status(const RendererRequest& request, Run& run)>;
+
+/// Runs the renderers on the stage. One after the other is prepared and replayed, paced and timed once, so
+/// that what an interruption leaves is whole; then those that found room beside each other take turns in
+/// random order for RunOptions::passes rounds, each warmed up before its turn. A slow one stops when its
+/// budget is used up. The conditions are those of the whole. `news` may be empty. A renderer that fails to
+/// prepare or does not finish is no Error: its result says so. Errors are bad input (a path whose times do
+/// not increase), a mesh file that cannot be written, or those of `news`.
+[[nodiscard]] Result<std::vector<Run>> run_renderers(const Stage& stage,
+                                                     const std::vector<RendererRequest>& requests,
+                                                     const render::Registry& registry,
+                                                     const RunOptions& options, Progress& progress,
+                                                     metrics::Conditions& conditions, const RunNews& news);
+
+/// Energy and, where there is a truth, accuracy of a run with its trace. An Error where it cannot be scored:
+/// its contact flag and its force disagree.
+[[nodiscard]] Status score_run(const Stage& stage, Run& run);
+
+/// One renderer alone.
 [[nodiscard]] Result<Run> run_renderer(const Stage& stage, const RendererRequest& request,
                                        const render::Registry& registry, const RunOptions& options,
                                        Progress& progress);
@@ -47,8 +75,7 @@ struct StagedStudy {
 [[nodiscard]] metrics::RendererResult unfinished(const Stage& stage, const RendererRequest& request,
                                                  const render::Registry& registry, int threads);
 
-/// A finished run as a text, and from it again; an Error where its trace is another one, or of another stage.
-[[nodiscard]] std::string to_text(const Run& run);
+/// A run from its text (result_text) and its trace; an Error where that is another one, or of another stage.
 [[nodiscard]] Result<Run> run_from_text(const Stage& stage, const std::string& text,
                                         const OutputFolder& folder);
 

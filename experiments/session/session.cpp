@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "baselines/register.h"
+#include "baselines/versions.h"
 #include "experiments/run/cleaning.h"
 #include "experiments/session/version.h"
 #ifdef PALPATE_WITH_DEM
@@ -11,6 +12,7 @@
 #ifdef PALPATE_WITH_PCD
 #include "toolkit/pcd/pcd_reader.h"
 #endif
+#include "toolkit/core/parallel_library.h"
 #include "toolkit/renderers/toolkit_renderers.h"
 #include "toolkit/voronoi/voronoi.h"
 
@@ -70,6 +72,12 @@ Status begin_run(const OutputFolder& folder, const std::string& key, Context& co
 
 metrics::DocumentHead new_head(const std::string& command_line) {
   return {version_text(), kCommit, build_text(), metrics::machine_info(), metrics::utc_now(), command_line};
+}
+
+void add_program(metrics::Conditions& conditions) {
+  conditions.compiler_flags = flags_text();
+  conditions.libraries = baselines::library_versions();
+  conditions.libraries.push_back(parallel_library());
 }
 
 metrics::ResultDocument new_document(const std::string& command_line) {

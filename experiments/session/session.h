@@ -46,6 +46,8 @@ struct ModelArguments {
 
 /// Everything about program, machine and time.
 [[nodiscard]] metrics::DocumentHead new_head(const std::string& command_line);
+/// Flags and libraries of this program.
+void add_program(metrics::Conditions& conditions);
 /// A document with this head.
 [[nodiscard]] metrics::ResultDocument new_document(const std::string& command_line);
 

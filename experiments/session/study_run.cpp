@@ -11,6 +11,7 @@
 #include "experiments/report/tables.h"
 #include "experiments/run/choices.h"
 #include "experiments/run/output_file.h"
+#include "experiments/run/work.h"
 #include "experiments/session/run_key.h"
 #include "experiments/session/session.h"
 #include "experiments/session/terminal.h"
@@ -74,7 +75,8 @@ Result<Prepared> check(const RunArguments& arguments, const render::Registry& re
 /// until it is named.
 std::string key_of(const RunArguments& arguments, const StageRequest& stage) {
   [[maybe_unused]] const auto& [scene, renderers, path, traj_columns, out, load, surface, reference, paced,
-                                save_mesh, save_edited, force, allow_missing, json] = arguments;
+                                passes, budget_s, save_mesh, save_edited, force, allow_missing, json] =
+      arguments;
   const auto& [stiffness, friction, deformation] = surface;
   [[maybe_unused]] const auto& [unit, scale, post_mm, vertical_mm, non_finite, memory_limit_gb, threads] =
       load;
@@ -82,7 +84,13 @@ std::string key_of(const RunArguments& arguments, const StageRequest& stage) {
   for (const std::string& text : {scene, path, traj_columns, reference, unit, non_finite, save_mesh,
                                   save_edited, stiffness, friction, deformation})
     key.add(text);
-  key.add(scale).add(post_mm).add(vertical_mm).add(paced).add(static_cast<std::uint64_t>(threads));
+  key.add(scale)
+      .add(post_mm)
+      .add(vertical_mm)
+      .add(paced)
+      .add(passes)
+      .add(budget_s)
+      .add(static_cast<std::uint64_t>(threads));
   for (const std::string& file : files_read(stage)) key.add_file(file);
   return key.word();
 }
@@ -121,7 +129,7 @@ class OneByOne {
 
  private:
   Status write_result();
-  Status take(const RendererRequest& request, Run run);
+  Status take(const RendererRequest& request, Run& run);
 
   StagedStudy& study_;
   const std::vector<RendererRequest>& requests_;
@@ -154,22 +162,24 @@ Status OneByOne::begin(const std::string& key, Context& context) {
 }
 
 Status OneByOne::run_the_rest(ProgressBar& progress, int& status) {
-  std::size_t step = 0;
-  for (const RendererRequest& request : requests_) {
-    progress.set_prefix(fmt::format("[{}/{}] ", ++step, requests_.size()));
-    if (finished_.contains(request.label)) continue;
-    RunOptions options = options_;
-    if (saved_mesh_) options.save_mesh.clear();  // the first mesh is the one that is kept
-    Result<Run> run = run_renderer(study_.stage, request, registry_, options, progress);
-    if (!run) {
-      status = kExitBadInput;
-      return std::move(run).error();
-    }
-    if (Status taken = take(request, *std::move(run)); !taken) {
-      status = kExitFellShort;
-      return taken;
-    }
-  }
+  std::vector<RendererRequest> rest;
+  for (const RendererRequest& request : requests_)
+    if (!finished_.contains(request.label)) rest.push_back(request);
+  RunOptions options = options_;
+  if (saved_mesh_) options.save_mesh.clear();  // the first mesh is the one that is kept
+  status = kExitBadInput;
+  const auto news = [&](const RendererRequest& request, Run& run) -> Status {
+    status = kExitFellShort;
+    PALPATE_TRY(take(request, run));
+    status = kExitBadInput;
+    return Done{};
+  };
+  metrics::Conditions conditions;
+  const Result<std::vector<Run>> runs =
+      run_renderers(study_.stage, rest, registry_, options, progress, conditions, news);
+  if (!runs) return runs.error();
+  add_program(conditions);
+  if (!rest.empty()) study_.document.conditions = std::move(conditions);
   for (const RendererRequest& request : requests_)
     study_.runs.push_back(std::move(finished_.at(request.label)));
   progress.set_prefix("");
@@ -180,13 +190,13 @@ Status OneByOne::run_the_rest(ProgressBar& progress, int& status) {
   return folder_.write(kResultFile, metrics::to_json(study_.document));
 }
 
-Status OneByOne::take(const RendererRequest& request, Run run) {
+Status OneByOne::take(const RendererRequest& request, Run& run) {
   saved_mesh_ = saved_mesh_ || run.saved_mesh;
   folder_.start_part();
   PALPATE_TRY(write_run(study_.stage, run, requests_.size() == 1, folder_));
   const auto hold = hold_stop();  // what is kept is what result.json says is finished
-  PALPATE_TRY(folder_.keep(request.label, key_of(request), to_text(run)));
-  finished_.emplace(request.label, std::move(run));
+  PALPATE_TRY(folder_.keep(request.label, key_of(request), result_text(run)));
+  finished_.insert_or_assign(request.label, run);
   return write_result();
 }
 
@@ -271,6 +281,8 @@ int run_study(StudyKind kind, const RunArguments& arguments, Context& context, c
   RunOptions options;
   options.threads = arguments.load.threads;
   options.paced_frames = arguments.paced;
+  options.passes = arguments.passes;
+  options.budget_s = arguments.budget_s;
   options.save_mesh = arguments.save_mesh;
   options.save_edited = arguments.save_edited;
   OneByOne run(study, prepared->renderers, registry, options, *folder);

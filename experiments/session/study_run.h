@@ -18,6 +18,8 @@ struct RunArguments {
   SurfaceArguments surface;
   std::string reference = "auto";
   std::uint64_t paced = 0;
+  std::uint64_t passes = kUsualPasses;
+  double budget_s = kUsualBudgetS;
   std::string save_mesh;
   std::string save_edited;
   bool force = false;          ///< of the two files above

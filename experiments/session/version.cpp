@@ -8,5 +8,8 @@ std::string version_text() {
 std::string build_text() {
   return PALPATE_BUILD;
 }
+std::string flags_text() {
+  return PALPATE_FLAGS;
+}
 
 }  // namespace palpate::experiments

@@ -12,4 +12,6 @@ extern const char* const kCommit;
 [[nodiscard]] std::string version_text();  ///< "0.1.0"
 [[nodiscard]] std::string build_text();    ///< build type and compiler
 
+[[nodiscard]] std::string flags_text();  ///< of the compiler, warnings left out
+
 }  // namespace palpate::experiments

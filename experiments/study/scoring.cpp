@@ -27,6 +27,9 @@ Status score_run(Study& study, std::size_t i) {
                  metrics::score_again(study.path, run.trace, *study.reference, answers, options_of(basis),
                                       &run.per_frame));
   result.accuracy = accuracy;
+  if (result.energy && basis.forces_comparable && all_alike(basis.felt_stiffness_n_per_mm))
+    PALPATE_TRY(metrics::observe_episodes(study.path, run.trace, *study.reference,
+                                          basis.felt_stiffness_n_per_mm, *result.energy));
   if (!basis.forces_comparable) metrics::keep_contact_scores(*result.accuracy, run.per_frame);
   return Done{};
 }

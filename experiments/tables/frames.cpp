@@ -20,6 +20,13 @@ void check_done(Reproduction& r, bool anything) {
   if (!anything && !r.arguments.tables.empty()) r.fell_short = true;
 }
 
+void set_passes(RunOptions& options, const Reproduction& r) {
+  constexpr double kFullBudgetS = 60.0;
+  constexpr std::uint64_t kQuickPasses = 3;
+  if (r.arguments.quick) options.passes = kQuickPasses;
+  if (r.arguments.full) options.budget_s = kFullBudgetS;
+}
+
 void add_warnings(std::vector<std::string>& warnings, const std::string& model,
                   const scene::LoadedScene& loaded) {
   for (const scene::Provenance& p : loaded.provenance)
@@ -45,6 +52,9 @@ using Count = std::optional<std::uint64_t>;
 auto frame_value(Value trace::FrameStatistics::*member) {
   return [member](const R& r) { return r.frame ? (*r.frame).*member : std::nullopt; };
 }
+auto all_value(Value trace::FrameStatistics::*member) {
+  return [member](const R& r) { return r.frame_all ? (*r.frame_all).*member : std::nullopt; };
+}
 auto score_value(Value metrics::Accuracy::*member) {
   return [member](const R& r) { return settled_score(r, member); };
 }
@@ -69,6 +79,12 @@ class BesideThesis {
   template <class Of>
   void numbers(const std::string& name, const std::string& printed, const Of& value) {
     put(name, printed, aligned_numbers(values(value)));
+  }
+  template <class Of>
+  void texts(const std::string& name, const Of& text) {
+    std::vector<std::string> all;
+    for (const R& r : document_.renderers) all.push_back(text(r));
+    put(name, kNoNumber, std::move(all));
   }
   template <class Of>
   void times(const std::string& name, const Of& value_ms) {
@@ -115,23 +131,34 @@ Table frames_table(const Manifest& manifest, const metrics::ResultDocument& docu
               [](const R& r) { return r.model ? Count(r.model->points) : Count(); });
   const std::string all = frames_text(document);
   rows.counts("frames in contact" + (all.empty() ? "" : ", ours " + all), count_text(manifest.printed_frames),
-              [](const R& r) { return r.frame ? Count(r.frame->contact_frames) : Count(); });
+              [](const R& r) { return r.frame ? Count(r.frame->timed_frames) : Count(); });
   rows.numbers("fastest frame, µs", us(manifest.printed_min_ms), frame_value(&F::min_us));
   rows.numbers("slowest frame, µs", us(manifest.printed_max_ms), frame_value(&F::max_us));
   rows.numbers("average frame, µs", us(manifest.printed_mean_ms), frame_value(&F::mean_clocked_us));
   table.rows.push_back({plain("Not in the thesis")});
   rows.numbers("average without the clock, µs", kNoNumber, frame_value(&F::mean_us));
+  rows.texts("its interval, 95 %", [](const R& r) {
+    return r.frame ? interval_text(r.frame->mean_interval_us) : std::string(kNoNumber);
+  });
+  rows.numbers("average of all frames without the clock, µs", kNoNumber, all_value(&F::mean_us));
+  rows.texts("its interval, 95 %, of all frames", [](const R& r) {
+    return r.frame_all ? interval_text(r.frame_all->mean_interval_us) : std::string(kNoNumber);
+  });
   rows.numbers("99.9 % of frames within, µs", kNoNumber, frame_value(&F::p999_us));
+  rows.numbers("99.9 % of all frames within, µs", kNoNumber, all_value(&F::p999_us));
   rows.times("preparation", [](const R& r) { return r.prepare ? Value(r.prepare->total_ms) : Value(); });
   rows.counts("missed contact, frames", kNoNumber, defect_count(&A::missed_contact_frames));
   rows.counts("false contact, frames", kNoNumber, defect_count(&A::false_contact_frames));
   rows.counts("longest stick, frames", kNoNumber, defect_count(&A::longest_stick_frames));
+  rows.numbers("frames that no hand tells from the truth, %", kNoNumber,
+               score_value(&A::indistinguishable_percent));
   rows.numbers("force error, RMS, %", kNoNumber, score_value(&A::force_rms_percent));
   rows.numbers("force direction, 99 % within, degrees", kNoNumber, score_value(&A::direction_p99_deg));
   rows.numbers("god object error, RMS, mm", kNoNumber, score_value(&A::god_object_rms_mm));
   table.caption = "Thesis: " + manifest.hardware +
                   ". Ours: single frames, each with the cost of reading the clock in it, but for the average "
-                  "without the clock, which is of whole runs of frames.";
+                  "without the clock, which is of whole stretches of frames. All renderers over the same "
+                  "frames, those of the ground truth's contact.";
   table.turns = true;
   table.bad_means = "did not run to its end";
   table.notes = manifest.notes;
@@ -184,22 +211,27 @@ void reproduce_frames(const Manifest& manifest, Reproduction& r) {
   options.threads = r.arguments.threads;
   options.paced_frames = quick ? kQuickPacedFrames : manifest.paced || r.arguments.full ? kPacedFrames : 0;
   options.prepare_limit_s = r.arguments.full ? kFullPrepareLimitS : kPrepareLimitS;
-  for (const ManifestRun& wanted : manifest.runs) {
-    const std::string& text = quick && !wanted.quick.empty() ? wanted.quick : wanted.renderer;
+  set_passes(options, r);
+  std::vector<RendererRequest> wanted;
+  for (const ManifestRun& run : manifest.runs) {
+    const std::string& text = quick && !run.quick.empty() ? run.quick : run.renderer;
     Result<std::vector<RendererRequest>> requests = parse_renderers(text, r.registry);
-    if (requests) limit_reconstruction(requests->front(), r);
-    Result<Run> run =
-        requests ? run_renderer(study.stage, requests->front(), r.registry, options, r.context.progress)
-                 : Result<Run>(requests.error());
-    if (!run) {
-      give_up(r, what + ", " + text, run.error());
+    if (!requests) {
+      give_up(r, what + ", " + text, requests.error());
       continue;
     }
-    if (run->result.status != metrics::RunStatus::kOk) {
-      r.missing.push_back(fmt::format("{}, {}: {}", what, run->result.label, run->result.reason));
-      r.fell_short = true;
-    }
-    study.runs.push_back(*std::move(run));
+    wanted.push_back(std::move(requests->front()));
+    limit_reconstruction(wanted.back(), r);
+  }
+  Result<std::vector<Run>> runs = run_renderers(study.stage, wanted, r.registry, options, r.context.progress,
+                                                study.document.conditions.emplace(), {});
+  if (!runs) return give_up(r, what, runs.error());
+  add_program(*study.document.conditions);
+  study.runs = *std::move(runs);
+  for (const Run& run : study.runs) {
+    if (run.result.status == metrics::RunStatus::kOk) continue;
+    r.missing.push_back(fmt::format("{}, {}: {}", what, run.result.label, run.result.reason));
+    r.fell_short = true;
   }
   const Result<OutputFolder> folder = r.folder.inside(manifest.id());
   const Status written = folder ? write_study(study, *folder) : Status(folder.error());

@@ -32,16 +32,25 @@ Result<Row> measure(const Manifest& manifest, const ManifestModel& model, Reprod
   RunOptions options;
   options.threads = r.arguments.threads;
   options.prepare_limit_s = kPrepareLimitS;
+  set_passes(options, r);
+  std::vector<RendererRequest> requests;
   for (const ManifestRun& wanted : manifest.runs) {
-    Result<std::vector<RendererRequest>> requests = parse_renderers(wanted.renderer, r.registry);
-    if (!requests) return requests.error();
-    limit_reconstruction(requests->front(), r);
-    Result<Run> run = run_renderer(*stage, requests->front(), r.registry, options, r.context.progress);
-    if (!run) return std::move(run).error();
-    metrics::RendererResult named = run->result;
+    Result<std::vector<RendererRequest>> one = parse_renderers(wanted.renderer, r.registry);
+    if (!one) return one.error();
+    requests.push_back(std::move(one->front()));
+    limit_reconstruction(requests.back(), r);
+  }
+  metrics::Conditions conditions;
+  Result<std::vector<Run>> runs =
+      run_renderers(*stage, requests, r.registry, options, r.context.progress, conditions, {});
+  if (!runs) return std::move(runs).error();
+  add_program(conditions);
+  document.conditions = std::move(conditions);
+  for (Run& run : *runs) {
+    metrics::RendererResult named = run.result;
     named.label = fmt::format("{}-{}", named.label, row.points);
     document.renderers.push_back(std::move(named));
-    row.results.push_back(std::move(run->result));
+    row.results.push_back(std::move(run.result));
   }
   return row;
 }
@@ -69,7 +78,13 @@ std::optional<double> clocked_us(const metrics::RendererResult& r) {
   return r.frame ? r.frame->mean_clocked_us : std::nullopt;
 }
 std::optional<double> contact_frames(const metrics::RendererResult& r) {
-  return r.frame ? std::optional<double>(static_cast<double>(r.frame->contact_frames)) : std::nullopt;
+  return r.frame ? std::optional<double>(static_cast<double>(r.frame->timed_frames)) : std::nullopt;
+}
+std::optional<double> all_mean_us(const metrics::RendererResult& r) {
+  return r.frame_all ? r.frame_all->mean_us : std::nullopt;
+}
+std::optional<double> all_p999_us(const metrics::RendererResult& r) {
+  return r.frame_all ? r.frame_all->p999_us : std::nullopt;
 }
 std::optional<double> p999_us(const metrics::RendererResult& r) {
   return r.frame ? r.frame->p999_us : std::nullopt;
@@ -92,8 +107,10 @@ Table growth_table(const Manifest& manifest, const std::vector<Row>& rows,
     for (const auto& [name, value] :
          {std::pair{"frames in contact" + (frames.empty() ? "" : ", " + frames), &contact_frames},
           {"mean frame without the clock, µs", &mean_us},
+          {"mean of all frames without the clock, µs", &all_mean_us},
           {"mean frame with the clock, µs", &clocked_us},
           {"99.9 % with the clock, µs", &p999_us},
+          {"99.9 % of all frames with the clock, µs", &all_p999_us},
           {"preparation, s", &prepare_s}}) {
       table.rows.push_back({{name, false, false}});
       const std::vector<std::string> texts = aligned_numbers(column(rows, i, value));

@@ -111,13 +111,11 @@ Table model_table(const ManifestModel& model, const Manifest& manifest,
                                    : document.renderers.front().model->points;
   by.table.title =
       fmt::format("Table {} on the {}, {} points", manifest.table, model.name, count_text(points));
-  by.cells("preparation", [](const R& r, std::size_t) {
-    return plain(r.prepare ? duration_text(r.prepare->total_ms) : kNoNumber);
-  });
+  by.cells("preparation", [](const R& r, std::size_t) { return plain(preparation_text(r)); });
   by.numbers("bytes a point", bytes_per_point);
   const std::string frames = frames_text(document);
   by.cells("frames in contact" + (frames.empty() ? "" : ", " + frames), [](const R& r, std::size_t) {
-    return plain(r.frame ? count_text(r.frame->contact_frames) : kNoNumber);
+    return plain(r.frame ? count_text(r.frame->timed_frames) : kNoNumber);
   });
   by.times("mean without the clock, µs", &F::mean_us);
   by.cells("published", [&](const R& r, std::size_t) {
@@ -125,9 +123,18 @@ Table model_table(const ManifestModel& model, const Manifest& manifest,
                                      [&](const ManifestMethod& m) { return label_of(m) == r.label; });
     return method == manifest.methods.end() ? plain(kNoNumber) : published_cell(*method, r);
   });
+  by.cells("its interval, 95 %", [](const R& r, std::size_t) {
+    return plain(r.frame ? interval_text(r.frame->mean_interval_us) : kNoNumber);
+  });
+  by.numbers("mean of all frames, µs",
+             [](const R& r) { return r.frame_all ? r.frame_all->mean_us : Value(); });
   by.times("mean, µs", &F::mean_clocked_us);
   by.times("99.9 %, µs", &F::p999_us);
+  by.numbers("99.9 % of all frames, µs",
+             [](const R& r) { return r.frame_all ? r.frame_all->p999_us : Value(); });
   by.times("longest, µs", &F::max_us);
+  by.numbers("frames that no hand tells from the truth, %",
+             [](const R& r) { return r.accuracy ? r.accuracy->indistinguishable_percent : Value(); });
   by.numbers("force error, RMS, %", [](const R& r) { return settled_score(r, &A::force_rms_percent); });
   by.faults("missed, frames", [](const A& a) { return Count(a.missed_contact_frames); });
   by.faults("false, frames", [](const A& a) { return Count(a.false_contact_frames); });
@@ -141,7 +148,8 @@ Table model_table(const ManifestModel& model, const Manifest& manifest,
   }
   by.table.bad_means = "falls short: slower than published, contact missed, false or lost, or did not run";
   by.table.caption =
-      "Times are of frames in contact, back to back: without the clock of whole runs of frames, which the "
+      "Times are of the ground truth's contact frames, the same for all, back to back: without the clock of "
+      "whole runs of frames, which the "
       "published times are compared with; the others of single frames, each with the clock's cost in it.";
   return std::move(by.table);
 }
@@ -161,7 +169,7 @@ std::vector<std::string> against_meshes(const metrics::ResultDocument& document)
   for (const R& r : document.renderers) {
     if (r.status != metrics::RunStatus::kOk || !r.frame || !r.frame->mean_us || !r.prepare) continue;
     if (r.role == render::Role::kOurs && r.works_on == render::Geometry::kPoints) ours.push_back(&r);
-    if (r.works_on != render::Geometry::kMesh) continue;
+    if (r.works_on != render::Geometry::kMesh || prepared_from_cache(r)) continue;
     if (fastest == nullptr || *r.frame->mean_us < *fastest->frame->mean_us) fastest = &r;
     if (r.accuracy && r.accuracy->force_rms_percent &&
         (rightest == nullptr || *r.accuracy->force_rms_percent < *rightest->accuracy->force_rms_percent))
@@ -203,18 +211,22 @@ Result<metrics::ResultDocument> run_methods(const Manifest& manifest, const Mani
   RunOptions options;
   options.threads = r.arguments.threads;
   options.prepare_limit_s = r.arguments.full ? kFullPrepareLimitS : kPrepareLimitS;
+  set_passes(options, r);
+  std::vector<RendererRequest> wanted;
   for (const ManifestMethod& method : manifest.methods) {
     if (!is_in_build(method, r)) continue;  // said once, above
-    const Result<std::vector<RendererRequest>> requests =
+    Result<std::vector<RendererRequest>> requests =
         parse_renderers(fmt::format("{}:label={}", method.renderer, label_of(method)), r.registry);
-    if (!requests) return requests.error();
-    RendererRequest wanted = requests->front();
-    limit_reconstruction(wanted, r);
-    Result<Run> run = run_renderer(study.stage, wanted, r.registry, options, r.context.progress);
-    if (!run) return std::move(run).error();
-    run->trace = {};  // a result is all that is shown
-    study.runs.push_back(*std::move(run));
+    if (!requests) return std::move(requests).error();
+    wanted.push_back(std::move(requests->front()));
+    limit_reconstruction(wanted.back(), r);
   }
+  Result<std::vector<Run>> runs = run_renderers(study.stage, wanted, r.registry, options, r.context.progress,
+                                                study.document.conditions.emplace(), {});
+  if (!runs) return std::move(runs).error();
+  add_program(*study.document.conditions);
+  study.runs = *std::move(runs);
+  for (Run& run : study.runs) run.trace = {};  // a result is all that is shown
   finish_document(study);
   return std::move(study.document);
 }

@@ -65,6 +65,9 @@ struct Reproduction {
 /// The same for a renderer that reconstructs; any other stays as it is.
 void limit_reconstruction(RendererRequest& request, const Reproduction& r);
 
+/// How often frames are timed, so that a run by default keeps to its ten minutes.
+void set_passes(RunOptions& options, const Reproduction& r);
+
 /// Does a part of the work, or takes over what an interrupted run has kept of it under the same key.
 void do_step(Reproduction& r, const Manifest& manifest, const std::function<void()>& work);
 

@@ -173,8 +173,8 @@ TEST_F(Command, CompareRunsEveryRendererThereIs) {
     names += (names.empty() ? "" : ",") + info.name;
     labels.insert(info.name);
   }
-  const ProcessOutcome run =
-      palpate_command({"compare", kScene, "--renderers", names, "--path", kPath, "--out", in("out")});
+  const ProcessOutcome run = palpate_command(
+      {"compare", kScene, "--renderers", names, "--path", kPath, "--passes", "2", "--out", in("out")});
   ASSERT_EQ(run.exit_code, 0) << run.err;
   const json result = json::parse(file_text(in("out/result.json")));
   EXPECT_EQ(schema_violations(schema("result"), file_text(in("out/result.json"))), "");

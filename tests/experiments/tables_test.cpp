@@ -24,7 +24,7 @@ metrics::RendererResult renderer(const std::string& label, std::int64_t ns, doub
   r.prepare->bytes = 64'000'000;
   r.frame = trace::frame_statistics({ns, 2 * ns, 3 * ns}, std::vector<trace::RunTime>{{5 * ns, 3}}, 40.0);
   r.frame->frames = 50'000;
-  r.frame->contact_frames = 38'123;
+  r.frame->contact_frames = r.frame->timed_frames = 38'123;
   metrics::Accuracy a;
   a.floor_n = 0.0275;
   a.rounding_n = 1.5e-6;
@@ -40,7 +40,7 @@ metrics::RendererResult renderer(const std::string& label, std::int64_t ns, doub
   a.god_object_max_mm = 3.0 * error_n;
   a.onset_error_mm = a.release_error_mm = 0.05;
   r.accuracy = a;
-  r.energy = metrics::Energy{error_n, error_n, 1.0, 0.0, 1e-9};
+  r.energy = metrics::Energy{error_n, error_n, 1.0, 0.0, 1e-9, {}, {}};
   return r;
 }
 
@@ -219,8 +219,7 @@ TEST(ComparisonTable, RoundingIsNoError) {
   EXPECT_NE(text.find("0 also where it is no more than the rounding"), std::string::npos) << text;
   std::string found;
   for (const Headline& line : headlines_of(d)) found += line.lead + ": " + line.text + "\n";
-  EXPECT_NE(found.find("Force error, RMS: mesh-godobject exact, cloud 0.0200 N\n"), std::string::npos)
-      << found;
+  EXPECT_NE(found.find("Force error, RMS: mesh-godobject exact, cloud 2.00 %\n"), std::string::npos) << found;
   // Both exact: neither is the better one. A real error is none of that.
   d.renderers[1] = renderer("cloud", 200, 3e-16);
   EXPECT_FALSE(row_of(comparison_table(d), "force error, RMS, N")[2].best);
@@ -259,7 +258,7 @@ TEST(Headlines, OfManyNameTheFirstAndTheLast) {
   for (const Headline& line : headlines_of(study_of(14)))
     if (line.lead == "Force error, RMS") all = line.text;
   EXPECT_EQ(count_of(all, "number-"), 6u) << all;
-  EXPECT_NE(all.find("9 more up to mesh-godobject-number-14 0.140 N (14.0 times)"), std::string::npos) << all;
+  EXPECT_NE(all.find("9 more up to mesh-godobject-number-14 14.0 % (14.0 times)"), std::string::npos) << all;
 }
 
 TEST(TableHtml, ManyRenderersBecomeRows) {

@@ -13,9 +13,12 @@ struct List {
 };
 
 /// Never destroyed: a static object may drop its action after main().
+List*& made() {
+  static List* list = new List;
+  return list;
+}
 List& list() {
-  static List& made = *new List;
-  return made;
+  return *made();
 }
 
 }  // namespace
@@ -46,6 +49,10 @@ void AtStop::drop() noexcept {
 
 std::unique_lock<std::recursive_mutex> hold_stop() {
   return std::unique_lock(list().mutex);
+}
+
+void forget_stop_actions() {
+  made() = new List;  // the old one's lock belongs to a thread that is not here
 }
 
 std::string run_stop_actions() {

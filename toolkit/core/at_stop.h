@@ -37,4 +37,9 @@ class AtStop {
 /// on nobody can make or drop an action: it is for the thread that ends the program next, and for it alone.
 [[nodiscard]] std::string run_stop_actions();
 
+/// For a process that was forked from this one, right after and by the only thread: what the other one must
+/// do is not its own. The fork is to be made under hold_stop(); the forked process forgets that lock as well,
+/// and must not give it back.
+void forget_stop_actions();
+
 }  // namespace palpate

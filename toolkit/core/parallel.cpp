@@ -1,3 +1,6 @@
+#ifndef TBB_PREVIEW_WAITING_FOR_WORKERS
+#define TBB_PREVIEW_WAITING_FOR_WORKERS 1  // oneTBB before 2021.6 has tbb::finalize only so
+#endif
 #include "toolkit/core/parallel.h"
 
 #include <algorithm>
@@ -5,15 +8,36 @@
 #include <thread>
 #include <vector>
 
+#include "toolkit/core/fork_ready.h"
+#include "toolkit/core/parallel_library.h"
 #ifndef PALPATE_STD_THREADS
+#include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
+#include <tbb/version.h>
 #endif
 
 namespace palpate {
 
 int available_threads() noexcept {
   return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+}
+
+std::pair<std::string, std::string> parallel_library() {
+#ifdef PALPATE_STD_THREADS
+  return {"std::thread", "of the compiler"};
+#else
+  return {"oneTBB", TBB_runtime_version()};
+#endif
+}
+
+bool end_waiting_threads() {
+#ifdef PALPATE_STD_THREADS
+  return false;
+#else
+  tbb::task_scheduler_handle threads{tbb::attach{}};
+  return tbb::finalize(threads, std::nothrow);
+#endif
 }
 
 void parallel_chunks(std::size_t count, std::size_t grain, int threads,

@@ -5,27 +5,21 @@
 #include <bit>
 #include <cmath>
 
-#include "toolkit/control/passivity.h"
 #include "toolkit/core/nearest_rank.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/core/try.h"
 #include "toolkit/metrics/pop_through.h"
 #include "toolkit/metrics/reference.h"
-#include "toolkit/trace/replay.h"
+#include "toolkit/metrics/score_input.h"
 
 namespace palpate::metrics {
 namespace {
 
 constexpr double kDegPerRad = 57.295779513082320877;  // 180 / pi
 constexpr double kMmPerM = 1000.0;
-constexpr double kToPercent = 100.0;
 constexpr double kRuleOfThree =
     3.0;  // -ln 0.05, rounded up: 95 % bound on a rate after N trials without an event
 constexpr double kDirectionPercentile = 99;  // direction_p99_deg
-
-bool felt(const Vec3& force_n) noexcept {
-  return force_n != Vec3::Zero();
-}
 
 // Mean of squares and largest value, for the scores that come as a pair.
 struct Spread {
@@ -44,18 +38,7 @@ struct Spread {
   }
 };
 
-// Everything score() reads, under short names.
-struct Input {
-  const trace::ProbePath& path;
-  const std::vector<render::Frame>& frames;
-  const std::vector<trace::TruthFrame>& truth;
-  const AccuracyOptions& options;
-
-  [[nodiscard]] const Vec3& rendered(std::size_t i) const { return frames[i].force_n; }
-  [[nodiscard]] const Vec3& wanted(std::size_t i) const { return truth[i].frame.force_n; }
-  [[nodiscard]] bool in_c(std::size_t i) const { return felt(rendered(i)) || felt(wanted(i)); }
-  [[nodiscard]] double travel_mm(std::size_t i) const { return (path.hip_mm[i] - path.hip_mm[i - 1]).norm(); }
-};
+using Input = ScoreInput;
 
 double angle_deg(const Vec3& a, const Vec3& b) {
   // atan2 of sine and cosine keeps small angles, where acos of a rounded cosine loses half its digits.
@@ -63,14 +46,31 @@ double angle_deg(const Vec3& a, const Vec3& b) {
 }
 
 /// How far apart two right answers may be: by what the points were stored with, and by the arithmetic.
-double rounding_mm(const Input& in) {
+double rounding_mm(const trace::ProbePath& path, const AccuracyOptions& options) {
   double size_mm = 0.0;
-  for (const Vec3& hip : in.path.hip_mm) size_mm = std::max(size_mm, hip.cwiseAbs().maxCoeff());
-  return in.options.stored_rounding_mm + kStillPerSize * size_mm;
+  for (const Vec3& hip : path.hip_mm) size_mm = std::max(size_mm, hip.cwiseAbs().maxCoeff());
+  return options.stored_rounding_mm + kStillPerSize * size_mm;
 }
 
-void score_forces(const Input& in, Accuracy& a) {
+/// Sums of squares by episode: what the relative error and its interval are made of.
+struct ErrorSums {
+  std::vector<double> error, wanted;
+  /// In percent; empty counts: every episode once.
+  [[nodiscard]] std::optional<double> percent(std::span<const std::uint32_t> counts) const {
+    double above = 0.0, below = 0.0;
+    for (std::size_t e = 0; e < error.size(); ++e) {
+      const double times = counts.empty() ? 1.0 : static_cast<double>(counts[e]);
+      above += times * error[e];
+      below += times * wanted[e];
+    }
+    return below > 0.0 ? std::optional(kToPercent * std::sqrt(above / below)) : std::nullopt;
+  }
+};
+
+void score_forces(const Input& in, const Episodes& episodes, Accuracy& a) {
   Spread error, normal, tangential, wanted;
+  ErrorSums sums{std::vector<double>(episodes.count), std::vector<double>(episodes.count)};
+  std::vector<double> sizes;
   std::uint64_t within_jnd = 0, within_deadband = 0;
   for (std::size_t i = 0; i < in.frames.size(); ++i) {
     if (!in.in_c(i)) continue;
@@ -81,29 +81,43 @@ void score_forces(const Input& in, Accuracy& a) {
     error.add(size);
     normal.add(along);
     tangential.add((difference - along * in.truth[i].normal).norm());
+    sizes.push_back(size);
+    sums.error[episodes.of_frame[i]] += size * size;
+    sums.wanted[episodes.of_frame[i]] += true_size * true_size;
+    if (!in.in_g(i)) continue;
     wanted.add(true_size);
     within_jnd += size <= std::max(kForceJnd * true_size, a.floor_n) ? 1u : 0u;
     within_deadband += size <= std::max(kForceDeadband * true_size, a.floor_n) ? 1u : 0u;
   }
-  a.contact_frames = error.count;
-  if (error.count == 0) return;
+  a.contact_frames = wanted.count;
+  a.force_max_n = error.max();
+  if (wanted.count == 0) return;
+  // The truth's frames share the error, however many the renderer adds.
+  error.count = normal.count = tangential.count = wanted.count;
   a.force_rms_n = error.rms();
   a.force_normal_rms_n = normal.rms();
   a.force_tangential_rms_n = tangential.rms();
-  a.force_max_n = error.max();
-  if (*wanted.rms() > 0.0) a.force_rms_percent = kToPercent * *a.force_rms_n / *wanted.rms();
-  const double per_frame = kToPercent / static_cast<double>(error.count);
+  a.force_rms_percent = sums.percent({});
+  a.force_rms_percent_interval = bootstrap(
+      episodes.count, [&](std::span<const std::uint32_t> counts, Random&) { return sums.percent(counts); });
+  std::sort(sizes.begin(), sizes.end());
+  const double per_newton = kToPercent / *wanted.rms();
+  constexpr double kMiddle = 50.0, kMost = 95.0;
+  a.force_p50_percent = per_newton * nearest_rank(sizes, kMiddle);
+  a.force_p95_percent = per_newton * nearest_rank(sizes, kMost);
+  const double per_frame = kToPercent / static_cast<double>(wanted.count);
   a.within_7_percent = per_frame * static_cast<double>(within_jnd);
   a.within_10_percent = per_frame * static_cast<double>(within_deadband);
 }
 
 void score_direction(const Input& in, Accuracy& a) {
+  constexpr double kLostDeg = 180.0;  // the wrong way altogether
   std::vector<double> angles;
   double sum = 0.0;
   for (std::size_t i = 0; i < in.frames.size(); ++i) {
-    if (!felt(in.rendered(i)) || !felt(in.wanted(i))) continue;
-    if (std::min(in.rendered(i).norm(), in.wanted(i).norm()) < a.floor_n) continue;
-    angles.push_back(angle_deg(in.rendered(i), in.wanted(i)));
+    if (!in.in_g(i) || in.wanted(i).norm() < a.floor_n) continue;
+    const bool lost = !felt(in.rendered(i)) || in.rendered(i).norm() < a.floor_n;
+    angles.push_back(lost ? kLostDeg : angle_deg(in.rendered(i), in.wanted(i)));
     sum += angles.back();
   }
   if (angles.empty()) return;
@@ -114,40 +128,70 @@ void score_direction(const Input& in, Accuracy& a) {
 }
 
 void score_jumps(const Input& in, Accuracy& a, AccuracyFrames* out) {
-  double largest = 0.0, travel_mm = 0.0;
-  std::uint64_t steps = 0, jumps = 0;
+  double largest = 0.0, largest_error = 0.0, travel_mm = 0.0;
+  std::uint64_t steps = 0, jumps = 0, errors = 0;
   for (std::size_t i = 1; i < in.frames.size(); ++i) {
     if (!in.in_c(i) && !in.in_c(i - 1)) continue;
-    const double step_mm = in.travel_mm(i);
-    const double true_jump = (in.wanted(i) - in.wanted(i - 1)).norm();
-    if (true_jump > in.options.stiffness_n_per_mm * step_mm + a.floor_n) continue;  // a true edge
-    const double excess = (in.rendered(i) - in.rendered(i - 1)).norm() - true_jump;
+    if (in.true_edge(i, a.floor_n)) continue;
+    const double excess =
+        (in.rendered(i) - in.rendered(i - 1)).norm() - (in.wanted(i) - in.wanted(i - 1)).norm();
+    const double error = in.jump_error_n(i);
     ++steps;
-    travel_mm += step_mm;
+    travel_mm += in.travel_mm(i);
     largest = std::max(largest, excess);
+    largest_error = std::max(largest_error, error);
     jumps += excess > a.floor_n ? 1u : 0u;
+    errors += error > a.floor_n ? 1u : 0u;
     if (out != nullptr) out->excess_jump_n[i] = static_cast<float>(std::max(0.0, excess));
   }
   a.excess_jumps = jumps;
+  a.jump_errors = errors;
   if (steps == 0) return;
   a.excess_jump_max_n = largest;
+  a.jump_error_max_n = largest_error;
   if (travel_mm > 0.0) a.excess_jumps_per_m = static_cast<double>(jumps) * kMmPerM / travel_mm;
 }
 
 void score_contact(const Input& in, Accuracy& a, AccuracyFrames* out) {
-  std::uint64_t run = 0;
+  std::uint64_t run = 0, shown = 0, felt_frames = 0;
+  a.missed_device_frames = a.false_device_frames = 0;
+  const double device_mm = in.options.device_resolution_mm + a.rounding_mm;
   for (std::size_t i = 0; i < in.frames.size(); ++i) {
     const double d = in.truth[i].signed_distance_mm;
     const double allowed = in.truth[i].local_resolution_mm;
-    const bool missed = !felt(in.rendered(i)) && d < -allowed;
-    const bool phantom = felt(in.rendered(i)) && d > allowed;
+    const bool answers = felt(in.rendered(i));
+    const bool missed = !answers && d < -allowed;
+    const bool phantom = answers && d > allowed;
     a.missed_contact_frames += missed ? 1u : 0u;
     a.false_contact_frames += phantom ? 1u : 0u;
+    *a.missed_device_frames += !answers && d < -device_mm ? 1u : 0u;
+    *a.false_device_frames += answers && d > device_mm ? 1u : 0u;
+    const bool is_shown = in.in_g(i) && in.wanted(i).norm() >= a.floor_n;
+    shown += is_shown ? 1u : 0u;
+    felt_frames += is_shown && answers ? 1u : 0u;
     run = phantom ? run + 1 : 0;
     a.longest_stick_frames = std::max(a.longest_stick_frames, run);
     if (out == nullptr) continue;
     out->missed_contact[i] = missed ? 1 : 0;
     out->false_contact[i] = phantom ? 1 : 0;
+  }
+  if (shown > 0) a.felt_percent = kToPercent * static_cast<double>(felt_frames) / static_cast<double>(shown);
+}
+
+// Contact that was there in an episode, and is lost deep inside.
+void score_fall_throughs(const Input& in, Accuracy& a) {
+  a.fall_throughs = 0;
+  bool had = false, counted = false;
+  for (std::size_t i = 0; i < in.frames.size(); ++i) {
+    if (!in.in_g(i)) {
+      had = counted = false;
+    } else if (felt(in.rendered(i))) {
+      had = true;
+      counted = false;
+    } else if (had && !counted && in.truth[i].signed_distance_mm < -in.truth[i].local_resolution_mm) {
+      counted = true;
+      ++*a.fall_throughs;
+    }
   }
 }
 
@@ -218,6 +262,8 @@ void score_path_dependence(const Input& in, Accuracy& a) {
   }
 }
 
+}  // namespace
+
 Status check_lengths(const trace::ProbePath& path, std::size_t frames, std::string_view what) {
   if (path.size() == 0 || path.hip_mm.size() != path.size())
     return Error{"the path has no samples", "", path.name, 0};
@@ -238,8 +284,6 @@ Status check_finite(const trace::ProbePath& path, const std::vector<render::Fram
   }
   return Done{};
 }
-
-}  // namespace
 
 trace::ForceTrace as_trace(const trace::ReferenceTrace& reference) {
   trace::ForceTrace trace;
@@ -316,75 +360,84 @@ Result<Accuracy> score_again(const trace::ProbePath& path, const trace::ForceTra
   a.reference = reference.name;
   a.exactness = reference.exactness;
   a.floor_n = options.floor_n();
-  a.rounding_mm = rounding_mm(in);
+  a.rounding_mm = rounding_mm(path, options);
   a.rounding_n = options.stiffness_n_per_mm * a.rounding_mm;
   a.frames = n;
-  score_forces(in, a);
+  const Episodes episodes = episodes_of(reference.frames);
+  a.episodes = episodes.in_contact;
+  score_forces(in, episodes, a);
   score_direction(in, a);
   score_jumps(in, a, per_frame);
   score_contact(in, a, per_frame);
   score_god_object(in, answers ? &*answers : nullptr, a, per_frame);
   score_onset_and_release(in, a);
   score_path_dependence(in, a);
+  score_felt(in, episodes, a);
+  if (has_resolution(reference)) score_fall_throughs(in, a);
   if (answers && !answers->pop_throughs.empty()) {
     a.pop_throughs = 0;
     for (const std::uint8_t events : answers->pop_throughs) *a.pop_throughs += events;
-    const auto true_contact = static_cast<double>(std::count_if(
-        reference.frames.begin(), reference.frames.end(), [](const auto& f) { return f.frame.contact; }));
-    if (*a.pop_throughs == 0 && true_contact > 0) a.pop_through_rate_upper_95 = kRuleOfThree / true_contact;
+    if (*a.pop_throughs == 0 && a.fall_throughs.value_or(0) == 0 && a.episodes > 0)
+      a.pop_through_rate_upper_95 = kRuleOfThree / static_cast<double>(a.episodes);
   }
   return a;
 }
 
+Status check_contact_flags(const trace::ProbePath& path, const trace::ForceTrace& trace,
+                           const AccuracyOptions& options) {
+  PALPATE_TRY(check_lengths(path, trace.frames.size(), "the trace"));
+  const double least_mm = rounding_mm(path, options);
+  for (std::size_t i = 0; i < trace.frames.size(); ++i) {
+    const render::Frame& frame = trace.frames[i];
+    const double off_mm = (frame.god_object_mm - path.hip_mm[i]).norm();
+    const bool flag_alone = frame.contact && !felt(frame.force_n) && off_mm > least_mm;
+    const bool force_alone = !frame.contact && felt(frame.force_n);
+    if (!flag_alone && !force_alone) continue;
+    return Error{
+        std::string(force_alone ? "it answers a force and says that nothing is in contact"
+                                : "it says contact and answers no force, its god object off the HIP") +
+            ", at sample " + std::to_string(i),
+        "a renderer's contact flag and its force must agree: see docs/scores.md", path.name,
+        static_cast<std::int64_t>(i) + 2};
+  }
+  return Done{};
+}
+
 void keep_contact_scores(Accuracy& a, AccuracyFrames& per_frame) {
-  for (std::optional<double>* score :
-       {&a.force_rms_n, &a.force_rms_percent, &a.force_normal_rms_n, &a.force_tangential_rms_n,
-        &a.force_max_n, &a.within_7_percent, &a.within_10_percent, &a.direction_mean_deg,
-        &a.direction_p99_deg, &a.direction_max_deg, &a.excess_jump_max_n, &a.excess_jumps_per_m,
-        &a.god_object_rms_mm, &a.god_object_max_mm, &a.god_object_surface_rms_mm,
-        &a.god_object_surface_max_mm, &a.path_dependence_n})
+  for (std::optional<double>* score : {&a.force_rms_n,
+                                       &a.force_rms_percent,
+                                       &a.force_normal_rms_n,
+                                       &a.force_tangential_rms_n,
+                                       &a.force_max_n,
+                                       &a.within_7_percent,
+                                       &a.within_10_percent,
+                                       &a.direction_mean_deg,
+                                       &a.force_p50_percent,
+                                       &a.force_p95_percent,
+                                       &a.direction_p99_deg,
+                                       &a.direction_max_deg,
+                                       &a.excess_jump_max_n,
+                                       &a.excess_jumps_per_m,
+                                       &a.jump_error_max_n,
+                                       &a.lag_ms,
+                                       &a.ripple_ratio,
+                                       &a.ripple_hz,
+                                       &a.relief_ratio,
+                                       &a.relief_width_mm,
+                                       &a.indistinguishable_percent,
+                                       &a.god_object_rms_mm,
+                                       &a.god_object_max_mm,
+                                       &a.god_object_surface_rms_mm,
+                                       &a.god_object_surface_max_mm,
+                                       &a.path_dependence_n})
     score->reset();
   a.excess_jumps.reset();
+  a.jump_errors.reset();
+  a.force_rms_percent_interval.reset();
+  a.indistinguishable_interval.reset();
   for (std::vector<float>* frames :
        {&per_frame.force_error_n, &per_frame.excess_jump_n, &per_frame.god_object_error_mm})
     frames->clear();
-}
-
-Result<Energy> observe_energy(const trace::ProbePath& path, const trace::ForceTrace& trace,
-                              std::span<const double> stiffness_n_per_mm) {
-  PALPATE_TRY(check_lengths(path, trace.frames.size(), "the trace"));
-  PALPATE_TRY(check_finite(path, trace.frames, "the trace"));
-  if (stiffness_n_per_mm.empty() || !std::all_of(stiffness_n_per_mm.begin(), stiffness_n_per_mm.end(),
-                                                 [](double k) { return k > 0.0 && std::isfinite(k); }))
-    return Error{"the stiffness is not positive", "", path.name, 0};
-  Energy e;
-  control::PassivityObserver observer(control::EnergyRule::kTrapezoid);
-  const double stiffest = *std::max_element(stiffness_n_per_mm.begin(), stiffness_n_per_mm.end());
-  double work_mj = 0.0, reach_mj = 0.0, sway_mm2 = 0.0;  // what the rounding of E is a share of
-  for (std::size_t i = 0; i < path.size(); ++i) {
-    const render::Frame& frame = trace.frames[i];
-    const auto model = static_cast<std::size_t>(std::max(frame.model, 0));
-    const double k = stiffness_n_per_mm[model < stiffness_n_per_mm.size() ? model : 0];
-    e.max_stored_mj = std::max(e.max_stored_mj, frame.force_n.squaredNorm() / (2.0 * k));
-    observer.observe(path.hip_mm[i], frame.force_n);
-    if (i == 0) continue;
-    const Vec3& before_n = trace.frames[i - 1].force_n;
-    if (!felt(frame.force_n) && !felt(before_n)) continue;
-    const double step_mm = (path.hip_mm[i] - path.hip_mm[i - 1]).norm(), size_mm = path.hip_mm[i].norm();
-    const double force_n = std::max(frame.force_n.norm(), before_n.norm());
-    work_mj += force_n * step_mm;
-    reach_mj += force_n * size_mm;
-    sway_mm2 += size_mm * step_mm;
-  }
-  // The sum of the products (Higham 2002, section 4.2), the differences of positions, and the forces.
-  constexpr int kProduct = 5, kMostTerms = 1 << 30;
-  const int terms = static_cast<int>(std::min<std::size_t>(path.size(), kMostTerms)) + kProduct;
-  e.rounding_mj =
-      gamma(terms) * work_mj + 2.0 * kUnitRoundoff * reach_mj + stiffest * kStillPerSize * sway_mm2;
-  e.generated_mj = std::max(0.0, -observer.least_mj());  // never -0
-  e.final_mj = observer.energy_mj();
-  if (e.max_stored_mj > 0.0) e.generated_percent = kToPercent * e.generated_mj / e.max_stored_mj;
-  return e;
 }
 
 }  // namespace palpate::metrics

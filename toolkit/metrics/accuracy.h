@@ -1,8 +1,11 @@
 // Scores of a force trace against the truth, open loop: design.md section 4 names the keys, the definitions
 // follow the literature page's section on metrics. F_r is the rendered force, F_g the true one at the same
 // sample, h the HIP, d its signed distance (negative inside), g and g* the rendered and the true god object.
-// C = frames where F_r or F_g is not zero. The *floor* is stiffness x device resolution: the smallest force
-// step the device can show.
+// G = frames where F_g is not zero, the truth's contact frames; C = those where F_r or F_g is not zero. What
+// a renderer answers outside of G counts as error and never as a frame more to share it: the denominators are
+// the truth's. An *episode* is a stretch of G without a gap; what is felt after it and before the next one
+// belongs to it. Frames of an episode follow each other, so bounds are taken over episodes. The *floor* is
+// stiffness x device resolution: the smallest force step the device can show.
 #pragma once
 
 #include <cstdint>
@@ -11,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "toolkit/core/bootstrap.h"
 #include "toolkit/core/result.h"
 #include "toolkit/metrics/truth.h"
 #include "toolkit/trace/trace.h"
@@ -30,6 +34,10 @@ struct AccuracyOptions {
   [[nodiscard]] double floor_n() const noexcept { return stiffness_n_per_mm * device_resolution_mm; }
 };
 
+/// Share of the truth's contact frames that must be felt, and within the band, before anybody says that a
+/// renderer is right (literature: force in band, 99 %).
+inline constexpr double kRightSharePercent = 99.0;
+
 /// A score that does not apply (no contact, no reference for it) is nothing; counts are 0 then. Every key
 /// that ends in _percent is in percent, 0 to 100.
 struct Accuracy {
@@ -40,17 +48,20 @@ struct Accuracy {
   /// An error that is no larger is none: who has it answers exactly.
   double rounding_n = 0.0, rounding_mm = 0.0;
   std::uint64_t frames = 0;
-  std::uint64_t contact_frames = 0;  ///< |C|
+  std::uint64_t contact_frames = 0;  ///< |G|
+  std::uint64_t episodes = 0;        ///< of G
 
-  std::optional<double> force_rms_n;             ///< sqrt(mean over C of |F_r - F_g|^2)
-  std::optional<double> force_rms_percent;       ///< of sqrt(mean over C of |F_g|^2); nothing where that is 0
-  std::optional<double> force_normal_rms_n;      ///< the part along the true normal
-  std::optional<double> force_tangential_rms_n;  ///< the part across it
+  std::optional<double> force_rms_n;                           ///< sqrt(sum over C of |F_r - F_g|^2 / |G|)
+  std::optional<double> force_rms_percent;                     ///< of sqrt(mean over G of |F_g|^2)
+  std::optional<Interval> force_rms_percent_interval;          ///< 95 %, bootstrap over episodes
+  std::optional<double> force_normal_rms_n;                    ///< the part along the true normal
+  std::optional<double> force_tangential_rms_n;                ///< the part across it
+  std::optional<double> force_p50_percent, force_p95_percent;  ///< of |F_r - F_g| over C, in percent as above
   std::optional<double> force_max_n;
-  std::optional<double> within_7_percent;   ///< percent of C with |F_r - F_g| <= max(0.07 |F_g|, floor)
+  std::optional<double> within_7_percent;   ///< percent of G with |F_r - F_g| <= max(0.07 |F_g|, floor)
   std::optional<double> within_10_percent;  ///< the same with 0.10
-  /// Angle between F_r and F_g over the frames where both are at or above the floor; percentile by nearest
-  /// rank.
+  /// Angle between F_r and F_g over the frames where F_g is at or above the floor; where F_r is below, the
+  /// force is lost and counts as 180. Percentile by nearest rank.
   std::optional<double> direction_mean_deg, direction_p99_deg, direction_max_deg;
 
   /// Largest |F_r(n) - F_r(n-1)| - |F_g(n) - F_g(n-1)| over steps that touch C, without true edges: steps on
@@ -59,16 +70,33 @@ struct Accuracy {
   std::optional<std::uint64_t> excess_jumps;  ///< steps of these above the floor
   std::optional<double> excess_jumps_per_m;   ///< per metre of HIP travel over these steps
 
-  std::uint64_t missed_contact_frames = 0;  ///< F_r = 0 and d < -(local resolution)
-  std::uint64_t false_contact_frames = 0;   ///< F_r != 0 and d > local resolution
-  std::uint64_t longest_stick_frames = 0;   ///< longest run of consecutive false contact frames
+  /// |(F_r(n) - F_r(n-1)) - (F_g(n) - F_g(n-1))| over the same steps: a step the wrong way, or one that comes
+  /// late, is seen too.
+  std::optional<double> jump_error_max_n;
+  std::optional<std::uint64_t> jump_errors;  ///< steps of these above the floor
+  /// By how much later than the truth the force comes: the delay of the truth, up to 200 samples, that is
+  /// nearest to the rendered force, where it takes away half of the squared error; else 0. Nothing without
+  /// rendered force.
+  std::optional<double> lag_ms;
 
+  /// Percent of the frames with |F_g| at or above the floor in which F_r is not zero.
+  std::optional<double> felt_percent;
+  std::optional<std::uint64_t> missed_device_frames;  ///< F_r = 0 and d < -(device resolution)
+  std::optional<std::uint64_t> false_device_frames;   ///< F_r != 0 and d > device resolution
+  std::uint64_t missed_contact_frames = 0;            ///< F_r = 0 and d < -(local resolution)
+  std::uint64_t false_contact_frames = 0;             ///< F_r != 0 and d > local resolution
+  std::uint64_t longest_stick_frames = 0;             ///< longest run of consecutive false contact frames
+
+  /// Events; nothing without local resolutions: contact that was felt in an episode is lost while h is deeper
+  /// inside than the local resolution.
+  std::optional<std::uint64_t> fall_throughs;
   /// Events; nothing without a TruthSurface or without local resolutions. One of: g gets inside by more than
-  /// the local resolution; the step g(n-1) -> g(n) leads through matter deeper than that; or g stays on a
+  /// the local resolution; the step g(n-1) -> g(n) leads through matter deeper than that, and the true step
+  /// g*(n-1) -> g*(n) does not; or g stays on a
   /// sheet that faces away from g*'s (normals more than 90 degrees apart) while h travels more than the local
   /// resolution.
   std::optional<std::uint64_t> pop_throughs;
-  /// 95 % upper bound on the rate per frame of true contact where none was seen: 3 / N (rule of three).
+  /// 95 % upper bound on the rate per episode where neither was seen: 3 / episodes (rule of three).
   std::optional<double> pop_through_rate_upper_95;
 
   /// |g - g*| over frames in contact in both.
@@ -85,6 +113,19 @@ struct Accuracy {
   /// Largest difference of |F_r| between visits of exactly the same h with the same true force (to the
   /// floor); nothing where no h is visited twice.
   std::optional<double> path_dependence_n;
+
+  /// What stays of the force error at 20 to 500 Hz, as a movement of stylus and hand, over what touch notices
+  /// at that frequency: the largest of all frequencies, and where. See felt.cpp.
+  std::optional<double> ripple_ratio, ripple_hz;
+  /// Relief of the rendered god object that the true one has not, over what touch notices of that width: the
+  /// largest of 1, 3 and 10 mm, and which. See felt.cpp.
+  std::optional<double> relief_ratio, relief_width_mm;
+
+  /// The headline: percent of frames that no human threshold tells from the truth, among those in which
+  /// either force is above the floor. A frame counts where |F_r - F_g| <= max(0.07 |F_g|, floor), and the
+  /// jump error into it is at most the floor.
+  std::optional<double> indistinguishable_percent;
+  std::optional<Interval> indistinguishable_interval;  ///< 95 %, bootstrap over episodes
 };
 
 /// What the true surface answers about the rendered god objects: all that scores need of the surface beyond
@@ -94,7 +135,7 @@ struct SurfaceAnswers {
   std::vector<double> god_object_distance_mm;  ///< signed; 0 in frames without rendered contact
   std::vector<std::uint8_t> pop_throughs;      ///< events at this frame; empty without local resolutions
 };
-/// Lengths must agree. At most 66 distance queries a frame.
+/// Lengths must agree. At most 130 distance queries a frame.
 [[nodiscard]] SurfaceAnswers ask_surface(const trace::ProbePath& path, const trace::ForceTrace& trace,
                                          const trace::ReferenceTrace& reference, const TruthSurface& truth);
 
@@ -108,8 +149,14 @@ struct AccuracyFrames {
   std::optional<SurfaceAnswers> surface;
 };
 
+/// Contact and force must agree in every frame: a force without contact, or contact without a force though
+/// the god object is farther from the HIP than rounding, is an Error that names the sample. What a
+/// renderer says of contact is scored by its force; a flag that says something else would escape.
+[[nodiscard]] Status check_contact_flags(const trace::ProbePath& path, const trace::ForceTrace& trace,
+                                         const AccuracyOptions& options);
+
 /// All scores. Lengths that differ, no samples, or numbers that are not finite are an Error: a score is never
-/// NaN. `truth` may be null. O(n log n), with up to 66 distance queries a frame.
+/// NaN. `truth` may be null. O(n log n), with up to 130 distance queries a frame.
 [[nodiscard]] Result<Accuracy> score(const trace::ProbePath& path, const trace::ForceTrace& trace,
                                      const trace::ReferenceTrace& reference, const TruthSurface* truth,
                                      const AccuracyOptions& options, AccuracyFrames* per_frame = nullptr);
@@ -135,6 +182,11 @@ struct Energy {
   double max_stored_mj = 0.0;  ///< max of |F|^2 / (2 k), which is k d^2 / 2 of the renderer's own depth
   double final_mj = 0.0;       ///< E at the end of the path
   double rounding_mj = 0.0;    ///< bound on the rounding of E itself: less has not been generated
+  /// By episode: the largest fall of E - |F_r|^2 / (2 k), what is put in less what a spring would still hold,
+  /// from any earlier moment, in percent of the most energy that the *true* contact stores in it. The worst
+  /// episode; nothing without a truth.
+  std::optional<double> drawdown_percent;
+  std::optional<double> drawdown_p50_percent;  ///< the median of the episodes
 };
 /// Needs no truth; lengths that differ are an Error. Apply it to the reference's frames to see what sampling
 /// alone does. One stiffness for each model of the scene, as felt (a deformation or a coupling lowers it); a
@@ -146,6 +198,11 @@ struct Energy {
                                                    double stiffness_n_per_mm) {
   return observe_energy(path, trace, std::span<const double>(&stiffness_n_per_mm, 1));
 }
+
+/// Fills the drawdown, by the truth's episodes. Lengths that differ are an Error. O(n).
+[[nodiscard]] Status observe_episodes(const trace::ProbePath& path, const trace::ForceTrace& trace,
+                                      const trace::ReferenceTrace& reference,
+                                      std::span<const double> stiffness_n_per_mm, Energy& energy);
 
 /// The reference as a trace, so that it can be scored, hashed and plotted like any other.
 [[nodiscard]] trace::ForceTrace as_trace(const trace::ReferenceTrace& reference);

@@ -45,7 +45,10 @@ std::vector<std::uint8_t> find_pop_throughs(const trace::ProbePath& path, const 
     const bool inside = frame.contact && truth.signed_distance_mm(frame.god_object_mm) < -resolution_mm;
     const bool through =
         i > 0 && frame.contact && trace.frames[i - 1].contact && !inside && !was_inside &&
-        leads_through_matter(trace.frames[i - 1].god_object_mm, frame.god_object_mm, resolution_mm, truth);
+        leads_through_matter(trace.frames[i - 1].god_object_mm, frame.god_object_mm, resolution_mm, truth) &&
+        // A fast hand takes the true god object round a bump in one step: its chord is no way that it went.
+        !leads_through_matter(reference.frames[i - 1].frame.god_object_mm, wanted.frame.god_object_mm,
+                              resolution_mm, truth);
     const bool away = frame.contact && wanted.frame.contact && !inside &&
                       truth.closest(frame.god_object_mm).normal.dot(wanted.normal) < 0.0;
     if ((inside && !was_inside) || through) ++events[i];

@@ -10,7 +10,7 @@
 namespace palpate::metrics {
 
 /// Events at each frame of the path (two at most); consecutive frames of one and the same state count once.
-/// Lengths must agree. At most 66 distance queries a frame. A sheet thinner than two local resolutions is
+/// Lengths must agree. At most 130 distance queries a frame. A sheet thinner than two local resolutions is
 /// seen only by the facing-away rule.
 [[nodiscard]] std::vector<std::uint8_t> find_pop_throughs(const trace::ProbePath& path,
                                                           const trace::ForceTrace& trace,

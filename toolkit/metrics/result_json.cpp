@@ -33,6 +33,11 @@ struct Writer {
       to[key] = nullptr;
     }
   }
+  void operator()(const char* key, const Interval& value) const {
+    to[key] = std::isfinite(value.low) && std::isfinite(value.high) ? Json::array({value.low, value.high})
+                                                                    : Json(nullptr);
+  }
+  void operator()(const char* key, bool value) const { to[key] = value; }
   void operator()(const char* key, std::uint64_t value) const { to[key] = value; }
   void operator()(const char* key, int value) const { to[key] = value; }
   void operator()(const char* key, const std::string& value) const { to[key] = value; }
@@ -61,6 +66,7 @@ constexpr auto kAccuracy = [](auto&& v, auto& s) { visit_accuracy(v, s); };
 constexpr auto kEnergy = [](auto&& v, auto& s) { visit_energy(v, s); };
 constexpr auto kTruth = [](auto&& v, auto& s) { visit_truth(v, s); };
 constexpr auto kScoring = [](auto&& v, auto& s) { visit_scoring(v, s); };
+constexpr auto kTiming = [](auto&& v, auto& s) { visit_timing(v, s); };
 constexpr auto kMachine = [](auto&& v, auto& s) { visit_machine(v, s); };
 
 Json prepare_of(const RendererResult& r) {
@@ -74,6 +80,7 @@ Json prepare_of(const RendererResult& r) {
   }
   Json prepare = Json::object();
   Writer{prepare}("total_ms", r.prepare->total_ms);
+  if (r.prepare_clock) visit_prepare_clock(Writer{prepare}, *r.prepare_clock);
   prepare["phases"] = std::move(phases);
   prepare["notes"] = r.prepare->notes;
   prepare["warnings"] = r.prepare->warnings;
@@ -110,7 +117,9 @@ Json renderer_of(const RendererResult& r) {
   j["prepare"] = prepare_of(r);
   j["memory"] = memory_of(r);
   j["threads"] = r.threads;
+  j["timing"] = object_or_null(r.timing, kTiming);
   j["frame"] = object_or_null(r.frame, kStatistics);
+  j["frame_free"] = object_or_null(r.frame_free, kStatistics);
   j["frame_all"] = object_or_null(r.frame_all, kStatistics);
   j["frame_paced"] = nullptr;
   if (r.paced || r.paced_evicted) {
@@ -122,6 +131,15 @@ Json renderer_of(const RendererResult& r) {
   j["energy"] = object_or_null(r.energy, kEnergy);
   j["trace_hash"] = text_or_null(r.trace_hash);
   j["files"] = {{"trace", text_or_null(r.trace_file)}, {"scores", text_or_null(r.scores_file)}};
+  return j;
+}
+
+Json conditions_of(const ResultDocument& document) {
+  if (!document.conditions) return nullptr;
+  Json j = Json::object();
+  visit_conditions(Writer{j}, *document.conditions);
+  j["libraries"] = Json::object();
+  for (const auto& [name, version] : document.conditions->libraries) j["libraries"][name] = version;
   return j;
 }
 
@@ -173,6 +191,19 @@ struct Reader {
     if (found == nullptr || found->is_null()) return;  // it was not finite: the default stays
     if (!found->is_number()) return fail(key, "is not a number");
     value = found->get<double>();
+  }
+  void operator()(const char* key, Interval& value) const {
+    const Json* found = find(key);
+    if (found == nullptr) return;
+    if (!found->is_array() || found->size() != 2 || !(*found)[0].is_number() || !(*found)[1].is_number())
+      return fail(key, "is not a pair of numbers");
+    value = {(*found)[0].get<double>(), (*found)[1].get<double>()};
+  }
+  void operator()(const char* key, bool& value) const {
+    const Json* found = find(key);
+    if (found == nullptr) return;
+    if (!found->is_boolean()) return fail(key, "is neither true nor false");
+    value = found->get<bool>();
   }
   void operator()(const char* key, std::uint64_t& value) const {
     const Json* found = find(key);
@@ -232,6 +263,7 @@ void read_prepare(const Reader& in, RendererResult& r) {
   const Reader inside = in.inside(*prepare, "prepare");
   r.prepare.emplace();
   inside("total_ms", r.prepare->total_ms);
+  if (prepare->contains("wall_ms")) visit_prepare_clock(inside, r.prepare_clock.emplace());
   const Json* phases = inside.find("phases");
   if (phases != nullptr && !phases->is_array()) inside.fail("phases", "is not a list");
   if (phases != nullptr && phases->is_array()) {
@@ -321,6 +353,19 @@ void read_study(const Reader& in, ResultDocument& document) {
   }
 }
 
+void read_conditions(const Reader& in, ResultDocument& document) {
+  if (!in.from.contains("conditions")) return;
+  in.part("conditions", document.conditions, [](const Reader& inside, Conditions& c) {
+    visit_conditions(inside, c);
+    const Json* libraries = inside.object("libraries");
+    if (libraries == nullptr) return;
+    for (const auto& [name, version] : libraries->items()) {
+      if (!version.is_string()) return inside.fail("libraries", "holds a version that is not a text");
+      c.libraries.emplace_back(name, version.get<std::string>());
+    }
+  });
+}
+
 void read_renderer(const Reader& in, RendererResult& r) {
   in("label", r.label);
   in("name", r.name);
@@ -346,7 +391,9 @@ void read_renderer(const Reader& in, RendererResult& r) {
     model("resolution_mm", m.resolution_mm);
   });
   read_prepare(in, r);
+  if (in.from.contains("timing")) in.part("timing", r.timing, kTiming);
   in.part("frame", r.frame, kStatistics);
+  if (in.from.contains("frame_free")) in.part("frame_free", r.frame_free, kStatistics);
   in.part("frame_all", r.frame_all, kStatistics);
   if (const Json* paced = in.object("frame_paced")) {
     const Reader inside = in.inside(*paced, "frame_paced");
@@ -358,14 +405,6 @@ void read_renderer(const Reader& in, RendererResult& r) {
 }
 
 }  // namespace
-
-void RendererResult::take(const trace::ReplayReport& report) {
-  frame = report.contact;
-  frame_all = report.all;
-  paced = report.paced;
-  paced_evicted = report.paced_evicted;
-  trace_hash = report.trace_hash;
-}
 
 namespace {
 
@@ -397,6 +436,8 @@ std::string to_json(const ResultDocument& document) {
   j["about"] = text_or_null(document.about);
   top("scene", document.scene);
   top("path", document.path);
+  j["path_hash"] = text_or_null(document.path_hash);
+  j["conditions"] = conditions_of(document);
   write_study(document, j);
   j["warnings"] = document.warnings;
   j["notes"] = document.notes;
@@ -417,7 +458,7 @@ Result<ResultDocument> parse_result(std::string_view json, std::string_view sour
   std::string wrong;
   const Reader top{j, "", wrong};
   top("schema", document.schema);
-  if (wrong.empty() && document.schema != kResultSchema)
+  if (wrong.empty() && document.schema != kResultSchema && document.schema != kFormerResultSchema)
     return Error{"the schema is '" + document.schema + "', this program reads '" + kResultSchema + "'",
                  "run the experiment again with this version", file, 0};
   top("version", document.version);
@@ -431,6 +472,8 @@ Result<ResultDocument> parse_result(std::string_view json, std::string_view sour
   top.later("command", document.command);
   top.later("title", document.title);
   top.later("about", document.about);
+  top.later("path_hash", document.path_hash);
+  read_conditions(top, document);
   read_study(top, document);
   top.sentences("warnings", document.warnings);
   top.sentences("notes", document.notes);

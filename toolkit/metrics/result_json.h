@@ -11,6 +11,7 @@
 
 #include "toolkit/core/result.h"
 #include "toolkit/metrics/accuracy.h"
+#include "toolkit/metrics/conditions.h"
 #include "toolkit/metrics/machine_info.h"
 #include "toolkit/render/capabilities.h"
 #include "toolkit/render/renderer.h"
@@ -19,7 +20,10 @@
 namespace palpate::metrics {
 
 /// The document's format; goes up when a key changes its meaning or goes away.
-inline constexpr const char* kResultSchema = "palpate-result/1";
+/// /2: frames, accuracy and bounds are over the truth's contact frames and episodes; in /1, which is still
+/// read, over those of each renderer.
+inline constexpr const char* kResultSchema = "palpate-result/2";
+inline constexpr const char* kFormerResultSchema = "palpate-result/1";
 
 enum class RunStatus { kOk, kDidNotFinish, kFailed };
 
@@ -54,6 +58,7 @@ struct StudyModel {
 struct StudyTruth {
   std::string name, exactness;  ///< as in trace::ReferenceTrace
   std::string file;             ///< of the study
+  std::string hash;             ///< trace_hash of its frames; empty in earlier documents
 };
 
 /// What scores need beside traces and truth.
@@ -63,6 +68,23 @@ struct ScoreBasis {
   double stored_rounding_mm = 0.0;
   std::vector<double> felt_stiffness_n_per_mm;  ///< by model, for energy
   bool forces_comparable = true;                ///< false: the truth lacks what the scene asks of a surface
+};
+
+/// What preparation took, measured around it: what a renderer says of itself is its phases.
+struct PrepareClock {
+  double wall_ms = 0.0;
+  double cpu_ms = 0.0;  ///< of all threads and of the programs that it ran
+  /// A part came from a cache: prepare.total_ms is then what the phases say of the day it was made, wall_ms
+  /// what it took now, and neither may stand in a headline.
+  bool from_cache = false;
+};
+
+/// How the frames were timed.
+struct TimingOf {
+  std::string contact_of;           ///< whose contact frames: "truth", "majority" (of the renderers), "own"
+  bool own_process = false;         ///< prepared and timed in a process of its own
+  std::uint64_t in_turns_with = 0;  ///< renderers whose passes came in turns with these
+  std::optional<std::uint64_t> pinned_cpu;
 };
 
 /// One entry of `renderers`. What was not run or has no reference is nothing here and null in the document.
@@ -80,7 +102,10 @@ struct RendererResult {
   std::optional<render::PrepareReport>
       prepare;      ///< prepare.*; its bytes become memory.bytes and memory.bytes_per_point
   int threads = 0;  ///< of preparation
+  std::optional<PrepareClock> prepare_clock;  ///< prepare.wall_ms, cpu_ms, from_cache
+  std::optional<TimingOf> timing;
   std::optional<trace::FrameStatistics> frame;          ///< contact frames
+  std::optional<trace::FrameStatistics> frame_free;     ///< the others
   std::optional<trace::FrameStatistics> frame_all;      ///< all frames
   std::optional<trace::PacedStatistics> paced;          ///< frame_paced.plain
   std::optional<trace::PacedStatistics> paced_evicted;  ///< frame_paced.evicted
@@ -88,20 +113,19 @@ struct RendererResult {
   std::optional<Energy> energy;
   std::string trace_hash;               ///< trace::trace_hash(); empty = null
   std::string trace_file, scores_file;  ///< of the study; empty = null
-
-  /// Takes over what a replay measured.
-  void take(const trace::ReplayReport& report);
 };
 
 struct ResultDocument : DocumentHead {
   std::string schema = kResultSchema;
-  std::string title;                    ///< of the study, for a person; may be empty
-  std::string about;                    ///< what it is about, a sentence or two; may be empty
-  std::string scene;                    ///< the scene file, or the model as given
-  std::string path;                     ///< the path's name
-  std::vector<StudyModel> models{};     ///< of the scene
-  std::optional<StudyTruth> truth{};    ///< nothing: there is none
-  std::optional<ScoreBasis> scoring{};  ///< nothing: what is measured here is no study
+  std::string title;                       ///< of the study, for a person; may be empty
+  std::string about;                       ///< what it is about, a sentence or two; may be empty
+  std::string scene;                       ///< the scene file, or the model as given
+  std::string path;                        ///< the path's name
+  std::string path_hash{};                 ///< of its times and positions; empty in earlier documents
+  std::optional<Conditions> conditions{};  ///< nothing: nothing was timed yet
+  std::vector<StudyModel> models{};        ///< of the scene
+  std::optional<StudyTruth> truth{};       ///< nothing: there is none
+  std::optional<ScoreBasis> scoring{};     ///< nothing: what is measured here is no study
   std::vector<std::string> warnings{};  ///< of scene and path, for all renderers: what makes results doubtful
   std::vector<std::string> notes{};     ///< of scene and path: what a reader should know
   bool complete = true;                 ///< false: the run goes on, or was interrupted

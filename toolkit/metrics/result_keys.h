@@ -22,6 +22,16 @@ void visit_statistics(V&& v, S& s) {
   v("deadline_misses_1khz", s.deadline_misses_1khz);
   v("bound_hits", s.bound_hits);
   v("clock_overhead_ns", s.clock_overhead_ns);
+  v.later("deadline_misses_5khz", s.deadline_misses_5khz);
+  v.later("deadline_misses_10khz", s.deadline_misses_10khz);
+  v.later("mean_interval_us", s.mean_interval_us);
+  v.later("p50_interval_us", s.p50_interval_us);
+  v.later("p999_interval_us", s.p999_interval_us);
+  v.later("cpu_mean_us", s.cpu_mean_us);
+  v.later("worst_us", s.worst_us);
+  v.later("passes", s.passes);
+  v.later("clocked_passes", s.clocked_passes);
+  v.later("episodes", s.episodes);
 }
 
 template <class V, class S>
@@ -69,6 +79,23 @@ void visit_accuracy(V&& v, S& s) {
   v("release_error_mm", s.release_error_mm);
   v("release_error_mean_mm", s.release_error_mean_mm);
   v("path_dependence_n", s.path_dependence_n);
+  v.later("episodes", s.episodes);
+  v.later("force_rms_percent_interval", s.force_rms_percent_interval);
+  v.later("force_p50_percent", s.force_p50_percent);
+  v.later("force_p95_percent", s.force_p95_percent);
+  v.later("jump_error_max_n", s.jump_error_max_n);
+  v.later("jump_errors", s.jump_errors);
+  v.later("lag_ms", s.lag_ms);
+  v.later("felt_percent", s.felt_percent);
+  v.later("missed_device_frames", s.missed_device_frames);
+  v.later("false_device_frames", s.false_device_frames);
+  v.later("fall_throughs", s.fall_throughs);
+  v.later("ripple_ratio", s.ripple_ratio);
+  v.later("ripple_hz", s.ripple_hz);
+  v.later("relief_ratio", s.relief_ratio);
+  v.later("relief_width_mm", s.relief_width_mm);
+  v.later("indistinguishable_percent", s.indistinguishable_percent);
+  v.later("indistinguishable_interval", s.indistinguishable_interval);
 }
 
 template <class V, class S>
@@ -78,6 +105,39 @@ void visit_energy(V&& v, S& s) {
   v("max_stored_mj", s.max_stored_mj);
   v("final_mj", s.final_mj);
   v.later("rounding_mj", s.rounding_mj);
+  v.later("drawdown_percent", s.drawdown_percent);
+  v.later("drawdown_p50_percent", s.drawdown_p50_percent);
+}
+
+template <class V, class S>
+void visit_prepare_clock(V&& v, S& s) {
+  v("wall_ms", s.wall_ms);
+  v("cpu_ms", s.cpu_ms);
+  v("from_cache", s.from_cache);
+}
+
+template <class V, class S>
+void visit_timing(V&& v, S& s) {
+  v("contact_of", s.contact_of);
+  v("own_process", s.own_process);
+  v("in_turns_with", s.in_turns_with);
+  v("pinned_cpu", s.pinned_cpu);
+}
+
+/// And `libraries`.
+template <class V, class S>
+void visit_conditions(V&& v, S& s) {
+  v("governor", s.governor);
+  v("huge_pages", s.huge_pages);
+  v("processor_sets", s.processor_sets);
+  v("compiled_for", s.compiled_for);
+  v("compiler_flags", s.compiler_flags);
+  v("load_before", s.load_before);
+  v("load_after", s.load_after);
+  v("steal_percent", s.steal_percent);
+  v("rounds", s.rounds);
+  v("budget_s", s.budget_s);
+  v("order_seed", s.order_seed);
 }
 
 /// And `sample`, which may be null.
@@ -94,6 +154,7 @@ void visit_truth(V&& v, S& s) {
   v("name", s.name);
   v("exactness", s.exactness);
   v("file", s.file);
+  v.later("hash", s.hash);
 }
 
 /// And the two keys that are no single number.

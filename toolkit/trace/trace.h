@@ -28,6 +28,9 @@ struct ForceTrace {
 /// FNV-1a-64 over contact, force and god object of every frame; never times. Sixteen hexadecimal digits.
 [[nodiscard]] std::string trace_hash(const ForceTrace& trace);
 
+/// The same over times and positions of a path.
+[[nodiscard]] std::string path_hash(const ProbePath& path);
+
 /// The truth at one path sample.
 struct TruthFrame {
   render::Frame frame;  ///< force, god object, contact of the true surface

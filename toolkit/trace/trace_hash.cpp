@@ -13,4 +13,13 @@ std::string trace_hash(const ForceTrace& trace) {
   return hash.hex();
 }
 
+std::string path_hash(const ProbePath& path) {
+  Hash64 hash;
+  for (std::size_t i = 0; i < path.size(); ++i) {
+    hash.real(path.t_s[i]);
+    for (int axis = 0; axis < 3; ++axis) hash.real(path.hip_mm[i][axis]);
+  }
+  return hash.hex();
+}
+
 }  // namespace palpate::trace

@@ -30,7 +30,9 @@ TEST(Accuracy, PerfectTraceHasNoError) {
   EXPECT_EQ(a->excess_jumps, 0u);
   EXPECT_EQ(a->missed_contact_frames + a->false_contact_frames + a->longest_stick_frames, 0u);
   EXPECT_EQ(a->pop_throughs, 0u);
-  EXPECT_DOUBLE_EQ(*a->pop_through_rate_upper_95, 1.0);  // 3 / 3 frames
+  EXPECT_EQ(a->fall_throughs, 0u);
+  EXPECT_DOUBLE_EQ(*a->pop_through_rate_upper_95, 3.0);  // 3 / 1 episode: frames of one follow each other
+  EXPECT_EQ(a->episodes, 1u);
   EXPECT_EQ(a->god_object_rms_mm, 0.0);
   EXPECT_EQ(a->god_object_surface_max_mm, 0.0);
   EXPECT_FALSE(a->direction_p99_deg.has_value()) << "0.01 N is below the floor";
@@ -100,18 +102,18 @@ TEST(Accuracy, FloorScalesWithStiffness) {
   EXPECT_DOUBLE_EQ(options.floor_n(), 0.11);
 }
 
-TEST(Accuracy, DirectionOverFramesBothAboveTheFloor) {
+TEST(Accuracy, DirectionOverFramesOfTrueForceAndLostOnesCount) {
   Tiny t;
   t.add(1.0);
   t.add(-2.0).force_n = {1.0, 0.0, 1.0};   // 45 degrees
   t.add(-2.0);                             // 0
-  t.add(-2.0).force_n = {0.02, 0.0, 0.0};  // too small to have a direction
+  t.add(-2.0).force_n = {0.02, 0.0, 0.0};  // lost: as wrong as can be, 180
   t.add(-0.01).force_n = {1.0, 0.0, 0.0};  // the truth too small
   t.add(-2.0).force_n = {0.0, 0.0, -1.0};  // 180
   const Result<Accuracy> a = t.scored();
   ASSERT_TRUE(a);
-  EXPECT_NEAR(*a->direction_mean_deg, 75.0, 1e-12);
-  EXPECT_NEAR(*a->direction_p99_deg, 180.0, 1e-12);  // rank ceil(2.97) = 3
+  EXPECT_NEAR(*a->direction_mean_deg, 101.25, 1e-12);
+  EXPECT_NEAR(*a->direction_p99_deg, 180.0, 1e-12);  // rank ceil(3.96) = 4
   EXPECT_NEAR(*a->direction_max_deg, 180.0, 1e-12);
 }
 
@@ -314,9 +316,11 @@ TEST(Accuracy, NoTrueForceLeavesThePercentageOut) {
   t.add(1.0).force_n.z() = 0.2;
   const Result<Accuracy> a = t.scored();
   ASSERT_TRUE(a);
-  EXPECT_DOUBLE_EQ(*a->force_rms_n, 0.2);
-  EXPECT_FALSE(a->force_rms_percent.has_value());
-  EXPECT_DOUBLE_EQ(*a->within_7_percent, 0.0);
+  EXPECT_FALSE(a->force_rms_n || a->force_rms_percent || a->within_7_percent)
+      << "no frame of the truth to share it";
+  EXPECT_DOUBLE_EQ(*a->force_max_n, 0.2);
+  EXPECT_EQ(a->false_contact_frames, 1u);
+  EXPECT_EQ(a->indistinguishable_percent, 0.0);
   EXPECT_FALSE(a->excess_jumps_per_m.has_value()) << "no travel";
   EXPECT_EQ(a->excess_jumps, 1u);
 }

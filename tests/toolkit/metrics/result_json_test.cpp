@@ -33,7 +33,10 @@ ResultDocument full_document() {
   d.about = "What it is about.";
   d.models = {{"dragon", "dragon.ply", "0123456789abcdef", 1'002'001, "model-1.csv"},
               {"plane", "plane:points=9", "fedcba9876543210", 9, ""}};
-  d.truth = StudyTruth{"analytic", "exact", "reference.csv"};
+  d.truth = StudyTruth{"analytic", "exact", "reference.csv", "00112233445566ff"};
+  d.path_hash = "ff00112233445566";
+  d.conditions = Conditions{"performance", "madvise", "avx2", "x86-64", "-O3", {{"CGAL", "5.5.1"}},
+                            0.5,           1.5,       2.5,    30,       15.0,  12};
   d.scoring = ScoreBasis{0.5, 0.055, 1e-6, {0.5, 0.25}, false};
   RendererResult r;
   r.label = "smooth";
@@ -56,7 +59,15 @@ ResultDocument full_document() {
   s.deadline_misses_1khz = 1;
   s.bound_hits = 3;
   s.clock_overhead_ns = 21.0;
-  r.frame = r.frame_all = s;
+  s.mean_interval_us = Interval{0.09, 0.11};
+  s.p999_interval_us = Interval{0.6, 0.9};
+  s.cpu_mean_us = 0.1;
+  s.worst_us = 4000.0;
+  s.passes = s.clocked_passes = 30;
+  s.episodes = 50;
+  r.frame = r.frame_free = r.frame_all = s;
+  r.prepare_clock = PrepareClock{12.5, 20.5, true};
+  r.timing = TimingOf{"truth", true, 4, 1};
   r.paced = trace::PacedStatistics{s, 1.0, 17, 0, 2};
   r.paced_evicted = trace::PacedStatistics{s, 1.0, 17, 64u << 20u, 900};
   Accuracy a;
@@ -70,8 +81,12 @@ ResultDocument full_document() {
   a.excess_jumps = 4;
   a.pop_throughs = 0;
   a.onset_error_mm = 0.05;
+  a.episodes = 50;
+  a.force_rms_percent_interval = Interval{0.5, 0.75};
+  a.missed_device_frames = 7;
+  a.indistinguishable_percent = 99.25;
   r.accuracy = a;
-  r.energy = Energy{0.5, 0.01, 2.0, 0.1, 1e-9};
+  r.energy = Energy{0.5, 0.01, 2.0, 0.1, 1e-9, 0.75, 0.25};
   r.trace_hash = "0123456789abcdef";
   r.role = render::Role::kLiteral;
   r.works_on = render::Geometry::kHeights;
@@ -111,6 +126,10 @@ TEST(ResultJson, TheSchemaHoldsEveryPartOfTheDocument) {
   EXPECT_EQ(breaks("/models/0/hash", "abc"), "");
   EXPECT_EQ(breaks("/machine/cores", 1.5), "");
   EXPECT_EQ(breaks("/schema", "palpate-result/0"), "");
+  EXPECT_EQ(breaks("/renderers/0/frame/mean_interval_us", 1), "");
+  EXPECT_EQ(breaks("/renderers/0/timing/contact_of", "mine"), "");
+  EXPECT_EQ(breaks("/renderers/0/prepare/from_cache", 1), "");
+  EXPECT_EQ(breaks("/conditions/libraries/CGAL", 5), "");
   EXPECT_EQ(breaks("/warnings/0", Json::object()), "");
   Json missing = whole;
   missing["renderers"][0]["frame"].erase("bound_hits");
@@ -195,6 +214,10 @@ TEST(ResultJson, ThereAndBackIsTheSameText) {
   EXPECT_EQ(back->renderers[0].role, render::Role::kLiteral);
   EXPECT_EQ(back->renderers[0].works_on, render::Geometry::kHeights);
   EXPECT_EQ(back->renderers[0].missing, std::vector<std::string>{"dents"});
+  EXPECT_EQ(back->renderers[0].frame_free->mean_interval_us->high, 0.11);
+  EXPECT_TRUE(back->renderers[0].prepare_clock->from_cache);
+  EXPECT_EQ(back->renderers[0].timing->pinned_cpu, 1u);
+  EXPECT_EQ(back->conditions->libraries.front().second, "5.5.1");
   EXPECT_EQ(back->models[1].source, "plane:points=9");
   EXPECT_EQ(back->scoring->felt_stiffness_n_per_mm, (std::vector<double>{0.5, 0.25}));
   EXPECT_FALSE(back->renderers[1].frame.has_value());
@@ -247,6 +270,9 @@ TEST(ResultJson, RefusesWhatItDidNotWrite) {
   refused("/machine", "mine", "machine");
   refused("/warnings", "mine", "warnings");
   refused("/renderers/0/prepare/warnings/0", 1, "renderers[0].prepare.warnings");
+  refused("/renderers/0/frame/mean_interval_us", Json::array({1, "x"}), "mean_interval_us");
+  refused("/renderers/0/prepare/from_cache", 3, "from_cache");
+  refused("/conditions/libraries/CGAL", 3, "libraries");
   Json missing = good;
   missing["renderers"][1].erase("label");
   EXPECT_NE(parse_result(missing.dump()).error().what.find("renderers[1].label is missing"),
@@ -255,6 +281,16 @@ TEST(ResultJson, RefusesWhatItDidNotWrite) {
 
 TEST(ResultJson, ReadsDocumentsFromBeforeAKeyWasAdded) {
   Json j = Json::parse(to_json(full_document()));
+  j["schema"] = "palpate-result/1";
+  for (const char* key : {"path_hash", "conditions"}) j.erase(key);
+  for (const char* key : {"timing", "frame_free"}) j["renderers"][0].erase(key);
+  for (const char* key : {"wall_ms", "cpu_ms", "from_cache"}) j["renderers"][0]["prepare"].erase(key);
+  for (const char* key : {"mean_interval_us", "p50_interval_us", "passes", "episodes", "worst_us"})
+    j["renderers"][0]["frame"].erase(key);
+  for (const char* key : {"felt_percent", "missed_device_frames", "indistinguishable_interval", "episodes"})
+    j["renderers"][0]["accuracy"].erase(key);
+  j["renderers"][0]["energy"].erase("drawdown_percent");
+  j["truth"].erase("hash");
   j.erase("warnings");
   j.erase("notes");
   j["renderers"][0]["prepare"].erase("warnings");
@@ -264,6 +300,10 @@ TEST(ResultJson, ReadsDocumentsFromBeforeAKeyWasAdded) {
   const Result<ResultDocument> back = parse_result(j.dump());
   ASSERT_TRUE(back) << back.error().message();
   EXPECT_TRUE(back->warnings.empty());
+  EXPECT_EQ(back->schema, "palpate-result/1");
+  EXPECT_FALSE(back->conditions || back->renderers[0].timing || back->renderers[0].frame_free);
+  EXPECT_FALSE(back->renderers[0].prepare_clock.has_value());
+  EXPECT_FALSE(back->renderers[0].accuracy->missed_device_frames.has_value());
   EXPECT_FALSE(back->renderers[0].frame->mean_clocked_us.has_value());
   EXPECT_EQ(back->renderers[0].accuracy->rounding_n, 0.0);
 }

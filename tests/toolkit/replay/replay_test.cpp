@@ -166,6 +166,10 @@ TEST(Measure, CountsContactAndAllFramesApart) {
   EXPECT_EQ(report->contact->bound_hits, 1u);
   EXPECT_EQ(report->all->timed_frames, 7u);
   EXPECT_EQ(report->all->contact_frames, 3u);
+  EXPECT_EQ(report->free->timed_frames, 4u);
+  EXPECT_EQ(report->contact->episodes, 2u);
+  EXPECT_EQ(report->free->episodes, 3u);
+  EXPECT_EQ(report->all->episodes, 2u) << "what is free belongs to the contact before it";
   EXPECT_EQ(report->counters.frames, 7u);
   EXPECT_EQ(report->trace.frame_ns.size(), 7u);
   EXPECT_EQ(report->trace_hash, trace_hash(report->trace));
@@ -239,15 +243,12 @@ TEST(Measure, StopsWhenAsked) {
 }
 
 TEST(DensestStretch, FirstOfTheBest) {
-  ForceTrace trace;
-  for (const bool contact : {false, true, false, true, true, false, true, true}) {
-    trace.frames.emplace_back().contact = contact;
-  }
-  EXPECT_EQ(densest_contact_stretch(trace, 2), 3u);
-  EXPECT_EQ(densest_contact_stretch(trace, 3), 1u);
-  EXPECT_EQ(densest_contact_stretch(trace, 8), 0u);
-  EXPECT_EQ(densest_contact_stretch(trace, 100), 0u);
-  EXPECT_EQ(densest_contact_stretch(trace, 0), 0u);
+  const std::vector<std::uint8_t> contact = {0, 1, 0, 1, 1, 0, 1, 1};
+  EXPECT_EQ(densest_contact_stretch(contact, 2), 3u);
+  EXPECT_EQ(densest_contact_stretch(contact, 3), 1u);
+  EXPECT_EQ(densest_contact_stretch(contact, 8), 0u);
+  EXPECT_EQ(densest_contact_stretch(contact, 100), 0u);
+  EXPECT_EQ(densest_contact_stretch(contact, 0), 0u);
 }
 
 TEST(TraceHash, CoversForceGodObjectAndContactOnly) {

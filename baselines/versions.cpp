@@ -1,0 +1,42 @@
+#include "baselines/versions.h"
+
+#if __has_include(<CGAL/version.h>)
+#include <CGAL/version.h>
+#endif
+#if __has_include(<embree4/rtcore_config.h>)
+#include <embree4/rtcore_config.h>
+#elif __has_include(<embree3/rtcore_config.h>)
+#include <embree3/rtcore_config.h>
+#endif
+#if __has_include(<OpenMesh/Core/System/config.h>)
+#include <OpenMesh/Core/System/config.h>
+#endif
+#if __has_include(<pcl/pcl_config.h>)
+#include <pcl/pcl_config.h>
+#endif
+
+// What a macro stands for, as a text.
+#define PALPATE_TEXT_OF(macro) #macro
+#define PALPATE_TEXT(macro) PALPATE_TEXT_OF(macro)
+
+namespace palpate::baselines {
+
+std::vector<std::pair<std::string, std::string>> library_versions() {
+  std::vector<std::pair<std::string, std::string>> all;
+#ifdef CGAL_VERSION
+  all.emplace_back("CGAL", PALPATE_TEXT(CGAL_VERSION));
+#endif
+#ifdef RTC_VERSION_STRING
+  all.emplace_back("Embree", RTC_VERSION_STRING);
+#endif
+#ifdef OM_VERSION
+  all.emplace_back("OpenMesh", std::to_string(OM_GET_VER) + "." + std::to_string(OM_GET_MAJ) + "." +
+                                   std::to_string(OM_GET_MIN));
+#endif
+#ifdef PCL_VERSION_PRETTY
+  all.emplace_back("PCL", PCL_VERSION_PRETTY);
+#endif
+  return all;
+}
+
+}  // namespace palpate::baselines

@@ -1,0 +1,66 @@
+// A renderer at work on a stage: prepared, replayed, timed. What it answers stands in memory that another
+// process may read (seat.h).
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "experiments/run/run.h"
+#include "toolkit/trace/passes.h"
+
+namespace palpate::experiments {
+
+/// Where the answers are put: each as long as the path, but for the last.
+struct Answers {
+  std::span<render::Frame> frames;              ///< of the untimed pass
+  std::span<std::uint8_t> contact;              ///< given: the frames that are timed as contact
+  std::span<trace::StretchTime> stretch_times;  ///< of the last pass, by stretch of `contact`
+  std::span<std::uint32_t> frame_ns;            ///< of the last pass
+  std::span<trace::PacedStatistics, 2> paced;   ///< plain, evicted
+};
+
+/// What is asked for, in this order: prepare, then any of the others.
+enum class Task : char {
+  kPrepare = 'p',  ///< and the untimed pass; the answer is the run without its trace
+  kPasses = 't',   ///< warm-up, then one pass of each kind
+  kPaced = 'c',    ///< paced passes, warm and cold
+  kPin = 'x',      ///< stays on one processor from here on; the answer names it
+};
+
+class Work {
+ public:
+  Work(const Stage& stage, const RendererRequest& request, const render::Registry& registry,
+       const RunOptions& options, const Answers& answers);
+  ~Work();
+  Work(const Work&) = delete;
+  Work& operator=(const Work&) = delete;
+
+  /// Does a task and answers a text; see Task. An Error ends the run of this renderer.
+  [[nodiscard]] Result<std::string> operator()(Task task, Progress& progress);
+
+ private:
+  [[nodiscard]] Result<std::string> prepare(Progress& progress);
+  [[nodiscard]] Status replay(Run& run);
+  [[nodiscard]] Status passes();
+  [[nodiscard]] Status paced(Progress& progress);
+
+  const Stage& stage_;
+  const RendererRequest& request_;
+  const render::Registry& registry_;
+  const RunOptions& options_;
+  Answers answers_;
+  std::unique_ptr<render::HapticRenderer> renderer_;
+  const render::HapticRenderer* inner_ = nullptr;  ///< whose mesh is saved; control has none
+  std::optional<trace::Passes> passes_;
+};
+
+/// The head of a run's result: who it is and what it gets.
+[[nodiscard]] metrics::RendererResult begin_result(const Stage& stage, const RendererRequest& request,
+                                                   const render::Registry& registry, int threads);
+/// A run as a text without its trace, and from it again.
+[[nodiscard]] std::string result_text(const Run& run);
+[[nodiscard]] Result<Run> run_of(const std::string& text);
+
+}  // namespace palpate::experiments

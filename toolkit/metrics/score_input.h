@@ -1,0 +1,55 @@
+// Internal to the scores: what they read, under short names.
+#pragma once
+
+#include <cstddef>
+#include <string_view>
+#include <vector>
+
+#include "toolkit/metrics/accuracy.h"
+
+namespace palpate::metrics {
+
+inline constexpr double kToPercent = 100.0;
+
+[[nodiscard]] inline bool felt(const Vec3& force_n) noexcept {
+  return force_n != Vec3::Zero();
+}
+
+struct ScoreInput {
+  const trace::ProbePath& path;
+  const std::vector<render::Frame>& frames;
+  const std::vector<trace::TruthFrame>& truth;
+  const AccuracyOptions& options;
+
+  [[nodiscard]] const Vec3& rendered(std::size_t i) const { return frames[i].force_n; }
+  [[nodiscard]] const Vec3& wanted(std::size_t i) const { return truth[i].frame.force_n; }
+  [[nodiscard]] bool in_g(std::size_t i) const { return felt(wanted(i)); }
+  [[nodiscard]] bool in_c(std::size_t i) const { return felt(rendered(i)) || felt(wanted(i)); }
+  [[nodiscard]] double travel_mm(std::size_t i) const { return (path.hip_mm[i] - path.hip_mm[i - 1]).norm(); }
+  /// The truth itself jumps into sample i.
+  [[nodiscard]] bool true_edge(std::size_t i, double floor_n) const {
+    return (wanted(i) - wanted(i - 1)).norm() > options.stiffness_n_per_mm * travel_mm(i) + floor_n;
+  }
+  [[nodiscard]] double jump_error_n(std::size_t i) const {
+    return (rendered(i) - rendered(i - 1) - wanted(i) + wanted(i - 1)).norm();
+  }
+};
+
+/// The episode of every frame: that of the stretch of G it stands in or follows; before the first one the
+/// first. One where there is no G.
+struct Episodes {
+  std::vector<std::uint32_t> of_frame;
+  std::size_t count = 0;       ///< at least 1: what bounds are taken over
+  std::size_t in_contact = 0;  ///< stretches of G
+};
+[[nodiscard]] Episodes episodes_of(const std::vector<trace::TruthFrame>& truth);
+
+/// Lengths that agree, and numbers that are finite throughout: Errors name the path.
+[[nodiscard]] Status check_lengths(const trace::ProbePath& path, std::size_t frames, std::string_view what);
+[[nodiscard]] Status check_finite(const trace::ProbePath& path, const std::vector<render::Frame>& frames,
+                                  std::string_view what);
+
+/// Lag, ripple, relief and the headline; see Accuracy.
+void score_felt(const ScoreInput& in, const Episodes& episodes, Accuracy& a);
+
+}  // namespace palpate::metrics
