@@ -81,7 +81,7 @@ bool opens_a_file(const std::string& line) {
   const std::string code = line.substr(0, line.find("//"));
   // "wb" writes.
   return std::regex_search(code, kOpens) && code.find("\"/proc/") == std::string::npos &&
-         code.find("\"wb\"") == std::string::npos;
+         code.find("\"/sys/") == std::string::npos && code.find("\"wb\"") == std::string::npos;
 }
 
 bool names_a_machine(const std::string& line) {

@@ -10,8 +10,7 @@ namespace {
 constexpr const char* kNotShown = "not shown";
 constexpr double kPercent = 100.0;
 
-std::string first_line(const char* file) {
-  std::ifstream in(file);
+std::string first_line(std::ifstream in) {
   std::string line;
   return std::getline(in, line) ? line : std::string();
 }
@@ -69,14 +68,14 @@ std::string compiled_for() {
 }  // namespace
 
 double load_now() {
-  std::istringstream text(first_line("/proc/loadavg"));
+  std::istringstream text(first_line(std::ifstream("/proc/loadavg")));
   double load = 0.0;
   text >> load;
   return text ? load : 0.0;
 }
 
 std::optional<ProcessorTicks> processor_ticks() {
-  std::istringstream text(first_line("/proc/stat"));
+  std::istringstream text(first_line(std::ifstream("/proc/stat")));
   std::string name;
   text >> name;
   // user, nice, system, idle, iowait, irq, softirq, steal; what guests used stands in user already.
@@ -100,9 +99,9 @@ std::optional<double> stolen_percent(const std::optional<ProcessorTicks>& before
 
 Conditions conditions_now() {
   Conditions now;
-  now.governor = first_line("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor");
+  now.governor = first_line(std::ifstream("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor"));
   if (now.governor.empty()) now.governor = kNotShown;
-  now.huge_pages = chosen(first_line("/sys/kernel/mm/transparent_hugepage/enabled"));
+  now.huge_pages = chosen(first_line(std::ifstream("/sys/kernel/mm/transparent_hugepage/enabled")));
   now.processor_sets = processor_sets();
   now.compiled_for = compiled_for();
   now.load_before = now.load_after = load_now();

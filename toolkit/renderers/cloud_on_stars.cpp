@@ -18,7 +18,7 @@ namespace palpate::render {
 namespace {
 
 // Measured (see kExpectedOn): what to expect, no decision rests on them.
-constexpr double kStarFrameUs = 0.1, kStarMsPerMillion = 2'500.0;
+constexpr double kStarFrameUs = 0.1, kStarMsPerMillion = 1'000.0;
 constexpr double kRefineMsPerMillion = 500.0;  // of places that are new
 // Points and rings, long rings of one point in thirty, boxes and layers of the tree.
 constexpr double kStarBytesPerPoint = 48.0 + 1.5 + 6.0;

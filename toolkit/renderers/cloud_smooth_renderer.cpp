@@ -96,7 +96,7 @@ class CloudSmooth final : public BoxedShellRenderer<SmoothModel> {
  public:
   static constexpr Features kFelt = kAllOfRigidSurfaces | Feature::kJointContact;
   // Measured, what to expect (see kExpectedOn): a torus of a million points at random.
-  static constexpr double kFrameUs = 0.25, kMsPerMillion = 6000.0;
+  static constexpr double kFrameUs = 0.25, kMsPerMillion = 2300.0;
 
   explicit CloudSmooth(const Options& options) : BoxedShellRenderer(options) {}
 

@@ -77,17 +77,9 @@ class StarModel {
   /// seen from the touched side.
   void planes_near(const Memory& /*memory*/, const Vec3& at_world, JointPlanes& planes,
                    FrameCounters& counters) const noexcept {
-    stars::Stand stand = contact.stand();
-    int moves = stars::kMaxFacetMoves;
-    (void)stars::descend(geometry->mesh, placed.to_local(at_world), stand, moves);
-    counters.walk_steps += static_cast<std::uint64_t>(stars::kMaxFacetMoves - moves);
-    stars::for_facets_at(geometry->mesh, stand, [&](const stars::Facet& facet) noexcept {
-      const Vec3 normal = facet.area_normal();
-      const double size = normal.norm();
-      if (!(size > 0.0)) return;
-      const Vec3 n = placed.direction_to_world(normal * (contact.side() / size));
-      planes.add({n, n.dot(placed.to_world(stand.foot.point))});
-    });
+    const Vec3 at = placed.to_local(at_world);
+    add_planes({contact.stand(), contact.side()}, at, planes, counters);
+    for (const stars::StarContact::Held& held : contact.others()) add_planes(held, at, planes, counters);
   }
 
   void before_frame(FrameCounters& /*counters*/) noexcept {
@@ -122,6 +114,19 @@ class StarModel {
   GivingWay giving;
 
  private:
+  void add_planes(stars::StarContact::Held held, const Vec3& at, JointPlanes& planes,
+                  FrameCounters& counters) const noexcept {
+    int moves = stars::kMaxFacetMoves;
+    (void)stars::descend(geometry->mesh, at, held.stand, moves);
+    counters.walk_steps += static_cast<std::uint64_t>(stars::kMaxFacetMoves - moves);
+    stars::for_facets_at(geometry->mesh, held.stand, [&](const stars::Facet& facet) noexcept {
+      const Vec3 normal = facet.area_normal();
+      const double size = normal.norm();
+      if (!(size > 0.0)) return;
+      const Vec3 n = placed.direction_to_world(normal * (held.side / size));
+      planes.add({n, n.dot(placed.to_world(held.stand.foot.point))});
+    });
+  }
   void points_moved() noexcept {
     contact.points_moved([this](std::uint32_t place) noexcept { return giving.deformer()->standing(place); });
   }

@@ -47,6 +47,12 @@ struct Facet {
   [[nodiscard]] Vec3 area_normal() const noexcept {
     return (corner[1] - corner[0]).cross(corner[2] - corner[0]);
   }
+  /// Squared, of the edges neither the longest nor the shortest: how far apart points are here.
+  [[nodiscard]] double middle_edge_sq() const noexcept {
+    const double a = (corner[1] - corner[0]).squaredNorm(), b = (corner[2] - corner[1]).squaredNorm(),
+                 c = (corner[0] - corner[2]).squaredNorm();
+    return std::fmax(std::fmin(a, b), std::fmin(std::fmax(a, b), c));
+  }
   [[nodiscard]] double longest_edge_sq() const noexcept {
     return std::fmax((corner[1] - corner[0]).squaredNorm(),
                      std::fmax((corner[2] - corner[1]).squaredNorm(), (corner[0] - corner[2]).squaredNorm()));

@@ -17,7 +17,7 @@ using Triple = std::array<std::uint32_t, 3>;
 constexpr double kFoldCosine = 0.5;
 /// Loops of more edges are holes or borders: around a hole as wide as the widest circle that a triangle may
 /// have, 3.4 mean spacings, stand some twenty points, and in noise the loop is twice as long as straight.
-constexpr std::size_t kMaxLoop = 40;
+constexpr std::size_t kMaxLoop = 20, kMaxRoughLoop = 40;
 /// What is left of folds after points with fans apart were taken out a few times is crumpled throughout.
 constexpr int kPruningRounds = 3;
 
@@ -265,8 +265,12 @@ class Filler {
   std::vector<std::uint32_t> loop_from(std::uint32_t start, std::uint32_t first) {
     std::vector<std::uint32_t> loop = {start};
     std::uint32_t from = start, at = first;
+    std::size_t rough = draft_.rough[start];
     while (at != start) {
-      if (loop.size() == kMaxLoop || !has_link(at) || link(at).chains() != 1) return {};
+      rough += draft_.rough[at];
+      // Half of its points in noise: it is a hole in noise.
+      const std::size_t most = 2 * rough > loop.size() ? kMaxRoughLoop : kMaxLoop;
+      if (loop.size() >= most || !has_link(at) || link(at).chains() != 1) return {};
       loop.push_back(at);
       const std::uint32_t next = link(at).other_end(from);
       from = at;

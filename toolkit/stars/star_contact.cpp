@@ -132,7 +132,7 @@ bool StarContact::follow(const Vec3& h, StarCounters& counters) noexcept {
                      leans_from(trend_around(*mesh_, stand_.facet, true).normal, kUprightShare);
   if (!past && !leans) [[likely]]
     return true;
-  return bridge(h, std::sqrt(edge_sq), counters) || !past;
+  return bridge(h, std::sqrt(stand_.facet.middle_edge_sq()), counters) || !past;
 }
 
 bool StarContact::leans_from(const Vec3& normal, double share) const noexcept {
@@ -173,10 +173,10 @@ bool StarContact::bridge(const Vec3& h, double edge, StarCounters& counters) noe
             ++tested;
             if (mesh_->triangle_misses(a, b, c, box)) return;
             const Facet facet(*mesh_, a, b, c);
-            for (const Vec3& corner : facet.corner) {
-              const Vec3 r = corner - g;
+            for (std::size_t k = 0; k < 3 && !narrow; ++k) {
+              const Vec3 r = facet.corner[k] - g;
               const double on = ahead.dot(r);
-              narrow = narrow || (on > edge && on * on > kAheadShare * r.squaredNorm());
+              narrow = on > edge && on * on > kAheadShare * r.squaredNorm();
             }
             const Foot foot = foot_on(facet, h);
             if (!(foot.distance_sq < to_beat) || !(side_ * facet.area_normal().dot(h - foot.point) < 0.0))

@@ -20,8 +20,9 @@ inline constexpr std::uint32_t kMaxTested = 8192;
 inline constexpr int kMaxCrossed = 16;
 /// Times a frame may leave one sheet and meet another; the rest is done in the next.
 inline constexpr int kMaxFlights = 4;
-/// A gap of so many edges is bridged: loops of twenty edges, which filling takes, are six wide.
-inline constexpr double kGapEdges = 6.0;
+/// A gap of so many edges is bridged, the middle one of the facet at its border: a void in random points is
+/// two spacings wide, and a hole in noise little more.
+inline constexpr double kGapEdges = 4.0;
 /// What lies across a gap is less than 45 degrees off the way ahead, the square of its cosine: beside it the
 /// border itself goes on, and what rises there would hold a HIP that is long past it.
 inline constexpr double kAheadShare = 0.5;

@@ -116,6 +116,12 @@ bool StarContact::hold_together(const Vec3& h, StarCounters& counters) noexcept 
     found = geometry::nearest_allowed({planes.plane.data(), planes.size}, h, slack);
     at = found.point;
   }
+  // What held so far, held or not from now on, is not met by who leaves it.
+  others_count_ = 0;
+  stand_ = held[0].stand;
+  for (std::size_t i = 1; i < count; ++i) others_[others_count_++] = held[i];
+  Hit hit;
+  const bool met = meet_other(before, at, counters, hit);
   // A sheet that does not push is met again when the god object comes to it; one whose border is passed ends.
   std::size_t kept = 0;
   for (std::size_t i = 0; i < count; ++i) {
@@ -127,24 +133,22 @@ bool StarContact::hold_together(const Vec3& h, StarCounters& counters) noexcept 
         side_of(*mesh_, stand, at).border && past_border_sq(stand, at) > stand.facet.longest_edge_sq();
     if (pushes && !ended) held[kept++] = held[i];
   }
+  if (met && kept < kMaxHeld) {
+    Held& other = held[kept++];
+    other.stand = {};
+    other.stand.facet = Facet(*mesh_, hit.place[0], hit.place[1], hit.place[2]);
+    other.side = hit.side;
+  }
   others_count_ = 0;
   framed_ = false;
   stand_.foot.point = at;
-  if (kept == 0) return false;
+  if (kept == 0 || at == h) return false;
   stand_ = held[0].stand;
   side_ = held[0].side;
   stand_.foot = {at, (at - h).squaredNorm(), stand_.foot.feature};
   watched_ = true;
   pull_ = at - h;
   for (std::size_t i = 1; i < kept; ++i) others_[others_count_++] = held[i];
-  if (kept == kMaxHeld) return true;
-  Hit hit;
-  if (meet_other(before, at, counters, hit)) {
-    Held& other = others_[others_count_++];
-    other.stand = {};
-    other.stand.facet = Facet(*mesh_, hit.place[0], hit.place[1], hit.place[2]);
-    other.side = hit.side;
-  }
   return true;
 }
 

@@ -129,6 +129,74 @@ TEST(StarContact, LetsGoBesideASheet) {
   EXPECT_FALSE(held);
 }
 
+/// A floor and a wall that goes on below it share no points: pressed into the floor and moved against the
+/// wall, the god object stays in their corner, and comes out of it again.
+TEST(StarContact, SheetsThatCrossHoldTogether) {
+  std::vector<Vec3> points;
+  for (int i = -30; i <= 30; ++i)
+    for (int k = -30; k <= 30; ++k) {
+      points.emplace_back(0.2 * (i + 0.5), 0.2 * k, 0.0);
+      points.emplace_back(0.0, 0.2 * (k + 0.3), 0.2 * (i + 0.5));
+    }
+  Felt felt(points);
+  EXPECT_EQ(felt.mesh.counts().pieces, 2u);
+  Random random(31);
+  for (int stroke = 0; stroke < 50; ++stroke) {
+    const double y = random.uniform(-4.0, 4.0), side = stroke % 2 == 0 ? 1.0 : -1.0;
+    StarCounters counters;
+    Vec3 h(-2.0 * side, y, 1.0);
+    felt.contact.reset(felt.local(h));
+    const auto go = [&](const Vec3& to) {
+      const Vec3 from = h;
+      bool held = false;
+      for (int i = 1; i <= 100; ++i) {
+        h = from + (to - from) * (0.01 * i);
+        held = felt.contact.update(felt.local(h), counters);
+      }
+      return held;
+    };
+    ASSERT_TRUE(go(Vec3(-2.0 * side, y, -1.0)));
+    ASSERT_TRUE(go(Vec3(1.0 * side, y + 0.5, -1.0)));
+    EXPECT_EQ(felt.contact.others().size(), 1u);
+    EXPECT_LT((h + felt.contact.pull() - Vec3(0.0, y + 0.5, 0.0)).norm(), 1e-6);
+    // Up along the wall, which alone holds then, and away from it.
+    ASSERT_TRUE(go(Vec3(1.0 * side, y, 1.0)));
+    EXPECT_EQ(felt.contact.others().size(), 0u);
+    EXPECT_LT((h + felt.contact.pull() - Vec3(0.0, y, 1.0)).norm(), 1e-6);
+    EXPECT_FALSE(go(Vec3(-1.0 * side, y, 1.0)));
+  }
+}
+
+/// On rough points a god object meets spikes and holes: it neither hangs on the ones nor falls through the
+/// others.
+TEST(StarContact, GoesOnOverSpikesAndHoles) {
+  for (const double noise : {0.05, 0.1, 0.15}) {
+    Felt felt(random_torus(60000, noise, 32));
+    Random random(33);
+    std::size_t lost = 0, hung = 0, frames = 0;
+    for (int stroke = 0; stroke < 60; ++stroke) {
+      const double u0 = random.uniform(0.0, 6.28), v0 = random.uniform(0.0, 6.28);
+      const double du = random.uniform(-0.3, 0.3), dv = random.uniform(-1.0, 1.0);
+      const auto at = [&](double t, double r) {
+        const double u = u0 + t * du, v = v0 + t * dv;
+        return Vec3((30 + r * std::cos(v)) * std::cos(u), (30 + r * std::cos(v)) * std::sin(u),
+                    r * std::sin(v));
+      };
+      StarCounters counters;
+      felt.contact.reset(felt.local(at(0.0, 11.0)));
+      for (int i = 0; i <= 50; ++i) (void)felt.contact.update(felt.local(at(0.0, 11.0 - 0.04 * i)), counters);
+      for (int i = 0; i <= 400; ++i) {
+        const bool held = felt.contact.update(felt.local(at(0.0025 * i, 9.0)), counters);
+        ++frames;
+        lost += static_cast<std::size_t>(!held);
+        hung += static_cast<std::size_t>(held && felt.contact.pull().norm() > 2.0);
+      }
+    }
+    EXPECT_LT(lost, frames / 100) << noise;
+    EXPECT_LT(hung, frames / 100) << noise;
+  }
+}
+
 TEST(StarContact, MeetsWhatIsTouchedExactly) {
   std::vector<Vec3> lattice;
   for (int x = -8; x <= 8; ++x)
