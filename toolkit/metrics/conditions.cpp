@@ -2,6 +2,7 @@
 
 #include <array>
 #include <fstream>
+#include <istream>
 #include <sstream>
 
 namespace palpate::metrics {
@@ -10,7 +11,7 @@ namespace {
 constexpr const char* kNotShown = "not shown";
 constexpr double kPercent = 100.0;
 
-std::string first_line(std::ifstream in) {
+std::string first_line(std::istream&& in) {
   std::string line;
   return std::getline(in, line) ? line : std::string();
 }
