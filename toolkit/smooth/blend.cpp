@@ -7,7 +7,7 @@ namespace palpate::render {
 namespace {
 
 constexpr float kLeastWeight = 1e-6f;
-constexpr float kHalfRow = 3.0f;
+constexpr float kRowReach = 3.0f;
 constexpr int kFillRounds = 2 * kBrickNodes;
 
 RowPatch in_brick(const Patch& p, const Vec3& middle, double per_voxel) {
@@ -34,7 +34,7 @@ RowPatch in_brick(const Patch& p, const Vec3& middle, double per_voxel) {
   const float mean = out.uu + out.vv, half = std::hypot(out.uu - out.vv, out.uv);
   const float most = mean + half, least = mean - half;  // the principal curvatures
   out.bend = std::abs(most) > std::abs(least) ? most : least;
-  out.row_share = std::sqrt(std::max(1.0f - out.n[2] * out.n[2], 0.0f)) * kHalfRow;
+  out.row_share = std::sqrt(std::max(1.0f - out.n[2] * out.n[2], 0.0f)) * kRowReach;
   return out;
 }
 

@@ -16,7 +16,7 @@ namespace {
 /// Fewer points: the ball is widened; more: narrowed. Half and twice what an even set has, but for luck.
 constexpr std::size_t kFewest = 9, kMost = 34;
 constexpr int kMaxResizes = 6;  // eight times as far, or near
-constexpr double kGrowth = std::numbers::sqrt2;
+constexpr double kBallGrowth = std::numbers::sqrt2;
 /// Where the spacing nearby differs by less than this from the model's median, the median is begun with.
 constexpr double kEven = 1.5;
 /// Of points on one scan line the variance across is next to nothing; of half a disc it is a quarter of that
@@ -39,10 +39,10 @@ bool gather_enough(const SmoothPoints& points, std::size_t i, Ball& ball) {
   for (int k = 0; k < kMaxResizes; ++k) {
     ball.gather(points, points[i], radius);
     if (ball.away.size() < kFewest && last <= 0) {
-      radius *= kGrowth;
+      radius *= kBallGrowth;
       last = -1;
     } else if (ball.away.size() > kMost && last >= 0) {
-      radius /= kGrowth;
+      radius /= kBallGrowth;
       last = 1;
     } else {
       return ball.away.size() >= kFewest;
@@ -56,11 +56,11 @@ bool take_more_lines(const SmoothPoints& points, Ball& ball, Spread& spread) {
   if (!spread_of(ball, spread)) return false;
   for (int k = 0; spread.roundness < kLeastRoundness; ++k) {
     if (k == kMaxResizes) return false;
-    const double radius = kGrowth * ball.radius;
+    const double radius = kBallGrowth * ball.radius;
     ball.gather(points, ball.centre, radius);
     if (!spread_of(ball, spread)) return false;
     if (spread.roundness < kLeastRoundness) continue;
-    ball.gather(points, ball.centre, kGrowth * radius);
+    ball.gather(points, ball.centre, kBallGrowth * radius);
     return spread_of(ball, spread);
   }
   return true;
@@ -77,10 +77,10 @@ void reach_over(const SmoothPoints& points, const Vec3& normal, Ball& ball) {
   if (!near.open()) return;
   double radius = ball.radius;
   Ball wide;
-  wide.gather(points, ball.centre, radius * std::pow(kGrowth, kReachOver));
+  wide.gather(points, ball.centre, radius * std::pow(kBallGrowth, kReachOver));
   for (int k = 0; k < kReachOver; ++k) {
     const double inner_sq = radius * radius;
-    radius *= kGrowth;
+    radius *= kBallGrowth;
     for (std::size_t j = 0; j < wide.away.size(); ++j) {
       const Vec3& d = wide.away[j];
       const double sq = d.squaredNorm(), tells = kTellsSpacings * points.spacing_near(wide.place[j]);

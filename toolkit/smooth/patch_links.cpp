@@ -27,7 +27,7 @@ constexpr int kMeetRounds = 3;
 constexpr double kCreaseSine = 0.34, kCreaseErrors = 3.0;
 /// What both tell of it has to be so: of the points around where they meet this share, and not fewer than so
 /// many of each, lie within so many standard deviations or spacings of the folded surface.
-constexpr double kExplained = 0.75, kOnSigmas = 3.5, kOnSpacings = 0.1;
+constexpr double kExplained = 0.75, kOnFaceSigmas = 3.5, kOnFaceSpacings = 0.1;
 constexpr int kFewestOfEach = 3;
 /// Links of one patch: to the nearest that there are.
 constexpr std::size_t kMostLinks = 24;
@@ -95,7 +95,7 @@ Turn turn_between(const SmoothPoints& points, double noise, const Patch& a, cons
   if (sine < std::max(kCreaseSine, kCreaseErrors * std::hypot(a.slope_error, b.slope_error)))
     return Turn::kNone;
   const double spacing = std::max(a.spacing, b.spacing);
-  const double on = std::max(kOnSigmas * std::max({a.sigma, b.sigma, noise}), kOnSpacings * spacing);
+  const double on = std::max(kOnFaceSigmas * std::max({a.sigma, b.sigma, noise}), kOnFaceSpacings * spacing);
   int all = 0, of_a = 0, of_b = 0, ridge = 0, valley = 0;
   points.in_ball(at, kFirstRadius * spacing, [&](std::uint32_t, const Vec3& d, double) {
     const double ra = a.quadric.residual(at + d), rb = b.quadric.residual(at + d);

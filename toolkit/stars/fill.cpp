@@ -22,7 +22,7 @@ constexpr std::size_t kMaxLoop = 20, kMaxRoughLoop = 40;
 constexpr int kPruningRounds = 3;
 
 /// Planes that turn by more than 60 degrees are of two sheets.
-constexpr float kTurned = 0.5F;
+constexpr float kOfTwoSheets = 0.5F;
 
 /// The triangles at one point, each as the edge that lies across.
 class Link {
@@ -212,7 +212,7 @@ class Filler {
   [[nodiscard]] bool joins_crossing(const Triple& t) const noexcept {
     if ((draft_.crossed[t[0]] & draft_.crossed[t[1]] & draft_.crossed[t[2]]) == 0) return false;
     for (std::size_t k = 0; k < 3; ++k)
-      if (std::abs(draft_.normal[t[k]].dot(draft_.normal[t[(k + 1) % 3]])) < kTurned) return true;
+      if (std::abs(draft_.normal[t[k]].dot(draft_.normal[t[(k + 1) % 3]])) < kOfTwoSheets) return true;
     return false;
   }
   bool add(const Triple& t, bool flat) {

@@ -8,7 +8,7 @@
 namespace palpate::trace {
 namespace {
 
-constexpr double kUsPerNs = 1e-3;
+constexpr double kMicrosecondsPerNs = 1e-3;
 
 /// Which stretches belong to a set, and to which of its episodes.
 struct Set {
@@ -78,7 +78,7 @@ std::optional<Interval> mean_interval(const Sums& sums) {
         for (double& one : drawn) one = means[random.below(means.size())];
         return std::optional<double>(upper_median(drawn));
       });
-  if (ns) ns = Interval{ns->low * kUsPerNs, ns->high * kUsPerNs};
+  if (ns) ns = Interval{ns->low * kMicrosecondsPerNs, ns->high * kMicrosecondsPerNs};
   return ns;
 }
 
@@ -107,7 +107,7 @@ std::optional<Interval> percentile_interval(const std::vector<std::int64_t>& fra
     std::uint64_t passed = 0;
     for (const Timed& one : sorted) {
       passed += counts[one.episode];
-      if (passed > above) return std::optional<double>(static_cast<double>(one.ns) * kUsPerNs);
+      if (passed > above) return std::optional<double>(static_cast<double>(one.ns) * kMicrosecondsPerNs);
     }
     return std::optional<double>();
   });
@@ -139,8 +139,8 @@ FrameStatistics statistics_of(const PassTimes& times, const Set& set,
     constexpr double kMedian = 50.0, kTail = 99.9;
     s.p50_interval_us = percentile_interval(frame_ns, times, set, kMedian);
     s.p999_interval_us = percentile_interval(frame_ns, times, set, kTail);
-    s.cpu_mean_us = median_mean_ns(sums_of(times, set, &StretchTime::cpu_ns)) * kUsPerNs;
-    s.worst_us = std::max(static_cast<double>(worst_ns) * kUsPerNs, *s.max_us);
+    s.cpu_mean_us = median_mean_ns(sums_of(times, set, &StretchTime::cpu_ns)) * kMicrosecondsPerNs;
+    s.worst_us = std::max(static_cast<double>(worst_ns) * kMicrosecondsPerNs, *s.max_us);
   }
   s.passes = times.by_stretch.size();
   s.clocked_passes = times.by_frame.size();
