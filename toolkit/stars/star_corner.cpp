@@ -116,6 +116,8 @@ bool StarContact::hold_together(const Vec3& h, StarCounters& counters) noexcept 
     found = geometry::nearest_allowed({planes.plane.data(), planes.size}, h, slack);
     at = found.point;
   }
+  // It only descends: on rough sheets planes looked up anew may leave no place as near as it is.
+  if ((at - h).squaredNorm() > (before - h).squaredNorm()) at = before;
   // What held so far, held or not from now on, is not met by who leaves it.
   others_count_ = 0;
   stand_ = held[0].stand;
