@@ -117,7 +117,13 @@ bool StarContact::hold_together(const Vec3& h, StarCounters& counters) noexcept 
     at = found.point;
   }
   // It only descends: on rough sheets planes looked up anew may leave no place as near as it is.
-  if ((at - h).squaredNorm() > (before - h).squaredNorm()) at = before;
+  if ((at - h).squaredNorm() > (before - h).squaredNorm()) {
+    pull_ = before - h;
+    stand_.foot.distance_sq = pull_.squaredNorm();
+    watched_ = true;
+    framed_ = false;
+    return true;
+  }
   // What held so far, held or not from now on, is not met by who leaves it.
   others_count_ = 0;
   stand_ = held[0].stand;
