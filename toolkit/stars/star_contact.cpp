@@ -127,9 +127,15 @@ bool StarContact::follow(const Vec3& h, StarCounters& counters) noexcept {
     return !(frame_.at(h).height > 0.0) || still_behind(h, edge_sq);
   const Side side = side_of(*mesh_, stand_, h);
   if (side_ * side.height > 0.0) return still_behind(h, edge_sq);
-  const bool past = side.border && past_border_sq(stand_, h) > edge_sq;
-  const bool leans = stand_.foot.distance_sq > edge_sq && leans_from(side.area, kSmoothShare) &&
-                     leans_from(trend_around(*mesh_, stand_.facet, true).normal, kUprightShare);
+  const bool far = stand_.foot.distance_sq > edge_sq;
+  bool past = side.border && past_border_sq(stand_, stand_.facet.area_normal(), h) > edge_sq;
+  bool leans = false;
+  // One facet is little to go by where h is far.
+  if (far && !past && (side.border || leans_from(side.area, kSmoothShare))) {
+    const Vec3 around = trend_around(*mesh_, stand_.facet, true).normal;
+    past = side.border && past_border_sq(stand_, around, h) > edge_sq;
+    leans = leans_from(side.area, kSmoothShare) && leans_from(around, kUprightShare);
+  }
   if (!past && !leans) [[likely]]
     return true;
   return bridge(h, std::sqrt(stand_.facet.middle_edge_sq()), counters) || !past;
@@ -148,7 +154,7 @@ bool StarContact::still_behind(const Vec3& h, double edge_sq) const noexcept {
 
 bool StarContact::bridge(const Vec3& h, double edge, StarCounters& counters) noexcept {
   const Vec3 g = stand_.foot.point;
-  const Vec3 n = stand_.facet.area_normal();
+  const Vec3 n = trend_around(*mesh_, stand_.facet, true).normal;
   const double square = n.squaredNorm();
   Vec3 ahead = h - g;
   if (square > 0.0) ahead -= n * (n.dot(ahead) / square);
@@ -189,7 +195,8 @@ bool StarContact::bridge(const Vec3& h, double edge, StarCounters& counters) noe
       });
   counters.tested += tested;
   bound_hit_ = bound_hit_ || !all;
-  if (best.place[0] == kNoPlace) return narrow;
+  // A HIP farther ahead than the gap is wide has passed it, and nothing there holds it.
+  if (best.place[0] == kNoPlace) return narrow && size <= 2.0 * half;
   stand_ = {best, nearest};
   frame_ = FacetFrame(best, side_);
   watched_ = is_crossed(best);

@@ -137,6 +137,10 @@ class StarContact {
   /// Several sheets hold: the god object goes to the place nearest to h that is behind none of them. False
   /// where none holds any more.
   bool hold_together(const Vec3& h, StarCounters& counters) noexcept;
+  /// The place nearest to `at` on a facet of one of the sheets.
+  [[nodiscard]] Vec3 on_facet(std::span<const Held> held, const Vec3& at) const noexcept;
+  /// What holds goes on holding, and the god object is at a place on one of its facets.
+  void stay_at(const Vec3& at, const Vec3& h) noexcept;
   /// Whether the pull's cosine with a normal, squared, is below a share.
   [[nodiscard]] bool leans_from(const Vec3& normal, double share) const noexcept;
   /// A facet says that h is in front, and h is farther off than an edge: a HIP that leaves is near. True

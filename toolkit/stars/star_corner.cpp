@@ -58,6 +58,15 @@ bool StarContact::follow_alone(const Vec3& h, StarCounters& counters) noexcept {
   const bool was_watched = watched_ || !framed_;
   const bool held = follow(h, counters);
   if (!held || !(was_watched || watched_)) return held;
+  // What several sheets held may have been on a facet of another than the one that is left: until that one
+  // leads as near it stays there. It only descends.
+  const Vec3 stood = before.foot.point;
+  if (pull_.squaredNorm() > (stood - h).squaredNorm()) {
+    stand_ = before;
+    side_ = side_before;
+    stay_at(stood, h);
+    return true;
+  }
   Hit hit;
   others_count_ = 1;  // both where it was and where it is now are the sheet's own
   others_[0] = {before, side_before};
@@ -116,12 +125,10 @@ bool StarContact::hold_together(const Vec3& h, StarCounters& counters) noexcept 
     found = geometry::nearest_allowed({planes.plane.data(), planes.size}, h, slack);
     at = found.point;
   }
+  if (found.active > 0) at = on_facet({held.data(), count}, at);
   // It only descends: on rough sheets planes looked up anew may leave no place as near as it is.
   if ((at - h).squaredNorm() > (before - h).squaredNorm()) {
-    pull_ = before - h;
-    stand_.foot.distance_sq = pull_.squaredNorm();
-    watched_ = true;
-    framed_ = false;
+    stay_at(before, h);
     return true;
   }
   // What held so far, held or not from now on, is not met by who leaves it.
@@ -137,8 +144,8 @@ bool StarContact::hold_together(const Vec3& h, StarCounters& counters) noexcept 
     for (std::size_t k = 0; k < found.active; ++k)
       pushes = pushes || (planes.owner[found.plane[k]] == i && found.push[k] > 0.0);
     const Stand& stand = held[i].stand;
-    const bool ended =
-        side_of(*mesh_, stand, at).border && past_border_sq(stand, at) > stand.facet.longest_edge_sq();
+    const bool ended = side_of(*mesh_, stand, at).border &&
+                       past_border_sq(stand, stand.facet.area_normal(), at) > stand.facet.longest_edge_sq();
     if (pushes && !ended) held[kept++] = held[i];
   }
   if (met && kept < kMaxHeld) {
@@ -148,16 +155,34 @@ bool StarContact::hold_together(const Vec3& h, StarCounters& counters) noexcept 
     other.side = hit.side;
   }
   others_count_ = 0;
-  framed_ = false;
   stand_.foot.point = at;
+  framed_ = false;
   if (kept == 0 || at == h) return false;
   stand_ = held[0].stand;
   side_ = held[0].side;
-  stand_.foot = {at, (at - h).squaredNorm(), stand_.foot.feature};
-  watched_ = true;
-  pull_ = at - h;
   for (std::size_t i = 1; i < kept; ++i) others_[others_count_++] = held[i];
+  stay_at(at, h);
   return true;
+}
+
+/// Past a border a plane goes on, a facet does not.
+Vec3 StarContact::on_facet(std::span<const Held> held, const Vec3& at) const noexcept {
+  Foot nearest;
+  for (const Held& sheet : held) {
+    Stand stand = sheet.stand;
+    int moves = kMaxFacetMoves;
+    descend(*mesh_, at, stand, moves);
+    if (stand.foot.distance_sq < nearest.distance_sq) nearest = stand.foot;
+  }
+  return nearest.point;
+}
+
+void StarContact::stay_at(const Vec3& at, const Vec3& h) noexcept {
+  pull_ = at - h;
+  stand_.foot.point = at;
+  stand_.foot.distance_sq = pull_.squaredNorm();
+  watched_ = true;
+  framed_ = false;
 }
 
 }  // namespace palpate::stars

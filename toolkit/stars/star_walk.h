@@ -80,9 +80,8 @@ struct Trend {
 };
 [[nodiscard]] Trend trend_around(const StarMesh& mesh, const Facet& facet, bool wide) noexcept;
 
-/// How far h is past the border that the foot is on, sideways, squared.
-[[nodiscard]] inline double past_border_sq(const Stand& stand, const Vec3& h) noexcept {
-  const Vec3 n = stand.facet.area_normal();
+/// How far h is past the border that the foot is on, squared: sideways, as a surface of normal n lies.
+[[nodiscard]] inline double past_border_sq(const Stand& stand, const Vec3& n, const Vec3& h) noexcept {
   const Vec3 r = h - stand.foot.point;
   const double square = n.squaredNorm();
   return square > 0.0 ? (r - n * (n.dot(r) / square)).squaredNorm() : r.squaredNorm();

@@ -180,7 +180,7 @@ TEST_P(Dent, ContactPushesHoweverNarrowAndDeep) {
         scene.input.models[0].surface.dent = {kYield, radius, 20.0};
         const auto renderer = prepared(scene.input, GetParam());
         auto& editable = dynamic_cast<Editable&>(*renderer);
-        const Vec3 top(random.uniform(), random.uniform(), 0.5), bottom = top - Vec3(0, 0, 0.5 + depth);
+        const Vec3 top{random.uniform(), random.uniform(), 0.5}, bottom = top - Vec3(0, 0, 0.5 + depth);
         renderer->restart(top);
         const int frames = static_cast<int>((0.5 + depth) / kSpeed / kDt);
         int wrong = 0, down = 0, lost = 0;

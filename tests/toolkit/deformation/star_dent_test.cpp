@@ -32,7 +32,7 @@ std::vector<Vec3> random_sheet(double half, double spacing, double z, std::uint6
   std::vector<Vec3> points;
   const auto count = static_cast<std::size_t>(4.0 * half * half / (spacing * spacing));
   for (std::size_t i = 0; i < count; ++i)
-    points.emplace_back(random.uniform(-half, half), random.uniform(-half, half), z);
+    points.push_back(Vec3{random.uniform(-half, half), random.uniform(-half, half), z});
   return points;
 }
 
@@ -66,7 +66,7 @@ TEST(StarDent, ThousandsOfChangesAreUndoneToTheBit) {
       const std::vector<Vec3> before = all();
       for (int i = 0; i < 100; ++i) {
         const auto place = static_cast<std::uint32_t>(random.below(moving.deformer.points()));
-        const Vec3 d = Vec3(random.normal(), random.normal(), random.normal()).normalized();
+        const Vec3 d = Vec3{random.normal(), random.normal(), random.normal()}.normalized();
         for (int k = 0; k < 4; ++k)
           (void)moving.deformer.press(place, d, random.uniform(0.0, 0.8), random.uniform(1.0, 5.0));
         if (i % 10 != 0) continue;
@@ -74,7 +74,7 @@ TEST(StarDent, ThousandsOfChangesAreUndoneToTheBit) {
         for (; batch.count < 200; ++batch.count) {
           batch.point[batch.count] = static_cast<std::uint32_t>(random.below(points.size()));
           batch.to_mm[batch.count] = (moving.mesh.at(moving.moving.place_of(batch.point[batch.count])) +
-                                      0.3 * Vec3(random.normal(), random.normal(), random.normal()))
+                                      0.3 * Vec3{random.normal(), random.normal(), random.normal()})
                                          .cast<float>();
         }
         EXPECT_EQ(moving.deformer.apply(batch), 200u);
@@ -126,7 +126,7 @@ TEST(StarDent, GivesWayDownToItsYield) {
     const auto renderer = prepared(
         yielding(random_sheet(10.0, 0.4, 0.0, 58 + static_cast<std::uint64_t>(run % 3)), {0.4, 3.0, 50.0}),
         "cloud");
-    const Vec3 top(random.uniform(-4, 4), random.uniform(-4, 4), 0.5);
+    const Vec3 top{random.uniform(-4, 4), random.uniform(-4, 4), 0.5};
     renderer->restart(top);
     const double depth = random.uniform(0.6, 2.5);
     Frame frame;
@@ -184,8 +184,9 @@ TEST(StarDent, IsFeltWhereThePointsAre) {
 
 TEST(StarDent, AtABorderTheProbeComesFree) {
   Random random(61);
-  for (int run = 0; run < 20; ++run) {
-    const auto renderer = prepared(yielding(random_sheet(8.0, 0.3, 0.0, 62), {0.3, 2.0, 40.0}), "cloud");
+  for (std::uint64_t run = 0; run < 60; ++run) {
+    const auto renderer =
+        prepared(yielding(random_sheet(8.0, 0.3, 0.0, 62 + run), {0.3, 2.0, 40.0}), "cloud");
     auto& editable = dynamic_cast<Editable&>(*renderer);
     const double y = random.uniform(-5, 5), x = random.uniform(7.2, 7.8);
     renderer->restart(Vec3(x, y, 1));
@@ -221,7 +222,7 @@ TEST(StarDent, StaysWithItsSheetOfAThinPlate) {
     const geometry::Aabb box = scene.surface->box_mm();
     const double side = run % 2 == 0 ? 1.0 : -1.0;
     const double face = side > 0.0 ? box.high_mm.z() : box.low_mm.z();
-    const Vec3 top(random.uniform(-5, 5), random.uniform(-5, 5), face + side);
+    const Vec3 top{random.uniform(-5, 5), random.uniform(-5, 5), face + side};
     renderer->restart(top);
     int wrong = 0, held = 0;
     bool before = false, lost = false;

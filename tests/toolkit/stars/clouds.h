@@ -42,7 +42,7 @@ inline std::vector<Vec3> random_spheres(const std::vector<double>& radii, double
     const auto count =
         static_cast<std::size_t>(4.0 * std::numbers::pi * radius * radius / (spacing * spacing));
     for (std::size_t i = 0; i < count; ++i) {
-      const Vec3 d(random.normal(), random.normal(), random.normal());
+      const Vec3 d{random.normal(), random.normal(), random.normal()};
       points.push_back(radius * d.normalized());
     }
   }

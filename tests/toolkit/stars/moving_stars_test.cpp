@@ -170,7 +170,7 @@ TEST(MovingStars, TheTreeFindsWhatANewOneFinds) {
           const std::uint32_t a = random_place(moving.stars, random);
           const Ring ring = moving.mesh.ring(a);
           if (ring.size > 0 && i % 3 == 0) (void)moving.stars.split(a, ring.of[random.below(ring.size)]);
-          const Vec3 by(random.normal(), random.normal(), random.normal());
+          const Vec3 by{random.normal(), random.normal(), random.normal()};
           moving.stars.set(a, (moving.mesh.at(a) + (round % 5 == 0 ? 20.0 : 0.3) * by).cast<float>());
         }
         if (round % 4 == 3)
@@ -207,7 +207,7 @@ TEST(MovingStars, MeetARestingHip) {
     ASSERT_EQ(moving.mesh.counts().closed_pieces, 1u);
     StarContact contact;
     contact.attach(moving.mesh, moving.tree);
-    const Vec3 d = Vec3(random.normal(), random.normal(), random.normal()).normalized();
+    const Vec3 d = Vec3{random.normal(), random.normal(), random.normal()}.normalized();
     const Vec3 h = (10.0 + random.uniform(0.1, 1.5)) * d - moving.mesh.origin_mm();
     contact.reset(h);
     StarCounters counters;

@@ -26,7 +26,7 @@ inline std::vector<Named> all_clouds() {
   for (int i = 0; i < 60; ++i) line.emplace_back(0.1 * i, 0.2 * i, -0.3 * i);
   std::vector<Vec3> chaos;
   Random random(8);
-  for (int i = 0; i < 3000; ++i) chaos.emplace_back(random.uniform(), random.uniform(), random.uniform());
+  for (int i = 0; i < 3000; ++i) chaos.push_back(Vec3{random.uniform(), random.uniform(), random.uniform()});
   return {{"torus", random_torus(20000, 0.0, 1)},
           {"noisy torus", random_torus(20000, 0.22, 2)},
           {"shells", random_spheres({10.0, 9.6}, 0.2, 3)},

@@ -53,7 +53,7 @@ TEST(StarContact, ComesWhereTheWayGoesThroughATriangle) {
     const double u = random.uniform(0.0, 6.3), v = random.uniform(0.0, 6.3), out = random.uniform(10.5, 13.0);
     const Vec3 from((30 + out * std::cos(v)) * std::cos(u), (30 + out * std::cos(v)) * std::sin(u),
                     out * std::sin(v));
-    const Vec3 way = Vec3(random.normal(), random.normal(), random.normal()) * (i % 3 == 0 ? 20.0 : 1.5);
+    const Vec3 way = Vec3{random.normal(), random.normal(), random.normal()} * (i % 3 == 0 ? 20.0 : 1.5);
     felt.contact.reset(felt.local(from));
     StarCounters counters;
     const bool held = felt.contact.update(felt.local(from + way), counters);
@@ -74,9 +74,10 @@ TEST(StarContact, OnlyDescendsAndStaysTheNearestNearby) {
     Vec3 start, middle;
   };
   const Vec3 above(30, 0, 13), tube(30, 0, 9);
-  for (const Case& c : {Case{random_torus(20000, 0.0, 23), above, tube},
-                        Case{random_roof(5000, 24), Vec3(5, 0, 2), Vec3(3, 0, -4)},
-                        Case{random_torus(20000, 0.1, 25), above, tube}}) {
+  for (const Case& c :
+       {Case{random_torus(20000, 0.0, 23), above, tube},
+        Case{random_roof(5000, 24), Vec3(5, 0, 2), Vec3(3, 0, -4)},
+        Case{random_torus(20000, 0.1, 25), above, tube}, Case{random_torus(20000, 0.5, 25), above, tube}}) {
     Felt felt(c.points);
     Random random(26);
     Vec3 h = felt.local(c.start);
@@ -85,7 +86,7 @@ TEST(StarContact, OnlyDescendsAndStaysTheNearestNearby) {
     int held = 0, nearest = 0;
     bool was = false;
     for (int i = 0; i < 20000; ++i) {
-      velocity = 0.95 * velocity + 0.01 * Vec3(random.normal(), random.normal(), random.normal()) -
+      velocity = 0.95 * velocity + 0.01 * Vec3{random.normal(), random.normal(), random.normal()} -
                  0.0005 * (h - felt.local(c.middle));
       h += velocity;
       StarCounters counters;
@@ -112,7 +113,7 @@ TEST(StarContact, LetsGoBesideASheet) {
   std::vector<Vec3> sheet;
   Random random(27);
   for (int i = 0; i < 10000; ++i)
-    sheet.emplace_back(random.uniform(-10.0, 10.0), random.uniform(-10.0, 10.0), 0.0);
+    sheet.push_back(Vec3{random.uniform(-10.0, 10.0), random.uniform(-10.0, 10.0), 0.0});
   Felt felt(sheet);
   StarCounters counters;
   // 0.6 mm beside the border, 0.2 mm below it: three spacings, past any edge there.
@@ -165,6 +166,37 @@ TEST(StarContact, SheetsThatCrossHoldTogether) {
     EXPECT_LT((h + felt.contact.pull() - Vec3(0.0, y, 1.0)).norm(), 1e-6);
     EXPECT_FALSE(go(Vec3(-1.0 * side, y, 1.0)));
   }
+}
+
+/// A floor of random points ends at a wall of random points, each border as ragged as they are: pressed into
+/// the corner from inside, the god object comes to rest there.
+TEST(StarContact, CornersOfRandomPointsHold) {
+  constexpr double kSpacing = 0.2, kHalf = 8.0;
+  constexpr auto kFloor = static_cast<int>(2.0 * kHalf * kHalf / (kSpacing * kSpacing));
+  Random random(36);
+  std::vector<Vec3> points;
+  for (int i = 0; i < kFloor; ++i) {
+    points.push_back(Vec3{random.uniform(-kHalf, 0.0), random.uniform(-kHalf, kHalf), 0.0});
+    points.push_back(Vec3{0.0, random.uniform(-kHalf, kHalf), random.uniform(0.0, kHalf)});
+  }
+  Felt felt(points);
+  int resting = 0;
+  constexpr int kStrokes = 100;
+  for (int stroke = 0; stroke < kStrokes; ++stroke) {
+    const double y = random.uniform(-5.0, 5.0), slant = random.uniform(-2.0, 2.0);
+    StarCounters counters;
+    felt.contact.reset(felt.local(Vec3(-2.0, y, 1.0)));
+    Vec3 h = Vec3::Zero();
+    bool held = false;
+    for (int i = 1; i <= 400; ++i) {
+      const double down = std::min(1.0, i / 120.0), along = std::max(0.0, (i - 120) / 280.0);
+      h = Vec3(-2.0 + 3.0 * along, y + slant * along, 1.0 - 2.0 * down);
+      held = felt.contact.update(felt.local(h), counters);
+    }
+    const Vec3 g = h + felt.contact.pull();
+    resting += held && std::hypot(g.x(), g.z()) < kSpacing;
+  }
+  EXPECT_GE(resting, kStrokes * 97 / 100);
 }
 
 /// On rough points a god object meets spikes and holes: it neither hangs on the ones nor falls through the

@@ -109,7 +109,7 @@ TEST(StarMesh, IsDelaunayOnAPlane) {
   Random random(14);
   std::vector<Vec3> points;
   for (int i = 0; i < 3000; ++i)
-    points.emplace_back(random.uniform(0.0, 50.0), random.uniform(0.0, 50.0), 0.0);
+    points.push_back(Vec3{random.uniform(0.0, 50.0), random.uniform(0.0, 50.0), 0.0});
   const StarMesh mesh = StarMesh::build(cloud_of(points), 2);
   EXPECT_GT(mesh.counts().triangles, 5700u);
   std::size_t wrong = 0;
