@@ -48,26 +48,17 @@ void make_stars_of(benchmark::State& state, const std::string& generator) {
   state.counters["all"] = all;
 }
 
+void on_one_and_two_threads(benchmark::internal::Benchmark* b) {
+  b->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
+}
+
 BENCHMARK_CAPTURE(make_stars_of, random, "torus:sampling=random:points=1000000:mesh=false")
-    ->Arg(1)
-    ->Arg(2)
-    ->Unit(benchmark::kMillisecond)
-    ->UseRealTime();
-BENCHMARK_CAPTURE(make_stars_of, even, "ellipsoid:points=1000000:mesh=false")
-    ->Arg(1)
-    ->Arg(2)
-    ->Unit(benchmark::kMillisecond)
-    ->UseRealTime();
+    ->Apply(on_one_and_two_threads);
+BENCHMARK_CAPTURE(make_stars_of, even, "ellipsoid:points=1000000:mesh=false")->Apply(on_one_and_two_threads);
 BENCHMARK_CAPTURE(make_stars_of, lattice, "sinusoid:shuffle:points=1002001:mesh=false")
-    ->Arg(1)
-    ->Arg(2)
-    ->Unit(benchmark::kMillisecond)
-    ->UseRealTime();
+    ->Apply(on_one_and_two_threads);
 BENCHMARK_CAPTURE(make_stars_of, noise, "torus:sampling=random:noise=0.22:points=428860:mesh=false")
-    ->Arg(1)
-    ->Arg(2)
-    ->Unit(benchmark::kMillisecond)
-    ->UseRealTime();
+    ->Apply(on_one_and_two_threads);
 
 }  // namespace
 }  // namespace palpate::benchmarks

@@ -4,6 +4,7 @@
 #include <bit>
 #include <cmath>
 
+#include "toolkit/core/lanes.h"
 #include "toolkit/core/tolerances.h"
 
 #if defined(__x86_64__)
@@ -150,21 +151,12 @@ constexpr Kernels kKernels = {keep_ball, keep_cube, count_in_cubes, leave_out, c
 #if defined(__x86_64__)
 namespace avx2 {
 
-#define PALPATE_AVX2 __attribute__((target("avx2,popcnt")))
-
-/// For each set of eight answers the positions of the yeses, first ones first.
-constexpr std::array<std::uint64_t, 256> kPositions = [] {
-  std::array<std::uint64_t, 256> all{};
-  for (unsigned mask = 0; mask < 256; ++mask)
-    for (unsigned k = 0, at = 0; k < kStep; ++k)
-      if ((mask >> k & 1u) != 0) all[mask] |= static_cast<std::uint64_t>(k) << (8 * at++);
-  return all;
-}();
+static_assert(kStep == kLanes);
 
 /// Appends the positions i .. i + 7 answered yes.
 PALPATE_AVX2 inline std::size_t append(std::uint32_t* kept, std::size_t count, __m256 yes, __m256i base) {
   const auto mask = static_cast<unsigned>(_mm256_movemask_ps(yes));
-  const __m128i bytes = _mm_cvtsi64_si128(static_cast<long long>(kPositions[mask]));
+  const __m128i bytes = _mm_cvtsi64_si128(static_cast<long long>(kLanePositions[mask]));
   const __m256i at = _mm256_add_epi32(_mm256_cvtepu8_epi32(bytes), base);
   _mm256_storeu_si256(reinterpret_cast<__m256i*>(kept + count), at);
   return count + static_cast<std::size_t>(__builtin_popcount(mask));

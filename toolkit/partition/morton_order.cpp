@@ -5,14 +5,12 @@
 #include <bit>
 
 #include "toolkit/core/parallel.h"
+#include "toolkit/core/radix_sort.h"
 
 namespace palpate::partition {
 namespace {
 
-/// 11 bits: a histogram of 2048 counters stays in the first-level cache.
-constexpr int kDigitBits = 11;
-constexpr std::size_t kDigits = std::size_t{1} << kDigitBits;
-/// Points a chunk: small enough for two threads to balance, large enough to pay for its histogram.
+/// Points a chunk: small enough for two threads to balance.
 constexpr std::size_t kChunk = std::size_t{1} << 16;
 
 std::uint64_t spread(std::uint64_t x) noexcept {
@@ -28,39 +26,6 @@ struct Item {
   std::uint64_t code;
   std::uint32_t index;
 };
-std::uint64_t code_of(const Item& item) noexcept {
-  return item.code;
-}
-std::uint64_t code_of(std::uint32_t code) noexcept {
-  return code;
-}
-
-/// One stable counting pass over `shift`..`shift + kDigitBits`. Chunk borders do not depend on the threads.
-template <class Sorted>
-void radix_pass(const std::vector<Sorted>& from, std::vector<Sorted>& to, int shift, int threads) {
-  const std::size_t n = from.size();
-  const std::size_t chunks = (n + kChunk - 1) / kChunk;
-  std::vector<std::array<std::uint32_t, kDigits>> counts(chunks);
-  parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
-    auto& count = counts[begin / kChunk];
-    count.fill(0);
-    for (std::size_t i = begin; i < end; ++i) ++count[(code_of(from[i]) >> shift) & (kDigits - 1)];
-  });
-  std::uint32_t sum = 0;
-  for (std::size_t digit = 0; digit < kDigits; ++digit) {
-    for (auto& count : counts) {
-      const std::uint32_t here = count[digit];
-      count[digit] = sum;
-      sum += here;
-    }
-  }
-  parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
-    auto& place = counts[begin / kChunk];
-    for (std::size_t i = begin; i < end; ++i)
-      to[place[(code_of(from[i]) >> shift) & (kDigits - 1)]++] = from[i];
-  });
-}
-
 }  // namespace
 
 std::uint64_t morton_code(std::uint32_t x, std::uint32_t y, std::uint32_t z) noexcept {
@@ -100,15 +65,8 @@ std::uint64_t code_at(const cloud::Cloud& cloud, std::size_t i, const Lattice& l
                      static_cast<std::uint32_t>(lattice.coordinate(p.z(), 2)));
 }
 
-/// Sorts by all bits that occur in any code.
-template <class Sorted>
-void radix_sort(std::vector<Sorted>& items, std::uint64_t all, int threads) {
-  const int bits = 64 - std::countl_zero(all);
-  std::vector<Sorted> other(items.size());
-  for (int shift = 0; shift < bits; shift += kDigitBits) {
-    radix_pass(items, other, shift, threads);
-    items.swap(other);
-  }
+int bits_of(std::uint64_t all) noexcept {
+  return 64 - std::countl_zero(all);
 }
 
 /// Fills items[i] = make(code, i); all bits that occur.
@@ -140,7 +98,7 @@ std::vector<std::uint32_t> sorted_coarse_codes(const cloud::Cloud& cloud, const 
   const std::uint64_t all = encode(cloud, lattice, codes, threads, [](std::uint64_t code, std::size_t) {
     return static_cast<std::uint32_t>(code);
   });
-  radix_sort(codes, all, threads);
+  radix_sort(codes, bits_of(all), threads, [](std::uint32_t code) { return code; });
   return codes;
 }
 
@@ -151,7 +109,7 @@ MortonOrder sort_by_morton(const cloud::Cloud& cloud, const Lattice& lattice, in
   const std::uint64_t all = encode(cloud, lattice, items, threads, [kept](std::uint64_t code, std::size_t i) {
     return Item{code & kept, static_cast<std::uint32_t>(i)};
   });
-  radix_sort(items, all, threads);
+  radix_sort(items, bits_of(all), threads, [](const Item& item) { return item.code; });
   MortonOrder sorted;
   sorted.codes.resize(n);
   sorted.order.resize(n);

@@ -47,6 +47,14 @@ struct FloatBox {
 struct alignas(32) BoxNode {
   std::array<std::array<float, kFanOut>, 3> low, high;
 
+  static BoxNode empty() noexcept {
+    BoxNode node;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      node.low[axis].fill(std::numeric_limits<float>::infinity());
+      node.high[axis].fill(-std::numeric_limits<float>::infinity());
+    }
+    return node;
+  }
   /// Bit k: box k meets `box`.
   [[nodiscard]] unsigned meets(const FloatBox& box) const noexcept {
 #if defined(__SSE2__)

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "toolkit/core/lanes.h"
+
 #if defined(__x86_64__)
 #include <immintrin.h>
 #endif
@@ -24,7 +26,6 @@ constexpr float kWider = 1.5F;
 constexpr float kMostPerBlock = 2.0F;
 /// Up to so many, each one's rank is counted pair by pair without a branch; the radius leaves some thirty.
 constexpr std::size_t kMostRanked = 64;
-constexpr std::size_t kLanes = 8;
 
 /// Squares of distances in floats: coordinates near one another differ exactly or to half a unit of their
 /// difference, so that a square is known to some units in the last place.
@@ -73,17 +74,6 @@ constexpr SearchKernels kKernels = {sieve, rank};
 #if defined(__x86_64__)
 namespace avx2 {
 
-#define PALPATE_AVX2 __attribute__((target("avx2,popcnt")))
-
-/// For each set of eight answers the positions of the yeses, first ones first.
-constexpr std::array<std::uint64_t, 256> kPositions = [] {
-  std::array<std::uint64_t, 256> all{};
-  for (unsigned mask = 0; mask < 256; ++mask)
-    for (unsigned k = 0, at = 0; k < kLanes; ++k)
-      if ((mask >> k & 1u) != 0) all[mask] |= static_cast<std::uint64_t>(k) << (8 * at++);
-  return all;
-}();
-
 PALPATE_AVX2 std::size_t sieve(const Search& s, float* key, std::uint32_t* place) {
   const __m256 px = _mm256_set1_ps(s.px), py = _mm256_set1_ps(s.py), pz = _mm256_set1_ps(s.pz);
   const __m256 limit = _mm256_set1_ps(s.limit);
@@ -96,7 +86,7 @@ PALPATE_AVX2 std::size_t sieve(const Search& s, float* key, std::uint32_t* place
     const __m256 square =
         _mm256_add_ps(_mm256_add_ps(_mm256_mul_ps(dx, dx), _mm256_mul_ps(dy, dy)), _mm256_mul_ps(dz, dz));
     const auto mask = static_cast<unsigned>(_mm256_movemask_ps(_mm256_cmp_ps(square, limit, _CMP_LE_OQ)));
-    const __m128i bytes = _mm_cvtsi64_si128(static_cast<long long>(kPositions[mask]));
+    const __m128i bytes = _mm_cvtsi64_si128(static_cast<long long>(kLanePositions[mask]));
     const __m256i at = _mm256_cvtepu8_epi32(bytes);
     _mm256_storeu_ps(key + count, _mm256_permutevar8x32_ps(square, at));
     _mm256_storeu_si256(reinterpret_cast<__m256i*>(place + count),
@@ -172,15 +162,6 @@ void choose(std::uint32_t self, std::size_t count, std::size_t most, NearScratch
     take(std::bit_cast<float>(static_cast<std::uint32_t>(*pair >> 32)), static_cast<std::uint32_t>(*pair));
 }
 
-BoxNode empty_box_node() noexcept {
-  BoxNode node;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    node.low[axis].fill(kNowhere);
-    node.high[axis].fill(-kNowhere);
-  }
-  return node;
-}
-
 }  // namespace
 
 NearPlaces::NearPlaces(const std::vector<Placed>& point, const std::vector<std::uint8_t>& skipped,
@@ -189,7 +170,7 @@ NearPlaces::NearPlaces(const std::vector<Placed>& point, const std::vector<std::
   constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
   for (auto* axis : {&x_, &y_, &z_}) axis->resize(blocks_ * kBlockPlaces);
   std::size_t nodes = (blocks_ + kFanOut - 1) / kFanOut;
-  levels_.emplace_back(nodes, empty_box_node());
+  levels_.emplace_back(nodes, BoxNode::empty());
   parallel_chunks(nodes, kBlocksPerChunk, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin * kFanOut * kBlockPlaces; i < std::min(end * kFanOut, blocks_) * kBlockPlaces;
          ++i) {
@@ -210,7 +191,7 @@ NearPlaces::NearPlaces(const std::vector<Placed>& point, const std::vector<std::
   while (nodes > 1) {
     const std::vector<BoxNode>& below = levels_.back();
     const std::size_t above = (nodes + kFanOut - 1) / kFanOut;
-    std::vector<BoxNode> level(above, empty_box_node());
+    std::vector<BoxNode> level(above, BoxNode::empty());
     for (std::size_t i = 0; i < nodes; ++i)
       for (std::size_t axis = 0; axis < 3; ++axis) {
         BoxNode& node = level[i / kFanOut];

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <utility>
 
 #include "toolkit/core/parallel.h"
+#include "toolkit/core/radix_sort.h"
 #include "toolkit/partition/morton_order.h"
 #include "toolkit/stars/star_mesh.h"
 
@@ -18,8 +18,6 @@ constexpr double kSortingCubes = 2097151.0;  // 2^21 - 1
 /// Bits of a code that are sorted by counting: three passes over eight bytes a point. They tell the points of
 /// a million apart but for a few, and those few are sorted among themselves.
 constexpr int kCountedBits = 32;
-constexpr int kDigitBits = 11;
-constexpr std::uint32_t kDigits = 1u << kDigitBits;
 constexpr std::size_t kChunk = std::size_t{1} << 16;
 /// Points of a group that are put in order among themselves. A Morton curve jumps, and a block of places that
 /// lies across a jump has a box and a layer many times its neighbours': only blocks across the middle of a
@@ -47,39 +45,18 @@ struct Codes {
   [[nodiscard]] std::uint64_t highest() const noexcept { return at(box.high_mm); }
 };
 
-/// One stable counting pass. Chunk borders do not depend on the threads.
-void count_digit(const std::vector<Item>& from, std::vector<Item>& to, int shift, int threads) {
-  const std::size_t n = from.size();
-  std::vector<std::array<std::uint32_t, kDigits>> counts((n + kChunk - 1) / kChunk);
-  parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
-    auto& count = counts[begin / kChunk];
-    count.fill(0);
-    for (std::size_t i = begin; i < end; ++i) ++count[from[i].key >> shift & (kDigits - 1)];
-  });
-  std::uint32_t sum = 0;
-  for (std::uint32_t digit = 0; digit < kDigits; ++digit)
-    for (auto& count : counts) sum += std::exchange(count[digit], sum);
-  parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
-    auto& place = counts[begin / kChunk];
-    for (std::size_t i = begin; i < end; ++i) to[place[from[i].key >> shift & (kDigits - 1)]++] = from[i];
-  });
-}
-
 /// Sorted by the highest bits of the codes.
 std::vector<Item> counted(const Codes& codes, int threads) {
   const std::size_t n = codes.cloud.size();
   const int below = std::max(0, 64 - std::countl_zero(codes.highest()) - kCountedBits);
-  std::vector<Item> items(n), other(n);
+  std::vector<Item> items(n);
   parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t k = begin; k < end; ++k) {
       const auto i = static_cast<std::uint32_t>(k);
       items[k] = {static_cast<std::uint32_t>(codes(i) >> below), i};
     }
   });
-  for (int shift = 0; shift < kCountedBits; shift += kDigitBits) {
-    count_digit(items, other, shift, threads);
-    items.swap(other);
-  }
+  radix_sort(items, kCountedBits, threads, [](const Item& item) { return item.key; });
   return items;
 }
 

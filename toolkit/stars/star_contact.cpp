@@ -209,11 +209,7 @@ bool StarContact::look_around(const Vec3& at, double reach, StarCounters& counte
   near_at_ = at;
   near_reach_ = reach;
   const Vec3 half = Vec3::Constant(reach);
-  for (BoxNode& node : near_box_)
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      node.low[axis].fill(HUGE_VALF);
-      node.high[axis].fill(-HUGE_VALF);
-    }
+  near_box_.fill(BoxNode::empty());
   const bool all =
       tree_->for_blocks({at - half, at + half}, kMaxNodes,
                         [&](std::uint32_t block, const BoxNode& node, std::uint32_t child) noexcept {

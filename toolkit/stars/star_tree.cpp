@@ -14,15 +14,6 @@ namespace {
 constexpr float kFar = std::numeric_limits<float>::infinity();
 constexpr std::size_t kNodesPerChunk = 256;
 
-BoxNode empty_node() noexcept {
-  BoxNode node;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    node.low[axis].fill(kFar);
-    node.high[axis].fill(-kFar);
-  }
-  return node;
-}
-
 void add_to_box(BoxNode& node, std::uint32_t child, const Vec3f& p) noexcept {
   for (std::size_t axis = 0; axis < 3; ++axis) {
     node.low[axis][child] = std::min(node.low[axis][child], p[static_cast<int>(axis)]);
@@ -108,7 +99,7 @@ StarTree StarTree::build(const StarMesh& mesh, int threads) {
   std::size_t count = (blocks + kFanOut - 1) / kFanOut;
   if (count == 0) return tree;
   tree.layers_.resize(blocks);
-  tree.levels_.emplace_back(count, empty_node());
+  tree.levels_.emplace_back(count, BoxNode::empty());
   parallel_chunks(count, kNodesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const std::size_t last = std::min<std::size_t>((i + 1) * kFanOut, blocks);
@@ -119,7 +110,7 @@ StarTree StarTree::build(const StarMesh& mesh, int threads) {
   while (count > 1) {
     const LargeVector<BoxNode>& below = tree.levels_.back();
     const std::size_t above = (count + kFanOut - 1) / kFanOut;
-    LargeVector<BoxNode> level(above, empty_node());
+    LargeVector<BoxNode> level(above, BoxNode::empty());
     for (std::size_t i = 0; i < count; ++i)
       (void)cover(level[i / kFanOut], static_cast<std::uint32_t>(i % kFanOut), below[i]);
     tree.levels_.push_back(std::move(level));
