@@ -2,12 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <memory>
 #include <utility>
 #include <vector>
 
 #include "toolkit/cloud/height_field_holes.h"
 #include "toolkit/core/numbers.h"
+#include "toolkit/core/tolerances.h"
 #include "toolkit/smooth/smooth_model.h"
 
 namespace palpate::plan {
@@ -20,20 +22,50 @@ namespace {
 /// At 0.1 their slope is off by 8 degrees and the force by a sixth (felt_surface, sets tn05 to tn15).
 /// Finished models have less (dragon 0.02, bunny 0.05, a coarse relief 0.07), raw scans more (0.14 to 0.35).
 constexpr double kNoisyShare = 0.1;
+/// From here on triangles between the points leave holes and fold (felt_surface, sets tnoise to tn50).
+constexpr double kTornShare = 0.2;
 
-/// `cloud`, or `cloud-smooth` where the points are noisy. `facts`: why they are no height field.
-Decision choose_for_points(const render::ModelInput& model, const std::string& facts,
-                           const render::PrepareContext& context) {
+/// In spacings, or none where it could not be measured.
+struct Noise {
+  double share = 0.0;
+  double spacing_mm = 0.0;
+  [[nodiscard]] std::string words() const {
+    return spacing_mm > 0.0 ? fmt::format("; noise of {:.2g} spacings was measured", share) : "";
+  }
+};
+
+Noise noise_of(const render::ModelInput& model, const render::PrepareContext& context) {
   const Result<render::SmoothDecision> measured = render::decide_smooth(model, {}, context);
-  if (!measured || !(measured->spacing_mm > 0.0)) return {"renderer", "cloud", facts};
-  const double noise = measured->noise_mm / measured->spacing_mm;
-  if (noise < kNoisyShare)
-    return {"renderer", "cloud", fmt::format("{}; noise of {:.2g} spacings was measured", facts, noise)};
-  return {
-      "renderer", "cloud-smooth",
-      fmt::format("{}; noise of {:.2g} spacings was measured: triangles between such points would be felt as "
-                  "roughness, a smooth surface near them is not",
-                  facts, noise)};
+  if (!measured || !(measured->spacing_mm > 0.0)) return {};
+  return {measured->noise_mm / measured->spacing_mm, measured->spacing_mm};
+}
+
+double largest_stiffness_n_per_mm(const surface::Surface& surface) {
+  if (surface.per_point == nullptr || surface.per_point->stiffness_n_per_mm.empty())
+    return surface.stiffness_n_per_mm;
+  const std::vector<float>& each = surface.per_point->stiffness_n_per_mm;
+  return static_cast<double>(*std::max_element(each.begin(), each.end()));
+}
+
+/// `cloud-smooth` where noise can be felt, else `clean`. `facts`: of the points, in words.
+Decision choose_by_noise(const render::ModelInput& model, const std::string& clean, const std::string& facts,
+                         const std::string& reason, const render::PrepareContext& context) {
+  const Noise noise = noise_of(model, context);
+  if (noise.share < kNoisyShare) return {"renderer", clean, facts + noise.words() + reason};
+  // From point to point the force moves by as much as stiffness x spacing.
+  const double step_n = largest_stiffness_n_per_mm(model.surface) * noise.spacing_mm;
+  if (noise.share < kTornShare && step_n < kFeltForceStepN)
+    return {"renderer", clean,
+            fmt::format("{}{}, but at a spacing of {} mm the force moves by {} N from point to point, too "
+                        "little to be felt{}",
+                        facts, noise.words(), short_number(noise.spacing_mm), short_number(step_n), reason)};
+  return {"renderer", "cloud-smooth",
+          fmt::format("{}{}: triangles between such points would be felt as roughness{}, a smooth surface "
+                      "near them is not",
+                      facts, noise.words(),
+                      noise.share < kTornShare ? fmt::format(" (the force moves by {} N from point to point)",
+                                                             short_number(step_n))
+                                               : " with holes")};
 }
 
 }  // namespace
@@ -43,13 +75,14 @@ Decision choose_renderer(const render::SceneInput& scene, const render::PrepareC
   const render::ModelInput& model = scene.models.front();
   if (model.surface.dent.any() || model.moves != nullptr) return {"renderer", "cloud", "its points give way"};
   const cloud::HeightFieldFacts facts = cloud::height_field_facts(*model.cloud);
-  if (!facts.is) return choose_for_points(model, facts.words, context);
-  return {"renderer", "heightfield",
-          fmt::format(
-              "the points are a height field on {}; its answers are nearer and faster than those of "
-              "cloud, from {:.3g} bytes a point",
-              facts.words,
-              static_cast<double>(sizeof(float) * facts.posts()) / static_cast<double>(model.cloud->size()))};
+  if (!facts.is) return choose_by_noise(model, "cloud", facts.words, "", context);
+  const double bytes =
+      static_cast<double>(sizeof(float) * facts.posts()) / static_cast<double>(model.cloud->size());
+  return choose_by_noise(
+      model, "heightfield", fmt::format("the points are a height field on {}", facts.words),
+      fmt::format("; its answers are nearer and faster than those of cloud, from {:.3g} bytes a point",
+                  bytes),
+      context);
 }
 
 Result<Plan> make_plan(const render::SceneInput& scene, const std::optional<NamedOptions>& wanted,

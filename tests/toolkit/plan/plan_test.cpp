@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "tests/toolkit/renderers/scenes.h"
+#include "toolkit/core/random.h"
 #include "toolkit/core/tolerances.h"
 
 namespace palpate::plan {
@@ -66,6 +67,38 @@ TEST(Plan, NoisyPointsTakeTheSmoothCloud) {
   render::Scene scene = render::generated("torus:points=5000:sampling=random:mesh=false:noise=0.3");
   scene.input.models[0].surface.dent = {0.5, 3.0, 20.0};
   EXPECT_EQ(planned(scene.input).renderer.name, "cloud");
+}
+
+/// From point to point the force moves by stiffness x spacing: little noise of points so near is not felt,
+/// much leaves holes.
+TEST(Plan, NoiseCountsWhereItIsFelt) {
+  render::Scene scene = render::generated("torus:points=20000:sampling=random:mesh=false:noise=0.15");
+  const auto with = [&](double stiffness) {
+    scene.input.models[0].surface.stiffness_n_per_mm = stiffness;
+    return planned(scene.input).renderer.name;
+  };
+  EXPECT_EQ(with(0.5), "cloud-smooth");
+  EXPECT_EQ(with(0.01), "cloud");
+  scene = render::generated("torus:points=20000:sampling=random:mesh=false:noise=0.3");
+  EXPECT_EQ(with(0.01), "cloud-smooth");
+}
+
+TEST(Plan, NoisyHeightFieldsTakeTheSmoothCloud) {
+  for (const auto& [noise, renderer] :
+       std::vector<std::pair<double, const char*>>{{0.02, "heightfield"}, {0.25, "cloud-smooth"}}) {
+    Random random(71);
+    std::vector<Vec3> posts;
+    for (int row = 0; row < 120; ++row)
+      for (int column = 0; column < 140; ++column)
+        posts.push_back(
+            Vec3{0.5 * column, 0.5 * row, 3.0 * std::sin(0.1 * column) + 0.5 * noise * random.normal()});
+    render::Scene scene = render::generated("plane:points=100");
+    scene.input.models[0].cloud =
+        std::make_shared<cloud::Cloud>(cloud::build_cloud(posts, cloud::NonFinite::kRefuse).value());
+    const Plan plan = planned(scene.input);
+    EXPECT_EQ(plan.renderer.name, renderer) << noise;
+    EXPECT_NE(find(plan.decided.decisions, "renderer")->reason.find("height field on"), std::string::npos);
+  }
 }
 
 TEST(Plan, PointsThatGiveWayTakeTheCloud) {
