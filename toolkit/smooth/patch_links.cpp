@@ -275,9 +275,8 @@ void orient(std::vector<Patch>& patches, const std::vector<Link>& links, Sides& 
   for (std::uint32_t i = 0; i < patches.size(); ++i) {
     if (!sides.root(i).second) continue;
     Quadric& q = patches[i].quadric;
+    // u and v stay: what is known along them (Patch::filled) stays true.
     q.n = -q.n;
-    std::swap(q.u, q.v);  // right-handed again
-    std::swap(q.uu, q.vv);
     q.uu = -q.uu;
     q.uv = -q.uv;
     q.vv = -q.vv;

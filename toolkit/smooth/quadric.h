@@ -11,6 +11,7 @@
 namespace palpate::render {
 
 /// The height n over (u, v) at `at`: uu a^2 + uv a b + vv b^2. Lengths in mm, curvatures in 1/mm.
+/// u, v and n are square to each other, and left-handed once a sheet's sides are turned.
 struct Quadric {
   Vec3 at = Vec3::Zero();
   Vec3 u = Vec3::UnitX(), v = Vec3::UnitY(), n = Vec3::UnitZ();

@@ -25,7 +25,7 @@ TEST(CloudSmoothHard, TakesCloudsThatAreNoSurface) {
   for (int i = 0; i < 200; ++i) line.emplace_back(0.1 * i, 0.0, 0.0);
   for (int i = 0; i < 7; ++i) few.emplace_back(i % 3, i / 3, 0.1 * i);
   Random random(1);
-  for (int i = 0; i < 500; ++i) pile.emplace_back(random.uniform(), random.uniform(), random.uniform());
+  for (int i = 0; i < 500; ++i) pile.push_back(Vec3{random.uniform(), random.uniform(), random.uniform()});
   for (int i = 0; i < 1000; ++i) lattice.emplace_back(i % 10, i / 10 % 10, i / 100);
   expect_finite(line);
   expect_finite(few);

@@ -45,7 +45,7 @@ inline std::vector<Vec3> torus_points(const TorusSpec& t) {
     const double r = kTube + t.noise * torus_spacing(t) / t.scale * random.normal();
     Vec3 p((kRing + r * std::cos(b)) * std::cos(a), (kRing + r * std::cos(b)) * std::sin(a), r * std::sin(b));
     if (random.uniform() < t.outliers)
-      p = Vec3(random.uniform() - 0.5, random.uniform() - 0.5, 0.4 * (random.uniform() - 0.5)) *
+      p = Vec3{random.uniform() - 0.5, random.uniform() - 0.5, 0.4 * (random.uniform() - 0.5)} *
           (2.2 * (kRing + kTube));
     points.push_back(t.at + t.scale * p);
   }

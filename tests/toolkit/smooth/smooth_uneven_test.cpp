@@ -96,8 +96,10 @@ TEST(CloudSmoothUneven, SheetsASpacingApartAreKeptApart) {
 TEST(CloudSmoothUneven, ACornerHolds) {
   Random random(5);
   std::vector<Vec3> points;
-  for (int i = 0; i < 20000; ++i) points.emplace_back(10.0 * random.uniform(), 20.0 * random.uniform(), 0.0);
-  for (int i = 0; i < 20000; ++i) points.emplace_back(0.0, 20.0 * random.uniform(), 10.0 * random.uniform());
+  for (int i = 0; i < 20000; ++i)
+    points.push_back(Vec3{10.0 * random.uniform(), 20.0 * random.uniform(), 0.0});
+  for (int i = 0; i < 20000; ++i)
+    points.push_back(Vec3{0.0, 20.0 * random.uniform(), 10.0 * random.uniform()});
   test::Stepped renderer = prepared(cloud_of(points), "cloud-smooth", 2);
   renderer->restart(Vec3(1.0, 5.0, 1.0));
   Frame frame;
