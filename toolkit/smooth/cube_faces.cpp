@@ -11,6 +11,10 @@ namespace {
 
 /// Points of a face, in its patches in a cube: three of the smallest.
 constexpr int kFewestOfFace = 45;
+/// Two patches of one sheet are one surface where they lie within so many spacings, or standard deviations,
+/// of each other with normals within 25 degrees: the other side of a thin wall has the opposite one.
+constexpr double kSameSpacings = 0.4, kSameSigmas = 3.0, kSameNormal = 0.9;
+constexpr int kFootSteps = 2;
 
 std::uint32_t root_of(std::vector<std::uint32_t>& root, std::uint32_t i) {
   while (root[i] != i) i = root[i] = root[root[i]];
@@ -24,10 +28,37 @@ double off_between(const Patch& a, const Patch& b) {
   return std::abs(a.quadric.residual(b.quadric.at)) + std::abs(b.quadric.residual(a.quadric.at));
 }
 
+/// Whether two patches are one surface where it is nearest to the middle of a cube.
+bool same_surface(const Patch& a, const Patch& b, const Vec3& middle) {
+  Vec3 at = middle;
+  for (int i = 0; i < kFootSteps; ++i) at -= normal_at(a.quadric, at) * a.quadric.residual(at);
+  if (normal_at(a.quadric, at).dot(normal_at(b.quadric, at)) < kSameNormal) return false;
+  if (std::abs(b.quadric.residual(at)) >
+      std::max(kSameSpacings * std::min(a.spacing, b.spacing), kSameSigmas * std::max(a.sigma, b.sigma)))
+    return false;
+  const auto reaches = [&](const Patch& p) {
+    return (at - p.quadric.at).squaredNorm() <= p.support * p.support;
+  };
+  return reaches(a) && reaches(b);
+}
+
 }  // namespace
 
+void CubeFaces::join_same(std::span<const std::uint32_t> members, const std::vector<Patch>& patches,
+                          const PatchLinks& links, const Vec3& middle) {
+  for (std::uint32_t i = 0; i < members.size(); ++i)
+    for (std::uint32_t j = 0; j < i; ++j) {
+      if (root_of(sheet_, i) == root_of(sheet_, j) || links.sheet[members[i]] != links.sheet[members[j]])
+        continue;
+      const Patch &a = patches[members[i]], &b = patches[members[j]];
+      if (!same_surface(a, b, middle)) continue;
+      join(sheet_, i, j);
+      join(face_, i, j);
+    }
+}
+
 void CubeFaces::part(std::span<const std::uint32_t> members, const std::vector<Patch>& patches,
-                     const PatchLinks& links) {
+                     const PatchLinks& links, const Vec3& middle) {
   sheet_.resize(members.size());
   std::iota(sheet_.begin(), sheet_.end(), 0u);
   face_ = sheet_;
@@ -51,6 +82,7 @@ void CubeFaces::part(std::span<const std::uint32_t> members, const std::vector<P
         doubtful_.push_back(a.sure ? Doubtful{j, i, off_between(a, b)} : Doubtful{i, j, off_between(a, b)});
     }
   }
+  join_same(members, patches, links, middle);
   for (std::uint32_t i = 0; i < members.size(); ++i) {
     sheet_[i] = root_of(sheet_, i);
     face_[i] = root_of(face_, i);

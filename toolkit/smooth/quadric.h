@@ -24,6 +24,13 @@ struct Quadric {
   }
 };
 
+/// Unit, of a quadric at a place near it.
+[[nodiscard]] inline Vec3 normal_at(const Quadric& q, const Vec3& at) noexcept {
+  const Vec3 d = at - q.at;
+  const double a = d.dot(q.u), b = d.dot(q.v);
+  return (q.n - q.u * (2.0 * q.uu * a + q.uv * b) - q.v * (2.0 * q.vv * b + q.uv * a)).normalized();
+}
+
 /// How well it is known at its centre, one standard error each.
 struct QuadricFit {
   Quadric quadric;
