@@ -64,6 +64,7 @@ void CubeFaces::part(std::span<const std::uint32_t> members, const std::vector<P
   face_ = sheet_;
   creases_.clear();
   doubtful_.clear();
+  goes_on_.clear();
   for (std::uint32_t i = 0; i < members.size(); ++i) {
     const std::uint32_t from = links.begin[members[i]], past = links.begin[members[i] + 1];
     for (std::uint32_t link = from; link < past; ++link) {
@@ -74,14 +75,16 @@ void CubeFaces::part(std::span<const std::uint32_t> members, const std::vector<P
       const auto j = static_cast<std::uint32_t>(at - members.begin());
       join(sheet_, i, j);
       const Patch &a = patches[members[i]], &b = patches[to];
+      const int points = std::min(a.points, b.points);
       if (links.turn[link] != Turn::kNone)
-        creases_.push_back({i, j, links.turn[link]});
+        creases_.push_back({i, j, links.turn[link], points});
       else if (a.sure == b.sure)
-        join(face_, i, j);
+        goes_on_.push_back({i, j, Turn::kNone, points});
       else
         doubtful_.push_back(a.sure ? Doubtful{j, i, off_between(a, b)} : Doubtful{i, j, off_between(a, b)});
     }
   }
+  join_faces();
   join_same(members, patches, links, middle);
   for (std::uint32_t i = 0; i < members.size(); ++i) {
     sheet_[i] = root_of(sheet_, i);
@@ -91,6 +94,22 @@ void CubeFaces::part(std::span<const std::uint32_t> members, const std::vector<P
   settle_small(members, patches);
   body_ = face_;
   if (!creases_.empty()) part_bodies();
+}
+
+void CubeFaces::join_faces() {
+  if (!creases_.empty())
+    std::sort(goes_on_.begin(), goes_on_.end(), [](const Crease& x, const Crease& y) {
+      return std::make_tuple(-x.points, x.a, x.b) < std::make_tuple(-y.points, y.a, y.b);
+    });
+  for (const Crease& on : goes_on_) {
+    const std::uint32_t a = root_of(face_, on.a), b = root_of(face_, on.b);
+    const bool parted = std::any_of(creases_.begin(), creases_.end(), [&](const Crease& c) {
+      if (c.points <= on.points) return false;
+      const std::uint32_t x = root_of(face_, c.a), y = root_of(face_, c.b);
+      return (x == a && y == b) || (x == b && y == a);
+    });
+    if (!parted) join(face_, a, b);
+  }
 }
 
 void CubeFaces::settle_doubtful() {

@@ -27,11 +27,15 @@ class CubeFaces {
   struct Crease {
     std::uint32_t a, b;
     Turn turn;
+    int points;  ///< the lesser of both patches'
   };
   struct Doubtful {
     std::uint32_t patch, sure;
     double off;
   };
+  /// Patches that go on without a crease are one face, those of many points first: what is joined by few does
+  /// not join faces that more points tell apart.
+  void join_faces();
   /// Patches of one sheet that are the same surface here go together, too, where no link says so.
   void join_same(std::span<const std::uint32_t> members, const std::vector<Patch>& patches,
                  const PatchLinks& links, const Vec3& middle);
@@ -44,7 +48,7 @@ class CubeFaces {
   void part_bodies();
 
   std::vector<std::uint32_t> sheet_, face_, body_;
-  std::vector<Crease> creases_;
+  std::vector<Crease> creases_, goes_on_;
   std::vector<Doubtful> doubtful_;
   std::vector<int> weight_;  ///< points of each face
   std::vector<std::uint8_t> creased_;
