@@ -14,6 +14,9 @@ constexpr int kFewestOfFace = 45;
 /// Two patches of one sheet are one surface where they lie within so many spacings, or standard deviations,
 /// of each other with normals within 25 degrees: the other side of a thin wall has the opposite one.
 constexpr double kSameSpacings = 0.4, kSameSigmas = 3.0, kSameNormal = 0.9;
+/// Few points do not join what so many times as many tell apart: by equal ones rough places of scans are
+/// torn.
+constexpr int kMuchMore = 4;
 constexpr int kFootSteps = 2;
 
 std::uint32_t root_of(std::vector<std::uint32_t>& root, std::uint32_t i) {
@@ -104,7 +107,7 @@ void CubeFaces::join_faces() {
   for (const Crease& on : goes_on_) {
     const std::uint32_t a = root_of(face_, on.a), b = root_of(face_, on.b);
     const bool parted = std::any_of(creases_.begin(), creases_.end(), [&](const Crease& c) {
-      if (c.points <= on.points) return false;
+      if (c.points <= kMuchMore * on.points) return false;
       const std::uint32_t x = root_of(face_, c.a), y = root_of(face_, c.b);
       return (x == a && y == b) || (x == b && y == a);
     });

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <utility>
 
 #include "toolkit/core/parallel.h"
 #include "toolkit/smooth/patch_cells.h"
@@ -14,8 +15,9 @@ namespace {
 
 /// A face follows more points than what lies over its crease, and reaches as far.
 constexpr double kMorePoints = 1.4;
-/// It reaches the middle of the patch, or nearly so (a twentieth beyond its end) and is made to.
-constexpr double kReachesSq = 1.1, kMadeToReach = 1.05;
+/// It reaches the middle of the patch, or a fifth of its support farther: the points say that it goes on
+/// there.
+constexpr double kReachesSq = 1.44;
 /// Faces looked at: those that count most at the place.
 constexpr std::size_t kMostFaces = 6;
 /// Normals that differ by less (20 degrees) make no crease.
@@ -30,6 +32,7 @@ constexpr double kWorthOfPatch = 12.0;
 /// Of the points so many are on the fold, and this share on either face.
 constexpr double kOnFold = 0.75, kOnEither = 0.15;
 constexpr std::size_t kFoldGrain = 128;
+constexpr int kFootSteps = 2;
 constexpr std::uint32_t kNoFace = 0xffffffffu;
 
 /// From a patch's middle, along its tangent plane.
@@ -41,7 +44,23 @@ double lateral_sq(const Patch& p, const Vec3& at) {
 
 struct Fold {
   std::uint32_t a = kNoFace, b = kNoFace;
+  int points_a = 0, points_b = 0;
+  Vec3 middle_a = Vec3::Zero(), middle_b = Vec3::Zero();  ///< of the points of either
 };
+
+/// A face around the middle of the points that it has of another patch, as far as that one went.
+Patch piece_of(const Patch& face, const Patch& over, int points, const Vec3& middle) {
+  Patch out = face;
+  Quadric& q = out.quadric;
+  q.at = middle;
+  for (int i = 0; i < kFootSteps; ++i) q.at -= normal_at(face.quadric, q.at) * face.quadric.residual(q.at);
+  turn_to(q, normal_at(face.quadric, q.at));
+  out.support = out.reached = over.support;
+  out.spacing = over.spacing;
+  out.points = points;
+  out.filled = Filled();
+  return out;
+}
 
 struct FaceOf {
   double weight;
@@ -68,15 +87,31 @@ class FoldFinder {
     for (std::size_t i = 0; i < faces_.size(); ++i)
       for (std::size_t j = 0; j < i; ++j) {
         if (!creased(faces_[i].patch, faces_[j].patch)) continue;
-        const double cost = fold_cost(off_[i], off_[j]);
+        Fold fold{faces_[i].patch, faces_[j].patch};
+        const double cost = fold_cost(off_[i], off_[j], fold);
         if (!(cost < least)) continue;
         least = cost;
-        best = {faces_[i].patch, faces_[j].patch};
+        best = fold;
       }
+    if (best.a != kNoFace) find_middles(best);
     return best;
   }
 
  private:
+  /// The middles of the points nearer to the one face, and to the other.
+  void find_middles(Fold& fold) const {
+    const Patch &a = patches_[fold.a], &b = patches_[fold.b];
+    Vec3 sum_a = Vec3::Zero(), sum_b = Vec3::Zero();
+    int count_a = 0, count_b = 0;
+    for (const Vec3& away : ball_.away) {
+      const Vec3 at = ball_.centre + away;
+      const bool is_a = std::abs(a.quadric.residual(at)) < std::abs(b.quadric.residual(at));
+      (is_a ? sum_a : sum_b) += away;
+      ++(is_a ? count_a : count_b);
+    }
+    fold.middle_a = ball_.centre + sum_a / std::max(count_a, 1);
+    fold.middle_b = ball_.centre + sum_b / std::max(count_b, 1);
+  }
   void find_faces(const Patch& p) {
     faces_.clear();
     for (int s = cells_.scale_of(p.support); s < kPatchScales; ++s) {
@@ -115,7 +150,8 @@ class FoldFinder {
     return cost;
   }
   /// The least of the four folds that two surfaces make; infinite where it is no crease of these points.
-  [[nodiscard]] static double fold_cost(const std::vector<double>& a, const std::vector<double>& b) {
+  [[nodiscard]] static double fold_cost(const std::vector<double>& a, const std::vector<double>& b,
+                                        Fold& fold) {
     double least = std::numeric_limits<double>::infinity();
     const std::size_t count = a.size();
     for (const double side : {1.0, -1.0})
@@ -131,7 +167,10 @@ class FoldFinder {
         }
         const double n = static_cast<double>(count);
         if (on < kOnFold * n || std::min(on_a, on - on_a) < kOnEither * n) continue;
-        least = std::min(least, cost);
+        if (!(cost < least)) continue;
+        least = cost;
+        fold.points_a = static_cast<int>(on_a);
+        fold.points_b = static_cast<int>(on - on_a);
       }
     return least;
   }
@@ -148,7 +187,7 @@ class FoldFinder {
 
 }  // namespace
 
-void drop_folded(const SmoothPoints& points, double noise, std::vector<Patch>& patches, int threads) {
+void part_folded(const SmoothPoints& points, double noise, std::vector<Patch>& patches, int threads) {
   if (patches.empty()) return;
   std::vector<Fold> folds(patches.size());
   const PatchCells cells(patches);
@@ -162,22 +201,21 @@ void drop_folded(const SmoothPoints& points, double noise, std::vector<Patch>& p
   std::sort(order.begin(), order.end(), [&](std::uint32_t x, std::uint32_t y) {
     return patches[x].points != patches[y].points ? patches[x].points > patches[y].points : x < y;
   });
-  std::vector<std::uint8_t> dropped(patches.size(), 0);
-  for (const std::uint32_t i : order) {
-    const auto [a, b] = folds[i];
-    dropped[i] = a != kNoFace && dropped[a] == 0 && dropped[b] == 0;
-    if (dropped[i] == 0) continue;
-    for (const std::uint32_t face : {a, b})
-      patches[face].support = std::max(
-          patches[face].support, kMadeToReach * std::sqrt(lateral_sq(patches[face], patches[i].quadric.at)));
-  }
-  std::size_t kept = 0;
+  std::vector<std::uint8_t> parted(patches.size(), 0);
+  for (const std::uint32_t i : order)
+    parted[i] = folds[i].a != kNoFace && parted[folds[i].a] == 0 && parted[folds[i].b] == 0;
+  std::vector<Patch> out;
+  out.reserve(patches.size());
   for (std::size_t i = 0; i < patches.size(); ++i) {
-    if (dropped[i] != 0) continue;
-    if (kept != i) patches[kept] = patches[i];
-    ++kept;
+    if (parted[i] == 0) {
+      out.push_back(patches[i]);
+      continue;
+    }
+    const Fold& fold = folds[i];
+    out.push_back(piece_of(patches[fold.a], patches[i], fold.points_a, fold.middle_a));
+    out.push_back(piece_of(patches[fold.b], patches[i], fold.points_b, fold.middle_b));
   }
-  patches.resize(kept);
+  patches = std::move(out);
 }
 
 }  // namespace palpate::render

@@ -8,8 +8,9 @@
 
 namespace palpate::render {
 
-/// Leaves out patches whose points two larger patches explain as well by a fold, and keeps the order of the
-/// others. The same for any number of threads. O(patches x overlaps).
-void drop_folded(const SmoothPoints& points, double noise, std::vector<Patch>& patches, int threads);
+/// Puts two pieces in the place of each patch whose points two larger patches explain as well by a fold: one
+/// of each of these. Keeps the order of the others. The same for any number of threads.
+/// O(patches x overlaps).
+void part_folded(const SmoothPoints& points, double noise, std::vector<Patch>& patches, int threads);
 
 }  // namespace palpate::render

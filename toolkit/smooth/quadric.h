@@ -31,6 +31,9 @@ struct Quadric {
   return (q.n - q.u * (2.0 * q.uu * a + q.uv * b) - q.v * (2.0 * q.vv * b + q.uv * a)).normalized();
 }
 
+/// Turns the tangent plane about `at`; curvatures stay as they are along it.
+void turn_to(Quadric& q, const Vec3& n);
+
 /// How well it is known at its centre, one standard error each.
 struct QuadricFit {
   Quadric quadric;
