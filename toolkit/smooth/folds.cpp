@@ -20,15 +20,16 @@ constexpr double kMorePoints = 1.4;
 constexpr double kReachesSq = 1.44;
 /// Faces looked at: those that count most at the place.
 constexpr std::size_t kMostFaces = 6;
-/// Normals that differ by less (20 degrees) make no crease.
-constexpr double kFoldSine = 0.34;
+/// Normals that differ by less (58 degrees) over a patch may be a rounded edge's: two faces further round it
+/// explain a part of it better than a quadric does, and are no crease.
+constexpr double kFoldSine = 0.85;
 /// What is left of a clean surface over a large patch, in spacings.
 constexpr double kFoldSpacings = 0.02;
 /// A point farther off than three standard deviations is off, and it does not matter how far.
 constexpr double kMostCost = 9.0;
-/// A patch's six numbers are worth twelve (Akaike 1974): a fold of patches that are there has none of its
-/// own.
-constexpr double kWorthOfPatch = 12.0;
+/// The fold explains the points better than the patch by so much, which follows them with six numbers of its
+/// own and would gain as much from noise alone: with even odds a rounded edge is taken for a crease.
+constexpr double kBetterBy = 10.0;
 /// Of the points so many are on the fold, and this share on either face.
 constexpr double kOnFold = 0.75, kOnEither = 0.15;
 constexpr std::size_t kFoldGrain = 128;
@@ -80,7 +81,7 @@ class FoldFinder {
     if (!any_crease()) return {};
     ball_.gather(points_, p.quadric.at, p.support);
     const double sigma = std::max(noise_, kFoldSpacings * p.spacing);
-    const double own = cost_of(p, 1.0 / sigma), most = own + kWorthOfPatch;
+    const double own = cost_of(p, 1.0 / sigma), most = own - kBetterBy;
     for (std::size_t k = 0; k < faces_.size(); ++k) fill(patches_[faces_[k].patch], 1.0 / sigma, off_[k]);
     double least = most;
     Fold best;

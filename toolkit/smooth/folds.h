@@ -1,5 +1,5 @@
-// Small patches that lie over a crease of two larger ones. In noise they are as good a fit as the crease, but
-// round it off, and join its faces.
+// Small patches that lie over a crease of two larger ones. In noise they are as good a fit as smaller ones
+// would be, but round the crease off, and join its faces.
 #pragma once
 
 #include <vector>
@@ -8,7 +8,7 @@
 
 namespace palpate::render {
 
-/// Puts two pieces in the place of each patch whose points two larger patches explain as well by a fold: one
+/// Puts two pieces in the place of each patch whose points two larger patches explain better by a fold: one
 /// of each of these. Keeps the order of the others. The same for any number of threads.
 /// O(patches x overlaps).
 void part_folded(const SmoothPoints& points, double noise, std::vector<Patch>& patches, int threads);
