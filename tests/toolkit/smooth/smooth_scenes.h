@@ -76,6 +76,24 @@ inline std::vector<Vec3> torus_path(const TorusSpec& t, std::size_t frames) {
   return path;
 }
 
+inline Truth sphere_truth(double radius) {
+  return [radius](const Vec3& x, Vec3& foot) {
+    foot = x * (radius / x.norm());
+    return x.norm() - radius;
+  };
+}
+
+/// Over a sphere: from 0.4 mm outside to 1.8 mm inside, 900 frames to and fro.
+inline std::vector<Vec3> sphere_path(double radius, std::size_t frames) {
+  std::vector<Vec3> path;
+  for (std::size_t k = 0; k < frames; ++k) {
+    const double s = static_cast<double>(k), a = 0.003 * s, b = 1.2 * std::sin(0.0011 * s);
+    const double h = 1.1 * std::cos(2.0 * std::numbers::pi * s / 900.0) - 0.7;
+    path.push_back((radius + h) * Vec3(std::cos(a) * std::cos(b), std::sin(a) * std::cos(b), std::sin(b)));
+  }
+  return path;
+}
+
 struct Score {
   double rms_percent = 0.0;
   int missed = 0, false_ones = 0, jumps = 0, bounds = 0;

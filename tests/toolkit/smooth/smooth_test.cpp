@@ -48,23 +48,6 @@ std::vector<Vec3> sphere(double radius, double spacing, Random& random) {
   return points;
 }
 
-Truth sphere_truth(double radius) {
-  return [radius](const Vec3& x, Vec3& foot) {
-    foot = x * (radius / x.norm());
-    return x.norm() - radius;
-  };
-}
-
-std::vector<Vec3> sphere_path(double radius, std::size_t frames) {
-  std::vector<Vec3> path;
-  for (std::size_t k = 0; k < frames; ++k) {
-    const double s = static_cast<double>(k), a = 0.003 * s, b = 1.2 * std::sin(0.0011 * s);
-    const double h = 1.1 * std::cos(2.0 * std::numbers::pi * s / 900.0) - 0.7;
-    path.push_back((radius + h) * Vec3(std::cos(a) * std::cos(b), std::sin(a) * std::cos(b), std::sin(b)));
-  }
-  return path;
-}
-
 // The inner sheet lies 3 spacings below the outer one: one cube of four voxels holds both.
 TEST(CloudSmooth, SheetsThreeSpacingsApartAreKeptApart) {
   Random random(3);

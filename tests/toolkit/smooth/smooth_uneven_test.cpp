@@ -76,17 +76,7 @@ TEST(CloudSmoothUneven, SheetsASpacingApartAreKeptApart) {
   add_sphere(kRadius, kSpacing, points);
   add_sphere(kRadius - 1.25 * kSpacing, kSpacing, points);
   test::Stepped renderer = prepared(cloud_of(points), "cloud-smooth", 2);
-  std::vector<Vec3> path;
-  for (int k = 0; k < 9000; ++k) {
-    const double a = 0.003 * k, b = 1.2 * std::sin(0.0011 * k);
-    const double r = kRadius + 1.1 * std::cos(2.0 * std::numbers::pi * k / 900.0) - 0.7;
-    path.push_back(r * Vec3(std::cos(a) * std::cos(b), std::sin(a) * std::cos(b), std::sin(b)));
-  }
-  const Truth truth = [](const Vec3& x, Vec3& foot) {
-    foot = x * (kRadius / x.norm());
-    return x.norm() - kRadius;
-  };
-  const Score s = score(renderer, path, truth, 0.1);
+  const Score s = score(renderer, sphere_path(kRadius, 9000), sphere_truth(kRadius), 0.1);
   EXPECT_LT(s.rms_percent, 0.1);
   expect_kept(s);
   EXPECT_EQ(s.jumps, 0);
