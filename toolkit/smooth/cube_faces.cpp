@@ -13,11 +13,11 @@ namespace {
 constexpr int kFewestOfFace = 45;
 /// Two patches of one sheet are one surface where they lie within so many spacings, or standard deviations,
 /// of each other with normals within 25 degrees: the other side of a thin wall has the opposite one.
-constexpr double kSameSpacings = 0.4, kSameSigmas = 3.0, kSameNormal = 0.9;
+constexpr double kSameSpacings = 0.4, kSameSigmas = 3.0, kSameFacing = 0.9;
 /// Few points do not join what so many times as many tell apart: by equal ones rough places of scans are
 /// torn.
 constexpr int kMuchMore = 4;
-constexpr int kFootSteps = 2;
+constexpr int kSameFootSteps = 2;
 
 std::uint32_t root_of(std::vector<std::uint32_t>& root, std::uint32_t i) {
   while (root[i] != i) i = root[i] = root[root[i]];
@@ -34,8 +34,8 @@ double off_between(const Patch& a, const Patch& b) {
 /// Whether two patches are one surface where it is nearest to the middle of a cube.
 bool same_surface(const Patch& a, const Patch& b, const Vec3& middle) {
   Vec3 at = middle;
-  for (int i = 0; i < kFootSteps; ++i) at -= normal_at(a.quadric, at) * a.quadric.residual(at);
-  if (normal_at(a.quadric, at).dot(normal_at(b.quadric, at)) < kSameNormal) return false;
+  for (int i = 0; i < kSameFootSteps; ++i) at -= normal_at(a.quadric, at) * a.quadric.residual(at);
+  if (normal_at(a.quadric, at).dot(normal_at(b.quadric, at)) < kSameFacing) return false;
   if (std::abs(b.quadric.residual(at)) >
       std::max(kSameSpacings * std::min(a.spacing, b.spacing), kSameSigmas * std::max(a.sigma, b.sigma)))
     return false;

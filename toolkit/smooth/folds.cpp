@@ -33,7 +33,7 @@ constexpr double kBetterBy = 10.0;
 /// Of the points so many are on the fold, and this share on either face.
 constexpr double kOnFold = 0.75, kOnEither = 0.15;
 constexpr std::size_t kFoldGrain = 128;
-constexpr int kFootSteps = 2;
+constexpr int kPieceFootSteps = 2;
 constexpr std::uint32_t kNoFace = 0xffffffffu;
 
 /// From a patch's middle, along its tangent plane.
@@ -54,7 +54,8 @@ Patch piece_of(const Patch& face, const Patch& over, int points, const Vec3& mid
   Patch out = face;
   Quadric& q = out.quadric;
   q.at = middle;
-  for (int i = 0; i < kFootSteps; ++i) q.at -= normal_at(face.quadric, q.at) * face.quadric.residual(q.at);
+  for (int i = 0; i < kPieceFootSteps; ++i)
+    q.at -= normal_at(face.quadric, q.at) * face.quadric.residual(q.at);
   turn_to(q, normal_at(face.quadric, q.at));
   out.support = out.reached = over.support;
   out.spacing = over.spacing;
