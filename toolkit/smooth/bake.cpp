@@ -204,9 +204,9 @@ class Baker {
   void bake_cube(std::span<const Pair> pairs, Scratch& s, std::vector<Made>& made) const {
     s.members.clear();
     for (const Pair& pair : pairs) s.members.push_back(pair.patch);
-    s.faces.part(s.members, patches_, links_);
     const BrickGrid::Coordinate c = coordinate_of(pairs.front().code);
     const Vec3 middle = grid_.low_mm + Vec3(c[0] + 0.5, c[1] + 0.5, c[2] + 0.5) * brick_mm_;
+    s.faces.part(s.members, patches_, links_, middle);
     for (std::uint32_t sheet = 0; sheet < pairs.size(); ++sheet) {
       if (s.faces.sheet(sheet) != sheet) continue;
       bool through = false;
@@ -273,7 +273,7 @@ class Baker {
     return std::any_of(s.order.begin(), s.order.end(), [&](std::uint32_t i) {
       const Patch& p = patches_[pairs[i].patch];
       const Vec3 d = place - p.quadric.at;
-      const double per = 1.0 / p.support;
+      const double per = 1.0 / p.reached;
       return std::abs(p.quadric.residual(place)) <= p.spacing &&
              p.filled.around(d.dot(p.quadric.u) * per, d.dot(p.quadric.v) * per);
     });

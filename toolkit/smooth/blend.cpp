@@ -9,6 +9,8 @@ namespace {
 constexpr float kLeastWeight = 1e-6f;
 constexpr float kRowReach = 3.0f;
 constexpr int kFillRounds = 2 * kBrickNodes;
+/// What a cubic B-spline takes of a second difference along an axis.
+constexpr float kBlur = 1.0f / 6.0f;
 
 RowPatch in_brick(const Patch& p, const Vec3& middle, double per_voxel) {
   const Quadric& q = p.quadric;
@@ -62,15 +64,29 @@ void NodeBlend::read_sums(Values& to) const {
   }
 }
 
+/// What the spline makes of the kink of two faces at a node, each gone on from there along its gradient.
+float NodeBlend::blurred_crease(const Values& a, const Values& b, std::size_t i, bool greater) {
+  const auto joined = [&](float x, float y) { return (x > y) == greater ? x : y; };
+  const float fa = a.distance[i], fb = b.distance[i], here = joined(fa, fb);
+  const auto along = [&](float ga, float gb) {
+    return joined(fa + ga, fb + gb) + joined(fa - ga, fb - gb) - 2.0f * here;
+  };
+  return kBlur * (along(a.x[i], b.x[i]) + along(a.y[i], b.y[i]) + along(a.z[i], b.z[i]));
+}
+
 void NodeBlend::join(Values& with, const Values& other, bool greater) {
   for (std::size_t i = 0; i < kBrickCoefficients; ++i) {
     if (other.known[i] == 0) continue;
-    if (with.known[i] != 0 && (other.distance[i] > with.distance[i]) != greater) continue;
-    with.known[i] = 1;
-    with.distance[i] = other.distance[i];
-    with.x[i] = other.x[i];
-    with.y[i] = other.y[i];
-    with.z[i] = other.z[i];
+    const bool both = with.known[i] != 0;
+    const float blurred = both ? blurred_crease(with, other, i, greater) : 0.0f;
+    if (!both || (other.distance[i] > with.distance[i]) == greater) {
+      with.known[i] = 1;
+      with.distance[i] = other.distance[i];
+      with.x[i] = other.x[i];
+      with.y[i] = other.y[i];
+      with.z[i] = other.z[i];
+    }
+    with.distance[i] -= blurred;
   }
 }
 

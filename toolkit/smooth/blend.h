@@ -30,6 +30,7 @@ class NodeBlend {
     std::array<std::uint8_t, kBrickCoefficients> known;
   };
   void read_sums(Values& to) const;
+  static float blurred_crease(const Values& a, const Values& b, std::size_t i, bool greater);
   static void join(Values& with, const Values& other, bool greater);
   void fill();
 

@@ -190,7 +190,9 @@ class ChunkCover {
       ++all[static_cast<std::size_t>(ring)];
       leaving[static_cast<std::size_t>(ring)] += residual > off;
     }
-    double support = kSupportShare * ball_.radius;
+    int rings = kRings;
+    while (rings > 1 && all[static_cast<std::size_t>(rings - 1)] == 0) --rings;
+    double support = ball_.radius * std::min(kSupportShare, std::sqrt(static_cast<double>(rings) / kRings));
     for (int ring = 0; ring < kRings; ++ring) {
       const auto r = static_cast<std::size_t>(ring);
       if (leaving[r] > 1 && leaving[r] > kLeavingShare * all[r]) {
@@ -201,7 +203,7 @@ class ChunkCover {
     support = std::max(support, kLeastSupport * spacing);
     Patch& patch = out.emplace_back();
     patch.quadric = q;
-    patch.support = support;
+    patch.support = patch.reached = support;
     patch.spacing = spacing;
     patch.sigma = fit.sigma;
     patch.slope_error = fit.slope_error;
@@ -216,7 +218,7 @@ class ChunkCover {
 
   void fill(Patch& patch, double off) const {
     const Quadric& q = patch.quadric;
-    const double per = 1.0 / patch.support;
+    const double per = 1.0 / patch.reached;
     for (const Vec3& away : ball_.away) {
       const Vec3 p = ball_.centre + away, d = p - q.at;
       if (std::abs(q.residual(p)) <= off) patch.filled.add(d.dot(q.u) * per, d.dot(q.v) * per);

@@ -19,7 +19,8 @@ struct Patch {
   int points = 0;            ///< that it follows
   double trust = 1.0;        ///< weight beside others: by how well it is known, at most 1
   bool sure = false;         ///< no piece of noise or stray points
-  Filled filled;             ///< by its points, in supports along quadric.u and v
+  double reached = 0.0;      ///< mm along the tangent plane: where its points end
+  Filled filled;             ///< by its points, over quadric.u and v in shares of `reached`
 };
 
 struct CoverRule {

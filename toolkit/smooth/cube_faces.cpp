@@ -11,6 +11,13 @@ namespace {
 
 /// Points of a face, in its patches in a cube: three of the smallest.
 constexpr int kFewestOfFace = 45;
+/// Two patches of one sheet are one surface where they lie within so many spacings, or standard deviations,
+/// of each other with normals within 25 degrees: the other side of a thin wall has the opposite one.
+constexpr double kSameSpacings = 0.4, kSameSigmas = 3.0, kSameFacing = 0.9;
+/// Few points do not join what so many times as many tell apart: by equal ones rough places of scans are
+/// torn.
+constexpr int kMuchMore = 4;
+constexpr int kSameFootSteps = 2;
 
 std::uint32_t root_of(std::vector<std::uint32_t>& root, std::uint32_t i) {
   while (root[i] != i) i = root[i] = root[root[i]];
@@ -24,15 +31,43 @@ double off_between(const Patch& a, const Patch& b) {
   return std::abs(a.quadric.residual(b.quadric.at)) + std::abs(b.quadric.residual(a.quadric.at));
 }
 
+/// Whether two patches are one surface where it is nearest to the middle of a cube.
+bool same_surface(const Patch& a, const Patch& b, const Vec3& middle) {
+  Vec3 at = middle;
+  for (int i = 0; i < kSameFootSteps; ++i) at -= normal_at(a.quadric, at) * a.quadric.residual(at);
+  if (normal_at(a.quadric, at).dot(normal_at(b.quadric, at)) < kSameFacing) return false;
+  if (std::abs(b.quadric.residual(at)) >
+      std::max(kSameSpacings * std::min(a.spacing, b.spacing), kSameSigmas * std::max(a.sigma, b.sigma)))
+    return false;
+  const auto reaches = [&](const Patch& p) {
+    return (at - p.quadric.at).squaredNorm() <= p.support * p.support;
+  };
+  return reaches(a) && reaches(b);
+}
+
 }  // namespace
 
+void CubeFaces::join_same(std::span<const std::uint32_t> members, const std::vector<Patch>& patches,
+                          const PatchLinks& links, const Vec3& middle) {
+  for (std::uint32_t i = 0; i < members.size(); ++i)
+    for (std::uint32_t j = 0; j < i; ++j) {
+      if (root_of(sheet_, i) == root_of(sheet_, j) || links.sheet[members[i]] != links.sheet[members[j]])
+        continue;
+      const Patch &a = patches[members[i]], &b = patches[members[j]];
+      if (!same_surface(a, b, middle)) continue;
+      join(sheet_, i, j);
+      join(face_, i, j);
+    }
+}
+
 void CubeFaces::part(std::span<const std::uint32_t> members, const std::vector<Patch>& patches,
-                     const PatchLinks& links) {
+                     const PatchLinks& links, const Vec3& middle) {
   sheet_.resize(members.size());
   std::iota(sheet_.begin(), sheet_.end(), 0u);
   face_ = sheet_;
   creases_.clear();
   doubtful_.clear();
+  goes_on_.clear();
   for (std::uint32_t i = 0; i < members.size(); ++i) {
     const std::uint32_t from = links.begin[members[i]], past = links.begin[members[i] + 1];
     for (std::uint32_t link = from; link < past; ++link) {
@@ -43,14 +78,17 @@ void CubeFaces::part(std::span<const std::uint32_t> members, const std::vector<P
       const auto j = static_cast<std::uint32_t>(at - members.begin());
       join(sheet_, i, j);
       const Patch &a = patches[members[i]], &b = patches[to];
+      const int points = std::min(a.points, b.points);
       if (links.turn[link] != Turn::kNone)
-        creases_.push_back({i, j, links.turn[link]});
+        creases_.push_back({i, j, links.turn[link], points});
       else if (a.sure == b.sure)
-        join(face_, i, j);
+        goes_on_.push_back({i, j, Turn::kNone, points});
       else
         doubtful_.push_back(a.sure ? Doubtful{j, i, off_between(a, b)} : Doubtful{i, j, off_between(a, b)});
     }
   }
+  join_faces();
+  join_same(members, patches, links, middle);
   for (std::uint32_t i = 0; i < members.size(); ++i) {
     sheet_[i] = root_of(sheet_, i);
     face_[i] = root_of(face_, i);
@@ -59,6 +97,22 @@ void CubeFaces::part(std::span<const std::uint32_t> members, const std::vector<P
   settle_small(members, patches);
   body_ = face_;
   if (!creases_.empty()) part_bodies();
+}
+
+void CubeFaces::join_faces() {
+  if (!creases_.empty())
+    std::sort(goes_on_.begin(), goes_on_.end(), [](const Crease& x, const Crease& y) {
+      return std::make_tuple(-x.points, x.a, x.b) < std::make_tuple(-y.points, y.a, y.b);
+    });
+  for (const Crease& on : goes_on_) {
+    const std::uint32_t a = root_of(face_, on.a), b = root_of(face_, on.b);
+    const bool parted = std::any_of(creases_.begin(), creases_.end(), [&](const Crease& c) {
+      if (c.points <= kMuchMore * on.points) return false;
+      const std::uint32_t x = root_of(face_, c.a), y = root_of(face_, c.b);
+      return (x == a && y == b) || (x == b && y == a);
+    });
+    if (!parted) join(face_, a, b);
+  }
 }
 
 void CubeFaces::settle_doubtful() {

@@ -14,9 +14,10 @@ namespace palpate::render {
 /// Scratch that is used again from cube to cube. Belongs to one thread.
 class CubeFaces {
  public:
-  /// `members`: the cube's patches, ascending. O(links of the patches).
+  /// `members`: the cube's patches, ascending; `middle`: of the cube. O(links of the patches), and
+  /// O(members^2) where they are not all linked.
   void part(std::span<const std::uint32_t> members, const std::vector<Patch>& patches,
-            const PatchLinks& links);
+            const PatchLinks& links, const Vec3& middle);
   /// Of a member: the first of its sheet; what is told apart by face and body.
   [[nodiscard]] std::uint32_t sheet(std::size_t i) const noexcept { return sheet_[i]; }
   [[nodiscard]] std::uint32_t face(std::size_t i) const noexcept { return face_[i]; }
@@ -26,11 +27,18 @@ class CubeFaces {
   struct Crease {
     std::uint32_t a, b;
     Turn turn;
+    int points;  ///< the lesser of both patches'
   };
   struct Doubtful {
     std::uint32_t patch, sure;
     double off;
   };
+  /// Patches that go on without a crease are one face, those of many points first: what is joined by few does
+  /// not join faces that more points tell apart.
+  void join_faces();
+  /// Patches of one sheet that are the same surface here go together, too, where no link says so.
+  void join_same(std::span<const std::uint32_t> members, const std::vector<Patch>& patches,
+                 const PatchLinks& links, const Vec3& middle);
   /// A doubtful patch makes no face of two: it goes with the sure one that it lies nearest to.
   void settle_doubtful();
   /// A face of few points is none, nor one that meets no other in a crease: both go with another face of the
@@ -40,7 +48,7 @@ class CubeFaces {
   void part_bodies();
 
   std::vector<std::uint32_t> sheet_, face_, body_;
-  std::vector<Crease> creases_;
+  std::vector<Crease> creases_, goes_on_;
   std::vector<Doubtful> doubtful_;
   std::vector<int> weight_;  ///< points of each face
   std::vector<std::uint8_t> creased_;

@@ -7,12 +7,11 @@
 
 #include "toolkit/core/parallel.h"
 #include "toolkit/smooth/first_ball.h"
+#include "toolkit/smooth/patch_cells.h"
 
 namespace palpate::render {
 namespace {
 
-/// Patches whose centres are this share of both supports apart may continue each other: they overlap.
-constexpr double kReach = 0.8;
 /// The chord of two that do leaves either tangent plane by at most so much (sine of 50 degrees), and one
 /// normal is the other mirrored on it, as on an arc, within 50 degrees. Sheets that lie above each other fail
 /// either the one or the other.
@@ -33,19 +32,17 @@ constexpr int kFewestOfEach = 3;
 constexpr std::size_t kMostLinks = 24;
 /// Classes of agreement that links are taken in, best first.
 constexpr std::size_t kClasses = 64;
-/// Classes of support, each twice the last: a patch looks for partners among those as large and larger.
-constexpr int kScales = 24;
 constexpr std::size_t kGrain = 512;
 /// A piece of patches that follow fewer points altogether, and less than this share of all, is of stray ones:
 /// three of the smallest patches.
 constexpr double kStrayPoints = 45.0, kStrayShare = 0.05;
 constexpr std::uint32_t kDropped = 0xffffffffu;
 
-/// Where two patches meet, looked for from the middle between them: by going to the one and to the other in
-/// turn, which ends at their crease where they have one, and at once where they are one surface. False where
-/// they stay apart, or meet beyond where they end.
+/// Where two patches meet, looked for from between them, farther from the larger one: by going to the one and
+/// to the other in turn, which ends at their crease where they have one, and at once where they are one
+/// surface. False where they stay apart, or meet beyond where they end.
 bool meet(const Patch& a, const Patch& b, Vec3& at) {
-  at = 0.5 * (a.quadric.at + b.quadric.at);
+  at = (b.support * a.quadric.at + a.support * b.quadric.at) / (a.support + b.support);
   double gap = 0.0;
   for (int i = 0; i < kMeetRounds; ++i) {
     at -= a.quadric.n * a.quadric.residual(at);
@@ -80,13 +77,6 @@ double agreement(const Patch& a, const Patch& b) {
   return std::abs(agreed) < kLeastAgreement ? 0.0 : agreed;
 }
 
-/// Unit, of a patch's quadric at a place near it.
-Vec3 normal_at(const Quadric& q, const Vec3& at) {
-  const Vec3 d = at - q.at;
-  const double a = d.dot(q.u), b = d.dot(q.v);
-  return (q.n - q.u * (2.0 * q.uu * a + q.uv * b) - q.v * (2.0 * q.vv * b + q.uv * a)).normalized();
-}
-
 /// Of two patches that continue each other with the same side up.
 Turn turn_between(const SmoothPoints& points, double noise, const Patch& a, const Patch& b) {
   Vec3 at;
@@ -115,76 +105,6 @@ struct Link {
   float agreed;
 };
 
-/// Patches in cells of twice their support, one table a scale.
-class PatchCells {
- public:
-  explicit PatchCells(std::span<const Patch> patches) : patches_(patches) {
-    for (const Patch& p : patches) {
-      least_ = least_ > 0.0 ? std::min(least_, p.support) : p.support;
-      low_ = low_.cwiseMin(p.quadric.at);
-    }
-    for (std::uint32_t i = 0; i < patches.size(); ++i) {
-      const int s = scale_of(patches[i].support);
-      scales_[static_cast<std::size_t>(s)].keys.push_back({code(patches[i].quadric.at, s), i});
-    }
-    for (Scale& scale : scales_) {
-      std::sort(scale.keys.begin(), scale.keys.end());
-      std::vector<std::uint64_t> cells;
-      for (std::uint32_t i = 0; i < scale.keys.size(); ++i) {
-        if (!cells.empty() && cells.back() == scale.keys[i].first) continue;
-        cells.push_back(scale.keys[i].first);
-        scale.begin.push_back(i);
-      }
-      scale.begin.push_back(static_cast<std::uint32_t>(scale.keys.size()));
-      scale.table.build(cells);
-    }
-  }
-  [[nodiscard]] int scale_of(double support) const {
-    return std::clamp(std::ilogb(support / least_), 0, kScales - 1);
-  }
-  /// Those of the scale whose centres may be within reach of a patch of the same scale or a smaller one.
-  template <class Visit>
-  void near(const Vec3& at, int s, Visit&& visit) const {
-    const Scale& scale = scales_[static_cast<std::size_t>(s)];
-    if (scale.keys.empty()) return;
-    const std::array<std::int64_t, 3> c = cell(at, s);
-    for (std::int64_t z = c[2] - 1; z <= c[2] + 1; ++z)
-      for (std::int64_t y = c[1] - 1; y <= c[1] + 1; ++y)
-        for (std::int64_t x = c[0] - 1; x <= c[0] + 1; ++x) {
-          if (x < 0 || y < 0 || z < 0) continue;
-          const std::uint32_t found = scale.table.find(code_of({x, y, z}));
-          if (found == CellTable::kNone) continue;
-          for (std::uint32_t i = scale.begin[found]; i < scale.begin[found + 1]; ++i)
-            visit(scale.keys[i].second);
-        }
-  }
-  [[nodiscard]] bool any(int s) const { return !scales_[static_cast<std::size_t>(s)].keys.empty(); }
-
- private:
-  struct Scale {
-    std::vector<std::pair<std::uint64_t, std::uint32_t>> keys;
-    std::vector<std::uint32_t> begin;
-    CellTable table;
-  };
-  [[nodiscard]] std::array<std::int64_t, 3> cell(const Vec3& at, int s) const {
-    // Two patches of supports below 2^(s+1) are at most 2 x kReach x 2^(s+1) apart.
-    const double per = 1.0 / (2.0 * kReach * std::ldexp(least_, s + 1));
-    const Vec3 c = (at - low_) * per;
-    return {static_cast<std::int64_t>(c.x()), static_cast<std::int64_t>(c.y()),
-            static_cast<std::int64_t>(c.z())};
-  }
-  static std::uint64_t code_of(const std::array<std::int64_t, 3>& c) {
-    return partition::morton_code(static_cast<std::uint32_t>(c[0]), static_cast<std::uint32_t>(c[1]),
-                                  static_cast<std::uint32_t>(c[2]));
-  }
-  [[nodiscard]] std::uint64_t code(const Vec3& at, int s) const { return code_of(cell(at, s)); }
-
-  std::span<const Patch> patches_;
-  double least_ = 0.0;
-  Vec3 low_ = Vec3::Constant(std::numeric_limits<double>::infinity());
-  std::array<Scale, kScales> scales_;
-};
-
 std::vector<Link> find_links(std::span<const Patch> patches, int threads) {
   if (patches.empty()) return {};
   const PatchCells cells(patches);
@@ -196,12 +116,12 @@ std::vector<Link> find_links(std::span<const Patch> patches, int threads) {
       const Patch& a = patches[i];
       mine.clear();
       const int own = cells.scale_of(a.support);
-      for (int s = own; s < kScales; ++s) {
+      for (int s = own; s < kPatchScales; ++s) {
         if (!cells.any(s)) continue;
         cells.near(a.quadric.at, s, [&](std::uint32_t j) {
           if (j == i || (s == own && j < i)) return;
           const Patch& b = patches[j];
-          const double reach = kReach * (a.support + b.support);
+          const double reach = kPatchReach * (a.support + b.support);
           const double sq = (b.quadric.at - a.quadric.at).squaredNorm();
           if (sq > reach * reach) return;
           const double agreed = agreement(a, b);
@@ -275,9 +195,8 @@ void orient(std::vector<Patch>& patches, const std::vector<Link>& links, Sides& 
   for (std::uint32_t i = 0; i < patches.size(); ++i) {
     if (!sides.root(i).second) continue;
     Quadric& q = patches[i].quadric;
+    // u and v stay: what is known along them (Patch::filled) stays true.
     q.n = -q.n;
-    std::swap(q.u, q.v);  // right-handed again
-    std::swap(q.uu, q.vv);
     q.uu = -q.uu;
     q.uv = -q.uv;
     q.vv = -q.vv;

@@ -44,14 +44,6 @@ Vec3 any_tangent(const Vec3& n) {
   return (axis - n * n.dot(axis)).normalized();
 }
 
-void set_normal(Quadric& q, const Vec3& n) {
-  q.n = n;
-  Vec3 u = q.u - n * n.dot(q.u);
-  const double length = u.norm();
-  q.u = length > kRoundingShare ? Vec3(u / length) : any_tangent(n);
-  q.v = n.cross(q.u);
-}
-
 /// Of the points within a radius of the ball's centre.
 bool least_direction_of(const Ball& ball, double radius, Vec3& n) {
   Vec3 mean = Vec3::Zero();
@@ -172,6 +164,14 @@ double kernel(double a, double b) {
 
 }  // namespace
 
+void turn_to(Quadric& q, const Vec3& n) {
+  q.n = n;
+  Vec3 u = q.u - n * n.dot(q.u);
+  const double length = u.norm();
+  q.u = length > kRoundingShare ? Vec3(u / length) : any_tangent(n);
+  q.v = n.cross(q.u);
+}
+
 void Ball::gather(const SmoothPoints& points, const Vec3& at, double r) {
   centre = at;
   radius = r;
@@ -226,7 +226,7 @@ bool fit_quadric(const Ball& ball, const FitRule& rule, const Quadric* start, Qu
     Vec3 n;
     if (!least_direction_of(ball, rule.core * ball.radius, n)) return false;
     q.at = ball.centre;
-    set_normal(q, n);
+    turn_to(q, n);
   }
   thread_local Local p;  // scratch; what a call leaves is never read by the next
   const double floor = std::max(rule.sigma_floor / ball.radius, kRoundingShare);
@@ -256,7 +256,7 @@ bool fit_quadric(const Ball& ball, const FitRule& rule, const Quadric* start, Qu
     // Into the frame of the tangent plane found; heights change by second order of the turn.
     const Vec3 n = (q.n - q.u * s.c[1] - q.v * s.c[2]).normalized();
     q.at += q.n * (s.c[0] * ball.radius);
-    set_normal(q, n);
+    turn_to(q, n);
     q.uu = s.c[3] / ball.radius;
     q.uv = s.c[4] / ball.radius;
     q.vv = s.c[5] / ball.radius;
@@ -324,7 +324,7 @@ bool separate_sheets(Ball& ball, double spacing, double sigma_floor, QuadricFit&
   Quadric plane;
   if (!likeliest_plane(ball, kSheetGate * spacing, plane.n)) return false;
   plane.at = ball.centre;
-  set_normal(plane, plane.n);
+  turn_to(plane, plane.n);
   Ball one = ball;
   one.keep_near(plane, kSheetGate * spacing);
   if (one.away.size() == ball.away.size()) return false;

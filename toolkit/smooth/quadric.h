@@ -11,6 +11,7 @@
 namespace palpate::render {
 
 /// The height n over (u, v) at `at`: uu a^2 + uv a b + vv b^2. Lengths in mm, curvatures in 1/mm.
+/// u, v and n are square to each other, and left-handed once a sheet's sides are turned.
 struct Quadric {
   Vec3 at = Vec3::Zero();
   Vec3 u = Vec3::UnitX(), v = Vec3::UnitY(), n = Vec3::UnitZ();
@@ -22,6 +23,16 @@ struct Quadric {
     return d.dot(n) - (uu * a * a + uv * a * b + vv * b * b);
   }
 };
+
+/// Unit, of a quadric at a place near it.
+[[nodiscard]] inline Vec3 normal_at(const Quadric& q, const Vec3& at) noexcept {
+  const Vec3 d = at - q.at;
+  const double a = d.dot(q.u), b = d.dot(q.v);
+  return (q.n - q.u * (2.0 * q.uu * a + q.uv * b) - q.v * (2.0 * q.vv * b + q.uv * a)).normalized();
+}
+
+/// Turns the tangent plane about `at`; curvatures stay as they are along it.
+void turn_to(Quadric& q, const Vec3& n);
 
 /// How well it is known at its centre, one standard error each.
 struct QuadricFit {

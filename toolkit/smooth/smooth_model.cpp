@@ -15,6 +15,7 @@
 #include "toolkit/render/prepare_phases.h"
 #include "toolkit/smooth/bake.h"
 #include "toolkit/smooth/first_ball.h"
+#include "toolkit/smooth/folds.h"
 
 namespace palpate::render {
 namespace {
@@ -54,6 +55,7 @@ Result<std::shared_ptr<const SmoothSurface>> build_surface(const cloud::Cloud& c
   Cover cover;
   if (measured.spacing_mm > 0.0)
     cover = cover_points(points, {build.detail, measured.noise_mm}, context.threads);
+  part_folded(points, measured.noise_mm, cover.patches, context.threads);
   phases.end();
   phases.begin("sheets");
   const PatchLinks links = link_patches(points, measured.noise_mm, cover.patches, context.threads);

@@ -19,47 +19,44 @@ namespace palpate::render {
   return b < 0.0 ? 1.0 - turn : turn;
 }
 
-/// Where in a disc there are points: in up to 64 cells of like area, as many as there are points to fill
-/// them.
+/// Where in a disc there are points: in the cells of a square around it, up to 8 by 8, as many as there are
+/// points to fill them.
 class Filled {
  public:
   Filled() = default;
   /// `points`: of the disc, at most.
-  explicit Filled(std::size_t points)
-      : sectors_(points < kFew    ? 6
-                 : points < kMany ? 8
-                                  : 16),
-        rings_(points < kFew    ? 2
-               : points < kMany ? 3
-                                : 4) {}
+  explicit Filled(std::size_t points) {
+    while (cells_ < kMostCells &&
+           kPointsPerCell * (cells_ + 1) * (cells_ + 1) <= kDiscShare * static_cast<double>(points))
+      ++cells_;
+  }
   /// (a, b) in radii.
   void add(double a, double b) noexcept {
-    const double sq = a * a + b * b;
-    if (sq < 1.0) filled_ |= bit(sector(a, b), static_cast<int>(sq * rings_));
+    const int x = cell(a), y = cell(b);
+    if (x >= 0 && x < cells_ && y >= 0 && y < cells_) filled_ |= bit(x, y);
   }
-  /// Whether a place has points on all its sides, beyond doubt: in its cell, and in those beside and outside.
+  /// Whether a place has points on all its sides, beyond doubt: in the cells around its own. A straight
+  /// border beyond which that cell reaches leaves one of them empty, however it lies.
   [[nodiscard]] bool around(double a, double b) const noexcept {
-    const double sq = a * a + b * b;
-    const int ring = static_cast<int>(std::min(sq, 1.0) * rings_);
-    if (ring + 1 >= rings_) return false;
-    const int at = sector(a, b);
-    std::uint64_t asked = 0;
-    for (int side = sectors_ - 1; side <= sectors_ + 1; ++side)
-      asked |= bit((at + side) % sectors_, ring) | bit((at + side) % sectors_, ring + 1);
+    const int x = cell(a), y = cell(b);
+    if (x < 1 || x + 1 >= cells_ || y < 1 || y + 1 >= cells_) return false;
+    const std::uint64_t row = bit(x - 1, y) | bit(x, y) | bit(x + 1, y);
+    const std::uint64_t asked = row | row << cells_ | row >> cells_;
     return (filled_ & asked) == asked;
   }
 
  private:
-  /// Six points a cell are none in one of 400.
-  static constexpr std::size_t kFew = 8 * 3 * 6, kMany = 16 * 4 * 6;
-  [[nodiscard]] int sector(double a, double b) const noexcept {
-    return std::min(static_cast<int>(turn_of(a, b) * sectors_), sectors_ - 1);
+  static constexpr int kMostCells = 8;
+  /// Six points a cell are none in one of 400. A disc takes a quarter of pi of its square.
+  static constexpr double kPointsPerCell = 6.0, kDiscShare = 1.2732395;
+  [[nodiscard]] int cell(double a) const noexcept {
+    return static_cast<int>(std::floor(std::clamp(0.5 * (a + 1.0), -1.0, 2.0) * cells_));
   }
-  [[nodiscard]] std::uint64_t bit(int sector, int ring) const noexcept {
-    return std::uint64_t{1} << (ring * sectors_ + sector);
+  [[nodiscard]] std::uint64_t bit(int x, int y) const noexcept {
+    return std::uint64_t{1} << (y * cells_ + x);
   }
   std::uint64_t filled_ = 0;
-  int sectors_ = 6, rings_ = 2;
+  int cells_ = 1;
 };
 
 /// Directions along a tangent plane in which points were seen.

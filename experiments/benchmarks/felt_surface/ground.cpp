@@ -162,8 +162,8 @@ cloud::Cloud points_on_faces(const geometry::TriangleMesh& mesh, std::size_t cou
   return cloud::build_cloud(points, cloud::NonFinite::kDrop).value();
 }
 
-/// The scan's mesh at the size of a hand about the origin; an Error that gave up where there are no data.
-Result<std::shared_ptr<const geometry::TriangleMesh>> read_scan(const std::string& file, Progress& progress) {
+/// A file of the scans; an Error that gave up where there are no data.
+Result<io::ReadModel> read_data(const std::string& file, Progress& progress) {
   const auto absent = [&](const std::string& why) {
     Error error{why, "set PALPATE_DATA to the folder of the scans", file, 0};
     error.gave_up = true;
@@ -176,16 +176,39 @@ Result<std::shared_ptr<const geometry::TriangleMesh>> read_scan(const std::strin
   if (!std::filesystem::exists(path, code)) return absent("this scan is not there");
   io::Readers readers;
   io::add_standard_readers(readers);
-  Result<io::ReadModel> read = readers.read(path.string(), {}, progress);
-  if (!read) return std::move(read).error();
-  if (read->mesh == nullptr) return absent("this scan has no faces");
-  auto mesh = std::make_shared<geometry::TriangleMesh>(*read->mesh);
+  io::ReadOptions options;
+  options.unit = io::Unit::kMillimetre;  // any, but the same for a mesh and its raw points
+  return readers.read(path.string(), options, progress);
+}
+
+/// From a scan's frame to that of a hand's size about the origin.
+struct HandFrame {
+  Vec3 middle = Vec3::Zero();
+  double scale = 1.0;
+  [[nodiscard]] Vec3 operator()(const Vec3& p) const { return (p - middle) * scale; }
+};
+
+/// The scan's mesh in its hand frame.
+Result<std::shared_ptr<const geometry::TriangleMesh>> read_scan(const std::string& file, HandFrame& frame,
+                                                                Progress& progress) {
+  PALPATE_ASSIGN(const io::ReadModel read, read_data(file, progress));
+  if (read.mesh == nullptr) return Error{"this scan has no faces", {}, file, 0};
+  auto mesh = std::make_shared<geometry::TriangleMesh>(*read.mesh);
   geometry::Aabb box;
   for (const Vec3& p : mesh->vertices_mm) box.add(p);
-  const double scale = kScanMm / box.extent_mm().maxCoeff();
-  const Vec3 middle = box.centre_mm();
-  for (Vec3& p : mesh->vertices_mm) p = (p - middle) * scale;
+  frame = {box.centre_mm(), kScanMm / box.extent_mm().maxCoeff()};
+  for (Vec3& p : mesh->vertices_mm) p = frame(p);
   return std::shared_ptr<const geometry::TriangleMesh>(std::move(mesh));
+}
+
+/// The raw points that a scan's mesh was made of; in quick trials every so many of them.
+Result<cloud::Cloud> read_raw(const std::string& file, const HandFrame& frame, bool quick,
+                              Progress& progress) {
+  PALPATE_ASSIGN(const io::ReadModel read, read_data(file, progress));
+  const std::size_t stride = quick ? std::max<std::size_t>(read.cloud.size() / kQuickScanPoints, 1) : 1;
+  std::vector<Vec3> points;
+  for (std::size_t i = 0; i < read.cloud.size(); i += stride) points.push_back(frame(read.cloud.point_mm(i)));
+  return cloud::build_cloud(points, cloud::NonFinite::kDrop);
 }
 
 void add_model(Ground& ground, const std::string& name, cloud::Cloud&& points) {
@@ -248,9 +271,15 @@ void find_caught(Ground& ground) {
 Result<Ground> make_ground(const DataSet& set, bool quick, std::size_t frames, Progress& progress) {
   Ground ground;
   if (set.is_scan) {
-    PALPATE_ASSIGN(ground.mesh, read_scan(set.generate, progress));
-    add_model(ground, set.name,
-              points_on_faces(*ground.mesh, quick ? kQuickScanPoints : kScanPoints, set.noise));
+    HandFrame frame;
+    PALPATE_ASSIGN(ground.mesh, read_scan(set.generate, frame, progress));
+    if (set.raw.empty()) {
+      add_model(ground, set.name,
+                points_on_faces(*ground.mesh, quick ? kQuickScanPoints : kScanPoints, set.noise));
+    } else {
+      PALPATE_ASSIGN(cloud::Cloud raw, read_raw(set.raw, frame, quick, progress));
+      add_model(ground, set.name, std::move(raw));
+    }
   } else {
     PALPATE_ASSIGN(cloud::GeneratedModel made,
                    cloud::generate(parse_named_options(quick ? set.quick : set.generate).value()));

@@ -10,7 +10,7 @@ DataSet generated(std::string name, std::string about, const std::string& text, 
   const auto with = [&](const std::string& count) {
     return text.substr(0, at) + count + text.substr(at + 1) + ":mesh=false";
   };
-  return {std::move(name), std::move(about), with(points), with(quick_points), stroke};
+  return {std::move(name), std::move(about), with(points), with(quick_points), stroke, false, 0.0, {}};
 }
 
 std::vector<DataSet> round_sets() {
@@ -75,12 +75,15 @@ std::vector<DataSet> all_sets() {
   for (DataSet& set : height_field_sets()) all.push_back(std::move(set));
   const std::string bunny = "stanford/bun_zipper.ply.xz", dragon = "stanford/dragon_vrip_res2.ply.gz";
   const auto scan = [](std::string name, std::string about, const std::string& file, double noise) {
-    return DataSet{std::move(name), std::move(about), file, file, Stroke::kWeave, true, noise};
+    return DataSet{std::move(name), std::move(about), file, file, Stroke::kWeave, true, noise, {}};
   };
   all.push_back(scan("bunny", "bunny, off its vertices", bunny, 0.0));
   all.push_back(scan("bunnyn", "bunny, off its vertices, noise .15", bunny, 0.15));
   all.push_back(scan("dragon", "dragon, off its vertices", dragon, 0.0));
   all.push_back(scan("dragonn", "dragon, off its vertices, noise .15", dragon, 0.15));
+  DataSet merged = scan("bunnyraw", "ten raw scans of the bunny, merged", bunny, 0.0);
+  merged.raw = "stanford/bunny_range_merged.ply.xz";
+  all.push_back(std::move(merged));
   return all;
 }
 

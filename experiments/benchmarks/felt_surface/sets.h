@@ -24,6 +24,9 @@ struct DataSet {
   Stroke stroke = Stroke::kWeave;
   bool is_scan = false;  ///< points off the vertices of a scan's own mesh, which is the truth
   double noise = 0.0;    ///< of scans, in spacings
+  /// Of scans: the file of the raw points under PALPATE_DATA that the mesh was made of, in its frame; they
+  /// are felt instead of points off the mesh.
+  std::string raw;
 };
 
 [[nodiscard]] const std::vector<DataSet>& data_sets();

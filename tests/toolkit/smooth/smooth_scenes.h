@@ -45,7 +45,7 @@ inline std::vector<Vec3> torus_points(const TorusSpec& t) {
     const double r = kTube + t.noise * torus_spacing(t) / t.scale * random.normal();
     Vec3 p((kRing + r * std::cos(b)) * std::cos(a), (kRing + r * std::cos(b)) * std::sin(a), r * std::sin(b));
     if (random.uniform() < t.outliers)
-      p = Vec3(random.uniform() - 0.5, random.uniform() - 0.5, 0.4 * (random.uniform() - 0.5)) *
+      p = Vec3{random.uniform() - 0.5, random.uniform() - 0.5, 0.4 * (random.uniform() - 0.5)} *
           (2.2 * (kRing + kTube));
     points.push_back(t.at + t.scale * p);
   }
@@ -72,6 +72,24 @@ inline std::vector<Vec3> torus_path(const TorusSpec& t, std::size_t frames) {
     const double r = kTube + h;
     path.push_back(t.at + t.scale * Vec3((kRing + r * std::cos(b)) * std::cos(a),
                                          (kRing + r * std::cos(b)) * std::sin(a), r * std::sin(b)));
+  }
+  return path;
+}
+
+inline Truth sphere_truth(double radius) {
+  return [radius](const Vec3& x, Vec3& foot) {
+    foot = x * (radius / x.norm());
+    return x.norm() - radius;
+  };
+}
+
+/// Over a sphere: from 0.4 mm outside to 1.8 mm inside, 900 frames to and fro.
+inline std::vector<Vec3> sphere_path(double radius, std::size_t frames) {
+  std::vector<Vec3> path;
+  for (std::size_t k = 0; k < frames; ++k) {
+    const double s = static_cast<double>(k), a = 0.003 * s, b = 1.2 * std::sin(0.0011 * s);
+    const double h = 1.1 * std::cos(2.0 * std::numbers::pi * s / 900.0) - 0.7;
+    path.push_back((radius + h) * Vec3(std::cos(a) * std::cos(b), std::sin(a) * std::cos(b), std::sin(b)));
   }
   return path;
 }

@@ -76,28 +76,75 @@ TEST(CloudSmoothUneven, SheetsASpacingApartAreKeptApart) {
   add_sphere(kRadius, kSpacing, points);
   add_sphere(kRadius - 1.25 * kSpacing, kSpacing, points);
   test::Stepped renderer = prepared(cloud_of(points), "cloud-smooth", 2);
-  std::vector<Vec3> path;
-  for (int k = 0; k < 9000; ++k) {
-    const double a = 0.003 * k, b = 1.2 * std::sin(0.0011 * k);
-    const double r = kRadius + 1.1 * std::cos(2.0 * std::numbers::pi * k / 900.0) - 0.7;
-    path.push_back(r * Vec3(std::cos(a) * std::cos(b), std::sin(a) * std::cos(b), std::sin(b)));
-  }
-  const Truth truth = [](const Vec3& x, Vec3& foot) {
-    foot = x * (kRadius / x.norm());
-    return x.norm() - kRadius;
-  };
-  const Score s = score(renderer, path, truth, 0.1);
+  const Score s = score(renderer, sphere_path(kRadius, 9000), sphere_truth(kRadius), 0.1);
   EXPECT_LT(s.rms_percent, 0.1);
   expect_kept(s);
   EXPECT_EQ(s.jumps, 0);
+}
+
+constexpr double kRoofHalf = 6.0;
+
+// A roof of 90 degrees, its ridge along y at z = 0.
+std::vector<Vec3> roof(double spacing, double noise, std::uint64_t seed) {
+  Random random(seed);
+  std::vector<Vec3> points(
+      static_cast<std::size_t>(4.0 * std::numbers::sqrt2 * kRoofHalf * kRoofHalf / (spacing * spacing)));
+  for (Vec3& p : points) {
+    const double x = (2.0 * random.uniform() - 1.0) * kRoofHalf,
+                 y = (2.0 * random.uniform() - 1.0) * kRoofHalf;
+    const double off = std::numbers::sqrt2 / 2.0 * noise * spacing * random.normal();
+    p = Vec3(x + std::copysign(off, x), y, off - std::abs(x));
+  }
+  return points;
+}
+
+double roof_distance(const Vec3& at, Vec3& foot) {
+  const double side = at.x() < 0.0 ? -1.0 : 1.0, off = (side * at.x() + at.z()) / std::numbers::sqrt2;
+  foot = at - Vec3(side, 0.0, 1.0) * (off / std::numbers::sqrt2);
+  return off;
+}
+
+/// Pressed beside the ridge, slid along a face, up, and across near the tip.
+std::vector<Vec3> over_the_roof() {
+  std::vector<Vec3> path{Vec3(-2.0, 0.0, 0.5)};
+  const auto go_to = [&](const Vec3& to) {
+    const Vec3 from = path.back();
+    const int steps = 1 + static_cast<int>((to - from).norm() / 0.04);
+    for (int i = 1; i <= steps; ++i) path.push_back(from + (to - from) * i / steps);
+  };
+  for (int stroke = 0; stroke < 12; ++stroke) {
+    const double side = stroke % 2 == 0 ? 1.0 : -1.0, y = 0.7 * (stroke - 6), x = 0.4 + 0.1 * stroke;
+    // No deeper than that the face pressed is the nearer one.
+    go_to(Vec3(side * x, y, 0.5));
+    go_to(Vec3(side * x, y, -x - 0.3));
+    go_to(Vec3(side * 2.5, y + 0.4, -2.5 - 0.8));
+    go_to(Vec3(side * 2.5, y + 0.4, 0.5));
+    go_to(Vec3(side * 2.0, y, -0.12));
+    go_to(Vec3(-side * 2.0, y + 0.3, -0.12));
+    go_to(Vec3(-side * 2.0, y + 0.3, 0.5));
+  }
+  return path;
+}
+
+TEST(CloudSmoothUneven, ARidgeInNoiseHolds) {
+  constexpr double kSpacing = 0.15, kNear = 1.5 * kSpacing;
+  for (const double noise : {0.0, 0.1, 0.2})
+    for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+      test::Stepped renderer = prepared(cloud_of(roof(kSpacing, noise, seed)), "cloud-smooth", 2);
+      const Score s = score(renderer, over_the_roof(), roof_distance, kNear);
+      EXPECT_LT(s.rms_percent, 6.0) << "noise " << noise << ", seed " << seed;
+      EXPECT_EQ(s.missed + s.false_ones, 0) << "noise " << noise << ", seed " << seed;
+    }
 }
 
 // Floor and wall: pressed into both, the god object stands in the corner.
 TEST(CloudSmoothUneven, ACornerHolds) {
   Random random(5);
   std::vector<Vec3> points;
-  for (int i = 0; i < 20000; ++i) points.emplace_back(10.0 * random.uniform(), 20.0 * random.uniform(), 0.0);
-  for (int i = 0; i < 20000; ++i) points.emplace_back(0.0, 20.0 * random.uniform(), 10.0 * random.uniform());
+  for (int i = 0; i < 20000; ++i)
+    points.push_back(Vec3{10.0 * random.uniform(), 20.0 * random.uniform(), 0.0});
+  for (int i = 0; i < 20000; ++i)
+    points.push_back(Vec3{0.0, 20.0 * random.uniform(), 10.0 * random.uniform()});
   test::Stepped renderer = prepared(cloud_of(points), "cloud-smooth", 2);
   renderer->restart(Vec3(1.0, 5.0, 1.0));
   Frame frame;

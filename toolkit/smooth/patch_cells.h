@@ -1,0 +1,92 @@
+// Patches by place: a hash of cells for every scale of support.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "toolkit/partition/morton_order.h"
+#include "toolkit/smooth/cover.h"
+
+namespace palpate::render {
+
+/// Patches whose centres are this share of both supports apart may continue each other: they overlap.
+inline constexpr double kPatchReach = 0.8;
+/// Classes of support, each twice the last: a patch looks for partners among those as large and larger.
+inline constexpr int kPatchScales = 24;
+
+/// Patches in cells of twice their support, one table a scale. Immutable. O(n log n).
+class PatchCells {
+ public:
+  explicit PatchCells(std::span<const Patch> patches) {
+    for (const Patch& p : patches) {
+      least_ = least_ > 0.0 ? std::min(least_, p.support) : p.support;
+      low_ = low_.cwiseMin(p.quadric.at);
+    }
+    for (std::uint32_t i = 0; i < patches.size(); ++i) {
+      const int s = scale_of(patches[i].support);
+      scales_[static_cast<std::size_t>(s)].keys.push_back({code(patches[i].quadric.at, s), i});
+    }
+    for (Scale& scale : scales_) {
+      std::sort(scale.keys.begin(), scale.keys.end());
+      std::vector<std::uint64_t> cells;
+      for (std::uint32_t i = 0; i < scale.keys.size(); ++i) {
+        if (!cells.empty() && cells.back() == scale.keys[i].first) continue;
+        cells.push_back(scale.keys[i].first);
+        scale.begin.push_back(i);
+      }
+      scale.begin.push_back(static_cast<std::uint32_t>(scale.keys.size()));
+      scale.table.build(cells);
+    }
+  }
+  [[nodiscard]] int scale_of(double support) const {
+    return std::clamp(std::ilogb(support / least_), 0, kPatchScales - 1);
+  }
+  /// Those of the scale whose centres may be within reach of a patch of the same scale or a smaller one.
+  template <class Visit>
+  void near(const Vec3& at, int s, Visit&& visit) const {
+    const Scale& scale = scales_[static_cast<std::size_t>(s)];
+    if (scale.keys.empty()) return;
+    const std::array<std::int64_t, 3> c = cell(at, s);
+    for (std::int64_t z = c[2] - 1; z <= c[2] + 1; ++z)
+      for (std::int64_t y = c[1] - 1; y <= c[1] + 1; ++y)
+        for (std::int64_t x = c[0] - 1; x <= c[0] + 1; ++x) {
+          if (x < 0 || y < 0 || z < 0) continue;
+          const std::uint32_t found = scale.table.find(code_of({x, y, z}));
+          if (found == CellTable::kNone) continue;
+          for (std::uint32_t i = scale.begin[found]; i < scale.begin[found + 1]; ++i)
+            visit(scale.keys[i].second);
+        }
+  }
+  [[nodiscard]] bool any(int s) const { return !scales_[static_cast<std::size_t>(s)].keys.empty(); }
+
+ private:
+  struct Scale {
+    std::vector<std::pair<std::uint64_t, std::uint32_t>> keys;
+    std::vector<std::uint32_t> begin;
+    CellTable table;
+  };
+  [[nodiscard]] std::array<std::int64_t, 3> cell(const Vec3& at, int s) const {
+    // Two patches of supports below 2^(s+1) are at most 2 x kPatchReach x 2^(s+1) apart.
+    const double per = 1.0 / (2.0 * kPatchReach * std::ldexp(least_, s + 1));
+    const Vec3 c = (at - low_) * per;
+    return {static_cast<std::int64_t>(c.x()), static_cast<std::int64_t>(c.y()),
+            static_cast<std::int64_t>(c.z())};
+  }
+  static std::uint64_t code_of(const std::array<std::int64_t, 3>& c) {
+    return partition::morton_code(static_cast<std::uint32_t>(c[0]), static_cast<std::uint32_t>(c[1]),
+                                  static_cast<std::uint32_t>(c[2]));
+  }
+  [[nodiscard]] std::uint64_t code(const Vec3& at, int s) const { return code_of(cell(at, s)); }
+
+  double least_ = 0.0;
+  Vec3 low_ = Vec3::Constant(std::numeric_limits<double>::infinity());
+  std::array<Scale, kPatchScales> scales_;
+};
+
+}  // namespace palpate::render
