@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "baselines/points/gaps.h"
 #include "baselines/points/near_points.h"
 #include "baselines/points/rival.h"
 #include "toolkit/partition/dynamic_grid.h"
@@ -106,7 +107,13 @@ Status StreamProxy::decide(StreamProxy& model, const render::ModelInput& input, 
                            const render::PrepareContext& context, render::PrepareReport& report,
                            render::ModelDecisions& out) {
   double spacing = options.number("spacing_mm");
-  if (!(spacing > 0.0)) spacing = measured_spacing_mm(*input.cloud, context, report);
+  if (spacing > 0.0) {
+    say_spacing(spacing, out);
+  } else {
+    const Gaps gaps = measured_gaps(*input.cloud, context, report);
+    say_gaps(gaps, out);
+    spacing = gaps.closing_mm();
+  }
   model.r1_ = options.number("r1") * spacing;
   model.r2_ = options.number("r2") * spacing;
   model.r3_ = options.number("r3") * spacing;
@@ -118,7 +125,6 @@ Status StreamProxy::decide(StreamProxy& model, const render::ModelInput& input, 
                  0};
   model.tapered_ = options.text("weights") == "tapered";
   model.felt_offset_ = options.text("offset") == "kept";
-  say_spacing(spacing, out);
   out.decisions.push_back(
       {"shells", fmt::format("{:.4g}, {:.4g} and {:.4g} mm", model.r1_, model.r2_, model.r3_),
        "nearer than the first pushes out, than the second is touched, than the third gives the normal"});
