@@ -28,6 +28,9 @@ constexpr double kFirstReach = 3.0, kLastReach = 24.0;
 /// In one line: the points spread across it by less than a quarter of what they do along it.
 constexpr double kLineSpread = 1.0 / 16.0;  // of squares
 constexpr std::size_t kLineNeighbours = 8;
+/// Squared tangent of the steepest way to a point of the same sheet, 60 degrees: both sides of a right-angled
+/// edge, whose plane is at 45 degrees to them, belong to it.
+constexpr double kSteepSq = 3.0;
 /// Samples a chunk: some 50 us of work.
 constexpr std::size_t kSamplesPerChunk = 16;
 
@@ -95,8 +98,11 @@ struct Surroundings {
     for (const Vec3& d : offset) {
       const double height = normal.dot(d);
       const Vec2 beside(u.dot(d), v.dot(d));
-      // Steeper than 45 degrees: another sheet, or the far side of an edge.
-      if (height * height <= beside.squaredNorm() && beside.squaredNorm() > 0.0) flat.push_back(beside);
+      const double beside_sq = beside.squaredNorm();
+      // At their distances in space, so that nothing is foreshortened where the surface bends. What is
+      // steeper is another sheet.
+      if (beside_sq > 0.0 && height * height <= kSteepSq * beside_sq)
+        flat.push_back(beside * std::sqrt(d.squaredNorm() / beside_sq));
     }
     std::sort(flat.begin(), flat.end(), [](const Vec2& a, const Vec2& b) {
       const double sq_a = a.squaredNorm(), sq_b = b.squaredNorm();
@@ -207,10 +213,11 @@ void say_gaps(const Gaps& gaps, render::ModelDecisions& out) {
   const double times = gaps.closing_mm() / gaps.spacing_mm;
   out.decisions.push_back(
       {"gaps", fmt::format("{:.4g} mm", gaps.gap_mm),
-       times > 1.0 ? fmt::format("1 % of the empty circles between points are larger: {:.3g} spacings, which "
-                                 "stand for one where nothing may fall through{}",
-                                 times, gaps.lines ? "; the points stand in lines" : "")
-                   : std::string("1 % of the empty circles between points are larger: the mean spacing will do")});
+       times > 1.0
+           ? fmt::format("1 % of the empty circles between points are larger: {:.3g} spacings, which "
+                         "stand for one where nothing may fall through{}",
+                         times, gaps.lines ? "; the points stand in lines" : "")
+           : std::string("1 % of the empty circles between points are larger: the mean spacing will do")});
 }
 
 }  // namespace palpate::baselines

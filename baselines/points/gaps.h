@@ -3,9 +3,16 @@
 // lattice with the same mean, scan lines and steps in density wider ones.
 #pragma once
 
+#include <string>
+
 #include "baselines/points/point_grid.h"
 
 namespace palpate::baselines {
+
+/// Up to so many mean spacings a cloud counts as even. On a square lattice the gap is 0.71 spacings, jittered
+/// or as blue noise 1, around the rims of a thin plate 1.26; rivals' radii are 1.5 spacings and more, and
+/// close these. At random it is 1.4 to 1.5; the largest gap of 10^7 such points is 2.5 spacings.
+inline constexpr double kEvenGap = 4.0 / 3.0;
 
 struct Gaps {
   double spacing_mm = 0.0;  ///< natural_spacing_mm()
@@ -15,10 +22,13 @@ struct Gaps {
   bool lines = false;  ///< most points have their nearest eight in one line: a scanner's
 
   /// What stands for the spacing where a proxy must not fall between points: the mean spacing, or the gap
-  /// where that is more. On a square lattice the gap is 0.71 spacings and changes nothing. At random it is
-  /// some 1.7: the largest of 10^7 points is then 2.5 spacings, and 1.5 of these units, the least multiple
-  /// that any rival uses, are 2.5 too.
-  [[nodiscard]] double closing_mm() const noexcept { return gap_mm > spacing_mm ? gap_mm : spacing_mm; }
+  /// where that is more than kEvenGap of them.
+  [[nodiscard]] double closing_mm() const noexcept {
+    return gap_mm > kEvenGap * spacing_mm ? gap_mm : spacing_mm;
+  }
+  /// How the neighbours are found that planes are fitted to: the eight nearest, or, where these are in one
+  /// line, the nearest in each of eight directions.
+  [[nodiscard]] std::string neighbours() const { return lines ? "directional-knn" : "auto"; }
 };
 
 /// Asks at most kGapSamples points, evenly by area. Independent of the order of the points, the same for any
