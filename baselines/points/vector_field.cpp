@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "baselines/points/gaps.h"
+#include "baselines/points/outward.h"
 #include "baselines/points/rival.h"
 #include "baselines/points/sphere_tree.h"
 #include "baselines/points/voxel_field.h"
@@ -61,18 +62,6 @@ std::vector<OptionSpec> VectorFieldModel::specs() {
       {"memory_mb", kNumber, "2000", "limit of the field's memory", {}, 0.001, 1e6},
       {"flip", kFlag, "false", "of surfaces with a border: take the other side for outside", {}},
   };
-}
-
-/// The side of open pieces that is outside: where most of their normals look, along the axis on which they
-/// agree best; nothing else tells.
-double open_sign(const PointGrid& points) {
-  Vec3 sum = Vec3::Zero();
-  for (const surface::SurfacePoint& point : points.points)
-    if (point.normal != surface::kNoNormal && !surface::is_one_sided(point.normal))
-      sum += surface::decode_normal(point.normal);
-  Eigen::Index axis = 0;
-  sum.cwiseAbs().maxCoeff(&axis);
-  return sum[axis] < 0.0 ? -1.0 : 1.0;
 }
 
 /// The nearest point's plane, seen from a place.
@@ -141,7 +130,7 @@ Status VectorFieldModel::prepare(VectorFieldModel& model, const render::ModelInp
   tree.build(points.points, context.threads);
   phases.end();
   const VoxelFieldOptions& field = model.wanted_;
-  const double sign = open_sign(points) * (options.flag("flip") ? -1.0 : 1.0);
+  const double sign = open_sign(points.points) * (options.flag("flip") ? -1.0 : 1.0);
   phases.begin("field");
   Result<VoxelField> made =
       VoxelField::build([&](std::size_t i) { return points.points[i].at(); }, points.points.size(),
