@@ -6,6 +6,7 @@
 #include "baselines/points/sdf_godobject.h"
 #include "baselines/points/sphere_proxy.h"
 #include "baselines/points/stream_proxy.h"
+#include "baselines/points/variable_proxy.h"
 #include "baselines/points/vector_field.h"
 #include "baselines/points/vgraph.h"
 #include "baselines/renderers/mesh_godobject.h"
@@ -24,6 +25,7 @@ void register_baseline_renderers(render::Registry& registry) {
   registry.add(vgraph_info());
   registry.add(vector_field_info());
   registry.add(sdf_godobject_info());
+  registry.add(variable_proxy_info());
 }
 
 }  // namespace palpate::baselines

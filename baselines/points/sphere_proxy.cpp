@@ -85,7 +85,7 @@ Status SphereProxy::decide(SphereProxy& model, const render::ModelInput& input, 
                               ? render::Decision{"offset", "kept", "as given: the tool is a ball", true}
                               : render::Decision{"offset", "removed", "the HIP is a point"});
   say_grid(*input.cloud, spacing, kCellRadii * model.radius_mm_, out);
-  out.bytes += NearPoints<partition::UniformGrid>::bytes();
+  out.bytes += NearPoints<partition::UniformGrid>::bytes_for(false);
   return Done{};
 }
 
@@ -96,7 +96,7 @@ Status SphereProxy::prepare(SphereProxy& model, const render::ModelInput& input,
   model.points_ = build_point_grid(*input.cloud, kCellRadii * model.radius_mm_, context.threads);
   model.walk_ = std::make_unique<BallWalk>(model.points_, model.radius_mm_);
   phases.end();
-  report.bytes += model.points_.bytes() + NearPoints<partition::UniformGrid>::bytes();
+  report.bytes += model.points_.bytes() + NearPoints<partition::UniformGrid>::bytes_for(false);
   report.notes.push_back(fmt::format("radius {:.4g} mm, cell {:.4g} mm, at most {} points a cell",
                                      model.radius_mm_, model.points_.grid.cell_mm(),
                                      model.points_.grid.max_points_per_cell()));
