@@ -36,6 +36,12 @@ constexpr std::size_t kSamplesPerChunk = 16;
 
 using Vec2 = Eigen::Vector2d;
 
+constexpr unsigned kAllSides = 0xFFu;
+constexpr double kHalfRoot = 0.7071067811865476;  // of the diagonal directions
+const std::array<Vec2, 8> kSides = {
+    Vec2(1, 0),  Vec2(kHalfRoot, kHalfRoot),   Vec2(0, 1),  Vec2(-kHalfRoot, kHalfRoot),
+    Vec2(-1, 0), Vec2(-kHalfRoot, -kHalfRoot), Vec2(0, -1), Vec2(kHalfRoot, -kHalfRoot)};
+
 /// A convex polygon around the origin, cut by bisectors: the Voronoi cell of a point among others.
 class GapCell {
  public:
@@ -122,13 +128,26 @@ struct Surroundings {
     const double half = 0.5 * (xx + yy), root = std::sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy);
     return half - root < kLineSpread * (half + root);
   }
-  /// Points lie beyond a corner of the cell too: the empty circle around it is between points and not
-  /// outside of a border.
+  /// Points lie on every side of a corner of the cell: the empty circle around it is between points, and not
+  /// outside of a border. On each side means within 60 degrees of each of eight directions, and no farther
+  /// than twice the circle's radius.
   [[nodiscard]] bool surround(const Vec2& corner) const {
     const double size_sq = corner.squaredNorm();
-    return std::any_of(flat.begin(), flat.end(), [&](const Vec2& point) {
-      return (point - corner).dot(corner) > 0.0 && (point - corner).squaredNorm() <= 4.0 * size_sq;
-    });
+    unsigned open = kAllSides;
+    const auto close = [&](const Vec2& way) {
+      const double way_sq = way.squaredNorm();
+      if (way_sq > 4.0 * size_sq) return;
+      for (std::size_t k = 0; k < kSides.size(); ++k) {
+        const double along = way.dot(kSides[k]);
+        if (along > 0.0 && 4.0 * along * along >= way_sq) open &= ~(1u << k);
+      }
+    };
+    close(-corner);  // the point itself
+    for (const Vec2& point : flat) {
+      close(point - corner);
+      if (open == 0) return true;
+    }
+    return false;
   }
 };
 

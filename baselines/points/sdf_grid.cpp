@@ -18,6 +18,8 @@ namespace {
 using SdfTree = openvdb::FloatTree;
 using SdfLeaf = SdfTree::LeafNodeType;
 
+/// A leaf and its samples.
+constexpr double kLeafBytes = sizeof(SdfLeaf) + SdfLeaf::SIZE * sizeof(float);
 /// Voxels of an axis, at most: coordinates and their sums stay whole in 32 bits.
 constexpr double kMostVoxels = 1073741824.0;  // 2^30
 /// Points after which the memory is looked at anew while leaves are made.
@@ -36,9 +38,9 @@ openvdb::Coord voxel_of(const Vec3& voxels) {
           static_cast<int>(std::floor(voxels.z()))};
 }
 
-Error band_too_large(double bytes, const SdfOptions& options) {
-  return Error{fmt::format("the band of signed distances needs more than {:.0f} MB, the limit is {:.0f} MB",
-                           bytes / 1e6, static_cast<double>(options.most_bytes) / 1e6),
+Error band_too_large(const SdfOptions& options) {
+  return Error{fmt::format("the band of signed distances needs more than the limit of {:.0f} MB",
+                           static_cast<double>(options.most_bytes) / 1e6),
                "make the voxels larger (option voxel) or the band narrower (band), or raise memory_mb",
                {},
                0};
@@ -110,7 +112,7 @@ Result<SdfGrid> SdfGrid::build(const PointGrid& points, const SphereTree& tree, 
   made.band_ = std::make_unique<Band>();
   SdfTree& band = made.band_->tree;
   const auto too_large = [&] {
-    return static_cast<double>(band.leafCount()) * sizeof(SdfLeaf) > static_cast<double>(options.most_bytes);
+    return static_cast<double>(band.leafCount()) * kLeafBytes > static_cast<double>(options.most_bytes);
   };
   {
     openvdb::tree::ValueAccessor<SdfTree, false> write(band);
@@ -125,16 +127,16 @@ Result<SdfGrid> SdfGrid::build(const PointGrid& points, const SphereTree& tree, 
       write.setValueOn(voxel_of(voxels), 0.0F);
       if (++since < kPointsPerLook) continue;
       since = 0;
-      if (too_large()) return band_too_large(static_cast<double>(band.memUsage()), options);
+      if (too_large()) return band_too_large(options);
     }
   }
   // A sample belongs to the low corner of a voxel: the high ones are a voxel further.
   for (int ring = 0; ring <= options.band; ++ring) {
-    if (too_large()) return band_too_large(static_cast<double>(band.memUsage()), options);
+    if (too_large()) return band_too_large(options);
     openvdb::tools::dilateActiveValues(band, 1, openvdb::tools::NN_FACE_EDGE_VERTEX,
                                        openvdb::tools::EXPAND_TILES);
   }
-  if (too_large()) return band_too_large(static_cast<double>(band.memUsage()), options);
+  if (too_large()) return band_too_large(options);
   std::vector<SdfLeaf*> leaves;
   band.getNodes(leaves);
   const PlaneDistance distance(points, tree, options);

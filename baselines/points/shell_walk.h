@@ -73,14 +73,15 @@ class ShellWalk {
   [[nodiscard]] std::size_t bytes() const noexcept { return near_.bytes(); }
 
  private:
-  /// What the points around a place say. Distances beyond a shell: negative inside, infinite without points.
+  /// What the points around a place say.
   struct Around {
     Vec3 normal = Vec3::Zero();  ///< away from the points, unit; zero without points within r3
     double height = 0.0;         ///< over the points' weighted mean, along the normal
-    double beyond_r1 = 0.0, beyond_r2 = 0.0, beyond_kept = 0.0;
-    double stride = 0.0;  ///< half of the least r1 around
+    double nearest = 0.0;        ///< distance; infinite without points
+    double scale = 1.0;          ///< of the shells here
   };
   [[nodiscard]] Around look(const Vec3& at) const noexcept;
+  [[nodiscard]] double scale_at(const Vec3& at) const noexcept;
   [[nodiscard]] double kept_off() const noexcept { return 0.5 * (shells_.r1 + shells_.r2); }
   [[nodiscard]] Flight fly_to(const Vec3& h) const noexcept;
 
@@ -96,38 +97,48 @@ class ShellWalk {
 
 template <class Grid>
 typename ShellWalk<Grid>::Around ShellWalk<Grid>::look(const Vec3& at) const noexcept {
-  constexpr double kFar = std::numeric_limits<double>::infinity();
   Around found;
-  found.beyond_r1 = found.beyond_r2 = found.beyond_kept = kFar;
-  double weights = 0.0, least = kFar;
+  double weights = 0.0, nearest_sq = std::numeric_limits<double>::infinity();
   Vec3 directions = Vec3::Zero(), away = Vec3::Zero();
-  const std::span<const Vec3> points = near_.all();
-  const std::span<const double> scales = near_.scales();
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const double scale = scales.empty() ? 1.0 : scales[i];
-    const double r3 = shells_.r3 * scale, r3_sq = r3 * r3;
-    const Vec3 d = at - points[i];
+  const double scale = scale_at(at), r3 = shells_.r3 * scale, r3_sq = r3 * r3;
+  for (const Vec3& point : near_.all()) {
+    const Vec3 d = at - point;
     const double sq = d.squaredNorm();
     if (sq > r3_sq) continue;
-    const double distance = std::sqrt(sq);
-    least = std::min(least, scale);
-    found.beyond_r1 = std::min(found.beyond_r1, distance - shells_.r1 * scale);
-    found.beyond_r2 = std::min(found.beyond_r2, distance - shells_.r2 * scale);
-    found.beyond_kept = std::min(found.beyond_kept, distance - kept_off() * scale);
+    nearest_sq = std::min(nearest_sq, sq);
     if (!(sq > 0.0)) continue;
     const double fall = 1.0 - sq / r3_sq;
     const double weight = shells_.tapered ? fall * fall : 1.0;
-    directions += d * (weight / distance);
+    directions += d * (weight / std::sqrt(sq));
     away += weight * d;
     weights += weight;
   }
-  found.stride = scales.empty() || !std::isfinite(least) ? stride_ : kShellStep * shells_.r1 * least;
+  found.nearest = std::sqrt(nearest_sq);
+  found.scale = scale;
   const double size = directions.norm();
   if (size > 0.0) {
     found.normal = directions / size;
     found.height = found.normal.dot(away) / weights;
   }
   return found;
+}
+
+/// The mean of the scales around, each point with the weight that it has in the normal where all scales
+/// are 1.
+template <class Grid>
+double ShellWalk<Grid>::scale_at(const Vec3& at) const noexcept {
+  const std::span<const Vec3> points = near_.all();
+  const std::span<const double> scales = near_.scales();
+  if (scales.empty()) return 1.0;
+  double weights = 0.0, sum = 0.0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const double r3 = shells_.r3 * scales[i], fall = 1.0 - (at - points[i]).squaredNorm() / (r3 * r3);
+    if (!(fall > 0.0)) continue;
+    const double weight = fall * fall;
+    weights += weight;
+    sum += weight * scales[i];
+  }
+  return weights > 0.0 ? sum / weights : most_;
 }
 
 template <class Grid>
@@ -147,14 +158,15 @@ bool ShellWalk<Grid>::walk(const Vec3& h, render::FrameCounters& counters) noexc
     around_ = look(at_);
     const Vec3 pull = h - at_;
     const double inwards = around_.normal.dot(pull);
-    if (around_.beyond_r1 < 0.0) {
+    const double scale = around_.scale, stride = kShellStep * shells_.r1 * scale;
+    if (around_.nearest < shells_.r1 * scale) {
       // Entrenched: out along the normal. A normal of nothing (amid points) has no way out.
       touching_ = true;
       if (around_.normal == Vec3::Zero()) return true;
-      at_ += around_.normal * std::min(-around_.beyond_kept, around_.stride);
+      at_ += around_.normal * std::min(kept_off() * scale - around_.nearest, stride);
       continue;
     }
-    if (around_.beyond_r2 > 0.0 || inwards >= 0.0) {
+    if (around_.nearest > shells_.r2 * scale || inwards >= 0.0) {
       // Free, or leaving. Where nothing is in the way the HIP is reached.
       const Flight flight = fly_to(h);
       const bool moved = flight.at != at_;
@@ -168,7 +180,7 @@ bool ShellWalk<Grid>::walk(const Vec3& h, render::FrameCounters& counters) noexc
     Vec3 along = pull - around_.normal * inwards;
     const double size = along.norm();
     if (!(size > kShellRest * pull.norm())) return true;
-    if (size > around_.stride) along *= around_.stride / size;
+    if (size > stride) along *= stride / size;
     at_ += along;
   }
   return false;
