@@ -3,8 +3,10 @@
 #include "baselines/points/mls_penalty.h"
 #include "baselines/points/mls_proxy.h"
 #include "baselines/points/penalty_grid.h"
+#include "baselines/points/sdf_godobject.h"
 #include "baselines/points/sphere_proxy.h"
 #include "baselines/points/stream_proxy.h"
+#include "baselines/points/variable_proxy.h"
 #include "baselines/points/vector_field.h"
 #include "baselines/points/vgraph.h"
 #include "baselines/renderers/mesh_godobject.h"
@@ -22,6 +24,8 @@ void register_baseline_renderers(render::Registry& registry) {
   registry.add(mls_proxy_info());
   registry.add(vgraph_info());
   registry.add(vector_field_info());
+  registry.add(sdf_godobject_info());
+  registry.add(variable_proxy_info());
 }
 
 }  // namespace palpate::baselines

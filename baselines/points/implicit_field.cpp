@@ -44,20 +44,28 @@ double mean_nearest(std::span<const surface::SurfacePoint> points, const neighbo
   return count > 0.0 ? sum / count : 0.0;
 }
 
+double farthest(std::span<const surface::SurfacePoint> points, const neighbourhood::Neighbours& around,
+                std::size_t self) {
+  double most_sq = 0.0;
+  for (const std::uint32_t other : around)
+    most_sq = std::max(most_sq, (points[other].at() - points[self].at()).squaredNorm());
+  return std::sqrt(most_sq);
+}
+
 }  // namespace
 
 void ImplicitField::build(PointGrid points, std::span<const neighbourhood::Neighbours> neighbours,
-                          ImplicitSurface surface, ImplicitWeight weight, double level, int threads) {
+                          const ImplicitOptions& options, int threads) {
   points_ = std::move(points);
-  surface_ = surface;
-  weight_ = weight;
-  level_ = level;
+  options_ = options;
   const std::size_t n = points_.points.size();
   radius_.resize(n);
   std::vector<double> sum((n + kPointsPerChunk - 1) / kPointsPerChunk, 0.0), most(sum.size(), 0.0);
   parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       double radius = kRadiusSpacings * mean_nearest(points_.points, neighbours[i], i);
+      if (options_.across)
+        radius = std::max(radius, kAcrossShare * farthest(points_.points, neighbours[i], i));
       if (!(radius > 0.0)) radius = points_.cell_mm() / kActiveRadii;  // a point alone
       radius_[i] = static_cast<float>(radius);
       sum[begin / kPointsPerChunk] += radius;
@@ -82,9 +90,9 @@ ImplicitValue ImplicitField::at(const Vec3& place, const OutwardSide& side) cons
     const surface::SurfacePoint& point = points_.points[i];
     const Vec3 d = point.at() - place;
     const double distance = std::sqrt(sq);
-    const Weight w = weight_at(weight_, distance / radius);
+    const Weight w = weight_at(options_.weight, distance / radius);
     weights += w.value;
-    if (surface_ == ImplicitSurface::kMetaball) {
+    if (options_.surface == ImplicitSurface::kMetaball) {
       if (distance > 0.0) slope += d * (w.slope / (radius * distance));
       return;
     }
@@ -93,8 +101,8 @@ ImplicitValue ImplicitField::at(const Vec3& place, const OutwardSide& side) cons
   });
   ImplicitValue found;
   if (!(weights > 0.0)) return found;
-  if (surface_ == ImplicitSurface::kMetaball) {
-    found.f = level_ - weights;
+  if (options_.surface == ImplicitSurface::kMetaball) {
+    found.f = options_.level - weights;
     found.gradient = slope;
   } else {
     const Vec3 normal = normals / weights;

@@ -18,9 +18,19 @@ enum class ImplicitWeight : std::uint8_t {
   kWendland,  ///< (1 - q)^4 (4 q + 1)
 };
 
+struct ImplicitOptions {
+  ImplicitSurface surface = ImplicitSurface::kSurfel;
+  ImplicitWeight weight = ImplicitWeight::kWyvill;
+  double level = 0.5;   ///< of metaballs: the sum of weights on the surface
+  bool across = false;  ///< points stand in lines: their radii also reach the farthest of their neighbours
+};
+
 /// A point's radius, in mean distances to its three nearest.
 inline constexpr double kRadiusSpacings = 3.0;
 inline constexpr std::size_t kRadiusNeighbours = 3;
+/// Of points in lines, in distances to the farthest of their neighbours: two radii of lines side by side then
+/// overlap by half.
+inline constexpr double kAcrossShare = 1.5;
 /// The radius within which points are looked for, in mean radii of points.
 inline constexpr double kActiveRadii = 3.0;
 
@@ -34,9 +44,9 @@ struct ImplicitValue {
 /// Immutable after building; safe to read from many threads. Local coordinates, mm.
 class ImplicitField {
  public:
-  /// `neighbours` is parallel to the points. `level`: of metaballs, the sum of weights on the surface. O(n).
-  void build(PointGrid points, std::span<const neighbourhood::Neighbours> neighbours, ImplicitSurface surface,
-             ImplicitWeight weight, double level, int threads);
+  /// `neighbours` is parallel to the points. O(n).
+  void build(PointGrid points, std::span<const neighbourhood::Neighbours> neighbours,
+             const ImplicitOptions& options, int threads);
 
   /// Allocates nothing. O(points within the active radius).
   [[nodiscard]] ImplicitValue at(const Vec3& place, const OutwardSide& side) const noexcept;
@@ -54,9 +64,7 @@ class ImplicitField {
   PointGrid points_;
   LargeVector<float> radius_;  ///< by place
   double active_ = 0.0, reach_ = 0.0, largest_ = 0.0;
-  ImplicitSurface surface_ = ImplicitSurface::kSurfel;
-  ImplicitWeight weight_ = ImplicitWeight::kWyvill;
-  double level_ = 0.5;
+  ImplicitOptions options_;
 };
 
 }  // namespace palpate::baselines

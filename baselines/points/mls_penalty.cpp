@@ -7,6 +7,7 @@
 #include <cmath>
 #include <utility>
 
+#include "baselines/points/gaps.h"
 #include "baselines/points/outward.h"
 #include "baselines/points/rival.h"
 #include "baselines/points/sphere_tree.h"
@@ -24,6 +25,8 @@ constexpr double kRoom = 1.0;
 /// Points that are fetched at once, at most: some 120 are usual; where there are more, each sum looks them
 /// up.
 constexpr std::size_t kMaxFetched = 1024;
+/// A kernel is at least so many gaps wide.
+constexpr double kKernelGap = 2.0 / 3.0;
 /// The projection has converged when it moves by less than this share of the kernel's width.
 constexpr double kConvergedShare = 1e-3;
 
@@ -66,6 +69,7 @@ class MlsPenalty : public RivalModel {
   double width_mm_ = 0.0, reach_mm_ = 0.0;
   int iterations_ = 1;
   bool covariance_ = false;
+  std::string neighbours_;  ///< for preparation
   OutwardSide side_;
   std::uint32_t last_ = kNoPlace;  ///< nearest in the last frame: this frame's is no further
   std::array<Fetched, kMaxFetched> fetched_;
@@ -107,7 +111,9 @@ std::vector<OptionSpec> MlsPenalty::specs() {
 Status MlsPenalty::decide(MlsPenalty& model, const render::ModelInput& input, const Options& options,
                           const render::PrepareContext& context, render::PrepareReport& report,
                           render::ModelDecisions& out) {
-  const double spacing = measured_spacing_mm(*input.cloud, context, report);
+  const Gaps gaps = measured_gaps(*input.cloud, context, report);
+  // At two thirds of a gap a kernel still sees the points around its middle with a tenth of their weight.
+  const double spacing = std::max(gaps.spacing_mm, kKernelGap * gaps.closing_mm());
   const auto length = [&](const char* in_mm, const char* in_spacings) {
     return options.number(in_mm) > 0.0 ? options.number(in_mm) : options.number(in_spacings) * spacing;
   };
@@ -115,8 +121,9 @@ Status MlsPenalty::decide(MlsPenalty& model, const render::ModelInput& input, co
   model.reach_mm_ = length("reach_mm", "reach");
   model.iterations_ = static_cast<int>(options.integer("iterations"));
   model.covariance_ = options.text("normals") == "covariance";
-  say_spacing(spacing, out);
-  say_normals(*input.cloud, out);
+  model.neighbours_ = gaps.neighbours();
+  say_gaps(gaps, out);
+  say_normals(*input.cloud, model.neighbours_, out);
   out.decisions.push_back(
       {"kernel", fmt::format("{:.4g} mm wide", model.width_mm_),
        fmt::format("at most {} projections by {}", model.iterations_,
@@ -131,7 +138,8 @@ Status MlsPenalty::decide(MlsPenalty& model, const render::ModelInput& input, co
 Status MlsPenalty::prepare(MlsPenalty& model, const render::ModelInput& input, const Options& /*options*/,
                            const render::PrepareContext& context, render::PrepareReport& report) {
   render::PreparePhases phases(report, context);
-  Result<OrientedGrid> built = build_oriented_grid(input, kCutoff * model.width_mm_, false, context, report);
+  Result<OrientedGrid> built =
+      build_oriented_grid(input, kCutoff * model.width_mm_, model.neighbours_, false, context, report);
   if (!built) return std::move(built).error();
   model.points_ = std::move(built->points.points);
   phases.begin("sphere tree");

@@ -6,6 +6,7 @@
 #include <optional>
 #include <utility>
 
+#include "baselines/points/gaps.h"
 #include "baselines/points/implicit_field.h"
 #include "baselines/points/rival.h"
 #include "toolkit/render/prepare_phases.h"
@@ -53,6 +54,8 @@ class MlsProxy : public RivalModel {
   double converged_ = 0.0;
   int ticks_ = 1;
   double spacing_mm_ = 0.0;  ///< this and what follows: for preparation
+  std::string neighbours_;
+  bool across_ = false;
   ImplicitSurface surface_ = ImplicitSurface::kSurfel;
   ImplicitWeight weight_ = ImplicitWeight::kWyvill;
   OutwardSide side_;
@@ -85,20 +88,25 @@ std::vector<OptionSpec> MlsProxy::specs() {
 Status MlsProxy::decide(MlsProxy& model, const render::ModelInput& input, const Options& options,
                         const render::PrepareContext& context, render::PrepareReport& report,
                         render::ModelDecisions& out) {
-  model.spacing_mm_ = measured_spacing_mm(*input.cloud, context, report);
+  const Gaps gaps = measured_gaps(*input.cloud, context, report);
+  model.spacing_mm_ = gaps.spacing_mm;
+  model.neighbours_ = gaps.neighbours();
+  model.across_ = gaps.lines;
   model.surface_ =
       options.text("surface") == "metaball" ? ImplicitSurface::kMetaball : ImplicitSurface::kSurfel;
   model.weight_ = options.text("weight") == "wyvill" ? ImplicitWeight::kWyvill : ImplicitWeight::kWendland;
   model.ticks_ = static_cast<int>(options.integer("ticks"));
-  say_spacing(model.spacing_mm_, out);
-  say_normals(*input.cloud, out);
+  say_gaps(gaps, out);
+  say_normals(*input.cloud, model.neighbours_, out);
   out.decisions.push_back(
       model.surface_ == ImplicitSurface::kMetaball
           ? render::Decision{"surface", "metaball", "as given: a skin around the points", true}
           : render::Decision{"surface", "surfel", "moving least squares over oriented points"});
   out.decisions.push_back(
       {"radii", fmt::format("{:.3g} mean distances to the {} nearest", kRadiusSpacings, kRadiusNeighbours),
-       "each point has its own; points are looked for within three mean radii"});
+       model.across_
+           ? "and at least to the next scan line, 1.5 times; points are looked for within three mean radii"
+           : "each point has its own; points are looked for within three mean radii"});
   out.decisions.push_back({"ticks", fmt::format("{} a frame", model.ticks_), "of the proxy"});
   say_grid(*input.cloud, model.spacing_mm_, kRadiusSpacings * model.spacing_mm_, out);
   out.bytes += out.points * sizeof(float);
@@ -108,12 +116,13 @@ Status MlsProxy::decide(MlsProxy& model, const render::ModelInput& input, const 
 Status MlsProxy::prepare(MlsProxy& model, const render::ModelInput& input, const Options& options,
                          const render::PrepareContext& context, render::PrepareReport& report) {
   render::PreparePhases phases(report, context);
-  Result<OrientedGrid> built =
-      build_oriented_grid(input, kRadiusSpacings * model.spacing_mm_, true, context, report);
+  Result<OrientedGrid> built = build_oriented_grid(input, kRadiusSpacings * model.spacing_mm_,
+                                                   model.neighbours_, true, context, report);
   if (!built) return std::move(built).error();
   phases.begin("radii");
-  model.field_.build(std::move(built->points), built->neighbours, model.surface_, model.weight_,
-                     options.number("level"), context.threads);
+  model.field_.build(std::move(built->points), built->neighbours,
+                     {model.surface_, model.weight_, options.number("level"), model.across_},
+                     context.threads);
   phases.end();
   model.converged_ =
       kConverged * (model.surface_ == ImplicitSurface::kMetaball ? 1.0 : model.field_.active_mm());

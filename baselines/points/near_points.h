@@ -22,8 +22,16 @@ inline constexpr int kMaxPieces = 64;
 template <class Grid>
 class NearPoints {
  public:
-  NearPoints(const PointsIn<Grid>& points, double reach_mm, double stride_mm)
-      : points_(&points), reach_(reach_mm), stride_(stride_mm), at_hand_(kMaxNear) {}
+  /// Where points have scales (parallel to them, at most `most`), each is in reach by its own share.
+  NearPoints(const PointsIn<Grid>& points, double reach_mm, double stride_mm,
+             std::span<const float> scale = {}, double most = 1.0)
+      : points_(&points),
+        scale_(scale),
+        reach_(reach_mm),
+        most_(most),
+        stride_(stride_mm),
+        at_hand_(kMaxNear),
+        scale_at_hand_(scale.empty() ? 0 : kMaxNear) {}
 
   void forget() noexcept { fetched_ = false; }
   /// Makes all() hold at least every point within reach of any place within a stride of `at`: nothing is done
@@ -32,7 +40,12 @@ class NearPoints {
     if (fetched_ && (at - fetched_at_).squaredNorm() <= stride_ * stride_) return true;
     count_ = 0;
     bool room = true;
-    points_->within(at, reach_ + 2.0 * stride_, [&](std::uint32_t place, double) {
+    points_->within(at, reach_ * most_ + 2.0 * stride_, [&](std::uint32_t place, double sq) {
+      if (!scale_.empty()) {
+        const double scale = static_cast<double>(scale_[place]), own = reach_ * scale + 2.0 * stride_;
+        if (sq > own * own) return;
+        if (count_ < kMaxNear) scale_at_hand_[count_] = scale;
+      }
       if (count_ == kMaxNear)
         room = false;
       else
@@ -43,12 +56,21 @@ class NearPoints {
     return room;
   }
   [[nodiscard]] std::span<const Vec3> all() const noexcept { return {at_hand_.data(), count_}; }
-  static constexpr std::size_t bytes() noexcept { return kMaxNear * sizeof(Vec3); }
+  /// Parallel to all(); empty where points have none.
+  [[nodiscard]] std::span<const double> scales() const noexcept {
+    return {scale_at_hand_.data(), scale_.empty() ? 0 : count_};
+  }
+  static constexpr std::size_t bytes_for(bool scaled) noexcept {
+    return kMaxNear * (sizeof(Vec3) + (scaled ? sizeof(double) : 0));
+  }
+  [[nodiscard]] std::size_t bytes() const noexcept { return bytes_for(!scale_.empty()); }
 
  private:
   const PointsIn<Grid>* points_;
-  double reach_, stride_;
+  std::span<const float> scale_;
+  double reach_, most_, stride_;
   std::vector<Vec3> at_hand_;  ///< kMaxNear places
+  std::vector<double> scale_at_hand_;
   std::size_t count_ = 0;
   bool fetched_ = false;
   Vec3 fetched_at_ = Vec3::Zero();
@@ -62,39 +84,46 @@ struct Flight {
       true;  ///< false: the way was too long to be searched in one frame, `at` is as far as it was
 };
 
-/// The share of the way a -> b that is free of balls of `radius` around points, and the ball's centre; 1
-/// where all is. A ball that the way leads into by less than `graze` (a cosine) where it starts is passed.
-template <class Grid>
-[[nodiscard]] double free_share(const PointsIn<Grid>& points, double radius, double graze, const Vec3& a,
-                                const Vec3& b, Vec3& centre) noexcept {
+/// The ball in the way of a flight.
+struct InTheWay {
+  double share = 1.0;  ///< of the way, that is free; 1 where all is
+  Vec3 centre = Vec3::Zero();
+  double radius = 0.0;
+};
+
+/// What of the way a -> b is free of balls of radius_of(place), at most `largest`, around points. A ball that
+/// the way leads into by less than `graze` (a cosine) where it starts is passed.
+template <class Grid, class RadiusOf>
+[[nodiscard]] InTheWay first_in_the_way(const PointsIn<Grid>& points, const RadiusOf& radius_of,
+                                        double largest, double graze, const Vec3& a, const Vec3& b) noexcept {
   const Vec3 d = b - a;
-  const double length_sq = d.squaredNorm(), radius_sq = radius * radius;
-  double first = 1.0;
-  if (!(length_sq > 0.0)) return first;
-  const double least = graze * radius * std::sqrt(length_sq);
-  partition::visit_ranges(points.grid, a, b, Vec3::Constant(radius), [&](partition::PlaceRange range) {
+  const double length_sq = d.squaredNorm();
+  InTheWay found;
+  if (!(length_sq > 0.0)) return found;
+  const double length = std::sqrt(length_sq);
+  partition::visit_ranges(points.grid, a, b, Vec3::Constant(largest), [&](partition::PlaceRange range) {
     for (std::uint32_t place = range.begin; place < range.end; ++place) {
       const Vec3 to = points.points[place].at() - a;
       const double along = to.dot(d);
+      const double radius = radius_of(place);
       // Behind, or touched and left or grazed.
-      if (!(along > least)) continue;
-      const double root_sq = along * along - length_sq * (to.squaredNorm() - radius_sq);
+      if (!(along > graze * radius * length)) continue;
+      const double root_sq = along * along - length_sq * (to.squaredNorm() - radius * radius);
       if (!(root_sq > 0.0)) continue;
       const double t = std::max(0.0, (along - std::sqrt(root_sq)) / length_sq);
-      if (t >= first) continue;
-      first = t;
-      centre = a + to;
+      if (t >= found.share) continue;
+      found = {t, a + to, radius};
     }
     return true;
   });
-  return first;
+  return found;
 }
 
-/// Straight from `from` to `goal`, up to the first ball of `radius` around a point. Nothing is passed
-/// through, however long the way.
-template <class Grid>
-[[nodiscard]] Flight fly(const PointsIn<Grid>& points, double radius, double graze, const Vec3& from,
-                         const Vec3& goal) noexcept {
+/// Straight from `from` to `goal`, up to the first ball of radius_of(place), at most `largest`, around a
+/// point. Nothing is passed through, however long the way.
+template <class Grid, class RadiusOf>
+[[nodiscard]] Flight fly(const PointsIn<Grid>& points, const RadiusOf& radius_of, double largest,
+                         double graze, const Vec3& from, const Vec3& goal) noexcept {
   const Vec3 way = goal - from;
   const double length = safe_length(way);
   const double piece = kPieceCells * points.cell_mm();
@@ -105,18 +134,25 @@ template <class Grid>
   Flight flight{from, false, whole};
   for (int i = 1; i <= count; ++i) {
     const Vec3 end = whole && i == count ? goal : Vec3(from + way * (share * i));
-    Vec3 centre = Vec3::Zero();
-    const double t = free_share(points, radius, graze, flight.at, end, centre);
-    if (t < 1.0) {
-      flight.at += (end - flight.at) * t;
-      const Vec3 out = flight.at - centre;
+    const InTheWay ball = first_in_the_way(points, radius_of, largest, graze, flight.at, end);
+    if (ball.share < 1.0) {
+      flight.at += (end - flight.at) * ball.share;
+      const Vec3 out = flight.at - ball.centre;
       const double size = out.norm();
-      if (size > 0.0) flight.at = centre + out * (radius / size);
+      if (size > 0.0) flight.at = ball.centre + out * (ball.radius / size);
       return {flight.at, true, true};
     }
     flight.at = end;
   }
   return flight;
+}
+
+/// The same among balls of one radius.
+template <class Grid>
+[[nodiscard]] Flight fly(const PointsIn<Grid>& points, double radius, double graze, const Vec3& from,
+                         const Vec3& goal) noexcept {
+  return fly(
+      points, [radius](std::uint32_t) { return radius; }, radius, graze, from, goal);
 }
 
 }  // namespace palpate::baselines

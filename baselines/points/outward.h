@@ -2,10 +2,24 @@
 // HIP came from.
 #pragma once
 
+#include <span>
+
 #include "toolkit/core/vec.h"
 #include "toolkit/surface/planes.h"
 
 namespace palpate::baselines {
+
+/// +1 or -1, what the normals of open pieces are multiplied by: the side where most of them look, along the
+/// axis on which they agree best, is outside; nothing else tells. For rivals that know no path. O(n).
+[[nodiscard]] inline double open_sign(std::span<const surface::SurfacePoint> points) noexcept {
+  Vec3 sum = Vec3::Zero();
+  for (const surface::SurfacePoint& point : points)
+    if (point.normal != surface::kNoNormal && !surface::is_one_sided(point.normal))
+      sum += surface::decode_normal(point.normal);
+  Eigen::Index axis = 0;
+  sum.cwiseAbs().maxCoeff(&axis);
+  return sum[axis] < 0.0 ? -1.0 : 1.0;
+}
 
 /// Belongs to one thread. Closed surfaces are touched from outside. On open pieces the stored normals agree
 /// with each other but not with a side: the side is chosen where the HIP comes near and kept until it is free

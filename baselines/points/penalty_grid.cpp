@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "baselines/points/gaps.h"
 #include "baselines/points/outward.h"
 #include "baselines/points/point_grid.h"
 #include "baselines/points/rival.h"
@@ -45,6 +46,7 @@ class PenaltyGrid : public RivalModel {
   double spacing_mm_ = 0.0, voxel_mm_ = 0.0, threshold_mm_ = 0.0;
   std::uint32_t voxels_ = kOwnVoxel;
   bool outward_ = false;
+  std::string neighbours_;  ///< for preparation
   OutwardSide side_;
 };
 
@@ -85,7 +87,9 @@ std::vector<OptionSpec> PenaltyGrid::specs() {
 Status PenaltyGrid::decide(PenaltyGrid& model, const render::ModelInput& input, const Options& options,
                            const render::PrepareContext& context, render::PrepareReport& report,
                            render::ModelDecisions& out) {
-  model.spacing_mm_ = measured_spacing_mm(*input.cloud, context, report);
+  const Gaps gaps = measured_gaps(*input.cloud, context, report);
+  model.spacing_mm_ = gaps.spacing_mm;
+  model.neighbours_ = gaps.neighbours();
   const auto length = [&](const char* in_mm, const char* in_spacings) {
     return options.number(in_mm) > 0.0 ? options.number(in_mm)
                                        : options.number(in_spacings) * model.spacing_mm_;
@@ -94,14 +98,14 @@ Status PenaltyGrid::decide(PenaltyGrid& model, const render::ModelInput& input, 
   model.threshold_mm_ = length("threshold_mm", "threshold");
   model.voxels_ = options.text("neighbours") == "27" ? kAllVoxels : kOwnVoxel;
   model.outward_ = options.text("side") == "outward";
-  say_spacing(model.spacing_mm_, out);
+  say_gaps(gaps, out);
   say_grid(*input.cloud, model.spacing_mm_, model.voxel_mm_, out);
   out.decisions.push_back({"search", fmt::format("{} voxel{}", model.voxels_, model.voxels_ > 1 ? "s" : ""),
                            model.voxels_ > 1 ? "as given" : "the HIP's own, as printed", model.voxels_ > 1});
   out.decisions.push_back({"contact", fmt::format("nearer than {:.4g} mm", model.threshold_mm_),
                            model.outward_ ? "below the nearest point's plane" : "to the nearest point"});
   if (model.outward_)
-    say_normals(*input.cloud, out);
+    say_normals(*input.cloud, model.neighbours_, out);
   else
     out.decisions.push_back({"normals", "none", "no inside test, as printed"});
   return Done{};
@@ -111,7 +115,8 @@ Status PenaltyGrid::prepare(PenaltyGrid& model, const render::ModelInput& input,
                             const render::PrepareContext& context, render::PrepareReport& report) {
   render::PreparePhases phases(report, context);
   if (model.outward_) {
-    Result<OrientedGrid> built = build_oriented_grid(input, model.voxel_mm_, false, context, report);
+    Result<OrientedGrid> built =
+        build_oriented_grid(input, model.voxel_mm_, model.neighbours_, false, context, report);
     if (!built) return std::move(built).error();
     model.points_ = std::move(built->points);
   } else {

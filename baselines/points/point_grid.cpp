@@ -38,15 +38,6 @@ PointGrid build_point_grid(const cloud::Cloud& cloud, double cell_mm, int thread
   return made;
 }
 
-double measured_spacing_mm(const cloud::Cloud& cloud, const render::PrepareContext& context,
-                           render::PrepareReport& report) {
-  render::PreparePhases phases(report, context);
-  phases.begin("spacing");
-  const double spacing = natural_spacing_mm(cloud, context.threads);
-  phases.end();
-  return spacing;
-}
-
 void say_spacing(double spacing_mm, render::ModelDecisions& out) {
   out.spacing_mm = spacing_mm;
   out.decisions.push_back({"spacing", fmt::format("{:.4g} mm", spacing_mm),
@@ -64,15 +55,19 @@ void say_grid(const cloud::Cloud& cloud, double spacing_mm, double cell_mm, rend
                                  static_cast<double>(cloud.size()));
 }
 
-void say_normals(const cloud::Cloud& cloud, render::ModelDecisions& out) {
+void say_normals(const cloud::Cloud& cloud, const std::string& neighbours, render::ModelDecisions& out) {
+  render::PointModelOptions options;
+  options.neighbours = neighbours;
   out.decisions.push_back({"normals", "planes of eight neighbours",
-                           "found as cloud finds them, by " + render::neighbours_for(cloud, {})});
+                           "found as cloud finds them, by " + render::neighbours_for(cloud, options)});
 }
 
 Result<OrientedGrid> build_oriented_grid(const render::ModelInput& input, double cell_mm,
-                                         bool keep_neighbours, const render::PrepareContext& context,
+                                         const std::string& neighbours, bool keep_neighbours,
+                                         const render::PrepareContext& context,
                                          render::PrepareReport& report) {
   render::PointModelOptions options;
+  options.neighbours = neighbours;
   options.resolution_mm = cell_mm;
   options.cell_per_resolution = 1.0;
   // The rival reports what it keeps itself.

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <limits>
+#include <string>
 
 #include "toolkit/cloud/cloud.h"
 #include "toolkit/core/large_pages.h"
@@ -61,16 +62,14 @@ template <class Grid>
 }
 [[nodiscard]] PointGrid build_point_grid(const cloud::Cloud& cloud, double cell_mm, int threads);
 
-/// The same, timed as a phase.
-[[nodiscard]] double measured_spacing_mm(const cloud::Cloud& cloud, const render::PrepareContext& context,
-                                         render::PrepareReport& report);
 /// Says the mean spacing, in which a rival's lengths are given.
 void say_spacing(double spacing_mm, render::ModelDecisions& out);
 /// Says a grid, and expects the bytes of build_point_grid(): two to four slots an occupied cell. `spacing_mm`
 /// 0: not measured.
 void say_grid(const cloud::Cloud& cloud, double spacing_mm, double cell_mm, render::ModelDecisions& out);
 /// Says how build_oriented_grid() finds neighbours and normals.
-void say_normals(const cloud::Cloud& cloud, render::ModelDecisions& out);
+/// `neighbours`: one of neighbourhood::builders(), or "auto".
+void say_normals(const cloud::Cloud& cloud, const std::string& neighbours, render::ModelDecisions& out);
 
 /// Points with the normals of their local planes, on a side that the surface agrees on; found as the point
 /// renderers find them, phases and notes included. `closed` is set where some points enclose a volume.
@@ -80,7 +79,7 @@ struct OrientedGrid {
   LargeVector<neighbourhood::Neighbours> neighbours;  ///< by place; empty unless asked for
 };
 [[nodiscard]] Result<OrientedGrid> build_oriented_grid(const render::ModelInput& input, double cell_mm,
-                                                       bool keep_neighbours,
+                                                       const std::string& neighbours, bool keep_neighbours,
                                                        const render::PrepareContext& context,
                                                        render::PrepareReport& report);
 

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "baselines/points/ball_walk.h"
+#include "baselines/points/gaps.h"
 #include "baselines/points/rival.h"
 #include "toolkit/render/prepare_phases.h"
 
@@ -68,10 +69,14 @@ Status SphereProxy::decide(SphereProxy& model, const render::ModelInput& input, 
                            const render::PrepareContext& context, render::PrepareReport& report,
                            render::ModelDecisions& out) {
   const double given_mm = options.number("radius_mm");
-  const double spacing = given_mm > 0.0 ? 0.0 : measured_spacing_mm(*input.cloud, context, report);
+  double spacing = 0.0;
+  if (!(given_mm > 0.0)) {
+    const Gaps gaps = measured_gaps(*input.cloud, context, report);
+    say_gaps(gaps, out);
+    spacing = gaps.closing_mm();
+  }
   model.radius_mm_ = given_mm > 0.0 ? given_mm : options.number("radius") * spacing;
   model.felt_offset_ = options.text("offset") == "kept";
-  if (spacing > 0.0) say_spacing(spacing, out);
   out.decisions.push_back(
       {"proxy", fmt::format("ball of {:.4g} mm", model.radius_mm_),
        given_mm > 0.0 ? "as given" : fmt::format("{:.3g} spacings", options.number("radius")),
@@ -80,7 +85,7 @@ Status SphereProxy::decide(SphereProxy& model, const render::ModelInput& input, 
                               ? render::Decision{"offset", "kept", "as given: the tool is a ball", true}
                               : render::Decision{"offset", "removed", "the HIP is a point"});
   say_grid(*input.cloud, spacing, kCellRadii * model.radius_mm_, out);
-  out.bytes += NearPoints<partition::UniformGrid>::bytes();
+  out.bytes += NearPoints<partition::UniformGrid>::bytes_for(false);
   return Done{};
 }
 
@@ -91,7 +96,7 @@ Status SphereProxy::prepare(SphereProxy& model, const render::ModelInput& input,
   model.points_ = build_point_grid(*input.cloud, kCellRadii * model.radius_mm_, context.threads);
   model.walk_ = std::make_unique<BallWalk>(model.points_, model.radius_mm_);
   phases.end();
-  report.bytes += model.points_.bytes() + NearPoints<partition::UniformGrid>::bytes();
+  report.bytes += model.points_.bytes() + NearPoints<partition::UniformGrid>::bytes_for(false);
   report.notes.push_back(fmt::format("radius {:.4g} mm, cell {:.4g} mm, at most {} points a cell",
                                      model.radius_mm_, model.points_.grid.cell_mm(),
                                      model.points_.grid.max_points_per_cell()));

@@ -7,23 +7,14 @@
 #include <utility>
 #include <vector>
 
-#include "baselines/points/near_points.h"
+#include "baselines/points/gaps.h"
 #include "baselines/points/rival.h"
+#include "baselines/points/shell_walk.h"
 #include "toolkit/partition/dynamic_grid.h"
 #include "toolkit/render/prepare_phases.h"
 
 namespace palpate::baselines {
 namespace {
-
-/// Steps of the proxy in a frame, at most; the rest is done in the next frame. In contact a frame takes 1 to
-/// 4.
-constexpr int kMaxSteps = 32;
-/// A step along the surface is at most this share of r1: what is at least r1 away stays on its side.
-constexpr double kStepShare = 0.5;
-/// At rest where the pull along the surface is below this share of the pull: a twentieth of a degree.
-constexpr double kRestShare = 1e-3;
-/// Flights into a ball at less than this cosine graze it (ball_walk.cpp derives the size).
-constexpr double kGraze = 5e-6;
 
 /// Of a grid that follows points, bytes a point more: two links and a bit, and its cells' lists.
 constexpr double kFollowBytes = 9.0;
@@ -50,24 +41,12 @@ class StreamProxy : public RivalModel {
 
  private:
   using Grid = partition::DynamicGrid;
-  /// What the points around a place say.
-  struct Around {
-    Vec3 normal = Vec3::Zero();  ///< away from the points, unit; zero without points within r3
-    double height = 0.0;         ///< over the points' weighted mean, along the normal
-    double nearest = 0.0;        ///< distance; infinite without points
-  };
-  [[nodiscard]] Around look(const Vec3& at) const noexcept;
-  bool walk(const Vec3& h, render::FrameCounters& counters) noexcept;
   void take_moves() noexcept;
-  [[nodiscard]] double kept_off() const noexcept { return 0.5 * (r1_ + r2_); }
 
   PointsIn<Grid> points_;
-  std::unique_ptr<NearPoints<Grid>> near_;
-  double r1_ = 0.0, r2_ = 0.0, r3_ = 0.0;
-  bool tapered_ = true, felt_offset_ = false;
-  Vec3 at_ = Vec3::Zero();
-  Around around_;
-  bool touching_ = false;
+  std::unique_ptr<ShellWalk<Grid>> walk_;
+  Shells shells_;
+  bool felt_offset_ = false;
   // Of clouds that move.
   std::shared_ptr<render::MoveReader> moves_;
   std::shared_ptr<const cloud::Cloud> original_;
@@ -106,35 +85,42 @@ Status StreamProxy::decide(StreamProxy& model, const render::ModelInput& input, 
                            const render::PrepareContext& context, render::PrepareReport& report,
                            render::ModelDecisions& out) {
   double spacing = options.number("spacing_mm");
-  if (!(spacing > 0.0)) spacing = measured_spacing_mm(*input.cloud, context, report);
-  model.r1_ = options.number("r1") * spacing;
-  model.r2_ = options.number("r2") * spacing;
-  model.r3_ = options.number("r3") * spacing;
-  if (!(model.r1_ < model.r2_ && model.r2_ <= model.r3_))
+  if (spacing > 0.0) {
+    say_spacing(spacing, out);
+  } else {
+    const Gaps gaps = measured_gaps(*input.cloud, context, report);
+    say_gaps(gaps, out);
+    spacing = gaps.closing_mm();
+  }
+  model.shells_.r1 = options.number("r1") * spacing;
+  model.shells_.r2 = options.number("r2") * spacing;
+  model.shells_.r3 = options.number("r3") * spacing;
+  if (!(model.shells_.r1 < model.shells_.r2 && model.shells_.r2 <= model.shells_.r3))
     return Error{fmt::format("stream-proxy needs r1 < r2 <= r3, not {} {} {}", options.text("r1"),
                              options.text("r2"), options.text("r3")),
                  "choose for example r1=1:r2=2:r3=3",
                  {},
                  0};
-  model.tapered_ = options.text("weights") == "tapered";
+  model.shells_.tapered = options.text("weights") == "tapered";
   model.felt_offset_ = options.text("offset") == "kept";
-  say_spacing(spacing, out);
   out.decisions.push_back(
-      {"shells", fmt::format("{:.4g}, {:.4g} and {:.4g} mm", model.r1_, model.r2_, model.r3_),
+      {"shells",
+       fmt::format("{:.4g}, {:.4g} and {:.4g} mm", model.shells_.r1, model.shells_.r2, model.shells_.r3),
        "nearer than the first pushes out, than the second is touched, than the third gives the normal"});
-  out.decisions.push_back(model.tapered_
+  out.decisions.push_back(model.shells_.tapered
                               ? render::Decision{"weights", "tapered", "points fade in and out"}
                               : render::Decision{"weights", "equal", "as given: the source's", true});
   out.decisions.push_back(
       model.felt_offset_ ? render::Decision{"offset", "kept", "as given: the tool has the proxy's size", true}
                          : render::Decision{"offset", "removed", "the HIP is a point"});
-  say_grid(*input.cloud, spacing, model.r3_, out);
+  say_grid(*input.cloud, spacing, model.shells_.r3, out);
   // The grid follows points that move; only where some do, their places are kept.
   out.decisions.push_back(input.moves != nullptr
                               ? render::Decision{"points that move", "followed", "the scene moves them", true}
                               : render::Decision{"points that move", "none", "the scene moves none"});
   out.bytes += static_cast<std::uint64_t>(kFollowBytes * static_cast<double>(out.points)) +
-               (input.moves != nullptr ? sizeof(std::uint32_t) * out.points : 0) + NearPoints<Grid>::bytes();
+               (input.moves != nullptr ? sizeof(std::uint32_t) * out.points : 0) +
+               NearPoints<Grid>::bytes_for(false);
   return Done{};
 }
 
@@ -143,9 +129,9 @@ Status StreamProxy::prepare(StreamProxy& model, const render::ModelInput& input,
   render::PreparePhases phases(report, context);
   phases.begin("grid");
   partition::PartitionOptions grid;
-  grid.cell_mm = model.r3_;
+  grid.cell_mm = model.shells_.r3;
   model.points_ = build_points_in<Grid>(*input.cloud, grid, context.threads);
-  model.near_ = std::make_unique<NearPoints<Grid>>(model.points_, model.r3_, kStepShare * model.r1_);
+  model.walk_ = std::make_unique<ShellWalk<Grid>>(model.points_, model.shells_);
   if (input.moves != nullptr) {
     model.moves_ = input.moves->subscribe();
     model.original_ = input.cloud;
@@ -155,10 +141,10 @@ Status StreamProxy::prepare(StreamProxy& model, const render::ModelInput& input,
   }
   model.points_.grid.drop_order();
   phases.end();
-  report.bytes +=
-      model.points_.bytes() + NearPoints<Grid>::bytes() + model.place_of_.capacity() * sizeof(std::uint32_t);
+  report.bytes += model.points_.bytes() + NearPoints<Grid>::bytes_for(false) +
+                  model.place_of_.capacity() * sizeof(std::uint32_t);
   report.notes.push_back(fmt::format("r1 {:.4g} mm, r2 {:.4g} mm, r3 {:.4g} mm, at most {} points a cell",
-                                     model.r1_, model.r2_, model.r3_,
+                                     model.shells_.r1, model.shells_.r2, model.shells_.r3,
                                      model.points_.grid.statistics().max_points));
   return Done{};
 }
@@ -168,7 +154,7 @@ std::string StreamProxy::work_bound() const {
       "at most {} steps over at most {} points at hand, found in at most 64 cells each time the proxy is "
       "half "
       "r1 further; flights of at most {} pieces of {:.0f} cells",
-      kMaxSteps, kMaxNear, kMaxPieces, kPieceCells);
+      kMaxShellSteps, kMaxNear, kMaxPieces, kPieceCells);
 }
 
 void StreamProxy::restart(const Vec3& h) noexcept {
@@ -189,10 +175,7 @@ void StreamProxy::restart(const Vec3& h) noexcept {
 }
 
 void StreamProxy::let_go(const Vec3& h) noexcept {
-  at_ = h;
-  near_->forget();
-  around_ = {};
-  touching_ = false;
+  walk_->let_go(h);
   state.release();
 }
 
@@ -212,80 +195,13 @@ void StreamProxy::take_moves() noexcept {
     point = {to.x(), to.y(), to.z(), surface::kNoNormal};
     moved_ = true;
   }
-  near_->forget();
-}
-
-StreamProxy::Around StreamProxy::look(const Vec3& at) const noexcept {
-  const double r3_sq = r3_ * r3_;
-  double nearest_sq = std::numeric_limits<double>::infinity(), weights = 0.0;
-  Vec3 directions = Vec3::Zero(), away = Vec3::Zero();
-  for (const Vec3& point : near_->all()) {
-    const Vec3 d = at - point;
-    const double sq = d.squaredNorm();
-    if (sq > r3_sq) continue;
-    nearest_sq = std::min(nearest_sq, sq);
-    if (!(sq > 0.0)) continue;
-    const double fall = 1.0 - sq / r3_sq;
-    const double weight = tapered_ ? fall * fall : 1.0;
-    directions += d * (weight / std::sqrt(sq));
-    away += weight * d;
-    weights += weight;
-  }
-  Around found;
-  found.nearest = std::sqrt(nearest_sq);
-  const double size = directions.norm();
-  if (size > 0.0) {
-    found.normal = directions / size;
-    found.height = found.normal.dot(away) / weights;
-  }
-  return found;
-}
-
-/// Steps until the proxy is free at the HIP or rests on the points. Returns false where a bound was hit.
-bool StreamProxy::walk(const Vec3& h, render::FrameCounters& counters) noexcept {
-  const double stride = kStepShare * r1_;
-  for (int step = 0; step < kMaxSteps; ++step) {
-    ++counters.walk_steps;
-    if (!near_->fetch(at_)) return false;
-    around_ = look(at_);
-    const Vec3 pull = h - at_;
-    const double inwards = around_.normal.dot(pull);
-    if (around_.nearest < r1_) {
-      // Entrenched: out along the normal. A normal of nothing (amid points) has no way out.
-      touching_ = true;
-      if (around_.normal == Vec3::Zero()) return true;
-      at_ += around_.normal * std::min(kept_off() - around_.nearest, stride);
-      continue;
-    }
-    if (around_.nearest > r2_ || inwards >= 0.0) {
-      // Free, or leaving. Where nothing is in the way the HIP is reached.
-      const Flight flight = fly(points_, kept_off(), kGraze, at_, h);
-      const bool moved = flight.at != at_;
-      at_ = flight.at;
-      touching_ = flight.met;
-      if (!flight.met) return flight.finished;
-      if (moved) continue;
-      if (!near_->fetch(at_)) return false;
-    }
-    touching_ = true;
-    Vec3 along = pull - around_.normal * inwards;
-    const double size = along.norm();
-    if (!(size > kRestShare * pull.norm())) return true;
-    if (size > stride) along *= stride / size;
-    at_ += along;
-  }
-  return false;
+  walk_->forget();
 }
 
 RivalAnswer StreamProxy::update(const Vec3& h, render::FrameCounters& counters) noexcept {
   take_moves();
-  const bool finished = walk(h, counters);
-  RivalAnswer answer;
-  Vec3 pull = at_ - h;
-  if (touching_ && !felt_offset_) pull -= around_.normal * around_.height;
-  if (touching_ && around_.normal.dot(pull) > 0.0) answer = {true, false, pull, Vec3::Zero()};
-  answer.bound_hit = !finished;
-  return answer;
+  const bool finished = walk_->walk(h, counters);
+  return walk_->answer(h, finished, felt_offset_);
 }
 
 }  // namespace

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <utility>
 
+#include "baselines/points/gaps.h"
+#include "baselines/points/outward.h"
 #include "baselines/points/rival.h"
 #include "baselines/points/sphere_tree.h"
 #include "baselines/points/voxel_field.h"
@@ -15,8 +17,8 @@ namespace palpate::baselines {
 namespace {
 
 constexpr double kBytesPerMb = 1e6;
-/// Further sideways from the nearest point than so many spacings, and than from its plane, a place is beyond
-/// the surface's border.
+/// Further sideways from the nearest point than so many spacings (gaps, where those are wider), and than from
+/// its plane, a place is beyond the surface's border.
 constexpr double kBesideSpacings = 2.0;
 
 class VectorFieldModel : public RivalModel {
@@ -40,6 +42,8 @@ class VectorFieldModel : public RivalModel {
  private:
   VoxelField field_;
   double spacing_mm_ = 0.0;  ///< this and what follows: for preparation
+  double beside_mm_ = 0.0;
+  std::string neighbours_;
   VoxelFieldOptions wanted_;
 };
 
@@ -60,23 +64,11 @@ std::vector<OptionSpec> VectorFieldModel::specs() {
   };
 }
 
-/// The side of open pieces that is outside: where most of their normals look, along the axis on which they
-/// agree best; nothing else tells.
-double open_sign(const PointGrid& points) {
-  Vec3 sum = Vec3::Zero();
-  for (const surface::SurfacePoint& point : points.points)
-    if (point.normal != surface::kNoNormal && !surface::is_one_sided(point.normal))
-      sum += surface::decode_normal(point.normal);
-  Eigen::Index axis = 0;
-  sum.cwiseAbs().maxCoeff(&axis);
-  return sum[axis] < 0.0 ? -1.0 : 1.0;
-}
-
 /// The nearest point's plane, seen from a place.
 class PlaneSampler {
  public:
-  PlaneSampler(const PointGrid& points, const SphereTree& tree, double sign, double spacing)
-      : points_(points), tree_(tree), sign_(sign), beside_sq_(std::pow(kBesideSpacings * spacing, 2)) {}
+  PlaneSampler(const PointGrid& points, const SphereTree& tree, double sign, double beside_mm)
+      : points_(points), tree_(tree), sign_(sign), beside_sq_(beside_mm * beside_mm) {}
 
   FieldSample operator()(const Vec3& at, double most, std::uint32_t& hint) const {
     // No further than the point that was nearest to the place before, a rounding added.
@@ -106,14 +98,17 @@ class PlaneSampler {
 Status VectorFieldModel::decide(VectorFieldModel& model, const render::ModelInput& input,
                                 const Options& options, const render::PrepareContext& context,
                                 render::PrepareReport& report, render::ModelDecisions& out) {
-  model.spacing_mm_ = measured_spacing_mm(*input.cloud, context, report);
+  const Gaps gaps = measured_gaps(*input.cloud, context, report);
+  model.spacing_mm_ = gaps.spacing_mm;
+  model.beside_mm_ = kBesideSpacings * gaps.closing_mm();
+  model.neighbours_ = gaps.neighbours();
   VoxelFieldOptions& field = model.wanted_;
   const double given_mm = options.number("voxel_mm");
   field.voxel_mm = given_mm > 0.0 ? given_mm : options.number("voxel") * model.spacing_mm_;
   field.depth_mm = options.number("depth") * field.voxel_mm;
   field.most_bytes = static_cast<std::size_t>(options.number("memory_mb") * kBytesPerMb);
-  say_spacing(model.spacing_mm_, out);
-  say_normals(*input.cloud, out);
+  say_gaps(gaps, out);
+  say_normals(*input.cloud, model.neighbours_, out);
   out.decisions.push_back(
       {"field", fmt::format("voxels of {:.4g} mm", field.voxel_mm),
        fmt::format("{:.4g} mm deep, in bricks of {} voxels a side near the surface; at most "
@@ -126,8 +121,8 @@ Status VectorFieldModel::prepare(VectorFieldModel& model, const render::ModelInp
                                  const Options& options, const render::PrepareContext& context,
                                  render::PrepareReport& report) {
   render::PreparePhases phases(report, context);
-  const double spacing = model.spacing_mm_;
-  Result<OrientedGrid> built = build_oriented_grid(input, 2.0 * spacing, false, context, report);
+  Result<OrientedGrid> built =
+      build_oriented_grid(input, 2.0 * model.spacing_mm_, model.neighbours_, false, context, report);
   if (!built) return std::move(built).error();
   const PointGrid& points = built->points;
   phases.begin("sphere tree");
@@ -135,12 +130,12 @@ Status VectorFieldModel::prepare(VectorFieldModel& model, const render::ModelInp
   tree.build(points.points, context.threads);
   phases.end();
   const VoxelFieldOptions& field = model.wanted_;
-  const double sign = open_sign(points) * (options.flag("flip") ? -1.0 : 1.0);
+  const double sign = open_sign(points.points) * (options.flag("flip") ? -1.0 : 1.0);
   phases.begin("field");
   Result<VoxelField> made =
       VoxelField::build([&](std::size_t i) { return points.points[i].at(); }, points.points.size(),
                         partition::local_box(*input.cloud, context.threads), field,
-                        PlaneSampler(points, tree, sign, spacing), context.threads);
+                        PlaneSampler(points, tree, sign, model.beside_mm_), context.threads);
   if (!made) return std::move(made).error();
   model.field_ = std::move(*made);
   phases.end();

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "baselines/mesh/surface_mesh.h"
+#include "baselines/points/gaps.h"
 #include "baselines/points/rival.h"
 #include "baselines/renderers/facet_walk.h"
 #include "baselines/renderers/mesh_source.h"
@@ -95,10 +96,11 @@ std::vector<OptionSpec> VGraph::specs() {
   specs.push_back(
       {"triangles",
        OptionKind::kChoice,
-       "vertex",
+       "auto",
        "tested by the segment: those that share the nearest vertex, as printed, or also those that "
-       "share one of theirs",
-       {"vertex", "ring"}});
+       "share one of theirs (ours; auto: where points are uneven, since of obtuse triangles the nearest "
+       "vertex is often no corner)",
+       {"auto", "vertex", "ring"}});
   specs.push_back(
       {"graph",
        OptionKind::kChoice,
@@ -109,12 +111,14 @@ std::vector<OptionSpec> VGraph::specs() {
 }
 
 Status VGraph::decide(VGraph& model, const render::ModelInput& input, const Options& options,
-                      const render::PrepareContext& /*context*/, render::PrepareReport& /*report*/,
+                      const render::PrepareContext& context, render::PrepareReport& report,
                       render::ModelDecisions& out) {
   Result<MeshSource> source = decide_mesh(input, options);
   if (!source.ok()) return std::move(source).error();
   model.decided_ = std::move(source).value();
-  model.ring_ = options.text("triangles") == "ring";
+  const Gaps gaps = measured_gaps(*input.cloud, context, report);
+  const std::string& triangles = options.text("triangles");
+  model.ring_ = triangles == "ring" || (triangles == "auto" && gaps.closing_mm() > gaps.spacing_mm);
   model.delaunay_ = options.text("graph") == "delaunay";
   const std::optional<double> made_ms = expected_ms(model.decided_, out.points);
   if (made_ms)
@@ -128,8 +132,10 @@ Status VGraph::decide(VGraph& model, const render::ModelInput& input, const Opti
           ? render::Decision{"graph", "delaunay", "a greedy walk on it ends at the nearest vertex"}
           : render::Decision{"graph", "mesh", "as given: the mesh's edges", true});
   out.decisions.push_back(
-      model.ring_ ? render::Decision{"triangles", "ring", "as given: those of the vertices around too", true}
-                  : render::Decision{"triangles", "vertex", "those of the nearest vertex, as printed"});
+      model.ring_
+          ? render::Decision{"triangles", "ring", "those of the vertices around too", triangles == "ring"}
+          : render::Decision{"triangles", "vertex", "those of the nearest vertex, as printed",
+                             triangles == "vertex"});
   return Done{};
 }
 

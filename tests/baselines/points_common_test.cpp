@@ -15,7 +15,8 @@ const std::vector<std::string> kRivals = {
     "mls-penalty",       "mls-penalty:normals=covariance",
     "mls-proxy",         "mls-proxy:surface=metaball",
     "vector-field",      "vgraph",
-    "vgraph:graph=mesh",
+    "vgraph:graph=mesh", "sdf-godobject",
+    "variable-proxy",
 };
 
 bool needs_a_mesh(const std::string& rival) {
@@ -241,7 +242,8 @@ TEST(EveryRivalWithAGodObject, IsHeldByTwoModelsTogether) {
   tilted.world_from_model.translation_mm = -(turn * made.cloud.box_mm().centre_mm());
   render::SceneInput scene;
   scene.models = {flat, tilted};
-  for (const char* name : {"sphere-proxy", "stream-proxy", "mls-proxy", "vgraph"}) {
+  for (const char* name :
+       {"sphere-proxy", "stream-proxy", "mls-proxy", "vgraph", "sdf-godobject", "variable-proxy"}) {
     SCOPED_TRACE(name);
     test::Stepped renderer = rival(name);
     ASSERT_TRUE(renderer->prepare(scene, {1, nullptr}).ok());

@@ -118,13 +118,12 @@ TEST(ImplicitField, IsItsFormulaAndItsGradientTheSlope) {
   const render::ModelInput model = model_of(cloud_of(places));
   for (const auto weight : {baselines::ImplicitWeight::kWyvill, baselines::ImplicitWeight::kWendland}) {
     render::PrepareReport report;
-    auto oriented = baselines::build_oriented_grid(model, 3.0, true, {1, nullptr}, report).value();
+    auto oriented = baselines::build_oriented_grid(model, 3.0, "auto", true, {1, nullptr}, report).value();
     const auto points = oriented.points.points;
     const auto neighbours = oriented.neighbours;
     baselines::ImplicitField balls, surfels;
-    balls.build(oriented.points, neighbours, baselines::ImplicitSurface::kMetaball, weight, 0.5, 1);
-    surfels.build(std::move(oriented.points), neighbours, baselines::ImplicitSurface::kSurfel, weight, 0.5,
-                  1);
+    balls.build(oriented.points, neighbours, {baselines::ImplicitSurface::kMetaball, weight}, 1);
+    surfels.build(std::move(oriented.points), neighbours, {baselines::ImplicitSurface::kSurfel, weight}, 1);
     const auto w = [&](double q) {
       const double s = q * q;
       if (weight == baselines::ImplicitWeight::kWyvill)

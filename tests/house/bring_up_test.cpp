@@ -28,6 +28,7 @@ const std::map<std::string, std::string> kExceptions = {
     {"sphere-proxy", "let go nearer to the points than its radius, the ball begins among them"},
     {"mesh-proxy", "let go nearer to the surface than its radius, the sphere begins smaller"},
     {"stream-proxy", "the proxy stops within a step of its goal, and the way decides where"},
+    {"variable-proxy", "as stream-proxy: it shares its walk"},
     {"penalty-grid", "the side is that of the nearest point, which between two parts of a model is either's"},
 };
 

@@ -47,6 +47,8 @@ const std::vector<std::string> kFurther = {
     "penalty-grid:side=outward:neighbours=27",
     "sphere-proxy:radius_mm=1:offset=kept",
     "stream-proxy:weights=equal",
+    "sdf-godobject:voxel_mm=0.4:band=4",
+    "variable-proxy:radius=2:offset=kept",
     "mls-penalty:normals=covariance",
     "mls-proxy:surface=metaball",
 };

@@ -59,6 +59,7 @@ const std::vector<Heavy> kHeavy = {
      {}},
     {"OpenMesh/", {"baselines/", "tests/baselines/"}, {"baselines/mesh/"}},
     {"embree", {"baselines/", "tests/baselines/", "experiments/benchmarks/"}, {"baselines/proximity/"}},
+    {"openvdb/", {"baselines/points/"}, {}},
     {"vtk", {}, {}},
     {"gdal", {"toolkit/dem/", "tests/toolkit/dem/"}, {}},
     {"cpl_", {"toolkit/dem/", "tests/toolkit/dem/"}, {}},

@@ -1,0 +1,242 @@
+#include "baselines/points/gaps.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <span>
+#include <vector>
+
+#include "toolkit/core/nearest_rank.h"
+#include "toolkit/render/prepare_phases.h"
+#include "toolkit/surface/least_direction.h"
+
+namespace palpate::baselines {
+namespace {
+
+/// Points that are asked: the gap that 1 % exceed is then known to within 20 of 2048, a twentieth of its
+/// length at random.
+constexpr std::size_t kGapSamples = 2048;
+constexpr double kGapPercentile = 99.0;
+/// Cells of the grid that the samples are taken from, one each, in spacings: a few points a cell, so that
+/// samples are even by area, and sparse parts count as dense ones do.
+constexpr double kGapCellSpacings = 2.0;
+/// Points are gathered within so many spacings, and twice as far as long as the gap is open to some side: up
+/// to gaps of twelve spacings. What is wider is a hole or a border.
+constexpr double kFirstReach = 3.0, kLastReach = 24.0;
+/// In one line: the points spread across it by less than a quarter of what they do along it.
+constexpr double kLineSpread = 1.0 / 16.0;  // of squares
+constexpr std::size_t kLineNeighbours = 8;
+/// Squared tangent of the steepest way to a point of the same sheet, 60 degrees: both sides of a right-angled
+/// edge, whose plane is at 45 degrees to them, belong to it.
+constexpr double kSteepSq = 3.0;
+/// Samples a chunk: some 50 us of work.
+constexpr std::size_t kSamplesPerChunk = 16;
+
+using Vec2 = Eigen::Vector2d;
+
+constexpr unsigned kAllSides = 0xFFu;
+constexpr double kHalfRoot = 0.7071067811865476;  // of the diagonal directions
+const std::array<Vec2, 8> kSides = {
+    Vec2(1, 0),  Vec2(kHalfRoot, kHalfRoot),   Vec2(0, 1),  Vec2(-kHalfRoot, kHalfRoot),
+    Vec2(-1, 0), Vec2(-kHalfRoot, -kHalfRoot), Vec2(0, -1), Vec2(kHalfRoot, -kHalfRoot)};
+
+/// A convex polygon around the origin, cut by bisectors: the Voronoi cell of a point among others.
+class GapCell {
+ public:
+  explicit GapCell(double half) : corners_{{-half, -half}, {half, -half}, {half, half}, {-half, half}} {}
+  /// Cuts away what is nearer to `other`.
+  void cut(const Vec2& other) {
+    const double middle = 0.5 * other.squaredNorm();
+    kept_.clear();
+    for (std::size_t i = 0; i < corners_.size(); ++i) {
+      const Vec2 &a = corners_[i], &b = corners_[(i + 1) % corners_.size()];
+      const double past_a = a.dot(other) - middle, past_b = b.dot(other) - middle;
+      if (past_a <= 0.0) kept_.push_back(a);
+      if ((past_a <= 0.0) != (past_b <= 0.0)) kept_.push_back(a + (b - a) * (past_a / (past_a - past_b)));
+    }
+    corners_.swap(kept_);
+  }
+  [[nodiscard]] double farthest_sq() const {
+    double most = 0.0;
+    for (const Vec2& corner : corners_) most = std::max(most, corner.squaredNorm());
+    return most;
+  }
+  [[nodiscard]] std::span<const Vec2> corners() const { return corners_; }
+
+ private:
+  std::vector<Vec2> corners_, kept_;
+};
+
+struct GapSample {
+  double gap_mm = 0.0;  ///< 0: the point is not surrounded
+  bool in_line = false;
+};
+
+/// The points around one, in the plane that fits them best, nearest first.
+struct Surroundings {
+  std::vector<Vec3> offset;
+  std::vector<Vec2> flat;
+
+  bool lay_out(const PointGrid& points, const Vec3& at, double reach) {
+    offset.clear();
+    points.within(at, reach, [&](std::uint32_t place, double sq) {
+      if (sq > 0.0) offset.push_back(points.points[place].at() - at);
+    });
+    surface::Symmetric spread;
+    Vec3 mean = Vec3::Zero();
+    for (const Vec3& d : offset) mean += d;
+    mean /= static_cast<double>(std::max<std::size_t>(1, offset.size()));
+    for (const Vec3& d : offset) {
+      const Vec3 r = d - mean;
+      spread.xx += r.x() * r.x();
+      spread.xy += r.x() * r.y();
+      spread.xz += r.x() * r.z();
+      spread.yy += r.y() * r.y();
+      spread.yz += r.y() * r.z();
+      spread.zz += r.z() * r.z();
+    }
+    Vec3 normal = Vec3::UnitZ();
+    if (!surface::least_direction(spread, normal)) return false;
+    const Vec3 u = normal.unitOrthogonal(), v = normal.cross(u);
+    flat.clear();
+    for (const Vec3& d : offset) {
+      const double height = normal.dot(d);
+      const Vec2 beside(u.dot(d), v.dot(d));
+      const double beside_sq = beside.squaredNorm();
+      // At their distances in space, so that nothing is foreshortened where the surface bends. What is
+      // steeper is another sheet.
+      if (beside_sq > 0.0 && height * height <= kSteepSq * beside_sq)
+        flat.push_back(beside * std::sqrt(d.squaredNorm() / beside_sq));
+    }
+    std::sort(flat.begin(), flat.end(), [](const Vec2& a, const Vec2& b) {
+      const double sq_a = a.squaredNorm(), sq_b = b.squaredNorm();
+      return sq_a != sq_b ? sq_a < sq_b : (a.x() != b.x() ? a.x() < b.x() : a.y() < b.y());
+    });
+    return flat.size() >= 3;
+  }
+  [[nodiscard]] bool nearest_in_line() const {
+    if (flat.size() < kLineNeighbours) return false;
+    double xx = 0.0, xy = 0.0, yy = 0.0;
+    for (std::size_t i = 0; i < kLineNeighbours; ++i) {
+      xx += flat[i].x() * flat[i].x();
+      xy += flat[i].x() * flat[i].y();
+      yy += flat[i].y() * flat[i].y();
+    }
+    // Eigenvalues: half the trace, plus and minus the root.
+    const double half = 0.5 * (xx + yy), root = std::sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy);
+    return half - root < kLineSpread * (half + root);
+  }
+  /// Points lie on every side of a corner of the cell: the empty circle around it is between points, and not
+  /// outside of a border. On each side means within 60 degrees of each of eight directions, and no farther
+  /// than twice the circle's radius.
+  [[nodiscard]] bool surround(const Vec2& corner) const {
+    const double size_sq = corner.squaredNorm();
+    unsigned open = kAllSides;
+    const auto close = [&](const Vec2& way) {
+      const double way_sq = way.squaredNorm();
+      if (way_sq > 4.0 * size_sq) return;
+      for (std::size_t k = 0; k < kSides.size(); ++k) {
+        const double along = way.dot(kSides[k]);
+        if (along > 0.0 && 4.0 * along * along >= way_sq) open &= ~(1u << k);
+      }
+    };
+    close(-corner);  // the point itself
+    for (const Vec2& point : flat) {
+      close(point - corner);
+      if (open == 0) return true;
+    }
+    return false;
+  }
+};
+
+GapSample gap_at(const PointGrid& points, const Vec3& at, double spacing) {
+  GapSample found;
+  Surroundings around;
+  for (double reach = kFirstReach * spacing; reach <= kLastReach * spacing; reach *= 2.0) {
+    if (!around.lay_out(points, at, reach)) continue;
+    found.in_line = around.nearest_in_line();
+    // Corners within half the reach are known: all points that could cut them away were looked at.
+    const double known_sq = 0.25 * reach * reach;
+    GapCell cell(reach);
+    for (const Vec2& point : around.flat) {
+      if (point.squaredNorm() > 4.0 * cell.farthest_sq()) break;
+      cell.cut(point);
+    }
+    bool open = false;
+    found.gap_mm = 0.0;
+    for (const Vec2& corner : cell.corners()) {
+      if (corner.squaredNorm() > known_sq)
+        open = true;
+      else if (around.surround(corner))
+        found.gap_mm = std::max(found.gap_mm, corner.norm());
+    }
+    if (!open) break;
+  }
+  return found;
+}
+
+/// One point of each of the cells that are asked, whatever the order of the points.
+std::vector<Vec3> gap_samples(const PointGrid& points) {
+  const std::size_t stride = points.grid.occupied_cells() / kGapSamples + 1;
+  std::vector<Vec3> samples;
+  std::size_t occupied = 0;
+  for (std::size_t slot = 0; slot < points.grid.slots(); ++slot) {
+    const partition::PlaceRange range = points.grid.places_of(slot);
+    if (range.begin == range.end || occupied++ % stride != 0) continue;
+    Vec3 least = points.points[range.begin].at();
+    for (std::uint32_t place = range.begin + 1; place < range.end; ++place) {
+      const Vec3 at = points.points[place].at();
+      if (std::lexicographical_compare(at.begin(), at.end(), least.begin(), least.end())) least = at;
+    }
+    samples.push_back(least);
+  }
+  return samples;
+}
+
+}  // namespace
+
+Gaps measure_gaps(const cloud::Cloud& cloud, int threads) {
+  Gaps gaps;
+  gaps.spacing_mm = natural_spacing_mm(cloud, threads);
+  const PointGrid points = build_point_grid(cloud, kGapCellSpacings * gaps.spacing_mm, threads);
+  const std::vector<Vec3> samples = gap_samples(points);
+  std::vector<GapSample> found(samples.size());
+  parallel_chunks(samples.size(), kSamplesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) found[i] = gap_at(points, samples[i], gaps.spacing_mm);
+  });
+  std::vector<double> known;
+  std::size_t in_line = 0;
+  for (const GapSample& sample : found) {
+    if (sample.gap_mm > 0.0) known.push_back(sample.gap_mm);
+    in_line += sample.in_line;
+  }
+  std::sort(known.begin(), known.end());
+  if (!known.empty()) gaps.gap_mm = nearest_rank(known, kGapPercentile);
+  gaps.lines = 2 * in_line > found.size();
+  return gaps;
+}
+
+Gaps measured_gaps(const cloud::Cloud& cloud, const render::PrepareContext& context,
+                   render::PrepareReport& report) {
+  render::PreparePhases phases(report, context);
+  phases.begin("gaps");
+  const Gaps gaps = measure_gaps(cloud, context.threads);
+  phases.end();
+  return gaps;
+}
+
+void say_gaps(const Gaps& gaps, render::ModelDecisions& out) {
+  say_spacing(gaps.spacing_mm, out);
+  const double times = gaps.closing_mm() / gaps.spacing_mm;
+  out.decisions.push_back(
+      {"gaps", fmt::format("{:.4g} mm", gaps.gap_mm),
+       times > 1.0
+           ? fmt::format("1 % of the empty circles between points are larger: {:.3g} spacings, which "
+                         "stand for one where nothing may fall through{}",
+                         times, gaps.lines ? "; the points stand in lines" : "")
+           : std::string("1 % of the empty circles between points are larger: the mean spacing will do")});
+}
+
+}  // namespace palpate::baselines

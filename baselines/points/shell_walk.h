@@ -1,0 +1,189 @@
+// A proxy steered by the points within three shells around it: the walk that `stream-proxy` and
+// `variable-proxy` share. Of one, shells have the same radii everywhere; of the other, each point has its
+// own.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <span>
+
+#include "baselines/points/near_points.h"
+#include "baselines/points/rival.h"
+#include "toolkit/render/renderer.h"
+
+namespace palpate::baselines {
+
+/// Steps of the proxy in a frame, at most; the rest is done in the next frame. In contact a frame takes 1 to
+/// 4.
+inline constexpr int kMaxShellSteps = 32;
+/// A step along the surface is at most this share of r1: what is at least r1 away stays on its side.
+inline constexpr double kShellStep = 0.5;
+/// At rest where the pull along the surface is below this share of the pull: a twentieth of a degree.
+inline constexpr double kShellRest = 1e-3;
+/// Flights into a ball at less than this cosine graze it (ball_walk.cpp derives the size).
+inline constexpr double kShellGraze = 5e-6;
+
+/// Radii in mm, where every point has the same; else what they are multiplied by is the point's.
+struct Shells {
+  double r1 = 0.0;      ///< points nearer than this push the proxy out
+  double r2 = 0.0;      ///< nearer than this are touched; above r1
+  double r3 = 0.0;      ///< nearer than this give the normal; at least r2
+  bool tapered = true;  ///< points fade away at r3; else all count the same
+};
+
+/// Belongs to one thread. The points and their scales must outlive it and not move; the frame functions
+/// allocate nothing.
+template <class Grid>
+class ShellWalk {
+ public:
+  /// `scale` is parallel to the points, or empty where all are 1; `least` and `most` are its ends.
+  ShellWalk(const PointsIn<Grid>& points, const Shells& shells, std::span<const float> scale = {},
+            double least = 1.0, double most = 1.0)
+      : points_(&points),
+        shells_(shells),
+        scale_(scale),
+        stride_(kShellStep * shells.r1 * least),
+        most_(most),
+        near_(points, shells.r3, stride_, scale, most) {}
+
+  void let_go(const Vec3& h) noexcept {
+    at_ = h;
+    near_.forget();
+    around_ = {};
+    touching_ = false;
+  }
+  /// The points have moved.
+  void forget() noexcept { near_.forget(); }
+
+  /// Steps until the proxy is free at the HIP or rests on the points. Returns false where a bound was hit.
+  bool walk(const Vec3& h, render::FrameCounters& counters) noexcept;
+
+  /// From the HIP to the proxy, without the distance that it stays off the points unless that is felt.
+  [[nodiscard]] RivalAnswer answer(const Vec3& h, bool finished, bool felt_offset) const noexcept {
+    RivalAnswer answer;
+    Vec3 pull = at_ - h;
+    if (touching_ && !felt_offset) pull -= around_.normal * around_.height;
+    if (touching_ && around_.normal.dot(pull) > 0.0) answer = {true, false, pull, Vec3::Zero()};
+    answer.bound_hit = !finished;
+    return answer;
+  }
+  [[nodiscard]] std::size_t bytes() const noexcept { return near_.bytes(); }
+
+ private:
+  /// What the points around a place say.
+  struct Around {
+    Vec3 normal = Vec3::Zero();  ///< away from the points, unit; zero without points within r3
+    double height = 0.0;         ///< over the points' weighted mean, along the normal
+    double nearest = 0.0;        ///< distance; infinite without points
+    double scale = 1.0;          ///< of the shells here
+  };
+  [[nodiscard]] Around look(const Vec3& at) const noexcept;
+  [[nodiscard]] double scale_at(const Vec3& at) const noexcept;
+  [[nodiscard]] double kept_off() const noexcept { return 0.5 * (shells_.r1 + shells_.r2); }
+  [[nodiscard]] Flight fly_to(const Vec3& h) const noexcept;
+
+  const PointsIn<Grid>* points_;
+  Shells shells_;
+  std::span<const float> scale_;
+  double stride_, most_;
+  NearPoints<Grid> near_;
+  Vec3 at_ = Vec3::Zero();
+  Around around_;
+  bool touching_ = false;
+};
+
+template <class Grid>
+typename ShellWalk<Grid>::Around ShellWalk<Grid>::look(const Vec3& at) const noexcept {
+  Around found;
+  double weights = 0.0, nearest_sq = std::numeric_limits<double>::infinity();
+  Vec3 directions = Vec3::Zero(), away = Vec3::Zero();
+  const double scale = scale_at(at), r3 = shells_.r3 * scale, r3_sq = r3 * r3;
+  for (const Vec3& point : near_.all()) {
+    const Vec3 d = at - point;
+    const double sq = d.squaredNorm();
+    if (sq > r3_sq) continue;
+    nearest_sq = std::min(nearest_sq, sq);
+    if (!(sq > 0.0)) continue;
+    const double fall = 1.0 - sq / r3_sq;
+    const double weight = shells_.tapered ? fall * fall : 1.0;
+    directions += d * (weight / std::sqrt(sq));
+    away += weight * d;
+    weights += weight;
+  }
+  found.nearest = std::sqrt(nearest_sq);
+  found.scale = scale;
+  const double size = directions.norm();
+  if (size > 0.0) {
+    found.normal = directions / size;
+    found.height = found.normal.dot(away) / weights;
+  }
+  return found;
+}
+
+/// The mean of the scales around, each point with the weight that it has in the normal where all scales
+/// are 1.
+template <class Grid>
+double ShellWalk<Grid>::scale_at(const Vec3& at) const noexcept {
+  const std::span<const Vec3> points = near_.all();
+  const std::span<const double> scales = near_.scales();
+  if (scales.empty()) return 1.0;
+  double weights = 0.0, sum = 0.0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const double r3 = shells_.r3 * scales[i], fall = 1.0 - (at - points[i]).squaredNorm() / (r3 * r3);
+    if (!(fall > 0.0)) continue;
+    const double weight = fall * fall;
+    weights += weight;
+    sum += weight * scales[i];
+  }
+  return weights > 0.0 ? sum / weights : most_;
+}
+
+template <class Grid>
+Flight ShellWalk<Grid>::fly_to(const Vec3& h) const noexcept {
+  if (scale_.empty()) return fly(*points_, kept_off(), kShellGraze, at_, h);
+  const auto radius_of = [this](std::uint32_t place) {
+    return kept_off() * static_cast<double>(scale_[place]);
+  };
+  return fly(*points_, radius_of, kept_off() * most_, kShellGraze, at_, h);
+}
+
+template <class Grid>
+bool ShellWalk<Grid>::walk(const Vec3& h, render::FrameCounters& counters) noexcept {
+  for (int step = 0; step < kMaxShellSteps; ++step) {
+    ++counters.walk_steps;
+    if (!near_.fetch(at_)) return false;
+    around_ = look(at_);
+    const Vec3 pull = h - at_;
+    const double inwards = around_.normal.dot(pull);
+    const double scale = around_.scale, stride = kShellStep * shells_.r1 * scale;
+    if (around_.nearest < shells_.r1 * scale) {
+      // Entrenched: out along the normal. A normal of nothing (amid points) has no way out.
+      touching_ = true;
+      if (around_.normal == Vec3::Zero()) return true;
+      at_ += around_.normal * std::min(kept_off() * scale - around_.nearest, stride);
+      continue;
+    }
+    if (around_.nearest > shells_.r2 * scale || inwards >= 0.0) {
+      // Free, or leaving. Where nothing is in the way the HIP is reached.
+      const Flight flight = fly_to(h);
+      const bool moved = flight.at != at_;
+      at_ = flight.at;
+      touching_ = flight.met;
+      if (!flight.met) return flight.finished;
+      if (moved) continue;
+      if (!near_.fetch(at_)) return false;
+    }
+    touching_ = true;
+    Vec3 along = pull - around_.normal * inwards;
+    const double size = along.norm();
+    if (!(size > kShellRest * pull.norm())) return true;
+    if (size > stride) along *= stride / size;
+    at_ += along;
+  }
+  return false;
+}
+
+}  // namespace palpate::baselines

@@ -1,0 +1,236 @@
+// Rivals on uneven points: how gaps are measured, that nothing falls through at the defaults, and the two
+// rivals that are made for it, `sdf-godobject` and `variable-proxy`.
+#include <algorithm>
+
+#include "baselines/points/gaps.h"
+#include "baselines/points/sdf_grid.h"
+#include "tests/baselines/point_rivals.h"
+
+namespace palpate::test {
+namespace {
+
+struct Uneven {
+  render::ModelInput model;
+  std::vector<Vec3> path;
+  std::shared_ptr<const geometry::AnalyticSurface> surface;
+};
+
+Uneven uneven(const std::string& generator, double depth) {
+  auto made = cloud::generate(parse_named_options(generator + ":mesh=false").value()).value();
+  Uneven out{model_of(made.cloud), weaving(*made.surface, 4000, depth), std::move(made.surface)};
+  return out;
+}
+
+struct Score {
+  double relative = 0.0;  ///< RMS of the force error over that of the true force
+  int missed = 0, false_frames = 0, contacts = 0;
+};
+
+/// `sure_mm`: so deep, or so far outside, a force must be there, or not.
+Score score(const Uneven& set, const std::string& rival, double sure_mm) {
+  const Prepared probe = prepare(set.model, rival, 0);
+  probe.renderer->restart(set.path.front());
+  Score found;
+  double error = 0.0, size = 0.0;
+  for (const Vec3& hip : set.path) {
+    const render::Frame frame = probe.to(hip);
+    const double d = set.surface->signed_distance_mm(hip);
+    const Vec3 truth =
+        d < 0.0 ? Vec3(kStiffness * (set.surface->closest(hip).point_mm - hip)) : Vec3(Vec3::Zero());
+    error += (frame.force_n - truth).squaredNorm();
+    size += truth.squaredNorm();
+    found.missed += d < -sure_mm && !frame.contact;
+    found.false_frames += d > sure_mm && frame.contact;
+    found.contacts += frame.contact;
+  }
+  found.relative = std::sqrt(error / size);
+  return found;
+}
+
+TEST(Gaps, AreTheEmptyCirclesOfALattice) {
+  const auto points = height_points(61, 0.5, [](double, double) { return 0.0; });
+  const baselines::Gaps gaps = baselines::measure_gaps(cloud_of(points), 1);
+  EXPECT_NEAR(gaps.gap_mm, 0.5 / std::sqrt(2.0), 1e-6);
+  EXPECT_FALSE(gaps.lines);
+  EXPECT_EQ(gaps.closing_mm(), gaps.spacing_mm) << "a lattice is even";
+  EXPECT_EQ(gaps.neighbours(), "auto");
+}
+
+TEST(Gaps, SeeScanLinesAndNotBorders) {
+  std::vector<Vec3> points;
+  for (int line = 0; line < 30; ++line)
+    for (int i = 0; i < 240; ++i) points.push_back({0.1 * i, 0.8 * line, 0.0});
+  const baselines::Gaps gaps = baselines::measure_gaps(cloud_of(points), 1);
+  // The circle through two points of a line and one of the next.
+  const double circle = 0.5 * std::hypot(0.8, 0.1);
+  EXPECT_NEAR(gaps.gap_mm, circle, 1e-6);
+  EXPECT_TRUE(gaps.lines);
+  EXPECT_EQ(gaps.neighbours(), "directional-knn");
+  EXPECT_GT(gaps.closing_mm(), gaps.spacing_mm);
+}
+
+TEST(Gaps, OrderThreadsAndScaleDoNotMatter) {
+  Random random(4);
+  std::vector<Vec3> points;
+  for (int i = 0; i < 6000; ++i) points.push_back({random.uniform(0, 40), random.uniform(0, 40), 0.0});
+  const double gap = baselines::measure_gaps(cloud_of(points), 1).gap_mm;
+  EXPECT_EQ(baselines::measure_gaps(cloud_of(points), 0).gap_mm, gap);
+  std::vector<Vec3> other(points.rbegin(), points.rend());
+  EXPECT_NEAR(baselines::measure_gaps(cloud_of(other), 0).gap_mm, gap, 1e-9 * gap);
+  for (Vec3& p : other) p *= 1048576.0;
+  EXPECT_NEAR(baselines::measure_gaps(cloud_of(other), 0).gap_mm, 1048576.0 * gap, 1e-3 * gap * 1048576.0);
+  // Points at random: pi gap^2 / spacing^2 of 1 % of the parts is some 7.
+  const double spacing = std::sqrt(40.0 * 40.0 / 6000.0);
+  EXPECT_GT(gap, 1.2 * spacing);
+  EXPECT_LT(gap, 1.8 * spacing);
+}
+
+class OnUneven : public testing::TestWithParam<std::string> {};
+
+TEST_P(OnUneven, NothingFallsThroughARandomTorus) {
+  const Uneven set = uneven("torus:sampling=random:points=40000:seed=7", 1.0);
+  const Score found = score(set, GetParam(), 0.3);
+  EXPECT_EQ(found.missed, 0);
+  EXPECT_EQ(found.false_frames, 0);
+  EXPECT_GT(found.contacts, 1500);
+  EXPECT_LT(found.relative, 0.35);
+}
+
+TEST_P(OnUneven, NothingFallsThroughScanLines) {
+  const Uneven set = uneven("sinusoid:sampling=lines:points=60000:seed=7", 1.0);
+  const Score found = score(set, GetParam(), 0.5);
+  EXPECT_EQ(found.missed, 0);
+  EXPECT_LT(found.relative, 0.35);
+}
+
+INSTANTIATE_TEST_SUITE_P(Points, OnUneven,
+                         testing::Values("sphere-proxy", "stream-proxy", "mls-penalty", "mls-proxy",
+                                         "vector-field", "sdf-godobject", "variable-proxy"),
+                         [](const auto& rival) {
+                           std::string name = rival.param;
+                           std::replace(name.begin(), name.end(), '-', '_');
+                           return name;
+                         });
+
+TEST(SdfGrid, HoldsTheDistanceToASphereAndItsGradient) {
+  const auto made =
+      cloud::generate(parse_named_options("sphere:extent_mm=20:points=20000:mesh=false").value()).value();
+  const render::ModelInput model = model_of(made.cloud);
+  render::PrepareReport report;
+  auto oriented = baselines::build_oriented_grid(model, 1.0, "auto", false, {1, nullptr}, report).value();
+  ASSERT_TRUE(oriented.closed);
+  baselines::SphereTree tree;
+  tree.build(oriented.points.points, 1);
+  baselines::SdfOptions options;
+  options.voxel_mm = 0.3;
+  options.width_mm = 0.3;
+  options.beside_mm = 1.0;
+  auto one = baselines::SdfGrid::build(oriented.points, tree, options, 1).value();
+  auto all = baselines::SdfGrid::build(oriented.points, tree, options, 0).value();
+  EXPECT_EQ(one.voxels(), all.voxels());
+  const Vec3 middle = -made.cloud.origin_mm;  // the ball is around the origin of the model
+  Random random(5);
+  int known = 0;
+  for (int i = 0; i < 5000; ++i) {
+    const Vec3 way = Vec3(random.normal(), random.normal(), random.normal()).normalized();
+    const double height = random.uniform(-2.0, 2.0);
+    const auto value = one.at(middle + (10.0 + height) * way);
+    ASSERT_EQ(value.distance, all.at(middle + (10.0 + height) * way).distance);
+    if (std::abs(height) < 0.6) {
+      ASSERT_TRUE(value.known) << height;
+    }
+    if (!value.known) continue;
+    ++known;
+    // Curvature over the kernel, and trilinear sums: (width^2 + 3 voxel^2 / 4) / 2 R.
+    ASSERT_NEAR(value.distance, height, 0.02) << i;
+    ASSERT_GT(value.gradient.normalized().dot(way), 0.99) << i;
+  }
+  EXPECT_GT(known, 1000);
+  EXPECT_FALSE(one.at({1e300, 0, 0}).known);
+  EXPECT_FALSE(one.at(middle).known) << "deeper than the band";
+}
+
+TEST(SdfGodobject, HoldsAThinPlateHoweverDeepTheHip) {
+  // 1 mm thick, pushed to 5: a field without a path would throw the HIP out on the other side.
+  const Uneven set = uneven("slab:extent_mm=20:thickness_mm=1:sampling=random:points=40000", 0.1);
+  const Prepared rival = prepare(set.model, "sdf-godobject");
+  const Vec3 middle = set.model.cloud->box_mm().centre_mm();
+  rival.renderer->restart(middle + Vec3(0.3, 0.2, 5));
+  EXPECT_FALSE(rival.glide(middle + Vec3(0.3, 0.2, 5), middle + Vec3(0.3, 0.2, 0.6), 0.05).contact);
+  const render::Frame deep = rival.glide(middle + Vec3(0.3, 0.2, 0.6), middle + Vec3(0.3, 0.2, -4.5), 0.05);
+  ASSERT_TRUE(deep.contact);
+  EXPECT_NEAR(deep.force_n.z(), 5.0 * kStiffness, 0.05);
+  EXPECT_LT(std::hypot(deep.force_n.x(), deep.force_n.y()), 0.25);
+  EXPECT_FALSE(rival.glide(middle + Vec3(0.3, 0.2, -4.5), middle + Vec3(0.3, 0.2, 0.6), 0.05).contact);
+}
+
+TEST(SdfGodobject, IsEnteredAtAnySpeed) {
+  const Uneven set = uneven("sphere:extent_mm=20:sampling=random:points=40000", 0.1);
+  const Prepared rival = prepare(set.model, "sdf-godobject");
+  const Vec3 middle = set.model.cloud->box_mm().centre_mm();
+  for (const double from : {12.0, 30.0, 1000.0, 1e6}) {
+    rival.renderer->restart(middle + Vec3(0, 0, from));
+    // In one frame to the other side of the middle: the place of entry holds.
+    const render::Frame frame = rival.to(middle + Vec3(0, 0, 8.0));
+    ASSERT_TRUE(frame.contact) << from;
+    EXPECT_NEAR(frame.force_n.z(), 2.0 * kStiffness, 0.05) << from;
+  }
+}
+
+TEST(SdfGodobject, SaysThatOpenSurfacesHaveOneSide) {
+  const render::ModelInput model =
+      model_of(cloud_of(height_points(41, 0.25, [](double, double) { return 0.0; })));
+  const Prepared up = prepare(model, "sdf-godobject"), down = prepare(model, "sdf-godobject:flip=true");
+  EXPECT_EQ(up.report.warnings.size(), 1u);
+  EXPECT_NE(up.renderer->describe().work_bound.find("one side"), std::string::npos);
+  up.renderer->restart({0, 0, 1});
+  EXPECT_NEAR(up.glide({0, 0, 1}, {0, 0, -0.5}, 0.05).force_n.z(), kStiffness * 0.5, 1e-5);
+  up.renderer->restart({0, 0, -1});
+  EXPECT_FALSE(up.glide({0, 0, -1}, {0, 0, 0.5}, 0.05).contact);
+  down.renderer->restart({0, 0, -1});
+  EXPECT_NEAR(down.glide({0, 0, -1}, {0, 0, 0.5}, 0.05).force_n.z(), -kStiffness * 0.5, 1e-5);
+  up.renderer->restart({8, 0, 1});
+  EXPECT_FALSE(up.glide({8, 0, 1}, {8, 0, -0.5}, 0.05).contact) << "beyond the border is nothing";
+}
+
+TEST(SdfGodobject, RefusesWhatItCannotHoldWithARemedy) {
+  render::SceneInput scene;
+  scene.models.push_back(model_of(cloud_of(height_points(101, 0.25, [](double, double) { return 0.0; }))));
+  const auto refused = rival("sdf-godobject:voxel=0.1:memory_mb=5")->prepare(scene, {});
+  ASSERT_FALSE(refused.ok());
+  EXPECT_NE(refused.error().what.find("5 MB"), std::string::npos) << refused.error().what;
+  EXPECT_NE(refused.error().remedy.find("voxel"), std::string::npos);
+  // Voxels that 32 bits cannot count.
+  scene.models[0] = model_of(cloud_of({{0, 0, 0}, {1e-3, 0, 0}, {0, 1e-3, 0}, {1e9, 1e9, 1e9}}));
+  const auto uncounted = rival("sdf-godobject:voxel_mm=0.001")->prepare(scene, {});
+  ASSERT_FALSE(uncounted.ok());
+  EXPECT_NE(uncounted.error().remedy.find("voxel"), std::string::npos);
+  render::Registry registry;
+  baselines::register_baseline_renderers(registry);
+  for (const char* bad : {"sdf-godobject:band=1", "sdf-godobject:voxel=0", "variable-proxy:radius=0",
+                          "variable-proxy:ratio=0.5", "variable-proxy:offset=some"}) {
+    const auto named = parse_named_options(bad).value();
+    EXPECT_FALSE(registry.make(named.name, named.options).ok()) << bad;
+  }
+}
+
+TEST(VariableProxy, RadiiFollowTheDensity) {
+  // One half 16 times as dense: a proxy of one radius for all must be as large as the sparse half needs.
+  const Uneven set = uneven("plane:extent_mm=40:sampling=blue:density=16:points=20000:seed=3", 1.0);
+  const Prepared rival = prepare(set.model, "variable-proxy:offset=kept");
+  const geometry::Aabb box = set.model.cloud->box_mm();
+  const auto stays_off = [&](double x) {
+    const Vec3 over(x, box.centre_mm().y(), box.high_mm.z() + 10.0);
+    rival.renderer->restart(over);
+    const Vec3 hip = over - Vec3(0, 0, 10.5);
+    const render::Frame frame = rival.glide(over, hip, 0.05);
+    EXPECT_TRUE(frame.contact) << x;
+    return frame.force_n.norm() / kStiffness - 0.5;
+  };
+  const double sparse = stays_off(box.low_mm.x() + 8.0), dense = stays_off(box.high_mm.x() - 8.0);
+  EXPECT_GT(sparse, 2.5 * dense) << "the spacings are as 4 to 1";
+  EXPECT_LT(sparse, 6.0 * dense);
+}
+
+}  // namespace
+}  // namespace palpate::test
