@@ -14,7 +14,8 @@
 namespace palpate::experiments {
 
 /// An exploration of the model, as deep and as fast as its size asks for. A path generator with its options.
-[[nodiscard]] std::string usual_path(const trace::PathTarget& target);
+inline constexpr int kUsualFrames = 20'000;  ///< twenty seconds
+[[nodiscard]] std::string usual_path(const trace::PathTarget& target, int frames = kUsualFrames);
 
 /// What a hand would say of a model of this size, a whole sentence with a remedy; empty where it fits a hand.
 [[nodiscard]] std::string size_hint(const geometry::Aabb& box_mm);
