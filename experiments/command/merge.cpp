@@ -14,7 +14,10 @@ void declare_merge(const Declaration& declare, MergeArguments& a) {
 
 Subcommand merge_subcommand() {
   return subcommand("merge", "shards of a sweep in one: rows joined, fronts drawn, for each machine its own",
-                    {"palpate merge out/shard-1 out/shard-2 --out out/whole"}, declare_merge, run_merge);
+                    {"palpate sweep sinusoid:points=10201 --budget 60 --shard 1/2 --out out/shard-1",
+                     "palpate sweep sinusoid:points=10201 --budget 60 --shard 2/2 --out out/shard-2",
+                     "palpate merge out/shard-1 out/shard-2 --out out/whole"},
+                    declare_merge, run_merge);
 }
 
 }  // namespace palpate::experiments

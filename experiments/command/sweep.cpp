@@ -26,8 +26,7 @@ Subcommand sweep_subcommand() {
       "sweep", "the trade of speed, memory and preparation for accuracy: settings crossed, fronts drawn",
       {"palpate sweep sinusoid:points=10201 --budget 60 --out out/sweep",
        "palpate sweep sinusoid:points=10201 --renderers cloud,cloud-smooth --axes points,detail --budget 60 "
-       "--out out/detail",
-       "palpate sweep sinusoid:points=10201 --budget 60 --shard 1/2 --out out/shard-1"},
+       "--out out/detail"},
       declare_sweep, run_sweep);
 }
 

@@ -15,6 +15,8 @@ namespace {
 
 using SweepJson = nlohmann::ordered_json;
 
+constexpr std::size_t kMostShown = 24;  // lines of a terminal
+
 /// Rows of one machine, and where they stand.
 struct MachineRows {
   RowMachine machine;
@@ -127,7 +129,7 @@ Section section_of(const MachineRows& machine, std::size_t number, const OutputF
                *figures);
     else
       figure.caption = figures.error().message();
-    section.figures.push_back(std::move(figure));
+    section.opening += figure_html(figure);
     section.tables.push_back(numbered_table(numbered(points), cost));
   }
   for (Table table : {dominated_table(machine), failed_table(machine)})
@@ -270,13 +272,18 @@ std::vector<Table> front_tables(const SweepDocument& document) {
                  ? a->error_p95_percent->value < b->error_p95_percent->value
                  : a->setting < b->setting;
     });
-    for (const Row* row : best)
+    for (const Row* row : best) {
+      if (table.rows.size() == kMostShown) {
+        table.notes.push_back(fmt::format("The report has {} more.", count_text(best.size() - kMostShown)));
+        break;
+      }
       table.rows.push_back({{row->setting},
-                            {with_interval(row->error_p95_percent)},
-                            {with_interval(row->load_percent)},
-                            {with_interval(row->frame_p999_us)},
+                            {short_number(row->error_p95_percent->value)},
+                            {short_number(row->load_percent->value)},
+                            {short_number(row->frame_p999_us->value)},
                             {short_number(row->bytes_per_point())},
-                            {with_interval(row->prepare_ms)}});
+                            {short_number(row->prepare_ms->value)}});
+    }
     table.notes.push_back(
         "Errors are the 95th percentile in percent of the true force; load is that of one processor.");
     tables.push_back(std::move(table));

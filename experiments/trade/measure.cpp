@@ -6,7 +6,6 @@
 #include <cmath>
 #include <numeric>
 
-#include "experiments/run/cleaning.h"
 #include "experiments/run/seat.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/try.h"
@@ -101,8 +100,7 @@ Row begin_row(const Experiment& experiment, const Setting& setting, const render
   row.machine = this_machine();
   row.renderer = setting.request.name;
   row.works_on = render::name_of(registry.find(setting.request.name)->geometry);
-  row.options.assign(setting.request.options.all().begin(), setting.request.options.all().end());
-  if (!setting.request.clean.empty()) row.options.emplace_back("clean", cleaning_text(setting.request.clean));
+  row.options.assign(setting.given.all().begin(), setting.given.all().end());
   row.axes = setting.axes;
   row.precision_bits = setting.precision_bits;
   row.rate_divisor = setting.rate_divisor;

@@ -171,14 +171,6 @@ std::vector<Turn> turns_of(const RendererRequest& base, const render::RendererIn
   return turns;
 }
 
-/// What a user would type after --renderers.
-std::string text_of(const RendererRequest& request) {
-  std::string text = request.name;
-  for (const auto& [key, value] : request.options.all()) text += fmt::format(":{}={}", key, value);
-  if (!request.clean.empty()) text += ":clean=" + cleaning_text(request.clean);
-  return text;
-}
-
 /// `base` with all of these turned; nothing where the renderer refuses it.
 std::optional<Setting> turned_setting(const RendererRequest& base, std::span<const Turn* const> turns,
                                       const render::Registry& registry) {
@@ -192,10 +184,12 @@ std::optional<Setting> turned_setting(const RendererRequest& base, std::span<con
     if (turn->divisor > 1) setting.rate_divisor = turn->divisor;
     setting.axes.push_back(axes()[turn->axis].name);
   }
+  setting.given = named.options;
+  setting.text = named.name;
+  for (const auto& [key, value] : named.options.all()) setting.text += fmt::format(":{}={}", key, value);
   Result<RendererRequest> request = request_of(std::move(named), registry);
   if (!request) return std::nullopt;
   setting.request = *std::move(request);
-  setting.text = text_of(setting.request);
   if (setting.precision_bits > 0) setting.text += fmt::format(":precision_bits={}", setting.precision_bits);
   if (setting.rate_divisor > 1) setting.text += fmt::format(":rate_divisor={}", setting.rate_divisor);
   setting.request.label = setting.text;

@@ -18,6 +18,7 @@ struct Setting {
   /// settings of one text are one and the same.
   std::string text;
   RendererRequest request;  ///< its label is the text
+  Options given;            ///< its options as a user would write them, "clean" among them
   /// Coordinates are rounded to this many bits of the model's largest extent before anything is prepared;
   /// 0: as they are stored.
   int precision_bits = 0;

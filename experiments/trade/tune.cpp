@@ -74,7 +74,7 @@ Result<Row> verify(const std::string& scene_file, const Sweep& sweep, const Tune
                  "report this as a defect, with the scene", scene_file, 0};
   PALPATE_ASSIGN(RendererRequest renderer, request_of(*request.scene.renderer, registry));
   renderer.label = renderer.name;
-  const Setting setting{renderer.name, std::move(renderer), 0, 1, {}};
+  const Setting setting{renderer.name, std::move(renderer), request.scene.renderer->options, 0, 1, {}};
   MeasureOptions options;
   options.threads = arguments.sweep.run.load.threads;
   options.passes = kUsualPasses;
@@ -131,8 +131,7 @@ Result<std::vector<Tried>> try_out(const Sweep& sweep, const std::vector<std::si
     const Row& row = sweep.document().rows[best[i]];
     NamedOptions named{row.renderer, {}};
     for (const auto& [key, value] : row.options) named.options.set(key, value);
-    PALPATE_ASSIGN(const RendererRequest renderer, request_of(std::move(named), registry));
-    PALPATE_ASSIGN(const std::string text, tuned_scene(sweep.checked(), arguments.sweep.run.load, renderer));
+    PALPATE_ASSIGN(const std::string text, tuned_scene(sweep.checked(), arguments.sweep.run.load, named));
     PALPATE_TRY(sweep.folder().write(kTunedScene, fmt::format("# By palpate tune, for {}: {}.\n{}",
                                                               limits_text(limits), numbers_text(row), text)));
     context.progress.report("running " + row.setting + " again", -1.0);

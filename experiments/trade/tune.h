@@ -40,9 +40,9 @@ struct TuneArguments {
 /// The exit status: 1 where nothing keeps the limits.
 int run_tune(const TuneArguments& arguments, Context& context);
 
-/// The scene with this renderer, as the text of a scene file that can stand anywhere: paths are absolute, and
-/// what the command line said of models stands in it.
+/// The scene with this renderer ("clean" among its options), as the text of a scene file that can stand
+/// anywhere: paths are absolute, and what the command line said of models stands in it.
 [[nodiscard]] Result<std::string> tuned_scene(const CheckedRun& checked, const ModelArguments& load,
-                                              const RendererRequest& renderer);
+                                              const NamedOptions& renderer);
 
 }  // namespace palpate::experiments

@@ -2,7 +2,6 @@
 #include <filesystem>
 #include <sstream>
 
-#include "experiments/run/cleaning.h"
 #include "experiments/trade/tune.h"
 #include "toolkit/core/input_file.h"
 #include "toolkit/core/try.h"
@@ -89,7 +88,7 @@ Result<toml::table> of_file(const std::string& path) {
 }  // namespace
 
 Result<std::string> tuned_scene(const CheckedRun& checked, const ModelArguments& load,
-                                const RendererRequest& renderer) {
+                                const NamedOptions& renderer) {
   const scene::SceneFile& scene = checked.stage.scene;
   toml::table whole;
   if (fs::path(scene.path).extension() == ".toml") {
@@ -103,7 +102,6 @@ Result<std::string> tuned_scene(const CheckedRun& checked, const ModelArguments&
   toml::table own;
   own.insert_or_assign("name", renderer.name);
   for (const auto& [key, value] : renderer.options.all()) set_option(own, key, value);
-  if (!renderer.clean.empty()) own.insert_or_assign("clean", cleaning_text(renderer.clean));
   whole.insert_or_assign("renderer", std::move(own));
   std::ostringstream text;
   text << whole << "\n";
