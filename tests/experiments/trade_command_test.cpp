@@ -69,7 +69,7 @@ TEST_F(Trade, SweepMeasuresEverySettingAndDrawsTheFronts) {
     EXPECT_GE(row["frame_all_p999_us"].get<double>(), 0.0);
     EXPECT_LE(row["error_p95_percent_interval"][0].get<double>(), row["error_p95_percent"].get<double>());
     EXPECT_GE(row["error_p95_percent_interval"][1].get<double>(), row["error_p95_percent"].get<double>());
-    on_speed += std::count(row["fronts"].begin(), row["fronts"].end(), "speed");
+    on_speed += row["fronts"].dump().find("speed") != std::string::npos ? 1u : 0u;
     by[row["setting"]] = row;
   }
   EXPECT_GT(on_speed, 0u);

@@ -12,7 +12,7 @@
 #include "experiments/trade/against.h"
 #include "experiments/trade/document.h"
 #include "experiments/trade/tune.h"
-#include "tests/in_folder.h"
+#include "toolkit/cloud/generate.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::experiments {
