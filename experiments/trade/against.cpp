@@ -111,10 +111,11 @@ Status check_same(const ResultDocument& before, const ResultDocument& after) {
     return all;
   };
   const char* other = nullptr;
-  if (hashes(before) != hashes(after)) other = "another model";
-  if (before.path_hash != after.path_hash) other = "another path";
+  // What is said is what explains the rest: another model has another path, and that another truth.
   if ((before.truth ? before.truth->hash : "") != (after.truth ? after.truth->hash : ""))
     other = "another truth";
+  if (before.path_hash != after.path_hash) other = "another path";
+  if (hashes(before) != hashes(after)) other = "another model";
   if (other == nullptr) return Done{};
   return Error{fmt::format("is of {}: {} along {}", other, before.scene, before.path),
                fmt::format("compare with a run of {} along {}", after.scene, after.path),
