@@ -82,8 +82,9 @@ void declare_trade(const Declaration& declare, SweepArguments& trade) {
       "the scene asks for)");
   declare.text("--axes", trade.axes,
                "what is turned, separated by commas: " + joined(names_of(axes())) + " (default: all)");
-  declare.text("--path", run.path,
-               "a file or a generator, as `palpate compare` takes it (default: six seconds of exploration)");
+  declare.text(
+      "--path", run.path,
+      "a file or a generator, as `palpate compare` takes it (default: six seconds, by the model's size)");
   declare.text("--traj-columns", run.traj_columns, "of a recorded path, as `palpate compare` takes them");
   declare.text(
       "--reference", run.reference,

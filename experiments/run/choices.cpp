@@ -108,6 +108,16 @@ std::string usual_path(const trace::PathTarget& target, int frames) {
                      round_text(kSlowestPerFastest * fastest_mm_s), round_text(fastest_mm_s));
 }
 
+std::string short_path(const trace::PathTarget& target, int frames) {
+  if (target.surface == nullptr) return usual_path(target, frames);
+  constexpr int kShortPeriod = 300;  // an entry every 0.3 s: bounds are taken over entries
+  const double size_mm = target.box_mm.extent_mm().norm();
+  const double depth_mm = std::max(kDepthPerSize * size_mm, target.spacing_mm);
+  return fmt::format("weave:frames={}:depth_mm={}:clearance_mm={}:speed_mm_s={}:period_frames={}", frames,
+                     round_text(depth_mm), round_text(kClearancePerDepth * depth_mm),
+                     round_text(kSizesPerSecond * size_mm), kShortPeriod);
+}
+
 std::string size_hint(const geometry::Aabb& box_mm) {
   const double times = box_mm.extent_mm().norm() / kHandMm;
   if (!(times > kFarFromAHand || times < 1.0 / kFarFromAHand) || !(times > 0.0)) return {};

@@ -17,6 +17,10 @@ namespace palpate::experiments {
 inline constexpr int kUsualFrames = 20'000;  ///< twenty seconds
 [[nodiscard]] std::string usual_path(const trace::PathTarget& target, int frames = kUsualFrames);
 
+/// The same in so few frames, for many renderers: on a formula along a Lissajous curve with many entries, for
+/// an exploration also leaves the part of it that was sampled, where there is nothing to compare.
+[[nodiscard]] std::string short_path(const trace::PathTarget& target, int frames);
+
 /// What a hand would say of a model of this size, a whole sentence with a remedy; empty where it fits a hand.
 [[nodiscard]] std::string size_hint(const geometry::Aabb& box_mm);
 

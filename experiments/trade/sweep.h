@@ -15,7 +15,7 @@
 namespace palpate::experiments {
 
 inline constexpr double kSweepBudgetS = 600.0;
-/// Of the path where none is named: six seconds of exploration, some thousand frames of contact.
+/// Of the path where none is named: six seconds, some thousand frames of contact in twenty entries.
 inline constexpr int kSweepFrames = 6'000;
 
 struct SweepArguments {
