@@ -34,8 +34,8 @@ struct Standing {
 /// of each other. O(n^2).
 [[nodiscard]] std::vector<Standing> standings_of(const std::vector<Row>& rows);
 
-/// How far a single preparation may be from the median of several: twice the largest deviation seen, see
-/// docs/trade.md.
+/// How far a single preparation may be from the median of several. A choice, not a measurement: on a busy
+/// machine three preparations of a small model were seen to differ by more.
 inline constexpr double kOncePrepared = 0.2;
 
 }  // namespace palpate::experiments

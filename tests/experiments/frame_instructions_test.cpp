@@ -19,8 +19,8 @@ namespace {
 
 constexpr double kCountLimitS = 300.0;
 // Built by the compiler that the file was written with, a count differs only by what the libraries of the
-// system bring (memory functions, sqrt): 1 %. Another compiler schedules, inlines and vectorises otherwise:
-// between g++ 12 and clang++ 14 the counts of the file differ by up to what docs/trade.md says.
+// system bring (memory functions, mathematics): 1 %. Another compiler schedules, inlines and vectorises
+// otherwise; by how much was not measured, and half as much again only catches gross mistakes.
 constexpr double kSameCompiler = 0.01, kOtherCompiler = 0.5;
 
 std::string compiler_name() {
