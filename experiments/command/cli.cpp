@@ -54,6 +54,11 @@ void Declaration::required(const std::string& name, std::string& value, const st
   command_.add_option(name, value, help)->required();
 }
 
+void Declaration::several(const std::string& name, std::vector<std::string>& values,
+                          const std::string& help) const {
+  command_.add_option(name, values, help)->required();
+}
+
 void Declaration::choice(const std::string& name, std::string& value, const std::vector<std::string>& choices,
                          const std::string& help) const {
   command_.add_option(name, value, help)->check(CLI::IsMember(choices));

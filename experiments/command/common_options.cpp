@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "toolkit/core/words.h"
+
 namespace palpate::experiments {
 
 void declare_threads(const Declaration& declare, int& threads) {
@@ -66,6 +68,34 @@ void declare_run(const Declaration& declare, RunArguments& run) {
                "run renderers too that lack what the scene asks for (friction, dents, ..), and say so");
   declare.flag("--json", run.json, "print the result as JSON");
   declare_surface(declare, run.surface);
+  declare_model(declare, run.load);
+}
+
+void declare_trade(const Declaration& declare, SweepArguments& trade) {
+  constexpr NumberRange kPasses{1, 1000};
+  RunArguments& run = trade.run;
+  run.passes = kSweepPasses;
+  declare.required("SCENE", run.scene, kSceneHelp);
+  declare.text(
+      "--renderers", run.renderers,
+      "A,B,..: the renderers to start from, each NAME[:option=value...] (default: all that can do what "
+      "the scene asks for)");
+  declare.text("--axes", trade.axes,
+               "what is turned, separated by commas: " + joined(names_of(axes())) + " (default: all)");
+  declare.text(
+      "--path", run.path,
+      "a file or a generator, as `palpate compare` takes it (default: six seconds, by the model's size)");
+  declare.text("--traj-columns", run.traj_columns, "of a recorded path, as `palpate compare` takes them");
+  declare.text(
+      "--reference", run.reference,
+      "ground truth: auto, analytic, original-mesh, or a mesh file or scan by name in the model's frame");
+  declare.text(
+      "--out", run.out,
+      "folder for the results; one with results of the same is gone on with (default: one in out/, by the "
+      "model's name)");
+  declare.integer("--passes", run.passes, kPasses,
+                  fmt::format("timed passes of each kind and setting, in turns (default: {})", kSweepPasses));
+  declare.flag("--json", run.json, "print the result as JSON");
   declare_model(declare, run.load);
 }
 

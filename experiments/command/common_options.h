@@ -3,6 +3,7 @@
 
 #include "experiments/command/subcommand.h"
 #include "experiments/session/study_run.h"
+#include "experiments/trade/sweep.h"
 
 namespace palpate::experiments {
 
@@ -24,5 +25,7 @@ void declare_model(const Declaration& declare, ModelArguments& load);
 void declare_surface(const Declaration& declare, SurfaceArguments& surface);
 /// Those of replay and compare.
 void declare_run(const Declaration& declare, RunArguments& run);
+/// Those of sweep and tune.
+void declare_trade(const Declaration& declare, SweepArguments& trade);
 
 }  // namespace palpate::experiments

@@ -25,6 +25,8 @@ class Declaration {
   void text(const std::string& name, std::string& value, const std::string& help) const;
   /// The same where the command does nothing without it.
   void required(const std::string& name, std::string& value, const std::string& help) const;
+  /// Words without a name before them, one at least.
+  void several(const std::string& name, std::vector<std::string>& values, const std::string& help) const;
   void choice(const std::string& name, std::string& value, const std::vector<std::string>& choices,
               const std::string& help) const;
   void flag(const std::string& name, bool& value, const std::string& help) const;

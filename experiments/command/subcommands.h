@@ -11,6 +11,9 @@
   DO(paths)                     \
   DO(replay)                    \
   DO(compare)                   \
+  DO(sweep)                     \
+  DO(merge)                     \
+  DO(tune)                      \
   DO(report)                    \
   DO(score)                     \
   DO(reproduce)                 \

@@ -35,6 +35,12 @@ struct Series {
   std::vector<double> x, y;  ///< a y that is not finite interrupts the line
   std::string dash{};        ///< as in Look
   bool is_truth = false;     ///< drawn wide, behind the others
+  /// Of kMarks: the ends of x and of y of each point, drawn as thin bars; a series without is a line of steps
+  /// that has no name in the legend.
+  struct Bars {
+    double x_low, x_high, y_low, y_high;
+  };
+  std::vector<Bars> bars{};
 };
 
 /// What gnuplot is told about a chart.
@@ -47,6 +53,7 @@ struct Chart {
     kSteps,
     kMarkedLines,
     kBars,   ///< lying: x is the length from `bars_from`, y the row
+    kMarks,  ///< points with their intervals
     kPanels  ///< one panel for each series, the first one (the truth) behind it in all
   };
   Style style = Style::kLines;

@@ -37,7 +37,13 @@ std::string data_text(const Chart& chart) {
     text += "# " + s.label + "\n";
     for (std::size_t i = 0; i < s.x.size(); ++i)
       // No blank lines within a series: two of them begin the next one.
-      text += std::isfinite(s.y[i]) ? fmt::format("{:.7g} {:.7g}\n", s.x[i], s.y[i]) : "NaN NaN\n";
+      text += !std::isfinite(s.y[i])
+                  ? "NaN NaN\n"
+                  : fmt::format("{:.7g} {:.7g}{}\n", s.x[i], s.y[i],
+                                i < s.bars.size()
+                                    ? fmt::format(" {:.7g} {:.7g} {:.7g} {:.7g}", s.bars[i].x_low,
+                                                  s.bars[i].x_high, s.bars[i].y_low, s.bars[i].y_high)
+                                    : "");
     if (s.x.empty()) text += "NaN NaN\n";
     text += "\n\n";
   }
@@ -54,10 +60,18 @@ const char* style_name(Chart::Style style) {
       return "linespoints pt 7 ps 0.6 lw 1.6";
     case Chart::Style::kBars:
       return "boxxyerror fs solid 0.9 noborder";
+    case Chart::Style::kMarks:
+      return "fsteps lw 1.2";  // of the line among them
     case Chart::Style::kPanels:
       return "lines lw 1.6";
   }
   return "lines";
+}
+
+/// Marks of one colour are told apart by their shapes, as lines are by their dashes.
+std::string mark_of(const Series& series) {
+  const int shape = series.dash.empty() ? 7 : series.dash == "(10,5)" ? 9 : series.dash == "(3,4)" ? 5 : 13;
+  return fmt::format("xyerrorbars pt {} ps 0.6 lw 0.7", shape);
 }
 
 /// Lines on top of each other are told apart by their dashes, in print as well.
@@ -195,10 +209,15 @@ std::string script_text(const Chart& chart) {
   for (std::size_t i = 0; i < chart.series.size(); ++i) {
     const Series& series = chart.series[i];
     if (series.x.empty()) continue;
-    plot += fmt::format("{}'{}.dat' index {} using {} with {}{} lc rgb '{}' title {}",
-                        plot.empty() ? "plot " : ", \\\n     ", chart.name, i, columns_of(chart),
-                        series.is_truth ? "lines lw 6" : style_name(chart.style), dashes(chart, series),
-                        series.colour, quoted(series.label));
+    const bool marks = chart.style == Chart::Style::kMarks && !series.bars.empty();
+    const bool steps = chart.style == Chart::Style::kMarks && series.bars.empty();
+    plot += fmt::format(
+        "{}'{}.dat' index {} using {} with {}{} lc rgb '{}' {}", plot.empty() ? "plot " : ", \\\n     ",
+        chart.name, i, marks ? "1:2:3:4:5:6" : columns_of(chart),
+        series.is_truth ? "lines lw 6"
+        : marks         ? mark_of(series)
+                        : style_name(chart.style),
+        dashes(chart, series), series.colour, steps ? "notitle" : "title " + quoted(series.label));
   }
   return s + plot + "\n";
 }

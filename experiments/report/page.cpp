@@ -10,6 +10,14 @@
 #include "toolkit/core/words.h"
 
 namespace palpate::experiments {
+
+std::string figure_html(const Figure& figure) {
+  return fmt::format("<figure{}><h3>{}</h3>{}<figcaption>{}</figcaption></figure>\n",
+                     figure.wide ? " class=\"wide\"" : "", html_escaped(figure.title),
+                     figure.svg.empty() ? "" : "<div class=\"picture\">" + figure.svg + "</div>",
+                     html_escaped(figure.caption));
+}
+
 namespace {
 
 /// Terms and what is said of each.
@@ -66,13 +74,6 @@ std::string facts_html(const std::vector<Fact>& facts) {
     html += "</dd>\n";
   }
   return html + "</dl>\n";
-}
-
-std::string figure_html(const Figure& figure) {
-  return fmt::format("<figure{}><h3>{}</h3>{}<figcaption>{}</figcaption></figure>\n",
-                     figure.wide ? " class=\"wide\"" : "", html_escaped(figure.title),
-                     figure.svg.empty() ? "" : "<div class=\"picture\">" + figure.svg + "</div>",
-                     html_escaped(figure.caption));
 }
 
 /// `opened`: what it opens with stands at the top of the page already.

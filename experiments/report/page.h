@@ -70,6 +70,8 @@ void add_study(Page& page, const Study& study, const std::string& id, const std:
 /// document.
 [[nodiscard]] std::vector<Headline> headlines_of(const metrics::ResultDocument& document);
 
+/// A figure as it stands on a page: picture, title and caption.
+[[nodiscard]] std::string figure_html(const Figure& figure);
 [[nodiscard]] std::string to_html(const Page& page);
 /// report.html.
 [[nodiscard]] Status write_page(const Page& page, const OutputFolder& folder);

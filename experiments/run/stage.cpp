@@ -188,7 +188,9 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
   target.world_from_model = model.world_from_model;
   if (request.path.empty())
     if (const std::string hint = size_hint(target.box_mm); !hint.empty()) stage.notes.push_back(hint);
-  const std::string named = request.path.empty() ? usual_path(target) : request.path;
+  const std::string named = !request.path.empty()      ? request.path
+                            : request.short_frames > 0 ? short_path(target, request.short_frames)
+                                                       : usual_path(target);
   Result<trace::ProbePath> path = open_path(named, request.path_columns, target, request.load.max_bytes);
   if (!path) return std::move(path).error();
   stage.path = *std::move(path);

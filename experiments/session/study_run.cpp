@@ -22,55 +22,6 @@
 namespace palpate::experiments {
 namespace {
 
-struct Prepared {
-  StageRequest stage;
-  std::vector<RendererRequest> renderers;  ///< that were named
-  std::optional<RendererRequest> own;      ///< the scene's
-};
-
-/// Everything that can be wrong with the arguments is found here, before anything is made or loaded.
-Result<Prepared> check(const RunArguments& arguments, const render::Registry& registry, Progress& progress) {
-  Prepared prepared;
-  const Result<scene::LoadOptions> load = load_options(arguments.load);
-  if (!load) return load.error();
-  std::string truth = arguments.reference;
-  if (const Scan* scan = find_scan(truth)) {
-    const std::optional<std::filesystem::path> file = locate_scan(*scan);
-    if (!file)
-      return Error{fmt::format("the scan '{}' is not here", truth),
-                   fmt::format("`palpate fetch {}` brings it", truth),
-                   {},
-                   0};
-    truth = file->string();
-  }
-  Result<ReferenceChoice> reference = parse_reference(truth);
-  if (!reference) return std::move(reference).error();
-  Result<scene::SceneFile> scene = open_scene(arguments.scene, registry, progress);
-  if (!scene) return std::move(scene).error();
-  Result<SurfaceReport> surfaces = set_surfaces(arguments.surface, *scene);
-  if (!surfaces) return std::move(surfaces).error();
-  if (!arguments.renderers.empty()) {
-    Result<std::vector<RendererRequest>> renderers = parse_renderers(arguments.renderers, registry);
-    if (!renderers) return std::move(renderers).error();
-    prepared.renderers = *std::move(renderers);
-  } else if (scene->renderer) {
-    Result<RendererRequest> renderer = request_of(*scene->renderer, registry);
-    if (!renderer) return std::move(renderer).error();
-    prepared.own = *std::move(renderer);
-  }  // else the plan chooses, when the models are known
-  prepared.stage = {arguments.scene,
-                    *std::move(scene),
-                    *load,
-                    arguments.path,
-                    *reference,
-                    arguments.load.threads,
-                    0,
-                    truth,
-                    arguments.traj_columns,
-                    *std::move(surfaces)};
-  return prepared;
-}
-
 /// Everything that the results of every renderer depend on. An argument that is added does not compile here
 /// until it is named.
 std::string key_of(const RunArguments& arguments, const StageRequest& stage) {
@@ -224,7 +175,7 @@ void say_what_is_run(const RunArguments& arguments, const std::vector<RendererRe
 }
 
 /// What was left open is chosen now that the models are known.
-void choose_renderers(StudyKind kind, const render::Registry& registry, Prepared& prepared,
+void choose_renderers(StudyKind kind, const render::Registry& registry, CheckedRun& prepared,
                       StagedStudy& study) {
   if (!prepared.renderers.empty()) return;
   if (kind == StudyKind::kReplay && prepared.own) {
@@ -251,9 +202,53 @@ int report_failures(const StagedStudy& study) {
 
 }  // namespace
 
+Result<CheckedRun> check_run(const RunArguments& arguments, const render::Registry& registry,
+                             Progress& progress) {
+  CheckedRun prepared;
+  const Result<scene::LoadOptions> load = load_options(arguments.load);
+  if (!load) return load.error();
+  std::string truth = arguments.reference;
+  if (const Scan* scan = find_scan(truth)) {
+    const std::optional<std::filesystem::path> file = locate_scan(*scan);
+    if (!file)
+      return Error{fmt::format("the scan '{}' is not here", truth),
+                   fmt::format("`palpate fetch {}` brings it", truth),
+                   {},
+                   0};
+    truth = file->string();
+  }
+  Result<ReferenceChoice> reference = parse_reference(truth);
+  if (!reference) return std::move(reference).error();
+  Result<scene::SceneFile> scene = open_scene(arguments.scene, registry, progress);
+  if (!scene) return std::move(scene).error();
+  Result<SurfaceReport> surfaces = set_surfaces(arguments.surface, *scene);
+  if (!surfaces) return std::move(surfaces).error();
+  if (!arguments.renderers.empty()) {
+    Result<std::vector<RendererRequest>> renderers = parse_renderers(arguments.renderers, registry);
+    if (!renderers) return std::move(renderers).error();
+    prepared.renderers = *std::move(renderers);
+  } else if (scene->renderer) {
+    Result<RendererRequest> renderer = request_of(*scene->renderer, registry);
+    if (!renderer) return std::move(renderer).error();
+    prepared.own = *std::move(renderer);
+  }  // else the plan chooses, when the models are known
+  prepared.stage = {arguments.scene,
+                    *std::move(scene),
+                    *load,
+                    arguments.path,
+                    *reference,
+                    arguments.load.threads,
+                    0,
+                    truth,
+                    arguments.traj_columns,
+                    *std::move(surfaces),
+                    0};
+  return prepared;
+}
+
 int run_study(StudyKind kind, const RunArguments& arguments, Context& context, const AfterStudy& after) {
   const render::Registry registry = all_renderers();
-  Result<Prepared> prepared = check(arguments, registry, context.progress);
+  Result<CheckedRun> prepared = check_run(arguments, registry, context.progress);
   if (!prepared) return fail(prepared.error(), kExitBadInput);
   const Result<OutputFolder> folder = OutputFolder::open(
       arguments.out.empty() ? usual_folder(kind == StudyKind::kReplay ? "replay" : "compare", arguments.scene)

@@ -2,6 +2,9 @@
 #pragma once
 
 #include <functional>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "experiments/run/run.h"
 #include "experiments/session/session.h"
@@ -26,6 +29,16 @@ struct RunArguments {
   bool allow_missing = false;  ///< renderers that lack what the scene asks for run too, and are marked
   bool json = false;
 };
+
+/// What the arguments name.
+struct CheckedRun {
+  StageRequest stage;
+  std::vector<RendererRequest> renderers;  ///< that were named
+  std::optional<RendererRequest> own;      ///< the scene's, where none was named
+};
+/// Everything that can be wrong with the arguments is found here, before anything is made or loaded.
+[[nodiscard]] Result<CheckedRun> check_run(const RunArguments& arguments, const render::Registry& registry,
+                                           Progress& progress);
 
 /// Called when all files of the study are written: makes more files, returns what to print.
 using AfterStudy = std::function<Result<std::string>(const OutputFolder& folder)>;

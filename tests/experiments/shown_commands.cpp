@@ -12,6 +12,7 @@
 #include "experiments/run/cleaning.h"
 #include "experiments/session/session.h"
 #include "experiments/tables/manifest.h"
+#include "experiments/trade/setting.h"
 #include "tests/house/source_tree.h"
 #include "toolkit/core/words.h"
 #include "toolkit/trace/paths.h"
@@ -165,6 +166,8 @@ std::string palpate_problem(const ShownCommand& command) {
   for (const char* option : {"--renderer", "--renderers"})
     if (const std::string renderers = given(option); !renderers.empty())
       if (const auto parsed = parse_renderers(renderers, registry); !parsed) return parsed.error().message();
+  if (const std::string turned = given("--axes"); !turned.empty())
+    if (const auto parsed = parse_axes(turned); !parsed) return parsed.error().message();
   if (const std::string path = given("--path"); !path.empty())
     if (const std::string problem = path_problem(path, given("--traj-columns")); !problem.empty())
       return problem;
@@ -296,7 +299,11 @@ std::vector<std::string> made_small(const ShownCommand& command) {
     if (path != nullptr && words[1] != "paths" && words[i].find("frames=") == std::string::npos)
       words[i] += ":frames=300";
     if (words[i - 1] == "--paced") words[i] = "20";
+    if (words[i - 1] == "--budget") words[i] = "2";
+    if (words[i - 1] == "--max-error") words[i] = "100";  // so few points are far from the surface
   }
+  if (words.size() > 1 && (words[1] == "sweep" || words[1] == "tune"))
+    words.insert(words.end(), {"--passes", "1"});
   return words;
 }
 

@@ -32,7 +32,8 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"session", {"study", "run", "data", "report", "session"}},
     {"behaviours", {"study", "run", "report", "session", "behaviours"}},
     {"tables", {"study", "run", "data", "report", "session", "behaviours", "tables"}},
-    {"command", {"study", "run", "data", "report", "session", "behaviours", "tables", "command"}},
+    {"trade", {"study", "run", "data", "report", "session", "trade"}},
+    {"command", {"study", "run", "data", "report", "session", "behaviours", "tables", "trade", "command"}},
     {"benchmarks", {"benchmarks"}},
 };
 

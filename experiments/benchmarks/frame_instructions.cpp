@@ -1,0 +1,94 @@
+// The frames of every renderer of the toolkit on one fixed scene, each in a call of its own that callgrind
+// counts apart: see tests/experiments/frame_instructions_test.cpp. Renderers on Embree, CGAL or PCL are not
+// among them, for these libraries choose their instructions by the processor.
+//
+//   frame_instructions        prints a line for each call, in their order: NAME FRAMES SUM
+//   frame_instructions names  the names alone
+#include <fmt/format.h>
+
+#include <bit>
+#include <cstdint>
+#include <cstdio>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "toolkit/cloud/generate.h"
+#include "toolkit/render/registry.h"
+#include "toolkit/renderers/toolkit_renderers.h"
+#include "toolkit/trace/paths.h"
+
+namespace {
+
+using namespace palpate;
+
+// Random points and a raster; frames enough that a path's start weighs nothing.
+constexpr const char* kCloud =
+    "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1:sampling=random:seed=3";
+constexpr const char* kRaster = "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1";
+constexpr const char* kPath = "weave:frames=3600:depth_mm=0.5:clearance_mm=0.3:period_frames=300";
+
+struct Counted {
+  const char* name;  ///< as after --renderers
+  const char* scene;
+};
+constexpr Counted kCounted[] = {
+    {"cloud", kCloud},          {"cloud:surface=vertices", kCloud}, {"cloud-smooth", kCloud},
+    {"cloud-literal", kRaster}, {"heightfield", kRaster},           {"heightfield-literal", kRaster},
+};
+
+}  // namespace
+
+/// What is counted: its name is what callgrind is told.
+extern "C" __attribute__((noinline)) double palpate_counted_frames(render::HapticRenderer& renderer,
+                                                                   const trace::ProbePath& path) {
+  double sum = 0.0;
+  for (std::size_t k = 0; k < path.size(); ++k) sum += renderer.step(path.hip_mm[k], path.t_s[k]).force_n.z();
+  return sum;
+}
+
+namespace {
+
+int count(const Counted& counted, const render::Registry& registry) {
+  auto made = cloud::generate(parse_named_options(counted.scene).value());
+  if (!made) return 1;
+  render::ModelInput model;
+  model.cloud = std::make_shared<const cloud::Cloud>(made->cloud);
+  render::SceneInput scene;
+  scene.models.push_back(model);
+  const NamedOptions named = parse_named_options(counted.name).value();
+  auto renderer = registry.make(named.name, named.options);
+  if (!renderer || !(*renderer)->prepare(scene, {1, nullptr})) return 1;
+  trace::PathTarget target;
+  target.surface = made->surface.get();
+  target.cloud = model.cloud.get();
+  target.box_mm = model.cloud->box_mm();
+  target.spacing_mm = made->nominal_spacing_mm;
+  const auto path = trace::make_path(parse_named_options(kPath).value(), target);
+  if (!path) return 1;
+  (*renderer)->restart(path->hip_mm[0], -path->t_s[1]);
+  const double sum = palpate_counted_frames(**renderer, *path);
+  fmt::print("{} {} {:016x}\n", counted.name, path->size(), std::bit_cast<std::uint64_t>(sum));
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc == 2 && std::string_view(argv[1]) == "names") {
+    for (const Counted& counted : kCounted) fmt::print("{}\n", counted.name);
+    return 0;
+  }
+  if (argc != 1) {
+    fmt::print(stderr, "usage: frame_instructions [names]\n");
+    return 2;
+  }
+  render::Registry registry;
+  render::register_toolkit_renderers(registry);
+  for (const Counted& counted : kCounted)
+    if (const int status = count(counted, registry); status != 0) {
+      fmt::print(stderr, "frame_instructions: {} cannot be prepared\n", counted.name);
+      return status;
+    }
+  return 0;
+}

@@ -1,0 +1,207 @@
+#include "experiments/trade/against.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "experiments/study/study.h"
+#include "experiments/trade/dominance.h"
+#include "toolkit/core/input_file.h"
+#include "toolkit/core/try.h"
+
+namespace palpate::experiments {
+namespace {
+
+using metrics::RendererResult;
+using metrics::ResultDocument;
+
+/// A number of a result, how it is found and when it is better.
+struct Looked {
+  const char* key;
+  bool is_time;
+  bool more_is_better;
+  double slack;
+  std::optional<Measured> (*of)(const RendererResult& result);
+};
+
+std::optional<Measured> measured(const std::optional<double>& value,
+                                 const std::optional<Interval>& interval) {
+  return value ? std::optional<Measured>(Measured{*value, interval}) : std::nullopt;
+}
+
+std::optional<Measured> counted(const std::optional<metrics::Accuracy>& accuracy,
+                                std::uint64_t metrics::Accuracy::*count) {
+  return accuracy ? std::optional<Measured>(Measured{static_cast<double>((*accuracy).*count)}) : std::nullopt;
+}
+
+const std::vector<Looked>& looked_at() {
+  static const std::vector<Looked> kAll = {
+      {"frame_all.mean_us", true, false, 0.0,
+       [](const RendererResult& r) {
+         return r.frame_all ? measured(r.frame_all->mean_us, r.frame_all->mean_interval_us) : std::nullopt;
+       }},
+      {"frame_all.p999_us", true, false, 0.0,
+       [](const RendererResult& r) {
+         return r.frame_all ? measured(r.frame_all->p999_us, r.frame_all->p999_interval_us) : std::nullopt;
+       }},
+      {"frame.mean_us", true, false, 0.0,
+       [](const RendererResult& r) {
+         return r.frame ? measured(r.frame->mean_us, r.frame->mean_interval_us) : std::nullopt;
+       }},
+      {"prepare.total_ms", true, false, kOncePrepared,
+       [](const RendererResult& r) {
+         const bool fresh = r.prepare && !(r.prepare_clock && r.prepare_clock->from_cache);
+         return fresh ? std::optional<Measured>(Measured{r.prepare->total_ms}) : std::nullopt;
+       }},
+      {"memory.bytes", false, false, 0.0,
+       [](const RendererResult& r) {
+         return r.prepare ? std::optional<Measured>(Measured{static_cast<double>(r.prepare->bytes)})
+                          : std::nullopt;
+       }},
+      {"accuracy.force_rms_percent", false, false, 0.0,
+       [](const RendererResult& r) {
+         return r.accuracy ? measured(r.accuracy->force_rms_percent, r.accuracy->force_rms_percent_interval)
+                           : std::nullopt;
+       }},
+      {"accuracy.indistinguishable_percent", false, true, 0.0,
+       [](const RendererResult& r) {
+         return r.accuracy
+                    ? measured(r.accuracy->indistinguishable_percent, r.accuracy->indistinguishable_interval)
+                    : std::nullopt;
+       }},
+      {"accuracy.missed_contact_frames", false, false, 0.0,
+       [](const RendererResult& r) {
+         return counted(r.accuracy, &metrics::Accuracy::missed_contact_frames);
+       }},
+      {"accuracy.false_contact_frames", false, false, 0.0,
+       [](const RendererResult& r) { return counted(r.accuracy, &metrics::Accuracy::false_contact_frames); }},
+  };
+  return kAll;
+}
+
+Verdict verdict_on(const Looked& looked, const Measured& before, const Measured& after) {
+  if (surely_less(after, before, looked.slack))
+    return looked.more_is_better ? Verdict::kWorse : Verdict::kBetter;
+  if (surely_less(before, after, looked.slack))
+    return looked.more_is_better ? Verdict::kBetter : Verdict::kWorse;
+  return Verdict::kSame;
+}
+
+const char* verdict_text(Verdict verdict) {
+  return verdict == Verdict::kBetter ? "better" : verdict == Verdict::kWorse ? "worse" : "same";
+}
+
+bool of_one_kind(const metrics::MachineInfo& a, const metrics::MachineInfo& b) {
+  return a.cpu == b.cpu && a.cores == b.cores && a.kernel == b.kernel;
+}
+
+const RendererResult* labelled(const ResultDocument& document, const std::string& label) {
+  for (const RendererResult& result : document.renderers)
+    if (result.label == label) return &result;
+  return nullptr;
+}
+
+Status check_same(const ResultDocument& before, const ResultDocument& after) {
+  const auto hashes = [](const ResultDocument& document) {
+    std::vector<std::string> all;
+    for (const metrics::StudyModel& model : document.models) all.push_back(model.hash);
+    return all;
+  };
+  const char* other = nullptr;
+  // What is said is what explains the rest: another model has another path, and that another truth.
+  if ((before.truth ? before.truth->hash : "") != (after.truth ? after.truth->hash : ""))
+    other = "another truth";
+  if (before.path_hash != after.path_hash) other = "another path";
+  if (hashes(before) != hashes(after)) other = "another model";
+  if (other == nullptr) return Done{};
+  return Error{fmt::format("is of {}: {} along {}", other, before.scene, before.path),
+               fmt::format("compare with a run of {} along {}", after.scene, after.path),
+               {},
+               0};
+}
+
+}  // namespace
+
+bool Changes::worse_for_sure() const {
+  return std::any_of(all.begin(), all.end(),
+                     [](const Change& c) { return c.verdict == Verdict::kWorse && !c.is_time; });
+}
+
+Result<ResultDocument> read_earlier(const std::string& result) {
+  std::error_code code;
+  const std::filesystem::path path(result);
+  const std::string file = (std::filesystem::is_directory(path, code) ? path / kResultFile : path).string();
+  PALPATE_ASSIGN(const std::string text, read_file(file, kMemoryLimitBytes));
+  return metrics::parse_result(text, file);
+}
+
+Result<Changes> changes_between(const ResultDocument& before, const ResultDocument& after) {
+  PALPATE_TRY(check_same(before, after));
+  Changes changes;
+  const bool times = of_one_kind(before.machine, after.machine);
+  if (!times)
+    changes.notes.push_back(
+        fmt::format("Times are not compared: the earlier run was on another machine ({}, {} cores, {}).",
+                    before.machine.cpu, before.machine.cores, before.machine.kernel));
+  for (const RendererResult& now : after.renderers) {
+    const RendererResult* then = labelled(before, now.label);
+    if (then == nullptr) {
+      changes.notes.push_back(fmt::format("{} is not in the earlier run.", now.label));
+      continue;
+    }
+    if (now.status != then->status)
+      changes.all.push_back({now.label, "status", then->status == metrics::RunStatus::kOk ? 1.0 : 0.0,
+                             now.status == metrics::RunStatus::kOk ? 1.0 : 0.0,
+                             now.status == metrics::RunStatus::kOk ? Verdict::kBetter : Verdict::kWorse});
+    if (now.name != then->name || now.options != then->options)
+      changes.notes.push_back(fmt::format("{} has other options than in the earlier run.", now.label));
+    for (const Looked& looked : looked_at()) {
+      if (looked.is_time && !times) continue;
+      const std::optional<Measured> was = looked.of(*then), is = looked.of(now);
+      if (was && is)
+        changes.all.push_back(
+            {now.label, looked.key, was->value, is->value, verdict_on(looked, *was, *is), looked.is_time});
+    }
+  }
+  for (const RendererResult& then : before.renderers)
+    if (labelled(after, then.label) == nullptr)
+      changes.notes.push_back(fmt::format("{} ran earlier and not now.", then.label));
+  return changes;
+}
+
+Table changes_table(const Changes& changes) {
+  Table table;
+  table.title = "Against the earlier run";
+  table.columns = {"renderer", "number", "before", "now", "is"};
+  table.best_means = "better, beyond the intervals of both";
+  table.bad_means = "worse, beyond the intervals of both";
+  for (const Change& c : changes.all)
+    table.rows.push_back(
+        {{c.label},
+         {c.number},
+         {short_number(c.before)},
+         {short_number(c.after), c.verdict == Verdict::kBetter, c.verdict == Verdict::kWorse},
+         {verdict_text(c.verdict)}});
+  table.notes = changes.notes;
+  return table;
+}
+
+std::string to_json(const Changes& changes, const ResultDocument& before, const ResultDocument& after) {
+  nlohmann::ordered_json json = {{"schema", kAgainstSchema},
+                                 {"before", {{"commit", before.commit}, {"started_utc", before.started_utc}}},
+                                 {"after", {{"commit", after.commit}, {"started_utc", after.started_utc}}},
+                                 {"changes", nlohmann::ordered_json::array()},
+                                 {"notes", changes.notes}};
+  for (const Change& c : changes.all)
+    json["changes"].push_back({{"label", c.label},
+                               {"number", c.number},
+                               {"before", c.before},
+                               {"after", c.after},
+                               {"verdict", verdict_text(c.verdict)}});
+  return json.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace palpate::experiments

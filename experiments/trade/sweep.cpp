@@ -1,0 +1,246 @@
+#include "experiments/trade/sweep.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <set>
+
+#include "experiments/run/choices.h"
+#include "experiments/session/terminal.h"
+#include "experiments/session/version.h"
+#include "toolkit/core/clock.h"
+#include "toolkit/core/numbers.h"
+#include "toolkit/core/try.h"
+#include "toolkit/core/words.h"
+
+namespace palpate::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+
+// One setting's preparation may take a minute, and never more than lets all that take turns end in half of
+// what time is left; but what is ready in two seconds always runs.
+constexpr double kMostPrepareS = 60.0, kLeastPrepareS = 2.0, kShareOfTheRest = 0.5;
+// Without a budget: reconstructions of a million points take minutes.
+constexpr double kFullPrepareS = 600.0;
+// A setting waits for its turn behind at most so many others of another precision or rate.
+constexpr std::size_t kLooksAhead = 64;
+constexpr std::size_t kMostShards = 100'000;
+
+struct Shard {
+  std::size_t index = 0, count = 1;
+};
+
+Result<Shard> parse_shard(const std::string& text) {
+  if (text.empty()) return Shard{};
+  const Error wrong{fmt::format("--shard {} is no part of a whole", shown(text)),
+                    "give a number of as many, such as 2/8",
+                    {},
+                    0};
+  const std::size_t slash = text.find('/');
+  if (slash == std::string::npos) return wrong;
+  const NumberRange range{1, static_cast<double>(kMostShards)};
+  const Result<long long> index = read_integer(text.substr(0, slash), range);
+  const Result<long long> count = read_integer(text.substr(slash + 1), range);
+  if (!index || !count || *index > *count) return wrong;
+  return Shard{static_cast<std::size_t>(*index - 1), static_cast<std::size_t>(*count)};
+}
+
+/// Version and commit: rows of another program are not taken for those of this one.
+std::string program_text() {
+  return fmt::format("{} {}", version_text(), kCommit);
+}
+
+bool same_kind(const Setting& a, const Setting& b) {
+  return a.precision_bits == b.precision_bits && a.rate_divisor == b.rate_divisor;
+}
+
+/// The whole sweep's time left, whatever one of its steps reports.
+class SweepProgress final : public Progress {
+ public:
+  SweepProgress(ProgressBar& bar, std::size_t done, std::size_t all, double spent_s, double budget_s)
+      : bar_(bar), spent_s_(spent_s), budget_s_(budget_s) {
+    bar_.set_prefix(fmt::format("[{} of {} settings] ", done, all));
+    fraction_ = all > 0 ? std::min(1.0, static_cast<double>(done) / static_cast<double>(all)) : 1.0;
+    // A log has a line for each turn.
+    if (::isatty(STDERR_FILENO) == 0)
+      fmt::print(stderr, "palpate: {} of {} settings after {}\n", done, all,
+                 duration_text(spent_s * kMsPerSecond));
+  }
+  void report(std::string_view, double) override {
+    const double spent_s = spent_s_ + watch_.ms() / kMsPerSecond;
+    bar_.report("measuring",
+                budget_s_ > 0.0 ? std::min(1.0, std::max(fraction_, spent_s / budget_s_)) : fraction_);
+  }
+
+ private:
+  static constexpr double kMsPerSecond = 1e3;
+  ProgressBar& bar_;
+  double spent_s_, budget_s_, fraction_ = 0.0;
+  Stopwatch watch_;
+};
+
+}  // namespace
+
+Status Sweep::open_folder(const std::string& out) {
+  std::error_code code;
+  const fs::path root(out);
+  if (fs::exists(root / kFolderMark, code) && !fs::exists(root / kRowsFile, code))
+    return Error{fmt::format("the folder holds other results, and no {}", kRowsFile),
+                 "give --out a new folder, or that of an earlier sweep", out, 0};
+  if (fs::exists(root / kFolderMark, code)) {
+    // What was measured stays where it is, whatever happens to this run.
+    PALPATE_ASSIGN(folder_, OutputFolder::reopen(out));
+    PALPATE_ASSIGN(document_.rows, read_rows(folder_->file(kRowsFile).string()));
+    folder_is_ours_ = true;
+    return Done{};
+  }
+  PALPATE_ASSIGN(folder_, OutputFolder::open(out));
+  return Done{};
+}
+
+Result<std::unique_ptr<Sweep>> Sweep::begin(const SweepArguments& arguments, const render::Registry& registry,
+                                            Context& context) {
+  std::unique_ptr<Sweep> sweep(new Sweep);
+  PALPATE_ASSIGN(const std::vector<std::string> turned, parse_axes(arguments.axes));
+  PALPATE_ASSIGN(const Shard shard, parse_shard(arguments.shard));
+  PALPATE_ASSIGN(sweep->checked_, check_run(arguments.run, registry, context.progress));
+  StageRequest& request = sweep->checked_.stage;
+  request.short_frames = kSweepFrames;
+  PALPATE_TRY(sweep->open_folder(arguments.run.out.empty() ? usual_folder("sweep", arguments.run.scene)
+                                                           : arguments.run.out));
+  PALPATE_TRY(sweep->folder_->check_not_read(files_read(request)));
+  PALPATE_ASSIGN(sweep->stage_, set_up(request, all_readers(), context.progress));
+  PALPATE_ASSIGN(sweep->experiment_, experiment_on(sweep->stage_, program_text()));
+  SweepDocument& document = sweep->document_;
+  if (!document.rows.empty() && document.rows.front().experiment != sweep->experiment_->hash)
+    return Error{"these rows are of another scene, path, truth or version of Palpate",
+                 "give --out another folder, or take this one away", sweep->folder_->file(kRowsFile).string(),
+                 0};
+  SettingsRequest settings{sweep->checked_.renderers, turned, arguments.full,
+                           sweep->stage_.spacing.resolution_mm};
+  if (arguments.of_scene_only)
+    std::erase_if(settings.axes,
+                  [](const std::string& axis) { return axis == "rate" || axis == "precision"; });
+  std::vector<Setting> all = settings_of(settings, sweep->stage_.scene.input, registry);
+  if (all.empty())
+    return Error{
+        "no renderer can do what the scene asks for", "`palpate renderers` says what each supports", {}, 0};
+  sweep->anchor_ = all.front();
+  sweep->settings_ = shard_of(std::move(all), shard.index, shard.count);
+  sweep->registry_ = &registry;
+  sweep->machine_ = this_machine().hash;
+  sweep->measure_.threads = arguments.run.load.threads;
+  sweep->measure_.passes = arguments.run.passes;
+  document.head = new_head(context.command_line);
+  document.scene = sweep->stage_.scene_name;
+  document.path = sweep->stage_.path.name;
+  document.truth = sweep->stage_.reference->name + ": " + sweep->stage_.reference->exactness;
+  document.experiment = sweep->experiment_->hash;
+  document.axes = settings.axes;
+  document.full = arguments.full;
+  document.budget_s = arguments.budget_s >= 0.0 ? arguments.budget_s : arguments.full ? 0.0 : kSweepBudgetS;
+  document.shard = arguments.shard;
+  document.warnings = sweep->stage_.warnings;
+  document.notes = sweep->stage_.notes;
+  return sweep;
+}
+
+std::set<std::string> Sweep::done(double prepare_limit_s) const {
+  std::set<std::string> texts;
+  for (const Row& row : document_.rows)
+    // What ran out of time gets another chance where there is more.
+    if (row.machine.hash == machine_ &&
+        (row.status != "did-not-finish" || row.prepare_limit_s >= prepare_limit_s))
+      texts.insert(row.setting);
+  return texts;
+}
+
+std::vector<Setting> Sweep::next_turn(double prepare_limit_s) const {
+  const std::set<std::string> known = done(prepare_limit_s);
+  std::vector<Setting> turn;
+  std::size_t looked = 0;
+  for (const Setting& setting : settings_) {
+    if (turn.size() == kInTurns || (!turn.empty() && ++looked > kLooksAhead)) break;
+    if ((turn.empty() || same_kind(setting, turn.front())) && !known.contains(setting.text))
+      turn.push_back(setting);
+  }
+  return turn;
+}
+
+void Sweep::take(std::vector<Row> rows) {
+  for (Row& row : rows) {
+    std::erase_if(document_.rows, [&](const Row& old) {
+      return old.setting == row.setting && old.machine.hash == row.machine.hash;
+    });
+    document_.rows.push_back(std::move(row));
+  }
+}
+
+Status Sweep::measure_all(Context& context) {
+  if (!folder_is_ours_) {
+    // Complete from the start: whatever stops this run, what was measured stays.
+    PALPATE_TRY(folder_->begin("sweep"));
+    PALPATE_TRY(folder_->write(kRowsFile, {}));
+    PALPATE_TRY(folder_->complete());
+  }
+  const Stopwatch watch;
+  const double budget_s = document_.budget_s;
+  double longest_s = 0.0;
+  for (std::size_t turns = 0;; ++turns) {
+    const double spent_s = watch.ms() * 1e-3, left_s = budget_s - spent_s;
+    if (budget_s > 0.0 && turns > 0 && left_s < longest_s) break;
+    measure_.prepare_limit_s = budget_s > 0.0
+                                   ? std::clamp(kShareOfTheRest * left_s / static_cast<double>(kInTurns),
+                                                kLeastPrepareS, kMostPrepareS)
+                                   : kFullPrepareS;
+    const std::vector<Setting> turn = next_turn(measure_.prepare_limit_s);
+    if (turn.empty()) break;
+    SweepProgress progress(context.progress, document_.rows.size(), settings_.size(), spent_s, budget_s);
+    PALPATE_ASSIGN(std::vector<Row> rows,
+                   measure(*experiment_, turn, *anchor_, *registry_, measure_, progress));
+    take(std::move(rows));
+    PALPATE_TRY(folder_->write(kRowsFile, rows_text(document_.rows)));
+    longest_s = std::max(longest_s, watch.ms() * 1e-3 - spent_s);
+  }
+  const std::set<std::string> known = done(0.0);
+  document_.not_measured.clear();
+  for (const Setting& setting : settings_)
+    if (!known.contains(setting.text)) document_.not_measured.push_back(setting.text);
+  context.progress.set_prefix("");
+  context.progress.report("drawing the fronts", -1.0);
+  return write_sweep(document_, *folder_);
+}
+
+void print_sweep(const SweepDocument& document, const OutputFolder& folder, bool json) {
+  if (json) {
+    fmt::print("{}", to_json(document));
+    return;
+  }
+  for (const Table& table : front_tables(document))
+    fmt::print("{}\n", to_text(table, terminal_columns(STDOUT_FILENO)));
+  std::fflush(stdout);
+  const auto failed =
+      std::count_if(document.rows.begin(), document.rows.end(), [](const Row& r) { return !r.ok(); });
+  fmt::print(stderr,
+             "palpate: {} settings measured, {} did not run to their end, {} not measured for want of time\n",
+             document.rows.size() - static_cast<std::size_t>(failed), failed, document.not_measured.size());
+  fmt::print("report: {}\n", fs::absolute(folder.file(kReportFile)).string());
+}
+
+int run_sweep(const SweepArguments& arguments, Context& context) {
+  const render::Registry registry = all_renderers();
+  Result<std::unique_ptr<Sweep>> sweep = Sweep::begin(arguments, registry, context);
+  if (!sweep) return fail(sweep.error(), kExitBadInput, &context.progress);
+  if (const Status measured = (*sweep)->measure_all(context); !measured)
+    return fail(measured.error(), kExitFellShort, &context.progress);
+  context.progress.clear();
+  const SweepDocument& document = (*sweep)->document();
+  print_sweep(document, (*sweep)->folder(), arguments.run.json);
+  const bool any =
+      std::any_of(document.rows.begin(), document.rows.end(), [](const Row& r) { return r.ok(); });
+  return any ? kExitOk : kExitFellShort;
+}
+
+}  // namespace palpate::experiments

@@ -1,0 +1,77 @@
+// The whole of `palpate sweep` and `palpate merge`: settings measured as far as time goes, rows kept, fronts
+// drawn.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "experiments/session/study_run.h"
+#include "experiments/trade/document.h"
+#include "experiments/trade/measure.h"
+
+namespace palpate::experiments {
+
+inline constexpr double kSweepBudgetS = 600.0;
+/// Of the path where none is named: six seconds, some thousand frames of contact in twenty entries.
+inline constexpr int kSweepFrames = 6'000;
+
+struct SweepArguments {
+  RunArguments run;        ///< of it: scene, renderers, path, truth, folder, model, json
+  std::string axes;        ///< empty: all
+  std::string shard;       ///< "2/8"
+  double budget_s = -1.0;  ///< below 0: kSweepBudgetS, with `full` none
+  bool full = false;
+  bool of_scene_only = false;  ///< without rates and precision: what a scene file can ask for (tune)
+};
+
+/// A sweep that is under way: its folder, what was measured there before, and what there is to measure.
+class Sweep {
+ public:
+  /// Checks every argument, loads the scene, reads earlier rows. Errors are bad input.
+  [[nodiscard]] static Result<std::unique_ptr<Sweep>> begin(const SweepArguments& arguments,
+                                                            const render::Registry& registry,
+                                                            Context& context);
+  /// As far as the budget goes. Rows are on the disk after every few settings.
+  [[nodiscard]] Status measure_all(Context& context);
+  [[nodiscard]] const SweepDocument& document() const { return document_; }
+  [[nodiscard]] const OutputFolder& folder() const { return *folder_; }
+  [[nodiscard]] const CheckedRun& checked() const { return checked_; }
+  [[nodiscard]] const Experiment& experiment() const { return *experiment_; }
+
+ private:
+  Sweep() = default;
+  [[nodiscard]] Status open_folder(const std::string& out);
+  /// Texts of the settings that need no further turn.
+  [[nodiscard]] std::set<std::string> done(double prepare_limit_s) const;
+  [[nodiscard]] std::vector<Setting> next_turn(double prepare_limit_s) const;
+  void take(std::vector<Row> rows);
+
+  CheckedRun checked_;
+  Stage stage_;
+  std::optional<Experiment> experiment_;
+  std::optional<OutputFolder> folder_;
+  bool folder_is_ours_ = false;  ///< of an earlier sweep
+  std::vector<Setting> settings_;
+  std::optional<Setting> anchor_;
+  SweepDocument document_;
+  MeasureOptions measure_;
+  const render::Registry* registry_ = nullptr;
+  std::string machine_;
+};
+
+/// The tables of what nothing beats, how many settings there are, and where the report is; or the document.
+void print_sweep(const SweepDocument& document, const OutputFolder& folder, bool json);
+/// The exit status.
+int run_sweep(const SweepArguments& arguments, Context& context);
+
+struct MergeArguments {
+  std::vector<std::string> folders;
+  std::string out;
+  bool json = false;
+};
+int run_merge(const MergeArguments& arguments, Context& context);
+
+}  // namespace palpate::experiments

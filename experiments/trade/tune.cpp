@@ -1,0 +1,259 @@
+#include "experiments/trade/tune.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "experiments/data/scene_scans.h"
+#include "experiments/run/choices.h"
+#include "experiments/session/terminal.h"
+#include "experiments/session/version.h"
+#include "toolkit/core/try.h"
+
+namespace palpate::experiments {
+namespace {
+
+using TuneJson = nlohmann::ordered_json;
+
+// A time may come out longer when it is measured again: then the next best is tried, a few times.
+constexpr std::size_t kMostTries = 3;
+
+struct Tried {
+  Row found, verified;
+  bool keeps = false;
+};
+
+TuneLimits limits_of(const TuneArguments& arguments) {
+  TuneLimits limits;
+  if (arguments.max_error >= 0.0) limits.error_percent = arguments.max_error;
+  if (arguments.max_frame_us >= 0.0) limits.frame_us = arguments.max_frame_us;
+  if (arguments.max_bytes >= 0.0) limits.bytes = arguments.max_bytes;
+  return limits;
+}
+
+double ratio_to(double value, double limit) {
+  if (value <= limit) return limit > 0.0 ? value / limit : 1.0;
+  return limit > 0.0 ? value / limit : std::numeric_limits<double>::infinity();
+}
+
+std::string numbers_text(const Row& row) {
+  return fmt::format("error {} % (up to {}), 99.9 % of frames under {} µs (up to {}), {}, ready after {}",
+                     short_number(row.error_p95_percent->value), short_number(row.error_p95_percent->high()),
+                     short_number(row.frame_p999_us->value), short_number(row.frame_p999_us->high()),
+                     bytes_text(static_cast<double>(*row.bytes)), duration_text(row.prepare_ms->value));
+}
+
+std::string limits_text(const TuneLimits& limits) {
+  std::vector<std::string> all;
+  if (limits.error_percent)
+    all.push_back(fmt::format("an error of at most {} %", short_number(*limits.error_percent)));
+  if (limits.frame_us)
+    all.push_back(fmt::format("99.9 % of frames within {} µs", short_number(*limits.frame_us)));
+  if (limits.bytes) all.push_back(fmt::format("at most {} of memory", bytes_text(*limits.bytes)));
+  return joined(all, " and ");
+}
+
+/// The scene that was written, loaded as any user would, and its renderer measured along the same path.
+Result<Row> verify(const std::string& scene_file, const Sweep& sweep, const TuneArguments& arguments,
+                   const render::Registry& registry, Progress& progress) {
+  StageRequest request = sweep.checked().stage;
+  PALPATE_ASSIGN(request.scene, open_scene(scene_file, registry, progress));
+  request.scene_name = scene_file;
+  // The scene says all of it now.
+  request.load.unit.reset();
+  request.load.scale.reset();
+  request.load.post_mm = request.load.vertical_mm = 0.0;
+  PALPATE_ASSIGN(const Stage stage, set_up(request, all_readers(), progress));
+  PALPATE_ASSIGN(const Experiment experiment,
+                 experiment_on(stage, fmt::format("{} {}", version_text(), kCommit)));
+  if (experiment.hash != sweep.experiment().hash)
+    return Error{"is not the scene that was swept: its points, path or truth came out otherwise",
+                 "report this as a defect, with the scene", scene_file, 0};
+  PALPATE_ASSIGN(RendererRequest renderer, request_of(*request.scene.renderer, registry));
+  renderer.label = renderer.name;
+  const Setting setting{renderer.name, std::move(renderer), request.scene.renderer->options, 0, 1, {}};
+  MeasureOptions options;
+  options.threads = arguments.sweep.run.load.threads;
+  options.passes = kUsualPasses;
+  options.budget_s = kUsualBudgetS;
+  options.prepare_limit_s = 0.0;
+  PALPATE_ASSIGN(std::vector<Row> rows,
+                 measure(experiment, {&setting, 1}, setting, registry, options, progress));
+  return std::move(rows.front());
+}
+
+TuneJson row_json(const Row& row) {
+  TuneJson json = TuneJson::parse(row_text(row));
+  for (const char* key : {"schema", "experiment", "machine"}) json.erase(key);
+  return json;
+}
+
+TuneJson limit_json(const std::optional<double>& limit) {
+  return limit ? TuneJson(*limit) : TuneJson(nullptr);
+}
+
+std::string tune_json(const Sweep& sweep, const TuneLimits& limits, const std::vector<Tried>& tried,
+                      std::size_t kept, const std::optional<Row>& nearest, Context& context) {
+  TuneJson json = {{"schema", kTuneSchema}};
+  const TuneJson head = TuneJson::parse(metrics::head_json(new_head(context.command_line)));
+  for (const auto& [key, value] : head.items()) json[key] = value;
+  json["scene"] = sweep.document().scene;
+  json["path"] = sweep.document().path;
+  json["truth"] = sweep.document().truth;
+  json["asked"] = {{"max_error_percent", limit_json(limits.error_percent)},
+                   {"max_frame_us", limit_json(limits.frame_us)},
+                   {"max_bytes", limit_json(limits.bytes)}};
+  const bool found = !tried.empty() && tried.back().keeps;
+  json["chosen"] = found ? row_json(tried.back().found) : TuneJson(nullptr);
+  json["scene_file"] = found ? TuneJson(kTunedScene) : TuneJson(nullptr);
+  json["nearest"] = nearest ? row_json(*nearest) : TuneJson(nullptr);
+  TuneJson tries = TuneJson::array();
+  for (const Tried& one : tried)
+    tries.push_back(
+        {{"setting", one.found.setting}, {"keeps", one.keeps}, {"verified", row_json(one.verified)}});
+  json["evidence"] = {{"rows", kRowsFile},
+                      {"measured", sweep.document().rows.size()},
+                      {"not_measured", sweep.document().not_measured.size()},
+                      {"kept_the_limits", kept},
+                      {"tried", tries}};
+  return json.dump(1, ' ', false, TuneJson::error_handler_t::replace) + "\n";
+}
+
+/// Tries the best ones in turn: writes the scene, runs it, and goes on where a limit is not kept.
+Result<std::vector<Tried>> try_out(const Sweep& sweep, const std::vector<std::size_t>& best,
+                                   const TuneLimits& limits, const TuneArguments& arguments,
+                                   const render::Registry& registry, Context& context) {
+  std::vector<Tried> tried;
+  for (std::size_t i = 0; i < std::min(best.size(), kMostTries); ++i) {
+    const Row& row = sweep.document().rows[best[i]];
+    NamedOptions named{row.renderer, {}};
+    for (const auto& [key, value] : row.options) named.options.set(key, value);
+    PALPATE_ASSIGN(const std::string text, tuned_scene(sweep.checked(), arguments.sweep.run.load, named));
+    PALPATE_TRY(sweep.folder().write(kTunedScene, fmt::format("# By palpate tune, for {}: {}.\n{}",
+                                                              limits_text(limits), numbers_text(row), text)));
+    context.progress.report("running " + row.setting + " again", -1.0);
+    PALPATE_ASSIGN(Row verified, verify(sweep.folder().file(kTunedScene).string(), sweep, arguments, registry,
+                                        context.progress));
+    tried.push_back({row, std::move(verified), false});
+    tried.back().keeps = excess(tried.back().verified, limits) <= 1.0;
+    if (tried.back().keeps) break;
+  }
+  return tried;
+}
+
+Status drop_scene(const OutputFolder& folder) {
+  PALPATE_ASSIGN(const std::string file, folder.claim(kTunedScene));
+  std::error_code code;
+  std::filesystem::remove(file, code);
+  return Done{};
+}
+
+int say_nothing_keeps(const Sweep& sweep, const TuneLimits& limits, const std::vector<Tried>& tried,
+                      const std::optional<Row>& nearest) {
+  std::string what =
+      fmt::format("no setting of {} keeps {}", count_text(sweep.document().rows.size()), limits_text(limits));
+  if (!tried.empty())
+    what = fmt::format("{} kept {} when it was measured, and not when it was run again",
+                       tried.front().found.setting, limits_text(limits));
+  return fail({what,
+               nearest ? fmt::format("the nearest is {}: {}", nearest->setting, numbers_text(*nearest))
+                       : "none ran to its end: the report says why",
+               {},
+               0},
+              kExitFellShort);
+}
+
+}  // namespace
+
+double excess(const Row& row, const TuneLimits& limits) {
+  double most = 0.0;
+  if (!row.ok()) return std::numeric_limits<double>::infinity();
+  if (limits.error_percent)
+    most = std::max(most, ratio_to(row.error_p95_percent->high(), *limits.error_percent));
+  if (limits.frame_us) most = std::max(most, ratio_to(row.frame_p999_us->high(), *limits.frame_us));
+  if (limits.bytes) most = std::max(most, ratio_to(static_cast<double>(*row.bytes), *limits.bytes));
+  return most;
+}
+
+std::vector<std::size_t> candidates(const std::vector<Row>& rows, const TuneLimits& limits) {
+  std::vector<std::size_t> all;
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    if (excess(rows[i], limits) <= 1.0) all.push_back(i);
+  const auto first = [&](const Row& row) {
+    return limits.error_percent ? *row.load_percent : *row.error_p95_percent;
+  };
+  const auto second = [&](const Row& row) {
+    return limits.error_percent ? static_cast<double>(*row.bytes) : row.load_percent->value;
+  };
+  std::stable_sort(all.begin(), all.end(),
+                   [&](std::size_t a, std::size_t b) { return first(rows[a]).value < first(rows[b]).value; });
+  // What cannot be told from the best of what is left changes places with it by the second number.
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const Measured best = first(rows[all[i]]);
+    std::size_t least = i;
+    for (std::size_t k = i + 1; k < all.size(); ++k)
+      if (!surely_less(best, first(rows[all[k]])) && second(rows[all[k]]) < second(rows[all[least]]))
+        least = k;
+    std::rotate(all.begin() + static_cast<std::ptrdiff_t>(i),
+                all.begin() + static_cast<std::ptrdiff_t>(least),
+                all.begin() + static_cast<std::ptrdiff_t>(least) + 1);
+  }
+  return all;
+}
+
+std::optional<std::size_t> nearest_miss(const std::vector<Row>& rows, const TuneLimits& limits) {
+  std::optional<std::size_t> nearest;
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    if (rows[i].ok() && (!nearest || excess(rows[i], limits) < excess(rows[*nearest], limits))) nearest = i;
+  return nearest;
+}
+
+int run_tune(const TuneArguments& arguments, Context& context) {
+  const TuneLimits limits = limits_of(arguments);
+  if (!limits.any())
+    return fail(
+        {"nothing is asked for", "give --max-error, --max-frame-us or --max-bytes, or several", {}, 0},
+        kExitBadInput);
+  const render::Registry registry = all_renderers();
+  SweepArguments sweep_arguments = arguments.sweep;
+  sweep_arguments.of_scene_only = true;
+  if (sweep_arguments.run.out.empty())
+    sweep_arguments.run.out = usual_folder("tune", sweep_arguments.run.scene);
+  Result<std::unique_ptr<Sweep>> begun = Sweep::begin(sweep_arguments, registry, context);
+  if (!begun) return fail(begun.error(), kExitBadInput, &context.progress);
+  Sweep& sweep = **begun;
+  if (const Status measured = sweep.measure_all(context); !measured)
+    return fail(measured.error(), kExitFellShort, &context.progress);
+  // Of this machine alone, and of what a scene can ask for.
+  std::vector<Row> rows = sweep.document().rows;
+  const std::string here = this_machine().hash;
+  for (Row& row : rows)
+    if (row.machine.hash != here || row.precision_bits > 0 || row.rate_divisor > 1) row.status = "failed";
+  const std::vector<std::size_t> best = candidates(rows, limits);
+  const Result<std::vector<Tried>> tried = try_out(sweep, best, limits, arguments, registry, context);
+  if (!tried) return fail(tried.error(), kExitFellShort, &context.progress);
+  const bool found = !tried->empty() && tried->back().keeps;
+  std::optional<Row> nearest;
+  if (const auto at = nearest_miss(rows, limits); !found && at) nearest = sweep.document().rows[*at];
+  const auto write = [&]() -> Status {
+    if (!found) PALPATE_TRY(drop_scene(sweep.folder()));
+    return sweep.folder().write(kTuneFile, tune_json(sweep, limits, *tried, best.size(), nearest, context));
+  };
+  if (const Status written = write(); !written)
+    return fail(written.error(), kExitFellShort, &context.progress);
+  context.progress.clear();
+  if (arguments.sweep.run.json)
+    fmt::print("{}", tune_json(sweep, limits, *tried, best.size(), nearest, context));
+  if (!found) return say_nothing_keeps(sweep, limits, *tried, nearest);
+  if (arguments.sweep.run.json) return kExitOk;
+  const Tried& chosen = tried->back();
+  fmt::print("{}\n  measured:  {}\n  run again: {}\nkept by {} of {} settings\nscene: {}\n",
+             chosen.found.setting, numbers_text(chosen.found), numbers_text(chosen.verified), best.size(),
+             rows.size(), std::filesystem::absolute(sweep.folder().file(kTunedScene)).string());
+  return kExitOk;
+}
+
+}  // namespace palpate::experiments
