@@ -17,7 +17,8 @@ namespace palpate::baselines {
 /// The mesh that frames read. Immutable and shared; not moved after building: the index holds its mesh's
 /// address.
 struct MeshGeometry {
-  std::shared_ptr<const geometry::TriangleMesh> source;
+  /// The model's own faces, where these are felt as they came; null where `mesh` alone has the faces.
+  std::shared_ptr<const geometry::TriangleMesh> given;
   SurfaceMesh mesh;
   std::unique_ptr<SegmentIndex> index;
   Crossings crossings;                ///< only where asked for

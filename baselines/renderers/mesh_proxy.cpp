@@ -86,6 +86,8 @@ render::RendererInfo mesh_proxy_info() {
   info.geometry = render::Geometry::kMesh;
   info.supports = kMeshFeels;
   info.options = mesh_renderer_specs();
+  for (OptionSpec& option : info.options)  // a sphere rides over folds and gaps
+    if (option.key == "crossings") option.only_with = {{"radius", {"0"}}, {"radius_mm", {"0"}}};
   info.options.push_back({"radius",
                           OptionKind::kNumber,
                           "1",
