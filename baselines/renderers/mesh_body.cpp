@@ -101,7 +101,8 @@ Status prepare_surface(const render::ModelInput& input, MeshBody& body, const re
 }  // namespace
 
 std::size_t MeshGeometry::bytes() const noexcept {
-  return mesh.bytes() + index->bytes() + crossings.bytes() + vertex_normals.capacity() * sizeof(Vec3f);
+  return mesh.bytes() + index->bytes() + crossings.bytes() + sides.bytes() +
+         vertex_normals.capacity() * sizeof(Vec3f);
 }
 
 std::vector<OptionSpec> mesh_renderer_specs() {
@@ -151,6 +152,11 @@ Result<std::shared_ptr<const MeshGeometry>> build_geometry(const render::ModelIn
   made->median_edge_mm = median_edge(made->mesh);
   if (decided.normals) made->vertex_normals = interpolation_normals(made->mesh);
   phases.end();
+  if (decided.point) {
+    phases.begin("sides of pieces");
+    made->sides = PieceSides::of(made->mesh, context.threads);
+    phases.end();
+  }
   std::optional<MeshReport> found;
   if (decided.checks) {
     phases.begin("check (OpenMesh)");

@@ -7,6 +7,7 @@
 #include "baselines/mesh/surface_mesh.h"
 #include "baselines/proximity/crossings.h"
 #include "baselines/proximity/segment_index.h"
+#include "baselines/renderers/free_side.h"
 #include "baselines/renderers/mesh_decision.h"
 #include "toolkit/core/options.h"
 #include "toolkit/render/model_pose.h"
@@ -22,6 +23,7 @@ struct MeshGeometry {
   SurfaceMesh mesh;
   std::unique_ptr<SegmentIndex> index;
   Crossings crossings;                ///< only where asked for
+  PieceSides sides;                   ///< only for a point
   std::vector<Vec3f> vertex_normals;  ///< only with shading; see vertex_normals.h
   double median_edge_mm = 0.0;
 

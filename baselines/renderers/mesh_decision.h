@@ -23,7 +23,7 @@ struct MeshDecision {
   long long smoothing = 0;  ///< rounds
   double keeps = 1.0;       ///< share of the facets after decimation
   bool normals = false;     ///< at the vertices, for shading
-  bool point = true;       ///< what goes over it has no size: folds can catch it
+  bool point = true;        ///< what goes over it has no size: folds can catch it
   bool checks = false;      ///< the mesh is looked at for people: pieces, borders
   bool crossings = false;   ///< facets that cross others are looked for
   render::SurfaceDecision surface;

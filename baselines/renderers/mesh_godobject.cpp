@@ -28,7 +28,7 @@ std::unique_ptr<render::HapticRenderer> make_point_on_mesh(std::string name, std
       render::Description{std::move(name), std::move(summary), std::move(source), std::move(bound), options},
       MeshProbeKind{true, {"probe", "point", "the HIP has no size"}, kFrameUs, kMsPerMillionFacets}, nullptr,
       [](const MeshBody& body) {
-        return MeshProbe(body.mesh(), *body.geometry->index, body.geometry->crossings);
+        return MeshProbe(body.mesh(), *body.geometry->index, body.geometry->crossings, body.geometry->sides);
       });
 }
 
