@@ -10,7 +10,7 @@ namespace {
 using render::Decision;
 
 /// Measured: mesh, links of facets, tree.
-constexpr double kBytesPerFacet = 226.0;
+constexpr double kBytesPerFacet = 196.0;
 /// Of decimation, 500,000 facets (docs/meshes.md).
 constexpr double kDecimateMsPerMillion = 40'000.0;
 constexpr double kPerMillion = 1e-6;

@@ -14,7 +14,7 @@ constexpr const char* kSummary =
 constexpr const char* kSource = "Zilles and Salisbury 1995 (the thesis's [70]), entries by Embree";
 
 // Measured, what to expect: table 7 of reproduce; with the mesh there already, docs/meshes.md.
-constexpr double kFrameUs = 0.27, kMsPerMillionFacets = 5'300.0;
+constexpr double kFrameUs = 0.27, kMsPerMillionFacets = 400.0;
 
 }  // namespace
 

@@ -21,7 +21,7 @@ constexpr const char* kSource =
 /// Largest radius that may be asked for, in edges: 2 mm on 0.02 mm spacing.
 constexpr double kMostEdges = 100.0;
 // Measured, what to expect: docs/meshes.md, the median frame.
-constexpr double kFrameUs = 3.1, kMsPerMillionFacets = 3'400.0;
+constexpr double kFrameUs = 3.1, kMsPerMillionFacets = 380.0;
 
 /// One radius for the scene: the probe is one body.
 struct SphereSize {
