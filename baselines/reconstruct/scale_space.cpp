@@ -2,6 +2,7 @@
 // triangles are then those of the original points.
 #define CGAL_EIGEN3_ENABLED 1  // its eigenvectors
 #include "baselines/reconstruct/cgal_threads.h"
+#include "baselines/reconstruct/fixed_order.h"
 #include "baselines/reconstruct/method_functions.h"
 
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
@@ -62,6 +63,10 @@ Result<geometry::TriangleMesh> scale_space(const MethodInput& input, render::Pre
     mesh.triangles.push_back({static_cast<std::uint32_t>((*facet)[0]),
                               static_cast<std::uint32_t>((*facet)[1]),
                               static_cast<std::uint32_t>((*facet)[2])});
+  phases.end();
+  // CGAL's order and orientation follow where its faces lie in memory, which other threads' work moves.
+  phases.begin("one order");
+  fix_order(mesh, input.threads);
   phases.end();
   return mesh;
 }
