@@ -42,6 +42,10 @@ inline constexpr Feature kCorner = 4;
   return corner == 0 ? 2 : corner - 1;
 }
 
+/// A facet whose doubled area is within this of the product of its sides has a normal of rounding alone:
+/// about eight rounded operations stand between corners and normal.
+inline constexpr double kFlat = gamma(8);
+
 /// 96 bytes, everything a walk reads: corners in mm relative to the mesh's origin, welded vertex numbers, and
 /// what lies across each edge (SurfaceMesh::neighbour decodes it).
 struct Facet {
@@ -52,6 +56,10 @@ struct Facet {
   /// Not normalised: twice the area long, seen from side 0.
   [[nodiscard]] Vec3 scaled_normal() const noexcept {
     return (corner[1] - corner[0]).cross(corner[2] - corner[0]);
+  }
+  /// Whether it has no area but for rounding. `size`: the length of scaled_normal().
+  [[nodiscard]] bool flat(double size) const noexcept {
+    return size <= kFlat * (corner[1] - corner[0]).norm() * (corner[2] - corner[0]).norm();
   }
 };
 

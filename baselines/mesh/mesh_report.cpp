@@ -68,21 +68,38 @@ MeshReport report_on(const SurfaceMesh& mesh) {
   return report;
 }
 
-std::vector<std::string> describe(const MeshReport& report, const SurfaceMeshCounts& counts) {
-  std::vector<std::string> lines;
-  lines.push_back(fmt::format("mesh: {} vertices, {} faces, {} component{}, {}", report.vertices,
-                              report.faces + report.refused_faces, report.components,
-                              report.components == 1 ? "" : "s", report.closed ? "closed" : "open"));
-  if (report.boundary_edges > 0)
-    lines.push_back(
-        fmt::format("mesh: {} boundary edges in {} loops: the god object stops there and the probe "
-                    "leaves past them",
-                    report.boundary_edges, report.boundary_loops));
-  if (report.refused_faces + counts.radial_edges > 0)
-    lines.push_back(
-        fmt::format("mesh: {} edges of three or more faces; {} faces at complex edges or corners are "
-                    "not held by OpenMesh but rendered all the same",
-                    counts.radial_edges, report.refused_faces));
+namespace {
+
+std::string first_line(const SurfaceMesh& mesh, const MeshReport* report) {
+  const SurfaceMeshCounts& counts = mesh.counts();
+  if (report == nullptr)
+    return fmt::format(
+        "mesh: {} vertices, {} faces, {}; its pieces and borders were not looked at (check=true does)",
+        counts.vertices, mesh.facets().size(), counts.boundary_edges == 0 ? "without a border" : "open");
+  return fmt::format("mesh: {} vertices, {} faces, {} component{}, {}", report->vertices,
+                     report->faces + report->refused_faces, report->components,
+                     report->components == 1 ? "" : "s", report->closed ? "closed" : "open");
+}
+
+std::string border_line(const SurfaceMeshCounts& counts, const MeshReport* report) {
+  const std::string loops = report == nullptr ? "" : fmt::format(" in {} loops", report->boundary_loops);
+  return fmt::format("mesh: {} boundary edges{}: the god object stops there and the probe leaves past them",
+                     report == nullptr ? counts.boundary_edges : report->boundary_edges, loops);
+}
+
+}  // namespace
+
+std::vector<std::string> describe(const SurfaceMesh& mesh, const MeshReport* report) {
+  const SurfaceMeshCounts& counts = mesh.counts();
+  std::vector<std::string> lines{first_line(mesh, report)};
+  if ((report == nullptr ? counts.boundary_edges : report->boundary_edges) > 0)
+    lines.push_back(border_line(counts, report));
+  if (counts.radial_edges > 0)
+    lines.push_back(fmt::format("mesh: {} edges of three or more faces", counts.radial_edges));
+  if (report != nullptr && report->refused_faces > 0)
+    lines.push_back(fmt::format(
+        "mesh: {} faces at complex edges or corners are not held by OpenMesh but rendered all the same",
+        report->refused_faces));
   if (counts.repeated_facets > 0)
     lines.push_back(
         fmt::format("mesh: {} faces that lie on others left out, and {} fins: a face and its back that stick "
@@ -91,11 +108,11 @@ std::vector<std::string> describe(const MeshReport& report, const SurfaceMeshCou
   if (counts.welded_vertices > 0)
     lines.push_back(fmt::format("mesh: {} repeated vertices welded, {} collapsed faces dropped",
                                 counts.welded_vertices, counts.collapsed_facets));
-  if (report.flat_faces + report.isolated_vertices + counts.flipped_edges > 0)
-    lines.push_back(
-        fmt::format("mesh: {} faces without area, {} isolated vertices, {} edges between faces of "
-                    "opposite orientation",
-                    report.flat_faces, report.isolated_vertices, counts.flipped_edges));
+  if (counts.flat_facets + counts.flipped_edges > 0)
+    lines.push_back(fmt::format("mesh: {} faces without area, {} edges between faces of opposite orientation",
+                                counts.flat_facets, counts.flipped_edges));
+  if (report != nullptr && report->isolated_vertices > 0)
+    lines.push_back(fmt::format("mesh: {} isolated vertices", report->isolated_vertices));
   return lines;
 }
 
@@ -119,21 +136,23 @@ std::string percent(double share) {
 
 }  // namespace
 
-std::vector<std::string> doubts(const MeshReport& report, const SurfaceMeshCounts& counts, std::size_t folded,
+std::vector<std::string> doubts(const SurfaceMesh& mesh, const MeshReport* report, std::size_t folded,
                                 bool repaired) {
   std::vector<std::string> lines;
-  const std::size_t faces = report.faces + report.refused_faces;
+  const SurfaceMeshCounts& counts = mesh.counts();
+  const std::size_t faces = mesh.facets().size();
   if (const double share = share_of(counts.radial_edges, counts.edges); share > kRadialShare)
     lines.push_back(
         fmt::format("{} of the mesh's edges have more than two faces: it is not one sheet, and a god object "
                     "may get between "
                     "its layers; {}take another reconstruction, for example mesh=advancing-front",
                     percent(share), repaired ? "" : "repair=true makes sheets of it, or "));
-  if (const double share = share_of(report.shattered_faces, faces); share > kShatteredShare)
+  if (const double share = share_of(report == nullptr ? 0 : report->shattered_faces, faces);
+      share > kShatteredShare)
     lines.push_back(fmt::format(
         "the mesh is in {} pieces, {} of its faces in open ones of fewer than {}: a god object falls off "
         "each; weld its vertices, or reconstruct it from the points, for example mesh=advancing-front",
-        report.components, percent(share), kFewFaces));
+        report->components, percent(share), kFewFaces));
   if (const double share = share_of(folded, faces); share > kFoldedShare)
     lines.push_back(fmt::format(
         "{} of the mesh's faces cross others of the same piece ({}): a god object may be caught in such "

@@ -33,14 +33,15 @@ struct MeshReport {
 /// O(facets). Not on the frame path; memory some 200 bytes a facet, given back at the end.
 [[nodiscard]] MeshReport report_on(const SurfaceMesh& mesh);
 
-/// The report and the counts of welding as lines for PrepareReport::notes.
-[[nodiscard]] std::vector<std::string> describe(const MeshReport& report, const SurfaceMeshCounts& counts);
+/// What building the mesh counted, as lines for PrepareReport::notes, and what report_on() found beside it;
+/// `report` is null where nobody asked.
+[[nodiscard]] std::vector<std::string> describe(const SurfaceMesh& mesh, const MeshReport* report);
 
 /// Why forces on the mesh of a point are not to be trusted, each with its remedy, for
-/// PrepareReport::warnings; nothing where they are. `folded`: facets that cross others of their
-/// component. `repaired`: by
-/// repaired(), which is no remedy then.
-[[nodiscard]] std::vector<std::string> doubts(const MeshReport& report, const SurfaceMeshCounts& counts,
+/// PrepareReport::warnings; nothing where they are. What is seen of a mesh depends on what was looked for:
+/// shards in `report` (or null), folds in `folded`, facets that cross others of their component. `repaired`:
+/// by repaired(), which is no remedy then.
+[[nodiscard]] std::vector<std::string> doubts(const SurfaceMesh& mesh, const MeshReport* report,
                                               std::size_t folded, bool repaired);
 
 }  // namespace palpate::baselines

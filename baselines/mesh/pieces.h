@@ -29,14 +29,14 @@ struct Pieces {
   }
 };
 
-/// Where more than two facets meet at an edge.
-enum class ManyMeet : std::uint8_t {
-  kEnds,    ///< a piece ends there: which two of them go together nobody knows
-  kGoesOn,  ///< it goes on to whichever is next: what a repair tries, and cuts where it fails
-};
+/// Where more than two facets meet at an edge a piece ends: which two of them go together nobody knows.
+/// O(facets), parallel; the same for any number of threads. A piece that cannot agree (a Moebius strip)
+/// disagrees somewhere.
+[[nodiscard]] Pieces pieces_of(const SurfaceMesh& mesh, int threads);
 
-/// O(facets). A piece that cannot agree (a Moebius strip) disagrees somewhere.
-[[nodiscard]] Pieces pieces_of(const SurfaceMesh& mesh, ManyMeet many = ManyMeet::kEnds);
+/// The same, but where more than two facets meet a piece goes on to whichever is next: what a repair tries,
+/// and cuts where it fails. O(facets).
+[[nodiscard]] Pieces pieces_across_many(const SurfaceMesh& mesh);
 
 /// For every facet the number of its component, those connected over edges of however many facets, numbered
 /// by their first facets. O(facets).

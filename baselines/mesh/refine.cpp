@@ -37,7 +37,7 @@ constexpr float kMostSlender = 10.0f;
 using Corners = std::array<std::uint32_t, 3>;
 
 std::size_t turn_to_agree(const SurfaceMesh& mesh, std::vector<Corners>& facets) {
-  const Pieces pieces = pieces_of(mesh, ManyMeet::kGoesOn);
+  const Pieces pieces = pieces_across_many(mesh);
   std::size_t turned = 0;
   for (std::size_t i = 0; i < facets.size(); ++i) {
     if (pieces.side(static_cast<std::uint32_t>(i)) == 0) continue;

@@ -6,8 +6,8 @@
 #include <span>
 #include <vector>
 
+#include "baselines/mesh/buckets.h"
 #include "baselines/mesh/facet.h"
-#include "toolkit/core/large_pages.h"
 #include "toolkit/core/progress.h"
 #include "toolkit/core/result.h"
 #include "toolkit/geometry/aabb.h"
@@ -34,25 +34,36 @@ struct SurfaceMeshCounts {
   std::size_t flipped_edges = 0;  ///< between two facets of opposite orientation
 };
 
+/// How vertices and facets are numbered.
+enum class MeshOrder : std::uint8_t {
+  kGiven,  ///< as they come
+  kCurve,  ///< vertices along a Morton curve, facets by their lowest vertex: near in space, near in memory
+};
+
 /// Immutable after building; safe to read from many threads. Everything in mm relative to origin_mm (the
 /// middle of the box), in double. Nothing in the const noexcept members allocates.
 class SurfaceMesh {
  public:
-  /// Welds, numbers and connects. O(n log n) at worst, O(n) in practice. Indices out of range, non-finite
-  /// vertices and meshes without a usable facet are Errors. The same result for any number of threads.
-  [[nodiscard]] static Result<SurfaceMesh> build(const geometry::TriangleMesh& mesh, int threads);
+  /// Welds, numbers and connects. O(n log n) at worst, O(n) in practice, parallel. Indices out of range,
+  /// non-finite vertices and meshes without a usable facet are Errors. The same result for any number of
+  /// threads.
+  [[nodiscard]] static Result<SurfaceMesh> build(const geometry::TriangleMesh& mesh, int threads,
+                                                 MeshOrder order = MeshOrder::kGiven);
+  /// The mesh as it is walked, model frame: welded, in the order of its numbers, each coordinate within a
+  /// rounding of the given one. O(n).
+  [[nodiscard]] geometry::TriangleMesh as_mesh() const;
 
   [[nodiscard]] const Vec3& origin_mm() const noexcept { return origin_mm_; }
   /// Relative to the origin.
   [[nodiscard]] const geometry::Aabb& local_box_mm() const noexcept { return box_; }
-  [[nodiscard]] const LargeVector<Facet>& facets() const noexcept { return facets_; }
+  [[nodiscard]] const UnfilledVector<Facet>& facets() const noexcept { return facets_; }
   [[nodiscard]] const Facet& facet(std::uint32_t i) const noexcept { return facets_[i]; }
-  [[nodiscard]] const LargeVector<Vec3>& vertices() const noexcept { return vertices_; }
+  [[nodiscard]] const UnfilledVector<Vec3>& vertices() const noexcept { return vertices_; }
   [[nodiscard]] const SurfaceMeshCounts& counts() const noexcept { return counts_; }
   [[nodiscard]] std::size_t bytes() const noexcept;
   /// The facets around a vertex, in order of their number.
   [[nodiscard]] std::span<const std::uint32_t> star(std::uint32_t vertex) const noexcept {
-    return {star_.data() + star_begin_[vertex], star_begin_[vertex + 1] - star_begin_[vertex]};
+    return {stars_.items.data() + stars_.begin[vertex], stars_.begin[vertex + 1] - stars_.begin[vertex]};
   }
   /// Length that bounds the rounding of any double computation on local coordinates here: 64 operations on
   /// numbers as large as the box (gamma(64) x half diagonal x 2).
@@ -117,9 +128,18 @@ class SurfaceMesh {
     return true;
   }
 
-  void connect(std::vector<bool>& two_sided);
+  /// Of each given vertex its number; fills vertices_.
+  [[nodiscard]] std::vector<std::uint32_t> weld(const std::vector<Vec3>& given, const geometry::Aabb& used,
+                                                int threads, MeshOrder order);
+  void fill_facets(const geometry::TriangleMesh& mesh, const std::vector<std::uint32_t>& welded, int threads,
+                   MeshOrder order);
+  void connect(int threads);
+  /// True where facets lie on others: then they are dropped, and all is to be connected again.
+  bool connect_edges(const std::vector<bool>& two_sided, int threads);
   using Starts = std::vector<std::uint32_t>;
   using Uses = std::vector<std::uint64_t>;
+  /// The uses of the edges whose lower end is `vertex`, added to `uses` and sorted.
+  void add_uses(std::uint32_t vertex, Uses& uses) const;
   /// Of facets with the same corners the first stays; true where there were others. `uses`: of the edges from
   /// each vertex, sorted, starting at `begin`.
   bool drop_repeated(const Starts& begin, const Uses& uses, std::vector<bool>& two_sided);
@@ -127,16 +147,18 @@ class SurfaceMesh {
   /// between, at an edge that others close without it. True where there were such.
   bool drop_fins(const Starts& begin, const Uses& uses, std::vector<bool>& two_sided);
   void drop(const std::vector<bool>& gone, std::vector<bool>& two_sided);
-  void connect_edge(std::span<const std::uint64_t> uses, const std::vector<bool>& two_sided);
+  void count_flat(int threads);
+  struct Found;
+  void connect_edge(std::span<const std::uint64_t> uses, const std::vector<bool>& two_sided, Found& found);
   void connect_radial(std::span<const std::uint64_t> uses);
 
   Vec3 origin_mm_ = Vec3::Zero();
   geometry::Aabb box_;
   double rounding_mm_ = 0.0;
-  LargeVector<Vec3> vertices_;
-  LargeVector<Facet> facets_;
-  LargeVector<std::uint32_t> star_begin_, star_;
-  LargeVector<std::array<HalfFacet, 2>> radial_;
+  UnfilledVector<Vec3> vertices_;
+  UnfilledVector<Facet> facets_;
+  Buckets stars_;  ///< facets by vertex
+  std::vector<std::array<HalfFacet, 2>> radial_;
   SurfaceMeshCounts counts_;
 };
 

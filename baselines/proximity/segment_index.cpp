@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "baselines/proximity/embree_shim.h"
+#include "toolkit/core/parallel.h"
 
 namespace palpate::baselines {
 namespace {
@@ -90,6 +91,7 @@ struct SegmentIndex::State {
   RTCDevice device = nullptr;
   RTCScene scene = nullptr;
   std::atomic<std::ptrdiff_t> bytes{0};
+  UnfilledVector<float> vertices;  ///< as Embree wants them; it reads the corners' numbers from the mesh
   double quantum_mm = 0.0;
   double to_grid = 0.0;
   geometry::Aabb clip_box;
@@ -107,6 +109,23 @@ struct SegmentIndex::State {
     for (int axis = 0; axis < 3; ++axis)
       result[axis] = static_cast<float>(std::nearbyint(p[axis] * to_grid) * quantum_mm);
     return result;
+  }
+
+  /// Nothing is copied but what has another form there: vertices in float, whose last one Embree reads with
+  /// 16 bytes.
+  void share(RTCGeometry geometry, int threads) {
+    const std::size_t n = mesh->vertices().size();
+    vertices.resize(3 * n + 1);
+    vertices.back() = 0.0f;
+    parallel_chunks(n, kPointsPerChunk, threads, [this](std::size_t begin, std::size_t end) {
+      for (std::size_t v = begin; v < end; ++v)
+        for (std::size_t axis = 0; axis < 3; ++axis)
+          vertices[3 * v + axis] = static_cast<float>(mesh->vertices()[v][static_cast<Eigen::Index>(axis)]);
+    });
+    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, vertices.data(), 0,
+                               3 * sizeof(float), n);
+    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                               mesh->facets().front().vertex.data(), 0, sizeof(Facet), mesh->facets().size());
   }
 
   /// Cuts a -> b to the box, where it reaches out of it; false if it misses the box. Ends inside stay as they
@@ -164,18 +183,7 @@ Result<SegmentIndex> SegmentIndex::build(const SurfaceMesh& mesh, int threads) {
     return Error{"the mesh is too small for single precision", "give its unit, or scale it up", {}, 0};
 
   RTCGeometry geometry = rtcNewGeometry(state->device, RTC_GEOMETRY_TYPE_TRIANGLE);
-  auto* vertices = static_cast<float*>(rtcSetNewGeometryBuffer(
-      geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 3 * sizeof(float), mesh.vertices().size()));
-  auto* indices = static_cast<std::uint32_t*>(rtcSetNewGeometryBuffer(
-      geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 3 * sizeof(std::uint32_t), mesh.facets().size()));
-  if (vertices == nullptr || indices == nullptr) {
-    rtcReleaseGeometry(geometry);
-    return Error{"not enough memory for Embree's copy of the mesh", "use a smaller mesh", {}, 0};
-  }
-  for (const Vec3& v : mesh.vertices())
-    for (int axis = 0; axis < 3; ++axis) *vertices++ = static_cast<float>(v[axis]);
-  for (const Facet& f : mesh.facets())
-    for (const std::uint32_t v : f.vertex) *indices++ = v;
+  state->share(geometry, threads);
   rtcCommitGeometry(geometry);
   state->scene = rtcNewScene(state->device);
   rtcSetSceneFlags(state->scene, static_cast<RTCSceneFlags>(RTC_SCENE_FLAG_ROBUST | shim::kFilterFlag));
@@ -320,7 +328,8 @@ double SegmentIndex::margin_mm() const noexcept {
   return kMarginQuanta * state_->quantum_mm;
 }
 std::size_t SegmentIndex::bytes() const noexcept {
-  return static_cast<std::size_t>(std::max<std::ptrdiff_t>(0, state_->bytes.load()));
+  return static_cast<std::size_t>(std::max<std::ptrdiff_t>(0, state_->bytes.load())) +
+         state_->vertices.capacity() * sizeof(float);
 }
 
 }  // namespace palpate::baselines

@@ -42,9 +42,9 @@ struct NearFacet {
   std::uint32_t facet = kNoFacet;
 };
 
-/// Holds an Embree scene of the mesh, which must outlive it and not move. Queries are safe from many threads,
-/// use the caller's thread alone and allocate nothing. Points are relative to the mesh's origin, mm. O(log
-/// facets).
+/// Holds an Embree scene of the mesh, whose facets it reads: the mesh must outlive it and not move. Queries
+/// are safe from many threads, use the caller's thread alone and allocate nothing. Points are relative to the
+/// mesh's origin, mm. O(log facets).
 class SegmentIndex {
  public:
   [[nodiscard]] static Result<SegmentIndex> build(const SurfaceMesh& mesh, int threads);
@@ -70,7 +70,7 @@ class SegmentIndex {
   [[nodiscard]] double quantum_mm() const noexcept;
   /// Bounds the distance between the float picture and the mesh: see kMarginQuanta.
   [[nodiscard]] double margin_mm() const noexcept;
-  /// Held by Embree, as its memory monitor counted.
+  /// Held by Embree, as its memory monitor counted, and the vertices in float that it reads.
   [[nodiscard]] std::size_t bytes() const noexcept;
 
  private:

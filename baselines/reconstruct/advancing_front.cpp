@@ -46,8 +46,10 @@ Result<geometry::TriangleMesh> advancing_front(const MethodInput& input, render:
     mesh.triangles.push_back({face->vertex(0)->vertex_3()->info(), face->vertex(1)->vertex_3()->info(),
                               face->vertex(2)->vertex_3()->info()});
   }
+  phases.end();
   // CGAL's order and orientation follow where its faces lie in memory.
-  fix_order(mesh);
+  phases.begin("one order");
+  fix_order(mesh, input.threads);
   phases.end();
   return mesh;
 }

@@ -1,5 +1,6 @@
 // CGAL's normals: a unit of its own, since its point set processing takes long to compile.
 #include "baselines/reconstruct/cgal_points.h"
+#include "baselines/reconstruct/cgal_threads.h"
 #include "baselines/reconstruct/oriented_normals.h"
 
 #include <CGAL/Random.h>
@@ -17,10 +18,12 @@ std::vector<Vec3> cgal_normals(const MethodInput& input, bool jets, unsigned k,
   phases.begin(kNormalsPhase);
   std::vector<CgalPoint> points = cgal_points(input.cloud, input.spacing);
   const auto parameters = CGAL::parameters::point_map(CgalPlaceMap()).normal_map(CgalNormalMap());
-  if (jets)
-    CGAL::jet_estimate_normals<CGAL::Sequential_tag>(points, k, parameters);
-  else
-    CGAL::pca_estimate_normals<CGAL::Sequential_tag>(points, k, parameters);
+  with_cgal_threads(input.threads, [&](auto tag) {
+    if (jets)
+      CGAL::jet_estimate_normals<decltype(tag)>(points, k, parameters);
+    else
+      CGAL::pca_estimate_normals<decltype(tag)>(points, k, parameters);
+  });
   phases.end();
   phases.begin(kOrientationPhase);
   const auto unoriented = CGAL::mst_orient_normals(points, k, parameters);

@@ -1,66 +1,125 @@
 #include "baselines/reconstruct/fixed_order.h"
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
-#include <numeric>
+#include <tuple>
 #include <utility>
 #include <vector>
+
+#include "baselines/mesh/buckets.h"
 
 namespace palpate::baselines {
 namespace {
 
-/// The piece of each triangle, by the number of one of its triangles.
-std::vector<std::uint32_t> pieces_of(const geometry::TriangleMesh& mesh) {
-  struct Edge {
-    std::uint32_t low, high, triangle;
-    bool operator<(const Edge& other) const noexcept {
-      return std::pair(low, high) < std::pair(other.low, other.high);
+using Triangle = std::array<std::uint32_t, 3>;
+
+/// Of a triangle that starts at its lowest vertex.
+std::uint32_t middle(const Triangle& t) noexcept {
+  return std::min(t[1], t[2]);
+}
+std::uint32_t highest(const Triangle& t) noexcept {
+  return std::max(t[1], t[2]);
+}
+
+/// Calls body(first, last) with places in buckets.items for every bucket, in parallel.
+template <class Body>
+void for_buckets(const Buckets& buckets, int threads, const Body& body) {
+  parallel_chunks(buckets.begin.size() - 1, kPointsPerChunk, threads, [&](std::size_t from, std::size_t to) {
+    for (std::size_t v = from; v < to; ++v) body(buckets.begin[v], buckets.begin[v + 1]);
+  });
+}
+
+/// Triangles by their corners, whichever way round they run; of equal ones the one given first is first.
+void order_by_corners(geometry::TriangleMesh& mesh, Buckets& of_lowest, int threads) {
+  of_lowest = in_buckets(mesh.vertices_mm.size(), mesh.triangles.size(), threads,
+                         [&](std::size_t t, const auto& visit) { visit(mesh.triangles[t][0]); });
+  std::vector<Triangle> ordered(mesh.triangles.size());
+  for_buckets(of_lowest, threads, [&](std::uint32_t first, std::uint32_t last) {
+    const auto key = [&](std::uint32_t t) {
+      const Triangle& corners = mesh.triangles[t];
+      return std::tuple(middle(corners), highest(corners), t);
+    };
+    std::sort(of_lowest.items.begin() + first, of_lowest.items.begin() + last,
+              [&](std::uint32_t a, std::uint32_t b) { return key(a) < key(b); });
+    for (std::uint32_t i = first; i < last; ++i) ordered[i] = mesh.triangles[of_lowest.items[i]];
+  });
+  mesh.triangles = std::move(ordered);
+}
+
+/// Pairs of triangles that share an edge, enough of them to connect all at each edge.
+std::vector<std::vector<std::pair<std::uint32_t, std::uint32_t>>> neighbours(
+    const geometry::TriangleMesh& mesh, int threads) {
+  const std::size_t vertices = mesh.vertices_mm.size();
+  // An edge belongs to its lower end: the lowest corner has two of them, the middle one the third.
+  const Buckets around =
+      in_buckets(vertices, mesh.triangles.size(), threads, [&](std::size_t t, const auto& visit) {
+        visit(mesh.triangles[t][0]);
+        visit(middle(mesh.triangles[t]));
+      });
+  std::vector<std::vector<std::pair<std::uint32_t, std::uint32_t>>> parts((vertices + kPointsPerChunk - 1) /
+                                                                          kPointsPerChunk);
+  parallel_chunks(vertices, kPointsPerChunk, threads, [&](std::size_t from, std::size_t to) {
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> uses;  // the edge's higher end, the triangle
+    auto& found = parts[from / kPointsPerChunk];
+    for (std::size_t v = from; v < to; ++v) {
+      uses.clear();
+      for (std::uint32_t i = around.begin[v]; i < around.begin[v + 1]; ++i) {
+        const std::uint32_t t = around.items[i];
+        const Triangle& corners = mesh.triangles[t];
+        if (corners[0] == v) uses.emplace_back(middle(corners), t);
+        uses.emplace_back(highest(corners), t);
+      }
+      std::sort(uses.begin(), uses.end());
+      for (std::size_t i = 1; i < uses.size(); ++i)
+        if (uses[i - 1].first == uses[i].first) found.emplace_back(uses[i - 1].second, uses[i].second);
     }
-  };
-  std::vector<Edge> edges;
-  edges.reserve(3 * mesh.triangles.size());
-  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t)
-    for (std::size_t i = 0; i < 3; ++i) {
-      const auto [low, high] = std::minmax(mesh.triangles[t][i], mesh.triangles[t][(i + 1) % 3]);
-      edges.push_back({low, high, t});
-    }
-  std::sort(edges.begin(), edges.end());
-  std::vector<std::uint32_t> piece(mesh.triangles.size());
-  std::iota(piece.begin(), piece.end(), 0u);
+  });
+  return parts;
+}
+
+/// The first triangle of each one's piece.
+std::vector<std::uint32_t> firsts_of_pieces(const geometry::TriangleMesh& mesh, int threads) {
+  std::vector<std::uint32_t> first(mesh.triangles.size());
+  for (std::uint32_t t = 0; t < first.size(); ++t) first[t] = t;
   const auto root = [&](std::uint32_t t) {
-    while (piece[t] != t) t = piece[t] = piece[piece[t]];
+    while (first[t] != t) t = first[t] = first[first[t]];
     return t;
   };
-  for (std::size_t i = 1; i < edges.size(); ++i)
-    if (!(edges[i - 1] < edges[i])) piece[root(edges[i].triangle)] = root(edges[i - 1].triangle);
-  for (std::uint32_t t = 0; t < piece.size(); ++t) piece[t] = root(t);
-  return piece;
+  for (const auto& part : neighbours(mesh, threads))
+    for (const auto& [a, b] : part) {
+      const std::uint32_t x = root(a), y = root(b);
+      first[std::max(x, y)] = std::min(x, y);
+    }
+  for (std::uint32_t t = 0; t < first.size(); ++t)
+    first[t] = first[first[t]];  // what is before it is finished
+  return first;
 }
 
 }  // namespace
 
-void fix_order(geometry::TriangleMesh& mesh) {
-  for (auto& t : mesh.triangles) std::rotate(t.begin(), std::min_element(t.begin(), t.end()), t.end());
-  const std::vector<std::uint32_t> piece = pieces_of(mesh);
-  // The lowest triangle of a piece, whichever way round.
-  const auto corners = [&](std::uint32_t t) {
-    std::array<std::uint32_t, 3> c = mesh.triangles[t];
-    std::sort(c.begin(), c.end());
-    return c;
+void fix_order(geometry::TriangleMesh& mesh, int threads) {
+  const auto for_all = [&](const auto& body) {
+    parallel_chunks(mesh.triangles.size(), kPointsPerChunk, threads, [&](std::size_t from, std::size_t to) {
+      for (std::size_t t = from; t < to; ++t) body(t, mesh.triangles[t]);
+    });
   };
-  std::vector<std::uint32_t> lowest(piece.size(), 0xFFFFFFFFu);
-  for (std::uint32_t t = 0; t < piece.size(); ++t) {
-    std::uint32_t& best = lowest[piece[t]];
-    if (best == 0xFFFFFFFFu || corners(t) < corners(best)) best = t;
-  }
-  std::vector<bool> turn(piece.size());
-  for (std::uint32_t t = 0; t < piece.size(); ++t) {
-    const auto& first = mesh.triangles[lowest[piece[t]]];
-    turn[t] = first[1] > first[2];
-  }
-  for (std::uint32_t t = 0; t < piece.size(); ++t)
-    if (turn[t]) std::swap(mesh.triangles[t][1], mesh.triangles[t][2]);
-  std::sort(mesh.triangles.begin(), mesh.triangles.end());
+  for_all([](std::size_t, Triangle& t) {
+    std::rotate(t.begin(), std::min_element(t.begin(), t.end()), t.end());
+  });
+  Buckets of_lowest;
+  order_by_corners(mesh, of_lowest, threads);
+  const std::vector<std::uint32_t> first = firsts_of_pieces(mesh, threads);
+  std::vector<std::uint8_t> turn(first.size());
+  for_all([&](std::size_t t, const Triangle&) {
+    turn[t] = mesh.triangles[first[t]][1] > mesh.triangles[first[t]][2];
+  });
+  for_all([&](std::size_t t, Triangle& corners) {
+    if (turn[t] != 0) std::swap(corners[1], corners[2]);
+  });
+  for_buckets(of_lowest, threads, [&](std::uint32_t from, std::uint32_t to) {
+    std::sort(mesh.triangles.begin() + from, mesh.triangles.begin() + to);
+  });
 }
 
 }  // namespace palpate::baselines

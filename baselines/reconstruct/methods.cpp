@@ -74,7 +74,8 @@ std::vector<Method> make_methods() {
         with(integer("scale_neighbours", "12", "scale space: neighbours of a point when smoothing", 6, 200),
              {"scale_iterations", {"0"}, true}),
         choice("scale_mesher", "front", "scale space: what connects the smoothed points",
-               {"front", "alpha"})}});
+               {"front", "alpha"})},
+       2});
   all.push_back(
       {"alpha-shape",
        "facets of the Delaunay triangulation with an empty ball of the given radius",

@@ -1,6 +1,8 @@
 // Scale space by CGAL: smoothing makes the points lie so smoothly that they are easy to connect; the
 // triangles are then those of the original points.
 #define CGAL_EIGEN3_ENABLED 1  // its eigenvectors
+#include "baselines/reconstruct/cgal_threads.h"
+#include "baselines/reconstruct/fixed_order.h"
 #include "baselines/reconstruct/method_functions.h"
 
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
@@ -16,9 +18,10 @@ namespace {
 using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
 using Reconstruction = CGAL::Scale_space_surface_reconstruction_3<Kernel>;
 namespace steps = CGAL::Scale_space_reconstruction_3;
-using PcaSmoother =
-    steps::Weighted_PCA_smoother<Kernel, CGAL::Default_diagonalize_traits<double, 3>, CGAL::Sequential_tag>;
-using JetSmoother = steps::Jet_smoother<Kernel, CGAL::Sequential_tag>;
+template <class Tag>
+using PcaSmoother = steps::Weighted_PCA_smoother<Kernel, CGAL::Default_diagonalize_traits<double, 3>, Tag>;
+template <class Tag>
+using JetSmoother = steps::Jet_smoother<Kernel, Tag>;
 /// Radius of the ball where the alpha shape follows jets, which find none of their own, spacings: the
 /// default of the method alpha-shape.
 constexpr double kAlphaRadius = 2.5;
@@ -37,13 +40,16 @@ Result<geometry::TriangleMesh> scale_space(const MethodInput& input, render::Pre
   const auto neighbours = static_cast<unsigned>(input.options.integer("scale_neighbours"));
   double alpha = kAlphaRadius * kAlphaRadius;
   phases.begin("smoothing");
-  if (input.options.text("scale_smoother") == "jet") {
-    reconstruction.increase_scale(rounds, JetSmoother(neighbours));
-  } else {
-    PcaSmoother smoother(neighbours);
-    reconstruction.increase_scale(rounds, smoother);
-    if (rounds > 0) alpha = smoother.squared_radius();
-  }
+  with_cgal_threads(input.threads, [&](auto tag) {
+    using Tag = decltype(tag);
+    if (input.options.text("scale_smoother") == "jet") {
+      reconstruction.increase_scale(rounds, JetSmoother<Tag>(neighbours));
+    } else {
+      PcaSmoother<Tag> smoother(neighbours);
+      reconstruction.increase_scale(rounds, smoother);
+      if (rounds > 0) alpha = smoother.squared_radius();
+    }
+  });
   phases.end();
   if (input.options.text("scale_mesher") == "front") {
     phases.begin("advancing front");
@@ -57,6 +63,10 @@ Result<geometry::TriangleMesh> scale_space(const MethodInput& input, render::Pre
     mesh.triangles.push_back({static_cast<std::uint32_t>((*facet)[0]),
                               static_cast<std::uint32_t>((*facet)[1]),
                               static_cast<std::uint32_t>((*facet)[2])});
+  phases.end();
+  // CGAL's order and orientation follow where its faces lie in memory, which other threads' work moves.
+  phases.begin("one order");
+  fix_order(mesh, input.threads);
   phases.end();
   return mesh;
 }

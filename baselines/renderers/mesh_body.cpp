@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <optional>
 
 #include "baselines/mesh/mesh_report.h"
 #include "baselines/renderers/mesh_refine.h"
@@ -100,7 +101,7 @@ Status prepare_surface(const render::ModelInput& input, MeshBody& body, const re
 }  // namespace
 
 std::size_t MeshGeometry::bytes() const noexcept {
-  return source->bytes() + mesh.bytes() + index->bytes() + crossings.bytes() +
+  return mesh.bytes() + index->bytes() + crossings.bytes() + sides.bytes() +
          vertex_normals.capacity() * sizeof(Vec3f);
 }
 
@@ -110,6 +111,16 @@ std::vector<OptionSpec> mesh_renderer_specs() {
                      "force shading by interpolated vertex normals, or none"};
   shading.choices = {"none", "interpolated"};
   specs.push_back(std::move(shading));
+  specs.push_back({"check",
+                   OptionKind::kFlag,
+                   "false",
+                   "count the mesh's pieces and border loops (OpenMesh), and warn of shards",
+                   {}});
+  specs.push_back({"crossings",
+                   OptionKind::kFlag,
+                   "false",
+                   "look for facets that cross others, which then hold the god object, and warn of folds",
+                   {}});
   specs.push_back({"combine",
                    OptionKind::kChoice,
                    "joint",
@@ -131,18 +142,29 @@ Result<std::shared_ptr<const MeshGeometry>> build_geometry(const render::ModelIn
   if (!source.ok()) return std::move(source).error();
   source = refined(std::move(source).value(), input, options, context.threads, phases);
   if (!source.ok()) return std::move(source).error();
-  made->source = std::move(source).value();
   phases.begin("connect facets");
-  auto mesh = SurfaceMesh::build(*made->source, context.threads);
+  auto mesh = SurfaceMesh::build(**source, context.threads, MeshOrder::kCurve);
   if (!mesh.ok()) return std::move(mesh).error();
   made->mesh = std::move(mesh).value();
+  // The scene holds its own faces anyway; any others are given back here.
+  if (*source == input.original_mesh) made->given = input.original_mesh;
+  source->reset();
   made->median_edge_mm = median_edge(made->mesh);
   if (decided.normals) made->vertex_normals = interpolation_normals(made->mesh);
   phases.end();
-  phases.begin("check (OpenMesh)");
-  const MeshReport found = report_on(made->mesh);
-  for (std::string& line : describe(found, made->mesh.counts())) report.notes.push_back(std::move(line));
-  phases.end();
+  if (decided.point) {
+    phases.begin("sides of pieces");
+    made->sides = PieceSides::of(made->mesh, context.threads);
+    phases.end();
+  }
+  std::optional<MeshReport> found;
+  if (decided.checks) {
+    phases.begin("check (OpenMesh)");
+    found = report_on(made->mesh);
+    phases.end();
+  }
+  const MeshReport* const seen = found ? &*found : nullptr;
+  for (std::string& line : describe(made->mesh, seen)) report.notes.push_back(std::move(line));
   phases.begin("build tree (Embree)");
   auto index = SegmentIndex::build(made->mesh, context.threads);
   if (!index.ok()) return std::move(index).error();
@@ -156,11 +178,11 @@ Result<std::shared_ptr<const MeshGeometry>> build_geometry(const render::ModelIn
       report.notes.push_back(
           fmt::format("mesh: {} facets cross others ({} pairs): they constrain the god object",
                       made->crossings.facets(), made->crossings.pairs()));
-    // Of a point: a sphere rides over folds and gaps.
-    for (std::string& line :
-         doubts(found, made->mesh.counts(), made->crossings.folded(), options.flag("repair")))
-      phases.warn(std::move(line));
   }
+  // Of a point: a sphere rides over folds and gaps.
+  if (decided.point)
+    for (std::string& line : doubts(made->mesh, seen, made->crossings.folded(), options.flag("repair")))
+      phases.warn(std::move(line));
   report.bytes += made->bytes();
   return std::shared_ptr<const MeshGeometry>(std::move(made));
 }
@@ -173,10 +195,10 @@ std::string key_of(const render::ModelInput& input, const MeshDecision& decided,
       for (int axis = 0; axis < 3; ++axis) faces.u64(std::bit_cast<std::uint64_t>(vertex[axis]));
     faces.values(input.original_mesh->triangles);
   }
-  return fmt::format("mesh {:016x} {} {:016x} '{}' {} {}{}", cloud::content_hash(*input.cloud),
-                     input.cloud->size(), faces.value(),
-                     input.analytic != nullptr ? input.analytic->formula() : "", decided.crossings,
-                     decided.normals, render::key_text(options, mesh_specs()));
+  return fmt::format(
+      "mesh {:016x} {} {:016x} '{}' {} {} {} {} {}", cloud::content_hash(*input.cloud), input.cloud->size(),
+      faces.value(), input.analytic != nullptr ? input.analytic->formula() : "", decided.point,
+      decided.checks, decided.crossings, decided.normals, render::key_text(options, mesh_specs()));
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include "baselines/mesh/surface_mesh.h"
 #include "baselines/proximity/crossings.h"
 #include "baselines/proximity/segment_index.h"
+#include "baselines/renderers/free_side.h"
 #include "baselines/renderers/mesh_decision.h"
 #include "toolkit/core/options.h"
 #include "toolkit/render/model_pose.h"
@@ -17,10 +18,12 @@ namespace palpate::baselines {
 /// The mesh that frames read. Immutable and shared; not moved after building: the index holds its mesh's
 /// address.
 struct MeshGeometry {
-  std::shared_ptr<const geometry::TriangleMesh> source;
+  /// The model's own faces, where these are felt as they came; null where `mesh` alone has the faces.
+  std::shared_ptr<const geometry::TriangleMesh> given;
   SurfaceMesh mesh;
   std::unique_ptr<SegmentIndex> index;
   Crossings crossings;                ///< only where asked for
+  PieceSides sides;                   ///< only for a point
   std::vector<Vec3f> vertex_normals;  ///< only with shading; see vertex_normals.h
   double median_edge_mm = 0.0;
 

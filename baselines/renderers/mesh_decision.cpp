@@ -10,7 +10,7 @@ namespace {
 using render::Decision;
 
 /// Measured: mesh, links of facets, tree.
-constexpr double kBytesPerFacet = 226.0;
+constexpr double kBytesPerFacet = 196.0;
 /// Of decimation, 500,000 facets (docs/meshes.md).
 constexpr double kDecimateMsPerMillion = 40'000.0;
 constexpr double kPerMillion = 1e-6;
@@ -29,6 +29,18 @@ Decision refine_decision(const MeshDecision& d) {
   return {"facets", std::move(choice), "as given", true};
 }
 
+Decision check_decision(const MeshDecision& d) {
+  if (d.checks) return {"check", "pieces and borders", "as given: for people, frames do not read it", true};
+  return {"check", "none", "frames do not need it"};
+}
+
+Decision crossing_decision(const MeshDecision& d, const MeshProbeKind& kind) {
+  if (d.crossings)
+    return {"crossing facets", "found", "as given: where sheets cross, both hold a point", true};
+  return {"crossing facets", "not looked for",
+          kind.crossings ? "Zilles and Salisbury look for none" : "a sphere rides over folds and gaps"};
+}
+
 }  // namespace
 
 Result<MeshDecision> decide_body(const render::ModelInput& input, const Options& options,
@@ -43,7 +55,9 @@ Result<MeshDecision> decide_body(const render::ModelInput& input, const Options&
   decided.smoothing = options.integer("smooth");
   decided.keeps = options.number("decimate");
   decided.normals = options.text("shading") == "interpolated";
-  decided.crossings = kind.crossings;
+  decided.point = kind.crossings;
+  decided.checks = options.flag("check");
+  decided.crossings = kind.crossings && options.flag("crossings");
   decided.surface = std::move(surface).value();
   return decided;
 }
@@ -65,10 +79,8 @@ render::ModelDecisions said(const render::ModelInput& input, const MeshDecision&
   out.decisions.push_back(repair_decision(decision));
   out.decisions.push_back(refine_decision(decision));
   out.decisions.push_back(kind.probe);
-  out.decisions.push_back(
-      decision.crossings
-          ? Decision{"crossing facets", "found", "where sheets cross, both hold a point"}
-          : Decision{"crossing facets", "not looked for", "a sphere rides over folds and gaps"});
+  out.decisions.push_back(check_decision(decision));
+  out.decisions.push_back(crossing_decision(decision, kind));
   out.decisions.push_back(decision.normals
                               ? Decision{"shading", "interpolated vertex normals", "as given", true}
                               : Decision{"shading", "none", "a facet's own plane"});

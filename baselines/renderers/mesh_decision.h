@@ -10,7 +10,7 @@ namespace palpate::baselines {
 
 /// What a kind of probe needs and costs.
 struct MeshProbeKind {
-  bool crossings = true;   ///< facets that cross others hold it
+  bool crossings = true;   ///< facets that cross others can hold it, where they are looked for
   render::Decision probe;  ///< what goes over the mesh
   // Measured, what to expect (see render::kExpectedOn): 1,002,001 points.
   double frame_us = 0.0;
@@ -23,7 +23,9 @@ struct MeshDecision {
   long long smoothing = 0;  ///< rounds
   double keeps = 1.0;       ///< share of the facets after decimation
   bool normals = false;     ///< at the vertices, for shading
-  bool crossings = true;
+  bool point = true;        ///< what goes over it has no size: folds can catch it
+  bool checks = false;      ///< the mesh is looked at for people: pieces, borders
+  bool crossings = false;   ///< facets that cross others are looked for
   render::SurfaceDecision surface;
 };
 

@@ -23,8 +23,12 @@ double least_edge_distance(const Facet& f, const Vec3& p) noexcept {
 
 }  // namespace
 
-MeshProbe::MeshProbe(const SurfaceMesh& mesh, const SegmentIndex& index, const Crossings& crossings)
-    : mesh_(&mesh), index_(&index), crossings_(crossings.any() ? &crossings : nullptr), free_side_(mesh) {}
+MeshProbe::MeshProbe(const SurfaceMesh& mesh, const SegmentIndex& index, const Crossings& crossings,
+                     const PieceSides& sides)
+    : mesh_(&mesh),
+      index_(&index),
+      crossings_(crossings.any() ? &crossings : nullptr),
+      free_side_(mesh, sides) {}
 
 void MeshProbe::reset(const Vec3& hip) noexcept {
   attached_ = false;

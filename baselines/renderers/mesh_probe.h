@@ -17,11 +17,12 @@ inline constexpr int kMaxFlights = 4;
 /// as no contact, so that the next segment never starts where float cannot tell the side. Everything relative
 /// to the mesh's origin, mm. A piece that encloses a volume is touched from one side only, the one where
 /// reset() found the HIP (FreeSide): a HIP that came in by a hole leaves freely, instead of feeling
-/// everything inside out from then on. Allocates when built only. Not thread-safe; the mesh, index and
-/// crossings are only read.
+/// everything inside out from then on. Allocates when built only. Not thread-safe; the mesh, index,
+/// crossings and sides are only read.
 class MeshProbe {
  public:
-  MeshProbe(const SurfaceMesh& mesh, const SegmentIndex& index, const Crossings& crossings);
+  MeshProbe(const SurfaceMesh& mesh, const SegmentIndex& index, const Crossings& crossings,
+            const PieceSides& sides);
 
   /// O(facets) where a piece encloses a volume.
   void reset(const Vec3& hip) noexcept;

@@ -35,8 +35,14 @@ class MeshScene final : public render::BoxedShellRenderer<MeshSlot<Probe>>, publ
         make_probe_(std::move(make_probe)) {}
 
   render::Description describe() const override { return described_; }
-  const geometry::TriangleMesh* mesh(std::size_t model) const noexcept override {
-    return model < models_.size() ? models_[model].body->geometry->source.get() : nullptr;
+  const geometry::TriangleMesh* mesh(std::size_t model) const override {
+    if (model >= models_.size()) return nullptr;
+    const MeshGeometry& geometry = *models_[model].body->geometry;
+    if (geometry.given != nullptr) return geometry.given.get();
+    handed_out_.resize(models_.size());
+    if (!handed_out_[model])
+      handed_out_[model] = std::make_unique<const geometry::TriangleMesh>(geometry.mesh.as_mesh());
+    return handed_out_[model].get();
   }
 
  private:
@@ -49,6 +55,7 @@ class MeshScene final : public render::BoxedShellRenderer<MeshSlot<Probe>>, publ
   Status add_models(const render::SceneInput& scene, const render::PrepareContext& context,
                     render::PrepareReport& report) override {
     bool shaded = false;
+    handed_out_.clear();
     Bodies bodies;
     for (const render::ModelInput& input : scene.models) {
       const Result<MeshDecision> decided = decide_body(input, described_.options, kind_);
@@ -76,6 +83,7 @@ class MeshScene final : public render::BoxedShellRenderer<MeshSlot<Probe>>, publ
   MeshProbeKind kind_;
   Survey survey_;
   MakeProbe make_probe_;
+  mutable std::vector<std::unique_ptr<const geometry::TriangleMesh>> handed_out_;  ///< see mesh()
 };
 
 }  // namespace palpate::baselines

@@ -35,7 +35,8 @@ Fields fields_of(ManifestModel& m, const std::string& /*kind*/) {
           field("full", m.full).of({"methods"}),
           field("if_room", m.if_room).of({"growth"}),
           field("printed_min", m.printed_min).of({"neighbours"}),
-          field("slow", m.slow).of({"neighbours"}),
+          field("slow", m.slow).of({"neighbours", "methods"}),
+          field("only", m.only).of({"methods"}),
           field("in_time", m.in_time).of({"meshes"}),
           field("points_in_time", m.points_in_time).of({"meshes"})};
 }

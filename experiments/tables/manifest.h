@@ -34,7 +34,8 @@ struct ManifestModel {
   std::optional<double> printed_min;  ///< table 6: minutes
   std::string path;                   ///< table 11: instead of the manifest's
   bool full = false;                  ///< table 11: with --full only
-  std::vector<std::string> slow;      ///< table 6: builders that run with --full only on this model
+  std::vector<std::string> slow;      ///< tables 6 and 11: builders or rows that run with --full only here
+  std::vector<std::string> only;      ///< table 11: the rows that run on this model; empty: all
   std::string in_time;                ///< table 3: the generator of a run of minutes; --full takes `generate`
   std::uint64_t points_in_time = 0;   ///< table 3: so many of its points in a run of minutes; 0: all
 };

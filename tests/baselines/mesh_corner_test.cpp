@@ -22,8 +22,8 @@ using geometry::TriangleMesh;
 using test::kStiffness;
 using test::Probe;
 
-constexpr const char* kPoint = "mesh-godobject:mesh=original";
-constexpr const char* kNoRadius = "mesh-proxy:mesh=original:radius=0";
+constexpr const char* kPoint = "mesh-godobject:mesh=original:crossings=true";
+constexpr const char* kNoRadius = "mesh-proxy:mesh=original:radius=0:crossings=true";
 constexpr const char* kSphere = "mesh-proxy:mesh=original:radius_mm=0.5:tip=centre";
 constexpr double kRadius = 0.5;
 

@@ -129,7 +129,8 @@ TEST(MeshGodObject, CrossingSheetsHoldInTheirWedge) {
   const geometry::TriangleMesh flat = test::height_mesh(12, 10.0, [](double, double) { return 0.0; });
   const geometry::RigidTransform upright{Eigen::Quaterniond(std::sqrt(0.5), 0, std::sqrt(0.5), 0),
                                          Vec3(0.3, 0.1, 0.2)};
-  Probe probe = make(test::joined(flat, test::moved(flat, upright)));
+  Probe probe =
+      make(test::joined(flat, test::moved(flat, upright)), "mesh-godobject:mesh=original:crossings=true");
   probe.renderer->restart({2, 0.5, 1});
   render::Frame frame = probe.glide({2, 0.5, 1}, {2, 0.5, -1}, 0.05);
   expect_near(frame.god_object_mm, {2, 0.5, 0}, 1e-9);
@@ -273,7 +274,8 @@ TEST(MeshGodObject, FramesAllocateNothing) {
   const geometry::TriangleMesh flat = test::height_mesh(12, 10.0, [](double, double) { return 0.0; });
   const geometry::RigidTransform upright{Eigen::Quaterniond(std::sqrt(0.5), 0, std::sqrt(0.5), 0),
                                          Vec3(0.3, 0.1, 0.2)};
-  Probe probe = make(test::joined(flat, test::moved(flat, upright)));
+  Probe probe =
+      make(test::joined(flat, test::moved(flat, upright)), "mesh-godobject:mesh=original:crossings=true");
   probe.renderer->restart({2, 2, 3});
   probe.to({2, 2, 2.9});
   const house::AllocationCount count;
@@ -284,6 +286,41 @@ TEST(MeshGodObject, FramesAllocateNothing) {
   }
   EXPECT_EQ(count.count(), 0u);
   EXPECT_GT(contacts, 1000u);
+}
+
+bool has_phase(const render::PrepareReport& report, std::string_view name) {
+  return std::any_of(report.phases.begin(), report.phases.end(),
+                     [&](const render::PreparePhase& phase) { return phase.name == name; });
+}
+bool says(const std::vector<std::string>& lines, std::string_view words) {
+  return std::any_of(lines.begin(), lines.end(),
+                     [&](const std::string& line) { return line.find(words) != std::string::npos; });
+}
+
+/// What no frame needs is done where somebody asks for it, and what was left out is said.
+TEST(MeshGodObject, LooksForPiecesAndCrossingsWhereAsked) {
+  const geometry::TriangleMesh sheet = test::height_mesh(12, 10.0, [](double, double) { return 0.0; });
+  const geometry::RigidTransform upright{Eigen::Quaterniond(std::sqrt(0.5), 0, std::sqrt(0.5), 0),
+                                         Vec3(0.3, 0.1, 0.2)};
+  const geometry::TriangleMesh two = test::joined(sheet, test::moved(sheet, upright));
+  const Probe plain = make(two);
+  EXPECT_FALSE(has_phase(plain.report, "check (OpenMesh)"));
+  EXPECT_FALSE(has_phase(plain.report, "find crossing facets"));
+  EXPECT_TRUE(says(plain.report.notes, "check=true"));
+  EXPECT_FALSE(says(plain.report.notes, "cross others"));
+  const Probe checked = make(two, "mesh-godobject:mesh=original:check=true:crossings=true");
+  EXPECT_TRUE(has_phase(checked.report, "check (OpenMesh)"));
+  EXPECT_TRUE(has_phase(checked.report, "find crossing facets"));
+  EXPECT_TRUE(says(checked.report.notes, "2 components"));
+  EXPECT_TRUE(says(checked.report.notes, "cross others"));
+  const auto& said = checked.report.decisions.models.at(0).decisions;
+  EXPECT_EQ(std::count_if(said.begin(), said.end(),
+                          [](const render::Decision& d) {
+                            return (d.about == "check" || d.about == "crossing facets") && d.given;
+                          }),
+            2);
+  EXPECT_FALSE(test::made("mesh-godobject:mesh=original:check=perhaps").ok());
+  EXPECT_FALSE(test::made("mesh-godobject:mesh=original:crossings=2").ok());
 }
 
 TEST(MeshGodObject, SaysWhatMeshItNeedsAndHandsItOut) {

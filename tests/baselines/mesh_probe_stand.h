@@ -43,14 +43,19 @@ inline render::ModelInput model_of(const geometry::TriangleMesh& mesh) {
   return model;
 }
 
-inline Probe make_scene(const render::SceneInput& scene, const char* options) {
+/// A mesh renderer by name and options, or why there is none.
+inline Result<std::unique_ptr<render::HapticRenderer>> made(const char* options) {
   render::Registry registry;
   baselines::register_baseline_renderers(registry);
   const auto named = parse_named_options(options);
-  EXPECT_TRUE(named.ok());
-  auto made = registry.make(named->name, named->options);
-  EXPECT_TRUE(made.ok());
-  Probe probe{std::move(made).value(), {}};
+  if (!named.ok()) return named.error();
+  return registry.make(named->name, named->options);
+}
+
+inline Probe make_scene(const render::SceneInput& scene, const char* options) {
+  auto renderer = made(options);
+  EXPECT_TRUE(renderer.ok()) << (renderer.ok() ? "" : renderer.error().message());
+  Probe probe{std::move(renderer).value(), {}};
   auto report = probe.renderer->prepare(scene, {1, nullptr});
   EXPECT_TRUE(report.ok()) << (report.ok() ? "" : report.error().message());
   if (report.ok()) probe.report = *report;

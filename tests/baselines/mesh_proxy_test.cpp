@@ -185,6 +185,13 @@ TEST(MeshProxy, HostilePlaces) {
   EXPECT_FALSE(registry.make("mesh-proxy", parse_named_options("mesh-proxy:radius=-1")->options).ok());
 }
 
+/// What crosses holds a point alone: asked for beside a sphere it would do nothing.
+TEST(MeshProxy, LooksForCrossingsAsAPointAlone) {
+  EXPECT_FALSE(test::made("mesh-proxy:mesh=original:crossings=true").ok());
+  EXPECT_FALSE(test::made("mesh-proxy:mesh=original:radius=0:radius_mm=1:crossings=true").ok());
+  EXPECT_TRUE(test::made("mesh-proxy:mesh=original:radius=0:crossings=true").ok());
+}
+
 TEST(MeshProxy, MotionAndScaleChangeNothing) {
   const geometry::TriangleMesh mesh =
       test::height_mesh(60, 10.0, [](double x, double y) { return 0.1 * test::sinusoid(10 * x, 10 * y); });

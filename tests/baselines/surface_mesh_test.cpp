@@ -1,6 +1,11 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <map>
+#include <set>
+
 #include "baselines/mesh/mesh_report.h"
+#include "baselines/mesh/pieces.h"
 #include "tests/baselines/meshes.h"
 #include "toolkit/core/random.h"
 
@@ -82,6 +87,194 @@ TEST(SurfaceMesh, EdgeOfThreeFacetsConnectsEachSideToTheNextInRotation) {
   EXPECT_EQ(mesh.neighbour(looks(1, -Vec3::UnitX()), 0), looks(2, Vec3::UnitY()));
   EXPECT_EQ(mesh.neighbour(looks(2, -Vec3::UnitY()), 0), looks(0, -Vec3::UnitY()));
   EXPECT_EQ(report_on(mesh).refused_faces, 2u);  // all three run the same way: one fits
+}
+
+/// Thousands of facets in no order, some of them turned, with everything that a file may hold: vertices given
+/// twice, facets given twice and without area, edges of three facets, unused vertices, islands.
+geometry::TriangleMesh jumble(std::uint64_t seed) {
+  Random random(seed);
+  geometry::TriangleMesh mesh = test::height_mesh(160, 50.0, test::sinusoid);
+  for (int island = 0; island < 40; ++island)
+    mesh = test::joined(mesh, test::moved(test::box_mesh(1, 2, 3),
+                                          {Eigen::Quaterniond::Identity(), Vec3(3.0 * island, 0, 200)}));
+  const auto below = [&](std::size_t n) {
+    return std::min(static_cast<std::uint32_t>(random.uniform() * static_cast<double>(n)),
+                    static_cast<std::uint32_t>(n - 1));
+  };
+  for (int i = 0; i < 300; ++i) {
+    const std::uint32_t v = below(mesh.vertices_mm.size());
+    mesh.vertices_mm.push_back(mesh.vertices_mm[v]);
+    auto twice = mesh.triangles[below(mesh.triangles.size())];
+    if (i % 3 == 0) std::swap(twice[0], twice[1]);
+    mesh.triangles.push_back(twice);
+    mesh.triangles.push_back({twice[0], twice[1], below(mesh.vertices_mm.size())});
+    mesh.triangles.push_back({v, v, twice[2]});
+    for (std::uint32_t& corner : mesh.triangles[below(mesh.triangles.size())])
+      if (corner == v) corner = static_cast<std::uint32_t>(mesh.vertices_mm.size() - 1);
+  }
+  std::vector<std::uint32_t> to(mesh.vertices_mm.size());
+  for (std::uint32_t i = 0; i < to.size(); ++i) to[i] = i;
+  for (std::size_t i = to.size() - 1; i > 0; --i) std::swap(to[i], to[below(i + 1)]);
+  geometry::TriangleMesh mixed = mesh;
+  for (std::size_t i = 0; i < to.size(); ++i) mixed.vertices_mm[to[i]] = mesh.vertices_mm[i];
+  for (auto& t : mixed.triangles) {
+    for (std::uint32_t& v : t) v = to[v];
+    if (random.uniform() < 0.1) std::swap(t[1], t[2]);
+  }
+  for (std::size_t i = mixed.triangles.size() - 1; i > 0; --i)
+    std::swap(mixed.triangles[i], mixed.triangles[below(i + 1)]);
+  return mixed;
+}
+
+void expect_same(const SurfaceMesh& a, const SurfaceMesh& b) {
+  ASSERT_EQ(a.vertices().size(), b.vertices().size());
+  ASSERT_EQ(a.facets().size(), b.facets().size());
+  EXPECT_EQ(a.origin_mm(), b.origin_mm());
+  EXPECT_EQ(a.rounding_mm(), b.rounding_mm());
+  for (std::uint32_t v = 0; v < a.vertices().size(); ++v) {
+    ASSERT_EQ(a.vertices()[v], b.vertices()[v]);
+    ASSERT_TRUE(std::ranges::equal(a.star(v), b.star(v)));
+  }
+  for (std::uint32_t f = 0; f < a.facets().size(); ++f) {
+    ASSERT_EQ(a.facet(f).vertex, b.facet(f).vertex);
+    ASSERT_EQ(a.facet(f).across, b.facet(f).across);
+    for (std::size_t i = 0; i < 3; ++i) ASSERT_EQ(a.facet(f).corner[i], b.facet(f).corner[i]);
+    for (std::uint32_t e = 0; e < 3; ++e)
+      for (const std::uint32_t side : {0u, 1u})
+        ASSERT_EQ(a.neighbour(half_facet(f, side), e), b.neighbour(half_facet(f, side), e));
+  }
+}
+
+void expect_same_counts(const SurfaceMeshCounts& a, const SurfaceMeshCounts& b) {
+  EXPECT_EQ(a.vertices, b.vertices);
+  EXPECT_EQ(a.welded_vertices, b.welded_vertices);
+  EXPECT_EQ(a.collapsed_facets, b.collapsed_facets);
+  EXPECT_EQ(a.repeated_facets, b.repeated_facets);
+  EXPECT_EQ(a.fins, b.fins);
+  EXPECT_EQ(a.edges, b.edges);
+  EXPECT_EQ(a.boundary_edges, b.boundary_edges);
+  EXPECT_EQ(a.radial_edges, b.radial_edges);
+}
+
+TEST(SurfaceMesh, IsTheSameForAnyNumberOfThreads) {
+  for (const std::uint64_t seed : {1u, 2u}) {
+    RecordProperty("seed", static_cast<int>(seed));
+    const geometry::TriangleMesh mesh = jumble(seed);
+    ASSERT_GT(mesh.triangles.size(), 3 * kPointsPerChunk) << "too few for several chunks";
+    for (const MeshOrder order : {MeshOrder::kGiven, MeshOrder::kCurve}) {
+      const SurfaceMesh one = std::move(SurfaceMesh::build(mesh, 1, order)).value();
+      EXPECT_GT(one.counts().welded_vertices, 0u);
+      EXPECT_GT(one.counts().repeated_facets, 0u);
+      EXPECT_GT(one.counts().radial_edges, 0u);
+      EXPECT_GT(one.counts().collapsed_facets, 0u);
+      for (const int threads : {2, 3, 0}) {
+        const SurfaceMesh more = std::move(SurfaceMesh::build(mesh, threads, order)).value();
+        expect_same(one, more);
+        expect_same_counts(one.counts(), more.counts());
+      }
+    }
+  }
+}
+
+/// Corners of a facet in the order of their places.
+std::array<std::array<double, 3>, 3> places_of(const SurfaceMesh& mesh, std::uint32_t facet) {
+  std::array<std::array<double, 3>, 3> places{};
+  for (std::size_t i = 0; i < 3; ++i)
+    for (int axis = 0; axis < 3; ++axis)
+      places[i][static_cast<std::size_t>(axis)] = mesh.facet(facet).corner[i][axis];
+  std::sort(places.begin(), places.end());
+  return places;
+}
+
+/// Numbers along the curve say the same as the given ones: facets, and what lies over each edge.
+TEST(SurfaceMesh, OrderAlongTheCurveChangesNumbersAlone) {
+  const geometry::TriangleMesh mesh = jumble(3);
+  const SurfaceMesh given = build(mesh);
+  const SurfaceMesh curve = std::move(SurfaceMesh::build(mesh, 0, MeshOrder::kCurve)).value();
+  expect_same_counts(given.counts(), curve.counts());
+  ASSERT_EQ(given.facets().size(), curve.facets().size());
+  std::map<std::array<std::array<double, 3>, 3>, std::uint32_t> of;
+  for (std::uint32_t f = 0; f < given.facets().size(); ++f) of[places_of(given, f)] = f;
+  ASSERT_EQ(of.size(), given.facets().size());
+  double near = 0.0, far = 0.0;
+  for (std::uint32_t f = 0; f < curve.facets().size(); ++f) {
+    const auto found = of.find(places_of(curve, f));
+    ASSERT_NE(found, of.end());
+    std::multiset<std::uint32_t> over, expected;
+    for (std::uint32_t e = 0; e < 3; ++e)
+      for (const std::uint32_t side : {0u, 1u}) {
+        const HalfFacet there = curve.neighbour(half_facet(f, side), e),
+                        here = given.neighbour(half_facet(found->second, side), e);
+        over.insert(there == kNoFacet ? kNoFacet : of.at(places_of(curve, facet_of(there))));
+        expected.insert(here == kNoFacet ? kNoFacet : facet_of(here));
+      }
+    ASSERT_EQ(over, expected);
+    if (f == 0) continue;
+    near += (curve.facet(f).corner[0] - curve.facet(f - 1).corner[0]).norm();
+    far += (given.facet(f).corner[0] - given.facet(f - 1).corner[0]).norm();
+  }
+  EXPECT_LT(20.0 * near, far) << "facets next to each other in memory are near each other";
+}
+
+TEST(SurfaceMesh, HandsItsFacesOut) {
+  const geometry::TriangleMesh given = test::moved(test::height_mesh(30, 50.0, test::sinusoid), {}, 1e3);
+  const SurfaceMesh mesh = std::move(SurfaceMesh::build(given, 1, MeshOrder::kCurve)).value();
+  const geometry::TriangleMesh out = mesh.as_mesh();
+  ASSERT_EQ(out.triangles.size(), given.triangles.size());
+  ASSERT_EQ(out.vertices_mm.size(), given.vertices_mm.size());
+  for (const Vec3& v : out.vertices_mm) {
+    double least = std::numeric_limits<double>::infinity();
+    for (const Vec3& g : given.vertices_mm) least = std::min(least, (g - v).norm());
+    ASSERT_LE(least, mesh.rounding_mm());
+  }
+}
+
+/// Pieces by a walk over single neighbours, one facet at a time.
+TEST(Pieces, AreThoseOfAWalkForAnyNumberOfThreads) {
+  const SurfaceMesh mesh = std::move(SurfaceMesh::build(jumble(4), 0, MeshOrder::kCurve)).value();
+  const Pieces one = pieces_of(mesh, 1);
+  EXPECT_GT(one.count, 40u);
+  for (const int threads : {2, 3, 0}) {
+    const Pieces more = pieces_of(mesh, threads);
+    EXPECT_EQ(more.number, one.number);
+    EXPECT_EQ(more.turned, one.turned);
+  }
+  std::vector<std::uint32_t> number(mesh.facets().size(), kNoFacet);
+  std::uint32_t count = 0;
+  for (std::uint32_t start = 0; start < number.size(); ++start) {
+    if (number[start] != kNoFacet) continue;
+    std::vector<std::uint32_t> open{start};
+    number[start] = count;
+    while (!open.empty()) {
+      const std::uint32_t facet = open.back();
+      open.pop_back();
+      for (std::uint32_t e = 0; e < 3; ++e) {
+        const HalfFacet a = mesh.neighbour(half_facet(facet, 0), e),
+                        b = mesh.neighbour(half_facet(facet, 1), e);
+        if (a == kNoFacet || b == kNoFacet || facet_of(a) != facet_of(b)) continue;
+        if (number[facet_of(a)] != kNoFacet) continue;
+        number[facet_of(a)] = count;
+        open.push_back(facet_of(a));
+      }
+    }
+    ++count;
+  }
+  ASSERT_EQ(one.count, count);
+  for (std::uint32_t f = 0; f < number.size(); ++f) ASSERT_EQ(one.piece_of(f), number[f]);
+}
+
+/// A sheet of facets turned at random agrees once they are turned back.
+TEST(Pieces, SayWhichFacetsLookTheOtherWay) {
+  geometry::TriangleMesh sheet = test::height_mesh(130, 50.0, test::sinusoid);
+  Random random(5);
+  for (auto& t : sheet.triangles)
+    if (random.uniform() < 0.5) std::swap(t[0], t[1]);
+  const SurfaceMesh mesh = std::move(SurfaceMesh::build(sheet, 0, MeshOrder::kCurve)).value();
+  const Pieces pieces = pieces_of(mesh, 0);
+  ASSERT_EQ(pieces.count, 1u);
+  const double first = mesh.normal(half_facet(0, 0)).z();
+  for (std::uint32_t f = 0; f < mesh.facets().size(); ++f)
+    ASSERT_GT(first * mesh.normal(half_facet(f, pieces.side(f))).z(), 0.0);
 }
 
 TEST(SurfaceMesh, HostileMeshesAreErrors) {

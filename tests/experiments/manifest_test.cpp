@@ -33,7 +33,15 @@ TEST(Manifests, HoldThePrintedValues) {
                             [&](const ManifestModel& m) { return m.name == printed.ours; }))
         << printed.method;
   }
-  EXPECT_EQ(table(11).methods.size(), 12u);
+  EXPECT_EQ(table(11).methods.size(), 20u);
+  // What a model names is a row.
+  for (const ManifestModel& model : table(11).models)
+    for (const auto* names : {&model.only, &model.slow})
+      for (const std::string& name : *names)
+        EXPECT_TRUE(std::any_of(
+            table(11).methods.begin(), table(11).methods.end(),
+            [&](const ManifestMethod& m) { return (m.label.empty() ? m.renderer : m.label) == name; }))
+            << model.name << ", " << name;
   for (const ManifestMethod& method : table(11).methods)
     EXPECT_EQ(method.published.size(), method.renderer == "mls-penalty"     ? 2u
                                        : method.renderer == "cloud-literal" ? 3u
@@ -92,6 +100,8 @@ TEST(Manifests, AreStrict) {
        "did you mean 'contact_frames'?"},
       {begin + "walls = [1.0]\n" + model, 4, "does nothing", "neighbours"},
       {begin + model + "full = true\n", 7, "does nothing", "methods"},
+      {begin + model + "only = [\"cloud\"]\n", 7, "does nothing", "methods"},
+      {begin + model + "slow = [\"cloud\"]\n", 7, "does nothing", "neighbours"},
       {begin + model + "scale = \"two\"\n", 7, "number", ""},
       {begin + "paced = 1\n" + model, 4, "true or false", ""},
       {begin + model + "[path]\nspec = \"tap\"\ncontact_frames = -1\n", 9, "whole number", ""},

@@ -54,7 +54,7 @@ struct Heavy {
 const std::vector<Heavy> kHeavy = {
     {"CGAL/",
      {"toolkit/voronoi/", "baselines/", "tests/baselines/", "experiments/benchmarks/"},
-     {"baselines/reconstruct/cgal_points.h"}},
+     {"baselines/reconstruct/cgal_points.h", "baselines/reconstruct/cgal_threads.h"}},
     {"pcl/",
      {"toolkit/pcd/", "baselines/", "tests/toolkit/pcd/", "tests/baselines/", "experiments/benchmarks/"},
      {}},
