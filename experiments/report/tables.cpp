@@ -235,6 +235,11 @@ void add_scores(Scores& t) {
   lower("force error, median, %", &A::force_p50_percent);
   lower("force error, 95 %, %", &A::force_p95_percent);
   lower("force error, largest, N", &A::force_max_n);
+  t.add("frames where history decides, % of contact", accuracy(&A::history_percent), Better::kNeither,
+        Show::kNumbers);
+  t.add("force error in these, RMS, N", accuracy(&A::history_force_rms_n), Better::kNeither, Show::kNumbers);
+  t.add("force error with these, RMS, %", accuracy(&A::force_rms_whole_percent), Better::kNeither,
+        Show::kNumbers);
   t.add("frames within 7 % of the force, %", accuracy(&A::within_7_percent), Better::kHigher, Show::kNumbers);
   lower("force direction, 99 %, degrees", &A::direction_p99_deg);
   lower("largest excess jump, N", &A::excess_jump_max_n);
@@ -250,6 +255,8 @@ void add_scores(Scores& t) {
   t.fewer("false contact, frames", accuracy_count(&A::false_contact_frames));
   t.fewer("missed beyond the device's 0.055 mm, frames", accuracy_count(&A::missed_device_frames));
   t.fewer("false beyond the device's 0.055 mm, frames", accuracy_count(&A::false_device_frames));
+  t.fewer("missed beyond 0.1 mm, frames", accuracy_count(&A::missed_tenth_mm_frames));
+  t.fewer("false beyond 0.1 mm, frames", accuracy_count(&A::false_tenth_mm_frames));
   t.fewer("longest stick, frames", accuracy_count(&A::longest_stick_frames));
   t.fewer("fall-throughs", accuracy_count(&A::fall_throughs));
   t.fewer("pop-throughs", accuracy_count(&A::pop_throughs));

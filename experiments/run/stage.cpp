@@ -37,6 +37,12 @@ Result<ReferenceChoice> resolve(ReferenceChoice choice, const render::SceneInput
                    "use --reference auto",
                    {},
                    0};
+    case ReferenceChoice::kClosest:
+      if (single && (model.analytic || model.original_mesh)) return choice;
+      return Error{"the closest-point reference needs one model with a formula or a mesh of its own",
+                   "use --reference auto",
+                   {},
+                   0};
     case ReferenceChoice::kMeshFile:
       if (single) return choice;
       return Error{
@@ -77,21 +83,15 @@ Result<std::shared_ptr<const geometry::TriangleMesh>> read_truth(const StageRequ
 /// `model` is the first one, with the truth as its mesh.
 Status add_reference(Stage& stage, const render::ModelInput& model, ReferenceChoice choice,
                      const neighbourhood::NeighbourTable& neighbours, Progress& progress) {
-  const double stiffness = model.surface.stiffness_n_per_mm;
   const double limit = stage.scene.input.force_limit_n;
   progress.report("computing the ground truth", -1.0);
-  if (choice == ReferenceChoice::kAnalytic) {
-    Result<trace::ReferenceTrace> reference =
-        metrics::analytic_reference(*model.analytic, stage.path, stiffness, limit, model.world_from_model);
-    if (!reference) return std::move(reference).error();
-    stage.reference = *std::move(reference);
-    stage.truth = std::make_unique<metrics::AnalyticTruth>(*model.analytic, model.world_from_model);
-  } else {
-    Result<GroundTruth> mesh = ground_truth_on_mesh(model, stage.path, limit, progress);
-    if (!mesh) return std::move(mesh).error();
-    stage.reference = std::move(mesh->reference);
-    stage.truth = std::move(mesh->surface);
-  }
+  const TruthKind kind = choice == ReferenceChoice::kClosest ? TruthKind::kClosest : TruthKind::kFollowed;
+  const bool by_formula = model.analytic != nullptr && choice != ReferenceChoice::kOriginalMesh;
+  PALPATE_ASSIGN(GroundTruth truth,
+                 by_formula ? ground_truth_on_formula(model, stage.path, limit, kind, progress)
+                            : ground_truth_on_mesh(model, stage.path, limit, kind, progress));
+  stage.reference = std::move(truth.reference);
+  stage.truth = std::move(truth.surface);
   return metrics::fill_local_resolution(*stage.reference, stage.path, *model.cloud, neighbours,
                                         model.world_from_model);
 }
@@ -118,11 +118,12 @@ Result<ReferenceChoice> parse_reference(const std::string& text) {
   if (text == "auto") return ReferenceChoice::kAuto;
   if (text == "analytic") return ReferenceChoice::kAnalytic;
   if (text == "original-mesh") return ReferenceChoice::kOriginalMesh;
+  if (text == "closest-point") return ReferenceChoice::kClosest;
   if (text == "none") return ReferenceChoice::kNone;
   std::error_code code;
   if (std::filesystem::exists(text, code)) return ReferenceChoice::kMeshFile;
   return Error{fmt::format("there is no reference '{}', nor a file of this name", text),
-               "choose from auto, analytic, original-mesh, none, or give a mesh file",
+               "choose from auto, analytic, original-mesh, closest-point, none, or give a mesh file",
                {},
                0};
 }

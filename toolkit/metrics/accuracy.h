@@ -3,7 +3,8 @@
 // sample, h the HIP, d its signed distance (negative inside), g and g* the rendered and the true god object.
 // G = frames where F_g is not zero, the truth's contact frames; C = those where F_r or F_g is not zero. What
 // a renderer answers outside of G counts as error and never as a frame more to share it: the denominators are
-// the truth's. An *episode* is a stretch of G without a gap; what is felt after it and before the next one
+// the truth's. Frames in which the way decides what is right (trace::TruthFrame::history_decides) belong to
+// neither G nor C, and to no score but those named for them. An *episode* is a stretch of G without a gap; what is felt after it and before the next one
 // belongs to it. Frames of an episode follow each other, so bounds are taken over episodes. The *floor* is
 // stiffness x device resolution: the smallest force step the device can show.
 #pragma once
@@ -23,6 +24,8 @@ namespace palpate::metrics {
 
 /// Position resolution of the Phantom Omni, 450 dpi (section 3.6 of the thesis): the length behind the floor.
 inline constexpr double kOmniResolutionMm = 0.055;
+/// The coarser of the two tolerances of contact that are lengths of a hand, not of a cloud.
+inline constexpr double kTenthMm = 0.1;
 /// Weber deadband of haptic codecs (IEEE 1918.1.1): the band of within_10_percent.
 inline constexpr double kForceDeadband = 0.10;
 
@@ -58,6 +61,10 @@ struct Accuracy {
   std::optional<double> force_tangential_rms_n;                ///< the part across it
   std::optional<double> force_p50_percent, force_p95_percent;  ///< of |F_r - F_g| over C, in percent as above
   std::optional<double> force_max_n;
+  /// Frames in which history decides; nothing without a second reference. Their share is of those in which
+  /// the truth is in contact or history decides. Their force error, and force_rms_percent with them counted.
+  std::optional<std::uint64_t> history_frames;
+  std::optional<double> history_percent, history_force_rms_n, force_rms_whole_percent;
   std::optional<double> within_7_percent;   ///< percent of G with |F_r - F_g| <= max(0.07 |F_g|, floor)
   std::optional<double> within_10_percent;  ///< the same with 0.10
   /// Angle between F_r and F_g over the frames where F_g is at or above the floor; where F_r is below, the
@@ -83,6 +90,7 @@ struct Accuracy {
   std::optional<double> felt_percent;
   std::optional<std::uint64_t> missed_device_frames;  ///< F_r = 0 and d < -(device resolution)
   std::optional<std::uint64_t> false_device_frames;   ///< F_r != 0 and d > device resolution
+  std::optional<std::uint64_t> missed_tenth_mm_frames, false_tenth_mm_frames;  ///< the same with 0.1 mm
   std::uint64_t missed_contact_frames = 0;            ///< F_r = 0 and d < -(local resolution)
   std::uint64_t false_contact_frames = 0;             ///< F_r != 0 and d > local resolution
   std::uint64_t longest_stick_frames = 0;             ///< longest run of consecutive false contact frames

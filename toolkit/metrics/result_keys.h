@@ -90,6 +90,12 @@ void visit_accuracy(V&& v, S& s) {
   v.later("missed_device_frames", s.missed_device_frames);
   v.later("false_device_frames", s.false_device_frames);
   v.later("fall_throughs", s.fall_throughs);
+  v.later("missed_tenth_mm_frames", s.missed_tenth_mm_frames);
+  v.later("false_tenth_mm_frames", s.false_tenth_mm_frames);
+  v.later("history_frames", s.history_frames);
+  v.later("history_percent", s.history_percent);
+  v.later("history_force_rms_n", s.history_force_rms_n);
+  v.later("force_rms_whole_percent", s.force_rms_whole_percent);
   v.later("ripple_ratio", s.ripple_ratio);
   v.later("ripple_hz", s.ripple_hz);
   v.later("relief_ratio", s.relief_ratio);

@@ -23,8 +23,13 @@ struct ScoreInput {
 
   [[nodiscard]] const Vec3& rendered(std::size_t i) const { return frames[i].force_n; }
   [[nodiscard]] const Vec3& wanted(std::size_t i) const { return truth[i].frame.force_n; }
-  [[nodiscard]] bool in_g(std::size_t i) const { return felt(wanted(i)); }
-  [[nodiscard]] bool in_c(std::size_t i) const { return felt(rendered(i)) || felt(wanted(i)); }
+  /// The truth does not depend on the way; other frames are scored apart.
+  [[nodiscard]] bool decided(std::size_t i) const { return !truth[i].history_decides; }
+  [[nodiscard]] bool decided_step(std::size_t i) const { return decided(i) && decided(i - 1); }
+  [[nodiscard]] bool in_g(std::size_t i) const { return decided(i) && felt(wanted(i)); }
+  [[nodiscard]] bool in_c(std::size_t i) const {
+    return decided(i) && (felt(rendered(i)) || felt(wanted(i)));
+  }
   [[nodiscard]] double travel_mm(std::size_t i) const { return (path.hip_mm[i] - path.hip_mm[i - 1]).norm(); }
   /// The truth itself jumps into sample i.
   [[nodiscard]] bool true_edge(std::size_t i, double floor_n) const {
