@@ -11,12 +11,13 @@
 #include <array>
 #include <cmath>
 #include <iterator>
-#include <numeric>
 #include <optional>
+#include <tuple>
 #include <vector>
 
 #include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/aabb.h"
+#include "toolkit/geometry/subdivide.h"
 
 namespace palpate::baselines {
 namespace {
@@ -42,22 +43,6 @@ ExactKernel::Point_3 exact_point(const Vec3& p) {
 }
 Vec3 plain(const ExactKernel::Point_3& p) {
   return {p.x(), p.y(), p.z()};
-}
-
-/// One number for all vertices at one place.
-std::vector<std::uint32_t> welded(const std::vector<Vec3>& vertices) {
-  std::vector<std::uint32_t> order(vertices.size()), name(vertices.size());
-  std::iota(order.begin(), order.end(), 0u);
-  const auto key = [&](std::uint32_t i) {
-    const Vec3& p = vertices[i];
-    return std::array<double, 3>{p.x(), p.y(), p.z()};
-  };
-  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
-    return key(a) != key(b) ? key(a) < key(b) : a < b;
-  });
-  for (std::size_t k = 0; k < order.size(); ++k)
-    name[order[k]] = k > 0 && key(order[k]) == key(order[k - 1]) ? name[order[k - 1]] : order[k];
-  return name;
 }
 
 /// Which edges (bit i: corner i to the next) of each facet no other facet has, and which corners (bit 3 + i)
@@ -169,8 +154,7 @@ bool ClosestMesh::Tree::inside(std::size_t facet, const Vec3& p) const {
   const std::array<Vec3, 3> t = corners(facet);
   int votes = 0;
   for (const auto& share : kLookAt) {
-    const std::optional<bool> seen =
-        inside_seen(p, share[0] * t[0] + share[1] * t[1] + share[2] * t[2]);
+    const std::optional<bool> seen = inside_seen(p, share[0] * t[0] + share[1] * t[1] + share[2] * t[2]);
     if (seen) return *seen;
     votes += CGAL::orientation(triangles[facet][0], triangles[facet][1], triangles[facet][2],
                                exact_point(p)) == CGAL::NEGATIVE
@@ -218,21 +202,21 @@ Result<std::unique_ptr<ClosestMesh>> ClosestMesh::build(const geometry::Triangle
   }
   auto tree = std::make_unique<Tree>();
   tree->origin = mesh.vertices_mm.empty() ? Vec3(Vec3::Zero()) : box.centre_mm();
-  const std::vector<std::uint32_t> name = welded(mesh.vertices_mm);
+  const geometry::TriangleMesh one = geometry::welded(mesh);
   std::vector<TriangleCorners> facets;
-  for (const auto& t : mesh.triangles) {
+  for (const auto& t : one.triangles) {
     std::array<Vec3, 3> corner;
-    for (std::size_t c = 0; c < 3; ++c) corner[c] = mesh.vertices_mm[t[c]] - tree->origin;
+    for (std::size_t c = 0; c < 3; ++c) corner[c] = one.vertices_mm[t[c]] - tree->origin;
     const ExactKernel::Triangle_3 triangle(exact_point(corner[0]), exact_point(corner[1]),
                                            exact_point(corner[2]));
     if (triangle.is_degenerate() || (corner[1] - corner[0]).cross(corner[2] - corner[0]).norm() == 0.0)
       continue;
     tree->triangles.push_back(triangle);
-    facets.push_back({name[t[0]], name[t[1]], name[t[2]]});
+    facets.push_back(t);
   }
   if (facets.empty())
     return Error{"the true mesh has no facet with an area", "give a mesh with triangles", {}, 0};
-  tree->open = open_parts(facets, mesh.vertices_mm.size());
+  tree->open = open_parts(facets, one.vertices_mm.size());
   tree->tree.rebuild(tree->triangles.cbegin(), tree->triangles.cend());
   tree->tree.accelerate_distance_queries();
   return std::unique_ptr<ClosestMesh>(new ClosestMesh(std::move(tree), world_from_model));

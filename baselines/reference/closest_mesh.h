@@ -14,9 +14,9 @@ namespace palpate::baselines {
 /// Closest points of the whole mesh. The side is that from which the first facet is seen on the straight way
 /// from the point to the middle of its nearest facet: counter-clockwise is outside. What the way meets is
 /// found by exact predicates; where two facets are met at one place and face opposite ways, another place of
-/// the nearest facet is looked at. Beyond the rim of an open mesh (its nearest place is on an edge of one facet
-/// alone, and it does not lie over that facet) a point is outside. Facets without area are left out; corners at
-/// one and the same place are one. Not for frames: some microseconds a question.
+/// the nearest facet is looked at. Beyond the rim of an open mesh (its nearest place is on an edge of one
+/// facet alone, and it does not lie over that facet) a point is outside. Facets without area are left out;
+/// corners at one and the same place are one. Not for frames: some microseconds a question.
 class ClosestMesh final : public metrics::TruthSurface {
  public:
   /// An Error where no facet has an area, or a vertex is not finite. O(n log n).

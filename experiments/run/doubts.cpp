@@ -198,9 +198,9 @@ std::vector<std::string> remarks_on_history(const StagedStudy& study) {
 std::vector<std::string> remarks_on_reference(const StagedStudy& study) {
   std::vector<std::string> remarks = remarks_on_history(study);
   const Stage& stage = study.stage;
-  if (!stage.reference || (stage.reference->name != "original-mesh" &&
-                           (stage.reference->name != "closest-point" ||
-                            stage.scene.input.models.front().analytic != nullptr)))
+  if (!stage.reference ||
+      (stage.reference->name != "original-mesh" &&
+       (stage.reference->name != "closest-point" || stage.scene.input.models.front().analytic != nullptr)))
     return remarks;
   std::vector<std::string> same;
   for (const Run& run : study.runs)

@@ -15,9 +15,9 @@ namespace {
 Result<GroundTruth> compared(trace::ReferenceTrace followed, std::unique_ptr<metrics::TruthSurface> surface,
                              const render::ModelInput& model, const trace::ProbePath& path,
                              double force_limit_n, TruthKind kind, Progress& progress) {
-  PALPATE_ASSIGN(trace::ReferenceTrace closest,
-                 metrics::closest_reference(*surface, path, model.surface.stiffness_n_per_mm, force_limit_n,
-                                            progress));
+  PALPATE_ASSIGN(
+      trace::ReferenceTrace closest,
+      metrics::closest_reference(*surface, path, model.surface.stiffness_n_per_mm, force_limit_n, progress));
   if (kind == TruthKind::kClosest) std::swap(followed, closest);
   const Result<metrics::HistoryTally> tally = metrics::compare_references(followed, closest, path);
   if (!tally) return tally.error();
@@ -32,9 +32,9 @@ Result<GroundTruth> ground_truth_on_mesh(const render::ModelInput& model, const 
                  baselines::ClosestMesh::build(*model.original_mesh, model.world_from_model));
   PALPATE_ASSIGN(const std::unique_ptr<baselines::MeshTruth> mesh,
                  baselines::MeshTruth::build(*model.original_mesh, model.world_from_model));
-  PALPATE_ASSIGN(trace::ReferenceTrace followed,
-                 baselines::mesh_reference(*mesh, path, model.surface.stiffness_n_per_mm, force_limit_n,
-                                           progress));
+  PALPATE_ASSIGN(
+      trace::ReferenceTrace followed,
+      baselines::mesh_reference(*mesh, path, model.surface.stiffness_n_per_mm, force_limit_n, progress));
   return compared(std::move(followed), std::move(closest), model, path, force_limit_n, kind, progress);
 }
 

@@ -23,8 +23,8 @@ enum class TruthKind {
   kClosest,   ///< the closest point of the whole surface
 };
 
-/// On model.original_mesh: the converged god object, and the closest point by a library that shares nothing with
-/// the mesh renderers.
+/// On model.original_mesh: the converged god object, and the closest point by a library that shares nothing
+/// with the mesh renderers.
 [[nodiscard]] Result<GroundTruth> ground_truth_on_mesh(const render::ModelInput& model,
                                                        const trace::ProbePath& path, double force_limit_n,
                                                        TruthKind kind, Progress& progress);

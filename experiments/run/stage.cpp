@@ -20,10 +20,18 @@ void add(std::vector<std::string>& to, const std::vector<std::string>& sentences
   to.insert(to.end(), sentences.begin(), sentences.end());
 }
 
+/// The first model as the truth knows it: with the faces that its points were taken from.
+render::ModelInput with_truth(const scene::LoadedScene& loaded) {
+  render::ModelInput model = loaded.input.models.front();
+  if (loaded.sampled_mesh.front() != nullptr) model.original_mesh = loaded.sampled_mesh.front();
+  return model;
+}
+
 /// Which reference `choice` means for this scene, or an Error where it cannot be had.
-Result<ReferenceChoice> resolve(ReferenceChoice choice, const render::SceneInput& scene,
+Result<ReferenceChoice> resolve(ReferenceChoice choice, const scene::LoadedScene& loaded,
                                 std::vector<std::string>& notes) {
-  const render::ModelInput& model = scene.models.front();
+  const render::SceneInput& scene = loaded.input;
+  const render::ModelInput model = with_truth(loaded);
   const bool single = scene.models.size() == 1 && scene.simulation == nullptr;
   switch (choice) {
     case ReferenceChoice::kNone:
@@ -87,9 +95,9 @@ Status add_reference(Stage& stage, const render::ModelInput& model, ReferenceCho
   progress.report("computing the ground truth", -1.0);
   const TruthKind kind = choice == ReferenceChoice::kClosest ? TruthKind::kClosest : TruthKind::kFollowed;
   const bool by_formula = model.analytic != nullptr && choice != ReferenceChoice::kOriginalMesh;
-  PALPATE_ASSIGN(GroundTruth truth,
-                 by_formula ? ground_truth_on_formula(model, stage.path, limit, kind, progress)
-                            : ground_truth_on_mesh(model, stage.path, limit, kind, progress));
+  PALPATE_ASSIGN(GroundTruth truth, by_formula
+                                        ? ground_truth_on_formula(model, stage.path, limit, kind, progress)
+                                        : ground_truth_on_mesh(model, stage.path, limit, kind, progress));
   stage.reference = std::move(truth.reference);
   stage.truth = std::move(truth.surface);
   return metrics::fill_local_resolution(*stage.reference, stage.path, *model.cloud, neighbours,
@@ -161,9 +169,9 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
   add(stage.warnings, request.surfaces.warnings);
   add(stage.warnings, doubts_about_models(stage.scene));
   add(stage.notes, request.surfaces.notes);
-  const Result<ReferenceChoice> choice = resolve(request.reference, stage.scene.input, stage.notes);
+  const Result<ReferenceChoice> choice = resolve(request.reference, stage.scene, stage.notes);
   if (!choice) return choice.error();
-  render::ModelInput model = stage.scene.input.models.front();
+  render::ModelInput model = with_truth(stage.scene);
   if (*choice == ReferenceChoice::kMeshFile) {
     Result<std::shared_ptr<const geometry::TriangleMesh>> truth =
         read_truth(request, stage.scene, readers, stage.warnings, progress);

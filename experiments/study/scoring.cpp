@@ -58,12 +58,12 @@ Status score_trace(const trace::ProbePath& path, const trace::ForceTrace& trace,
   }
   const metrics::AccuracyOptions options = options_of(basis);
   const std::optional<metrics::SurfaceAnswers> none;
-  PALPATE_ASSIGN(metrics::Accuracy accuracy,
-                 truth.surface != nullptr
-                     ? metrics::score(path, trace, *truth.reference, truth.surface, options, &per_frame)
-                     : metrics::score_again(path, trace, *truth.reference,
-                                            truth.answers != nullptr ? *truth.answers : none, options,
-                                            &per_frame));
+  PALPATE_ASSIGN(
+      metrics::Accuracy accuracy,
+      truth.surface != nullptr
+          ? metrics::score(path, trace, *truth.reference, truth.surface, options, &per_frame)
+          : metrics::score_again(path, trace, *truth.reference,
+                                 truth.answers != nullptr ? *truth.answers : none, options, &per_frame));
   if (!basis.forces_comparable) metrics::keep_contact_scores(accuracy, per_frame);
   result.energy = energy;
   result.accuracy = std::move(accuracy);

@@ -4,9 +4,10 @@
 // G = frames where F_g is not zero, the truth's contact frames; C = those where F_r or F_g is not zero. What
 // a renderer answers outside of G counts as error and never as a frame more to share it: the denominators are
 // the truth's. Frames in which the way decides what is right (trace::TruthFrame::history_decides) belong to
-// neither G nor C, and to no score but those named for them. An *episode* is a stretch of G without a gap; what is felt after it and before the next one
-// belongs to it. Frames of an episode follow each other, so bounds are taken over episodes. The *floor* is
-// stiffness x device resolution: the smallest force step the device can show.
+// neither G nor C, and to no score but those named for them. An *episode* is a stretch of G without a gap;
+// what is felt after it and before the next one belongs to it. Frames of an episode follow each other, so
+// bounds are taken over episodes. The *floor* is stiffness x device resolution: the smallest force step the
+// device can show.
 #pragma once
 
 #include <cstdint>
@@ -91,9 +92,9 @@ struct Accuracy {
   std::optional<std::uint64_t> missed_device_frames;  ///< F_r = 0 and d < -(device resolution)
   std::optional<std::uint64_t> false_device_frames;   ///< F_r != 0 and d > device resolution
   std::optional<std::uint64_t> missed_tenth_mm_frames, false_tenth_mm_frames;  ///< the same with 0.1 mm
-  std::uint64_t missed_contact_frames = 0;            ///< F_r = 0 and d < -(local resolution)
-  std::uint64_t false_contact_frames = 0;             ///< F_r != 0 and d > local resolution
-  std::uint64_t longest_stick_frames = 0;             ///< longest run of consecutive false contact frames
+  std::uint64_t missed_contact_frames = 0;  ///< F_r = 0 and d < -(local resolution)
+  std::uint64_t false_contact_frames = 0;   ///< F_r != 0 and d > local resolution
+  std::uint64_t longest_stick_frames = 0;   ///< longest run of consecutive false contact frames
 
   /// Events; nothing without local resolutions: contact that was felt in an episode is lost while h is deeper
   /// inside than the local resolution.

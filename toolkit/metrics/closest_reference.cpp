@@ -86,7 +86,8 @@ Result<HistoryTally> compare_references(trace::ReferenceTrace& reference, const 
     tally.share_percent =
         kToPercent * static_cast<double>(tally.state + tally.place) / static_cast<double>(tally.contact);
   reference.exactness += fmt::format(
-      "; compared with {}: of {} frames in contact by either, {} differ in contact and {} in place, {:.3g} %: "
+      "; compared with {}: of {} frames in contact by either, {} differ in contact and {} in place, {:.3g} "
+      "%: "
       "history decides them, and they are scored apart",
       second.name, tally.contact, tally.state, tally.place, tally.share_percent);
   return tally;

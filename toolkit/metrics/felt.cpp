@@ -184,7 +184,8 @@ void score_headline(const ScoreInput& in, const Episodes& episodes, Accuracy& a)
     const std::uint32_t e = episodes.of_frame[i];
     asked[e] += 1.0;
     const bool near = (in.rendered(i) - in.wanted(i)).norm() <= std::max(kForceJnd * wanted, a.floor_n);
-    const bool smooth = i == 0 || !in.decided(i - 1) || in.true_edge(i, a.floor_n) || in.jump_error_n(i) <= a.floor_n;
+    const bool smooth =
+        i == 0 || !in.decided(i - 1) || in.true_edge(i, a.floor_n) || in.jump_error_n(i) <= a.floor_n;
     if (near && smooth) same[e] += 1.0;
   }
   const auto share = [&](std::span<const std::uint32_t> counts) -> std::optional<double> {
