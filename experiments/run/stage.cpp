@@ -27,6 +27,17 @@ render::ModelInput with_truth(const scene::LoadedScene& loaded) {
   return model;
 }
 
+/// The corners of a truth that is not the model's own mesh: the path follows them, so that it is one and the
+/// same however the model was sampled.
+Result<std::optional<cloud::Cloud>> corners_of_truth(const render::ModelInput& truth,
+                                                     const render::ModelInput& model) {
+  if (truth.original_mesh == nullptr || truth.original_mesh == model.original_mesh)
+    return std::optional<cloud::Cloud>();
+  PALPATE_ASSIGN(cloud::Cloud corners,
+                 cloud::build_cloud(truth.original_mesh->vertices_mm, cloud::NonFinite::kDrop));
+  return std::optional<cloud::Cloud>(std::move(corners));
+}
+
 /// Which reference `choice` means for this scene, or an Error where it cannot be had.
 Result<ReferenceChoice> resolve(ReferenceChoice choice, const scene::LoadedScene& loaded,
                                 std::vector<std::string>& notes) {
@@ -188,12 +199,18 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
   stage.spacing = neighbourhood::describe_spacing(*model.cloud, raster ? *raster : nearest);
 
   progress.report("making the path", -1.0);
+  PALPATE_ASSIGN(const std::optional<cloud::Cloud> corners,
+                 corners_of_truth(model, stage.scene.input.models.front()));
   trace::PathTarget target;
   target.surface = model.analytic.get();
-  target.cloud = model.cloud.get();
+  target.cloud = corners ? &*corners : model.cloud.get();
   target.mesh = model.original_mesh.get();
-  target.box_mm = model.cloud->box_mm();
+  target.box_mm = target.cloud->box_mm();
   target.spacing_mm = stage.spacing.nearest_mm.p50;
+  if (corners) {
+    const neighbourhood::NeighbourTable of_corners = neighbourhood::exact_knn(*corners, request.threads);
+    target.spacing_mm = neighbourhood::describe_spacing(*corners, of_corners).nearest_mm.p50;
+  }
   target.world_from_model = model.world_from_model;
   if (request.path.empty())
     if (const std::string hint = size_hint(target.box_mm); !hint.empty()) stage.notes.push_back(hint);

@@ -132,6 +132,7 @@ Status take_samples(const SceneModel& model, Progress& progress, render::ModelIn
                                    made.cloud.size(), made.spacing_mm, made.spacing_mm / made.edge_mm);
   input.cloud = std::make_shared<const cloud::Cloud>(std::move(made.cloud));
   input.original_mesh = nullptr;
+  input.analytic = nullptr;  // the faces are felt, not the formula behind them
   return Done{};
 }
 

@@ -78,7 +78,7 @@ struct SceneModel {
   std::string scan;              ///< a scan known by name; who knows where it lies sets `cloud` before load()
   std::vector<SceneView> views;  ///< of files: merged with the first by their poses, in order
   std::optional<NamedOptions> generate;  ///< the generator with its options
-  std::optional<NamedOptions> sample;  ///< of files with faces: points in the faces instead of the file's own
+  std::optional<NamedOptions> sample;  ///< of what has faces: points in these instead of its own
   std::vector<SceneClean> clean;       ///< steps, in order
   std::optional<io::Unit> unit;        ///< of the file; empty: what the file says, else a guess
   double scale = 1.0;                  ///< multiplies all lengths after the unit

@@ -49,9 +49,9 @@ Fields model_fields(SceneModel& model, const cloud::Generator* generator, const 
   of_files({"unit", [&model](const toml::node& node, const std::string&, const InFile& in_file) {
               return read_unit(node, model, in_file);
             }});
-  of_files({"sample", [&model](const toml::node& node, const std::string&, const InFile& in_file) {
-              return read_sample(node, model, in_file);
-            }});
+  fields.push_back({"sample", [&model](const toml::node& node, const std::string&, const InFile& in_file) {
+                      return read_sample(node, model, in_file);
+                    }});
   of_files(field("post_mm", model.post_mm, kAboveZero));
   of_files(field("vertical_mm", model.vertical_mm, kAboveZero));
   of_files(list(
