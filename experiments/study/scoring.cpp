@@ -45,6 +45,8 @@ metrics::AccuracyOptions options_of(const metrics::ScoreBasis& basis) {
   options.stiffness_n_per_mm = basis.stiffness_n_per_mm;
   options.device_resolution_mm = basis.device_resolution_mm;
   options.stored_rounding_mm = basis.stored_rounding_mm;
+  options.static_friction = basis.static_friction;
+  options.dynamic_friction = basis.dynamic_friction;
   return options;
 }
 

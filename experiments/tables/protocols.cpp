@@ -52,9 +52,8 @@ Result<StageRequest> request_for(const Manifest& manifest, const ManifestModel& 
   PALPATE_ASSIGN(request.scene, scene_of(one, r));
   if (!model.sample.empty()) {
     PALPATE_ASSIGN(request.scene.models.front().sample,
-                   parse_named_options(with_seed(quick && !model.quick_sample.empty() ? model.quick_sample
-                                                                                      : model.sample,
-                                                 seed)));
+                   parse_named_options(with_seed(
+                       quick && !model.quick_sample.empty() ? model.quick_sample : model.sample, seed)));
   }
   if (!model.reference.empty() && !(quick && !model.quick.empty())) {
     request.reference = ReferenceChoice::kMeshFile;
@@ -83,14 +82,14 @@ Status measure_model(const Manifest& manifest, const ManifestModel& model, int s
     limit_reconstruction(requests.back(), r);
   }
   metrics::Conditions conditions;
-  PALPATE_ASSIGN(std::vector<Run> runs, run_renderers(stage, requests, r.registry, options,
-                                                      r.context.progress, conditions, {}));
+  PALPATE_ASSIGN(std::vector<Run> runs,
+                 run_renderers(stage, requests, r.registry, options, r.context.progress, conditions, {}));
   add_program(conditions);
   document.conditions = std::move(conditions);
   for (Run& run : runs) {
     if (run.result.status != metrics::RunStatus::kOk)
-      r.missing.push_back(fmt::format("{}, {} on {}: {}", manifest.id(), run.result.label, model.name,
-                                      run.result.reason));
+      r.missing.push_back(
+          fmt::format("{}, {} on {}: {}", manifest.id(), run.result.label, model.name, run.result.reason));
     RendererResult named = run.result;
     named.label = fmt::format("{}-{}-{}", model.name, seed, named.label);
     document.renderers.push_back(std::move(named));
@@ -133,7 +132,8 @@ Table protocol_table(const Manifest& manifest, const std::vector<ProtocolRow>& r
   Table table;
   table.title = manifest.title;
   table.columns = {"model", "renderer"};
-  for (const ProtocolRow& row : rows) table.rows.push_back({{row.model, false, false}, {row.label, false, false}});
+  for (const ProtocolRow& row : rows)
+    table.rows.push_back({{row.model, false, false}, {row.label, false, false}});
   const auto add = [&](const char* name, const auto& text_of) {
     table.columns.emplace_back(name);
     for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -169,9 +169,10 @@ Table protocol_table(const Manifest& manifest, const std::vector<ProtocolRow>& r
   count("missed beyond a spacing", &Accuracy::missed_contact_frames);
   count("false beyond a spacing", &Accuracy::false_contact_frames);
   table.bad_means = "did not run to its end";
-  table.caption = "Frames and percent are medians over the seeds. The truth is the formula, or a mesh that no "
-                  "renderer sees. Rows that begin with floor- are other triangulations of the same points: what "
-                  "the points alone leave open.";
+  table.caption =
+      "Frames and percent are medians over the seeds. The truth is the formula, or a mesh that no "
+      "renderer sees. Rows that begin with floor- are other triangulations of the same points: what "
+      "the points alone leave open.";
   table.notes = manifest.notes;
   return table;
 }
@@ -183,10 +184,10 @@ std::vector<Headline> protocol_headlines(const std::vector<ProtocolRow>& rows) {
     const ProtocolValue rms = middle(row, &Accuracy::force_rms_percent);
     if (!rms) continue;
     if (lines.empty() || lines.back().lead != row.model) lines.push_back({row.model, ""});
-    lines.back().text += fmt::format(
-        "{}{} {} % (median {}, 95 % {})", lines.back().text.empty() ? "force error, RMS: " : "; ", row.label,
-        short_number(*rms), short_number(middle(row, &Accuracy::force_p50_percent)),
-        short_number(middle(row, &Accuracy::force_p95_percent)));
+    lines.back().text +=
+        fmt::format("{}{} {} % (median {}, 95 % {})", lines.back().text.empty() ? "force error, RMS: " : "; ",
+                    row.label, short_number(*rms), short_number(middle(row, &Accuracy::force_p50_percent)),
+                    short_number(middle(row, &Accuracy::force_p95_percent)));
   }
   return lines;
 }

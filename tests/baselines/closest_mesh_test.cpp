@@ -1,4 +1,5 @@
-// The mesh truth that shares nothing with the mesh renderers, against formulas, brute force and the other one.
+// The mesh truth that shares nothing with the mesh renderers, against formulas, brute force and the other
+// one.
 #include "baselines/reference/closest_mesh.h"
 
 #include <gtest/gtest.h>
@@ -26,7 +27,8 @@ geometry::RigidTransform pose() {
 geometry::TriangleMesh mixed_up(geometry::TriangleMesh mesh, Random& random) {
   for (std::size_t i = mesh.triangles.size(); i > 1; --i)
     std::swap(mesh.triangles[i - 1], mesh.triangles[random.below(i)]);
-  for (auto& t : mesh.triangles) std::rotate(t.begin(), t.begin() + static_cast<long>(random.below(3)), t.end());
+  for (auto& t : mesh.triangles)
+    std::rotate(t.begin(), t.begin() + static_cast<long>(random.below(3)), t.end());
   return mesh;
 }
 
@@ -78,7 +80,8 @@ TEST(ClosestMesh, SharpFoldsAndThinParts) {
 }
 
 TEST(ClosestMesh, BeyondTheRimOfAnOpenMeshIsOutside) {
-  const auto sheet = ClosestMesh::build(test::height_mesh(8, 10.0, [](double, double) { return 0.0; }), pose());
+  const auto sheet =
+      ClosestMesh::build(test::height_mesh(8, 10.0, [](double, double) { return 0.0; }), pose());
   ASSERT_TRUE(sheet);
   EXPECT_NEAR((*sheet)->signed_distance_mm(pose() * Vec3(3, 4, -1)), -1.0, 1e-12);
   EXPECT_NEAR((*sheet)->signed_distance_mm(pose() * Vec3(3, 4, 1)), 1.0, 1e-12);
@@ -124,7 +127,7 @@ TEST(ClosestMesh, FindsWhereAFollowedReferenceIsHeldByASheet) {
   ASSERT_TRUE(first && second);
   const auto tally = metrics::compare_references(*first, *second, path);
   ASSERT_TRUE(tally);
-  EXPECT_EQ(tally->place, 40u);   // z in (-0.2, 0)
+  EXPECT_EQ(tally->place, 40u);                                // z in (-0.2, 0)
   EXPECT_NEAR(static_cast<double>(tally->state), 159.0, 1.0);  // below the plate
   for (std::size_t i = 0; i < path.size(); ++i)
     if (std::abs(path.hip_mm[i].z()) > 1e-9 && std::abs(path.hip_mm[i].z() + 0.2) > 1e-9) {

@@ -348,12 +348,15 @@ bool has_resolution(const trace::ReferenceTrace& reference) {
 }  // namespace
 
 SurfaceAnswers ask_surface(const trace::ProbePath& path, const trace::ForceTrace& trace,
-                           const trace::ReferenceTrace& reference, const TruthSurface& truth) {
+                           const trace::ReferenceTrace& reference, const TruthSurface& truth,
+                           const AccuracyOptions& options) {
   SurfaceAnswers answers;
   answers.god_object_distance_mm.reserve(trace.frames.size());
   for (const render::Frame& frame : trace.frames)
     answers.god_object_distance_mm.push_back(frame.contact ? truth.signed_distance_mm(frame.god_object_mm)
                                                            : 0.0);
+  if (options.static_friction > 0.0 || options.dynamic_friction > 0.0)
+    answers.friction_ratio = friction_ratios(trace, truth);
   if (has_resolution(reference)) answers.pop_throughs = find_pop_throughs(path, trace, reference, truth);
   return answers;
 }
@@ -363,7 +366,7 @@ Result<Accuracy> score(const trace::ProbePath& path, const trace::ForceTrace& tr
                        const AccuracyOptions& options, AccuracyFrames* per_frame) {
   PALPATE_TRY(check_all(path, trace, reference));
   std::optional<SurfaceAnswers> answers;
-  if (truth != nullptr) answers = ask_surface(path, trace, reference, *truth);
+  if (truth != nullptr) answers = ask_surface(path, trace, reference, *truth, options);
   return score_again(path, trace, reference, answers, options, per_frame);
 }
 
@@ -374,7 +377,8 @@ Result<Accuracy> score_again(const trace::ProbePath& path, const trace::ForceTra
   PALPATE_TRY(check_all(path, trace, reference));
   const std::size_t n = path.size();
   if (answers && (answers->god_object_distance_mm.size() != n ||
-                  (!answers->pop_throughs.empty() && answers->pop_throughs.size() != n)))
+                  (!answers->pop_throughs.empty() && answers->pop_throughs.size() != n) ||
+                  (!answers->friction_ratio.empty() && answers->friction_ratio.size() != n)))
     return Error{"the answers of the true surface are not of this trace", "", path.name, 0};
   if (per_frame != nullptr) {
     *per_frame = {std::vector<float>(n),        std::vector<float>(n),        std::vector<float>(n),
@@ -403,6 +407,7 @@ Result<Accuracy> score_again(const trace::ProbePath& path, const trace::ForceTra
   score_onset_and_release(in, a);
   score_path_dependence(in, a);
   score_felt(in, episodes, a);
+  if (answers) score_friction(in, *answers, a);
   if (has_resolution(reference)) score_fall_throughs(in, a);
   if (answers && !answers->pop_throughs.empty()) {
     a.pop_throughs = 0;

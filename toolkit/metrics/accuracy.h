@@ -35,6 +35,7 @@ struct AccuracyOptions {
   double device_resolution_mm = kOmniResolutionMm;
   /// What the renderers' input lost before they saw it: the rounding of a stored point, as a distance.
   double stored_rounding_mm = 0.0;
+  double static_friction = 0.0, dynamic_friction = 0.0;  ///< of the scene where it is uniform; 0: none
   [[nodiscard]] double floor_n() const noexcept { return stiffness_n_per_mm * device_resolution_mm; }
 };
 
@@ -130,6 +131,18 @@ struct Accuracy {
   /// largest of 1, 3 and 10 mm, and which. See felt.cpp.
   std::optional<double> relief_ratio, relief_width_mm;
 
+  /// Friction, by Coulomb's law and the true normal n at the rendered god object; nothing without friction or
+  /// a TruthSurface. F_n is the part of F_r along n, F_t the rest. Percent of the frames in contact, with F_r
+  /// at or above the floor, that pull (F_n <= 0) or have |F_t| > 1.05 mu_s F_n.
+  std::optional<double> friction_cone_percent;
+  /// Median of | |F_t| / (mu_d F_n) - 1 | over frames that slip: g goes by at least half of h's way.
+  std::optional<double> friction_slip_error_percent;
+  /// Percent of the frames that stick (g goes by at most a hundredth of h's way) or slip in which that agrees
+  /// with their own force: |F_t| < 0.95 mu_d F_n sticks, else it slips or is about to.
+  std::optional<double> stick_slip_percent;
+  /// Speed of g, 95th percentile, over frames with |F_t| < 0.95 mu_d F_n, which should stick.
+  std::optional<double> stick_drift_mm_s;
+
   /// The headline: percent of frames that no human threshold tells from the truth, among those in which
   /// either force is above the floor. A frame counts where |F_r - F_g| <= max(0.07 |F_g|, floor), and the
   /// jump error into it is at most the floor.
@@ -143,10 +156,14 @@ struct Accuracy {
 struct SurfaceAnswers {
   std::vector<double> god_object_distance_mm;  ///< signed; 0 in frames without rendered contact
   std::vector<std::uint8_t> pop_throughs;      ///< events at this frame; empty without local resolutions
+  std::vector<double> friction_ratio;  ///< |F_t| / F_n, 0 free, kPulls where F_n <= 0; empty without friction
 };
-/// Lengths must agree. At most 130 distance queries a frame.
+/// The ratio of a force that pulls the device into the surface.
+inline constexpr double kPulls = -1.0;
+/// Lengths must agree. At most 131 distance queries a frame.
 [[nodiscard]] SurfaceAnswers ask_surface(const trace::ProbePath& path, const trace::ForceTrace& trace,
-                                         const trace::ReferenceTrace& reference, const TruthSurface& truth);
+                                         const trace::ReferenceTrace& reference, const TruthSurface& truth,
+                                         const AccuracyOptions& options);
 
 /// Per frame, for plots and for scoring again; each as long as the path, or empty where it does not apply.
 struct AccuracyFrames {

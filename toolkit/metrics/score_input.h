@@ -54,6 +54,10 @@ struct Episodes {
 [[nodiscard]] Status check_finite(const trace::ProbePath& path, const std::vector<render::Frame>& frames,
                                   std::string_view what);
 
+/// Friction of every frame, see SurfaceAnswers, and the scores made of it.
+[[nodiscard]] std::vector<double> friction_ratios(const trace::ForceTrace& trace, const TruthSurface& truth);
+void score_friction(const ScoreInput& in, const SurfaceAnswers& answers, Accuracy& a);
+
 /// Lag, ripple, relief and the headline; see Accuracy.
 void score_felt(const ScoreInput& in, const Episodes& episodes, Accuracy& a);
 

@@ -78,12 +78,12 @@ struct SceneModel {
   std::string scan;              ///< a scan known by name; who knows where it lies sets `cloud` before load()
   std::vector<SceneView> views;  ///< of files: merged with the first by their poses, in order
   std::optional<NamedOptions> generate;  ///< the generator with its options
-  std::optional<NamedOptions> sample;  ///< of what has faces: points in these instead of its own
-  std::vector<SceneClean> clean;       ///< steps, in order
-  std::optional<io::Unit> unit;        ///< of the file; empty: what the file says, else a guess
-  double scale = 1.0;                  ///< multiplies all lengths after the unit
-  double post_mm = 0.0;                ///< of height grids: distance of posts; 0: as the file says
-  double vertical_mm = 0.0;            ///< of height grids: mm a unit of height; 0: as the file says
+  std::optional<NamedOptions> sample;    ///< of what has faces: points in these instead of its own
+  std::vector<SceneClean> clean;         ///< steps, in order
+  std::optional<io::Unit> unit;          ///< of the file; empty: what the file says, else a guess
+  double scale = 1.0;                    ///< multiplies all lengths after the unit
+  double post_mm = 0.0;                  ///< of height grids: distance of posts; 0: as the file says
+  double vertical_mm = 0.0;              ///< of height grids: mm a unit of height; 0: as the file says
   geometry::RigidTransform world_from_model;
   surface::Surface surface;
   SurfaceSources sources;

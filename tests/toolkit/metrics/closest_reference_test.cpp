@@ -34,7 +34,8 @@ TEST(History, DecidesWhereAThinPartIsCrossed) {
   EXPECT_EQ(tally->state, 2u);  // -1.5, -2.0: beyond it
   EXPECT_DOUBLE_EQ(tally->share_percent, 50.0);
   const std::vector<bool> wanted = {false, false, false, true, true, true, false, false};
-  for (std::size_t i = 0; i < wanted.size(); ++i) EXPECT_EQ(t.reference.frames[i].history_decides, wanted[i]) << i;
+  for (std::size_t i = 0; i < wanted.size(); ++i)
+    EXPECT_EQ(t.reference.frames[i].history_decides, wanted[i]) << i;
 }
 
 TEST(History, IsScoredApartAndNowhereElse) {
@@ -85,8 +86,8 @@ TEST(History, IsNoneOnASmoothSurfaceAtAnyScaleAndPlace) {
       for (int i = 0; i < 2000; ++i) {
         const double turn = 0.01 * i, off = scale * (10.0 + 0.5 + std::cos(0.05 * i) - 1.0);
         path.t_s.push_back(1e-3 * i);
-        path.hip_mm.push_back(pose * Vec3(off * std::cos(turn), off * std::sin(turn) * 0.8,
-                                          off * std::sin(turn) * 0.6));
+        path.hip_mm.push_back(
+            pose * Vec3(off * std::cos(turn), off * std::sin(turn) * 0.8, off * std::sin(turn) * 0.6));
       }
       auto first = analytic_reference(*ball, path, kStiffness, 0.0, pose);
       ASSERT_TRUE(first) << first.error().message();
