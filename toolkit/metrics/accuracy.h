@@ -138,9 +138,9 @@ struct Accuracy {
   /// Median of | |F_t| / (mu_d F_n) - 1 | over frames that slip: g goes by at least half of h's way.
   std::optional<double> friction_slip_error_percent;
   /// Percent of the frames that stick (g goes by at most a hundredth of h's way) or slip in which that agrees
-  /// with their own force: |F_t| < 0.95 mu_d F_n sticks, else it slips or is about to.
+  /// with their own force: |F_t| < mu_d F_n / 2 sticks, else it slips or is about to.
   std::optional<double> stick_slip_percent;
-  /// Speed of g, 95th percentile, over frames with |F_t| < 0.95 mu_d F_n, which should stick.
+  /// Speed of g, 95th percentile, over frames with |F_t| < mu_d F_n / 2, which should stick.
   std::optional<double> stick_drift_mm_s;
 
   /// The headline: percent of frames that no human threshold tells from the truth, among those in which

@@ -13,6 +13,9 @@ constexpr double kFrictionTolerance = 0.05;
 /// A god object that goes along by at least half of the HIP's way slips; one that goes by at most a hundredth
 /// sticks; what is between begins or ends a slip within the frame.
 constexpr double kSlips = 0.5, kSticks = 0.01;
+/// Below this share of the dynamic coefficient a god object must be held. Not nearer to 1: where the surface
+/// bends within the trail, its normal at the god object and under the HIP give coefficients a tenth apart.
+constexpr double kWellInside = 0.5;
 constexpr double kDriftPercentile = 95.0;
 
 }  // namespace
@@ -49,7 +52,7 @@ void score_friction(const ScoreInput& in, const SurfaceAnswers& answers, Accurac
     const double went = (in.frames[i].god_object_mm - in.frames[i - 1].god_object_mm).norm();
     const bool slips = went >= kSlips * way, sticks = went <= kSticks * way;
     // Well inside the cone Coulomb's god object sticks; one that slips has the dynamic coefficient.
-    const bool must_stick = ratio < o.dynamic_friction * (1.0 - kFrictionTolerance);
+    const bool must_stick = ratio < kWellInside * o.dynamic_friction;
     if (slips && o.dynamic_friction > 0.0)
       slip_errors.push_back(kToPercent * std::abs(ratio / o.dynamic_friction - 1.0));
     if (must_stick) drifts_mm_s.push_back(went / (in.path.t_s[i] - in.path.t_s[i - 1]));

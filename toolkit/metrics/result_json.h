@@ -66,9 +66,9 @@ struct ScoreBasis {
   double stiffness_n_per_mm = 0.0;
   double device_resolution_mm = 0.0;
   double stored_rounding_mm = 0.0;
+  std::vector<double> felt_stiffness_n_per_mm;  ///< by model, for energy
+  bool forces_comparable = true;                ///< false: the truth lacks what the scene asks of a surface
   double static_friction = 0.0, dynamic_friction = 0.0;  ///< uniform ones; 0: none
-  std::vector<double> felt_stiffness_n_per_mm;           ///< by model, for energy
-  bool forces_comparable = true;  ///< false: the truth lacks what the scene asks of a surface
 };
 
 /// What preparation took, measured around it: what a renderer says of itself is its phases.

@@ -58,7 +58,7 @@ class Strokes {
     to(high, fast, 0.0);
     if (random_.uniform() < options_.impacts) {
       bounces_ = !bounces_;
-      to(-deep, fast, 0.0);
+      to(-timing_.depth_mm, fast, 0.0);
       if (!bounces_) along(std::floor(kDownShare * timing_.period_frames), slow);
       to(high, fast, 0.0);
     } else {
@@ -78,7 +78,7 @@ class Strokes {
   Random random_;
   std::vector<Pace> paces_;
   double offset_ = 0.0;
-  bool bounces_ = false;
+  bool bounces_ = true;  // the first impact stays
 };
 
 }  // namespace

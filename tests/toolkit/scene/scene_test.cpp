@@ -349,12 +349,13 @@ TEST_F(SceneOnDisk, GeneratorsLoadWithFormulaAndScale) {
 }
 
 TEST_F(SceneOnDisk, PointsAreTakenFromFacesThatNoRendererSees) {
+  const io::Readers readers;
   const auto parsed = parse_scene(
       "[[model]]\ngenerate = \"pebble\"\npoints = 300\nseed = 3\nsample = "
       "\"blue:spacing=0.5:subdivide=1:seed=2\"\n",
       "s.toml");
   ASSERT_TRUE(parsed) << parsed.error().message();
-  const auto loaded = load(*parsed, readers_, {}, no_progress());
+  const auto loaded = load(*parsed, readers, {}, no_progress());
   ASSERT_TRUE(loaded) << loaded.error().message();
   const render::ModelInput& model = loaded->input.models.front();
   EXPECT_EQ(model.original_mesh, nullptr);
@@ -367,7 +368,7 @@ TEST_F(SceneOnDisk, PointsAreTakenFromFacesThatNoRendererSees) {
   const auto other = load(*parse_scene("[[model]]\ngenerate = \"pebble\"\npoints = 300\nseed = 3\nsample = "
                                        "\"blue:spacing=0.5:subdivide=1:seed=4\"\n",
                                        "s.toml"),
-                          readers_, {}, no_progress());
+                          readers, {}, no_progress());
   EXPECT_NE(other->provenance[0].content_hash, loaded->provenance[0].content_hash);
   for (const char* bad : {"bleu", "blue:spacing=-1", "blue:views=2", "scan:sedd=1"}) {
     const auto refused =
@@ -378,7 +379,7 @@ TEST_F(SceneOnDisk, PointsAreTakenFromFacesThatNoRendererSees) {
   const auto without =
       parse_scene("[[model]]\ngenerate = \"torus\"\nmesh = false\nsample = \"blue\"\n", "s.toml");
   ASSERT_TRUE(without);
-  const auto refused = load(*without, readers_, {}, no_progress());
+  const auto refused = load(*without, readers, {}, no_progress());
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().what.find("no faces"), std::string::npos);
 }
