@@ -19,6 +19,8 @@ using metrics::RendererResult;
 // Frames are not what is measured here: one pass of each kind.
 constexpr double kProtocolBudgetS = 1.0;
 constexpr double kProtocolPrepareLimitS = 120.0, kFullProtocolPrepareLimitS = 3600.0;
+/// Of the ten minutes of a run of everything: a model that begins later waits for --full, or to be asked for.
+constexpr double kRoomForProtocolsMs = 540'000.0;
 constexpr const char* kSeedHere = "@";
 
 /// One renderer on one model: a result a seed.
@@ -201,6 +203,12 @@ void reproduce_protocol(const Manifest& manifest, Reproduction& r) {
   std::vector<ProtocolRow> rows;
   for (const ManifestModel& model : manifest.models) {
     if (model.full && !r.arguments.full) continue;
+    if (r.arguments.tables.empty() && !r.arguments.full && r.watch.ms() > kRoomForProtocolsMs) {
+      r.missing.push_back(
+          fmt::format("{}, from {} on: no room within ten minutes; run with --full, or --tables {}",
+                      manifest.id(), model.name, manifest.id()));
+      break;
+    }
     const std::uint64_t seeds = r.arguments.quick ? 1 : std::max<std::uint64_t>(1, model.seeds);
     for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
       const Status done = measure_model(manifest, model, static_cast<int>(seed), r, document, rows);
