@@ -58,7 +58,7 @@ void score_friction(const ScoreInput& in, const SurfaceAnswers& answers, Accurac
     if (must_stick) drifts_mm_s.push_back(went / (in.path.t_s[i] - in.path.t_s[i - 1]));
     if (!slips && !sticks) continue;
     ++told;
-    right += slips != must_stick ? 1u : 0u;
+    right += (slips ? !must_stick : ratio <= most) ? 1u : 0u;
   }
   const auto percent = [](std::uint64_t part, std::uint64_t whole) {
     return kToPercent * static_cast<double>(part) / static_cast<double>(whole);
