@@ -85,7 +85,7 @@ TEST_F(Truth, SamplesOfAMeshArePutAgainstTheMesh) {
 
 TEST_F(Truth, FrictionHasItsFigures) {
   const json document = compared("plane:points=10201:extent_mm=40",
-                                 {"--renderers", "cloud,analytic", "--friction", "0.6,0.4", "--path",
+                                 {"--renderers", "cloud,brute-force", "--friction", "0.6,0.4", "--path",
                                   "slide:frames=4000:depth_mm=1", "--passes", "1"});
   EXPECT_EQ(document["scoring"]["static_friction"], 0.6);
   for (const json& r : document["renderers"]) {
