@@ -7,6 +7,7 @@
 #include "baselines/reference/facet_tree.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/random.h"
+#include "toolkit/geometry/facet_picker.h"
 #include "toolkit/partition/point_search.h"
 
 namespace palpate::baselines {
@@ -16,24 +17,13 @@ constexpr std::uint64_t kSeed = 1;
 
 /// Places spread evenly over the triangles' area: one in each of `count` equal parts of the running sum.
 std::vector<Vec3> places_on(const geometry::TriangleMesh& mesh, std::size_t count) {
-  std::vector<double> sum;
-  sum.reserve(mesh.triangles.size());
-  double area = 0.0;
-  for (const auto& t : mesh.triangles) {
-    const Vec3 &a = mesh.vertices_mm[t[0]], &b = mesh.vertices_mm[t[1]], &c = mesh.vertices_mm[t[2]];
-    area += (b - a).cross(c - a).norm();
-    sum.push_back(area);
-  }
+  const geometry::FacetPicker picker(mesh);
   std::vector<Vec3> places;
   Random random(kSeed);
   for (std::size_t i = 0; i < count; ++i) {
-    const double at = area * (static_cast<double>(i) + random.uniform()) / static_cast<double>(count);
-    const auto found = std::upper_bound(sum.begin(), sum.end(), at);
-    const auto& t = mesh.triangles[std::min(static_cast<std::size_t>(found - sum.begin()), sum.size() - 1)];
-    // Evenly over a triangle (Turk 1990).
-    const double root = std::sqrt(random.uniform()), v = random.uniform();
-    places.push_back((1.0 - root) * mesh.vertices_mm[t[0]] + root * (1.0 - v) * mesh.vertices_mm[t[1]] +
-                     root * v * mesh.vertices_mm[t[2]]);
+    const double at =
+        picker.area() * (static_cast<double>(i) + random.uniform()) / static_cast<double>(count);
+    places.push_back(picker.pick_at(at, random).point);
   }
   return places;
 }

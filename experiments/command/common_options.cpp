@@ -52,7 +52,7 @@ void declare_run(const Declaration& declare, RunArguments& run) {
       "--out", run.out,
       "folder for the results; made where it is missing (default: one in out/, by the model's name)");
   declare.text("--reference", run.reference,
-               "ground truth: auto, analytic, original-mesh, none, or a mesh file or scan by name in the "
+               "ground truth: auto, analytic, original-mesh, closest-point, none, or a mesh file or scan by name in the "
                "model's frame");
   declare.integer("--paced", run.paced, kFrames,
                   "also time so many frames at 1 kHz, with the caches warm and evicted");

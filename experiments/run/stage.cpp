@@ -20,10 +20,29 @@ void add(std::vector<std::string>& to, const std::vector<std::string>& sentences
   to.insert(to.end(), sentences.begin(), sentences.end());
 }
 
+/// The first model as the truth knows it: with the faces that its points were taken from.
+render::ModelInput with_truth(const scene::LoadedScene& loaded) {
+  render::ModelInput model = loaded.input.models.front();
+  if (loaded.sampled_mesh.front() != nullptr) model.original_mesh = loaded.sampled_mesh.front();
+  return model;
+}
+
+/// The corners of a truth that is not the model's own mesh: the path follows them, so that it is one and the
+/// same however the model was sampled.
+Result<std::optional<cloud::Cloud>> corners_of_truth(const render::ModelInput& truth,
+                                                     const render::ModelInput& model) {
+  if (truth.original_mesh == nullptr || truth.original_mesh == model.original_mesh)
+    return std::optional<cloud::Cloud>();
+  PALPATE_ASSIGN(cloud::Cloud corners,
+                 cloud::build_cloud(truth.original_mesh->vertices_mm, cloud::NonFinite::kDrop));
+  return std::optional<cloud::Cloud>(std::move(corners));
+}
+
 /// Which reference `choice` means for this scene, or an Error where it cannot be had.
-Result<ReferenceChoice> resolve(ReferenceChoice choice, const render::SceneInput& scene,
+Result<ReferenceChoice> resolve(ReferenceChoice choice, const scene::LoadedScene& loaded,
                                 std::vector<std::string>& notes) {
-  const render::ModelInput& model = scene.models.front();
+  const render::SceneInput& scene = loaded.input;
+  const render::ModelInput model = with_truth(loaded);
   const bool single = scene.models.size() == 1 && scene.simulation == nullptr;
   switch (choice) {
     case ReferenceChoice::kNone:
@@ -34,6 +53,12 @@ Result<ReferenceChoice> resolve(ReferenceChoice choice, const render::SceneInput
     case ReferenceChoice::kOriginalMesh:
       if (single && model.original_mesh) return choice;
       return Error{"the original-mesh reference needs one model with a mesh of its own",
+                   "use --reference auto",
+                   {},
+                   0};
+    case ReferenceChoice::kClosest:
+      if (single && (model.analytic || model.original_mesh)) return choice;
+      return Error{"the closest-point reference needs one model with a formula or a mesh of its own",
                    "use --reference auto",
                    {},
                    0};
@@ -77,21 +102,15 @@ Result<std::shared_ptr<const geometry::TriangleMesh>> read_truth(const StageRequ
 /// `model` is the first one, with the truth as its mesh.
 Status add_reference(Stage& stage, const render::ModelInput& model, ReferenceChoice choice,
                      const neighbourhood::NeighbourTable& neighbours, Progress& progress) {
-  const double stiffness = model.surface.stiffness_n_per_mm;
   const double limit = stage.scene.input.force_limit_n;
   progress.report("computing the ground truth", -1.0);
-  if (choice == ReferenceChoice::kAnalytic) {
-    Result<trace::ReferenceTrace> reference =
-        metrics::analytic_reference(*model.analytic, stage.path, stiffness, limit, model.world_from_model);
-    if (!reference) return std::move(reference).error();
-    stage.reference = *std::move(reference);
-    stage.truth = std::make_unique<metrics::AnalyticTruth>(*model.analytic, model.world_from_model);
-  } else {
-    Result<GroundTruth> mesh = ground_truth_on_mesh(model, stage.path, limit, progress);
-    if (!mesh) return std::move(mesh).error();
-    stage.reference = std::move(mesh->reference);
-    stage.truth = std::move(mesh->surface);
-  }
+  const TruthKind kind = choice == ReferenceChoice::kClosest ? TruthKind::kClosest : TruthKind::kFollowed;
+  const bool by_formula = model.analytic != nullptr && choice != ReferenceChoice::kOriginalMesh;
+  PALPATE_ASSIGN(GroundTruth truth, by_formula
+                                        ? ground_truth_on_formula(model, stage.path, limit, kind, progress)
+                                        : ground_truth_on_mesh(model, stage.path, limit, kind, progress));
+  stage.reference = std::move(truth.reference);
+  stage.truth = std::move(truth.surface);
   return metrics::fill_local_resolution(*stage.reference, stage.path, *model.cloud, neighbours,
                                         model.world_from_model);
 }
@@ -118,11 +137,12 @@ Result<ReferenceChoice> parse_reference(const std::string& text) {
   if (text == "auto") return ReferenceChoice::kAuto;
   if (text == "analytic") return ReferenceChoice::kAnalytic;
   if (text == "original-mesh") return ReferenceChoice::kOriginalMesh;
+  if (text == "closest-point") return ReferenceChoice::kClosest;
   if (text == "none") return ReferenceChoice::kNone;
   std::error_code code;
   if (std::filesystem::exists(text, code)) return ReferenceChoice::kMeshFile;
   return Error{fmt::format("there is no reference '{}', nor a file of this name", text),
-               "choose from auto, analytic, original-mesh, none, or give a mesh file",
+               "choose from auto, analytic, original-mesh, closest-point, none, or give a mesh file",
                {},
                0};
 }
@@ -160,9 +180,9 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
   add(stage.warnings, request.surfaces.warnings);
   add(stage.warnings, doubts_about_models(stage.scene));
   add(stage.notes, request.surfaces.notes);
-  const Result<ReferenceChoice> choice = resolve(request.reference, stage.scene.input, stage.notes);
+  const Result<ReferenceChoice> choice = resolve(request.reference, stage.scene, stage.notes);
   if (!choice) return choice.error();
-  render::ModelInput model = stage.scene.input.models.front();
+  render::ModelInput model = with_truth(stage.scene);
   if (*choice == ReferenceChoice::kMeshFile) {
     Result<std::shared_ptr<const geometry::TriangleMesh>> truth =
         read_truth(request, stage.scene, readers, stage.warnings, progress);
@@ -179,12 +199,18 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
   stage.spacing = neighbourhood::describe_spacing(*model.cloud, raster ? *raster : nearest);
 
   progress.report("making the path", -1.0);
+  PALPATE_ASSIGN(const std::optional<cloud::Cloud> corners,
+                 corners_of_truth(model, stage.scene.input.models.front()));
   trace::PathTarget target;
   target.surface = model.analytic.get();
-  target.cloud = model.cloud.get();
+  target.cloud = corners ? &*corners : model.cloud.get();
   target.mesh = model.original_mesh.get();
-  target.box_mm = model.cloud->box_mm();
+  target.box_mm = target.cloud->box_mm();
   target.spacing_mm = stage.spacing.nearest_mm.p50;
+  if (corners) {
+    const neighbourhood::NeighbourTable of_corners = neighbourhood::exact_knn(*corners, request.threads);
+    target.spacing_mm = neighbourhood::describe_spacing(*corners, of_corners).nearest_mm.p50;
+  }
   target.world_from_model = model.world_from_model;
   if (request.path.empty())
     if (const std::string hint = size_hint(target.box_mm); !hint.empty()) stage.notes.push_back(hint);

@@ -18,8 +18,8 @@
 
 namespace palpate::experiments {
 
-enum class ReferenceChoice { kAuto, kAnalytic, kOriginalMesh, kMeshFile, kNone };
-/// "auto", "analytic", "original-mesh", "none", or the name of a mesh file that exists.
+enum class ReferenceChoice { kAuto, kAnalytic, kOriginalMesh, kClosest, kMeshFile, kNone };
+/// "auto", "analytic", "original-mesh", "closest-point", "none", or the name of a mesh file that exists.
 [[nodiscard]] Result<ReferenceChoice> parse_reference(const std::string& text);
 
 struct StageRequest {

@@ -12,26 +12,30 @@ bool all_alike(const std::vector<double>& values) {
 }
 
 Status score_run(Study& study, std::size_t i) {
-  const metrics::ScoreBasis& basis = *study.document.scoring;
-  metrics::RendererResult& result = study.document.renderers[i];
   StudyRun& run = study.runs[i];
   if (run.trace.frames.empty()) return Done{};
-  if (!basis.felt_stiffness_n_per_mm.empty() && all_alike(basis.felt_stiffness_n_per_mm)) {
-    PALPATE_ASSIGN(const metrics::Energy energy,
-                   metrics::observe_energy(study.path, run.trace, basis.felt_stiffness_n_per_mm));
-    result.energy = energy;
-  }
-  if (!study.reference) return Done{};
+  metrics::RendererResult& result = study.document.renderers[i];
+  const std::optional<metrics::Energy> measured = result.energy;
   const std::optional<metrics::SurfaceAnswers> answers = run.per_frame.surface;
-  PALPATE_ASSIGN(const metrics::Accuracy accuracy,
-                 metrics::score_again(study.path, run.trace, *study.reference, answers, options_of(basis),
-                                      &run.per_frame));
-  result.accuracy = accuracy;
-  if (result.energy && basis.forces_comparable && all_alike(basis.felt_stiffness_n_per_mm))
-    PALPATE_TRY(metrics::observe_episodes(study.path, run.trace, *study.reference,
-                                          basis.felt_stiffness_n_per_mm, *result.energy));
-  if (!basis.forces_comparable) metrics::keep_contact_scores(*result.accuracy, run.per_frame);
+  const metrics::ScoreBasis& basis = *study.document.scoring;
+  PALPATE_TRY(score_trace(study.path, run.trace,
+                          {study.reference ? &*study.reference : nullptr, nullptr, &answers}, basis, result,
+                          run.per_frame));
+  // A trace that was read does not say which of several models was touched.
+  if (!all_alike(basis.felt_stiffness_n_per_mm)) result.energy = measured;
   return Done{};
+}
+
+/// Energy, by episodes too where forces are compared with a truth; nothing where it cannot be.
+std::optional<metrics::Energy> energy_of(const trace::ProbePath& path, const trace::ForceTrace& trace,
+                                         const trace::ReferenceTrace* reference,
+                                         const metrics::ScoreBasis& basis) {
+  Result<metrics::Energy> energy = metrics::observe_energy(path, trace, basis.felt_stiffness_n_per_mm);
+  if (!energy) return std::nullopt;
+  if (reference != nullptr && basis.forces_comparable &&
+      !metrics::observe_episodes(path, trace, *reference, basis.felt_stiffness_n_per_mm, *energy))
+    return std::nullopt;
+  return *energy;
 }
 
 }  // namespace
@@ -41,7 +45,31 @@ metrics::AccuracyOptions options_of(const metrics::ScoreBasis& basis) {
   options.stiffness_n_per_mm = basis.stiffness_n_per_mm;
   options.device_resolution_mm = basis.device_resolution_mm;
   options.stored_rounding_mm = basis.stored_rounding_mm;
+  options.static_friction = basis.static_friction;
+  options.dynamic_friction = basis.dynamic_friction;
   return options;
+}
+
+Status score_trace(const trace::ProbePath& path, const trace::ForceTrace& trace, const ScoreAgainst& truth,
+                   const metrics::ScoreBasis& basis, metrics::RendererResult& result,
+                   metrics::AccuracyFrames& per_frame) {
+  const std::optional<metrics::Energy> energy = energy_of(path, trace, truth.reference, basis);
+  if (truth.reference == nullptr) {
+    result.energy = energy;
+    return Done{};
+  }
+  const metrics::AccuracyOptions options = options_of(basis);
+  const std::optional<metrics::SurfaceAnswers> none;
+  PALPATE_ASSIGN(
+      metrics::Accuracy accuracy,
+      truth.surface != nullptr
+          ? metrics::score(path, trace, *truth.reference, truth.surface, options, &per_frame)
+          : metrics::score_again(path, trace, *truth.reference,
+                                 truth.answers != nullptr ? *truth.answers : none, options, &per_frame));
+  if (!basis.forces_comparable) metrics::keep_contact_scores(accuracy, per_frame);
+  result.energy = energy;
+  result.accuracy = std::move(accuracy);
+  return Done{};
 }
 
 Status score_study(Study& study) {

@@ -58,6 +58,9 @@ auto all_value(Value trace::FrameStatistics::*member) {
 auto score_value(Value metrics::Accuracy::*member) {
   return [member](const R& r) { return settled_score(r, member); };
 }
+auto score_count(Count metrics::Accuracy::*member) {
+  return [member](const R& r) { return r.accuracy ? (*r.accuracy).*member : Count(); };
+}
 auto defect_count(std::uint64_t metrics::Accuracy::*member) {
   return [member](const R& r) { return r.accuracy ? Count((*r.accuracy).*member) : Count(); };
 }
@@ -153,6 +156,11 @@ Table frames_table(const Manifest& manifest, const metrics::ResultDocument& docu
   rows.numbers("frames that no hand tells from the truth, %", kNoNumber,
                score_value(&A::indistinguishable_percent));
   rows.numbers("force error, RMS, %", kNoNumber, score_value(&A::force_rms_percent));
+  rows.numbers("force error, median, %", kNoNumber, score_value(&A::force_p50_percent));
+  rows.numbers("force error, 95 %, %", kNoNumber, score_value(&A::force_p95_percent));
+  rows.numbers("frames where history decides, % of contact", kNoNumber, score_value(&A::history_percent));
+  rows.counts("missed beyond 0.1 mm, frames", kNoNumber, score_count(&A::missed_tenth_mm_frames));
+  rows.counts("false beyond 0.1 mm, frames", kNoNumber, score_count(&A::false_tenth_mm_frames));
   rows.numbers("force direction, 99 % within, degrees", kNoNumber, score_value(&A::direction_p99_deg));
   rows.numbers("god object error, RMS, mm", kNoNumber, score_value(&A::god_object_rms_mm));
   table.caption = "Thesis: " + manifest.hardware +

@@ -20,7 +20,14 @@ using Fields = std::vector<Field>;
 template <class T>
 Field tables(const std::string& key, std::vector<T>& into, const std::string& kind);
 
-constexpr const char* kKinds[] = {"frames", "neighbours", "methods", "meshes", "growth", "behaviours"};
+constexpr const char* kKinds[] = {"frames",     "neighbours", "methods",    "meshes", "growth",
+                                  "behaviours", "ladder",     "off-vertex", "scanner"};
+const std::vector<std::string> kProtocols = {"ladder", "off-vertex", "scanner"};
+
+std::vector<std::string> and_protocols(std::vector<std::string> kinds) {
+  kinds.insert(kinds.end(), kProtocols.begin(), kProtocols.end());
+  return kinds;
+}
 
 Fields fields_of(ManifestModel& m, const std::string& /*kind*/) {
   return {field("name", m.name).must(),
@@ -32,7 +39,11 @@ Fields fields_of(ManifestModel& m, const std::string& /*kind*/) {
           field("unit", m.unit),
           field("scale", m.scale),
           field("path", m.path).of({"methods"}),
-          field("full", m.full).of({"methods"}),
+          field("full", m.full).of(and_protocols({"methods"})),
+          field("sample", m.sample).of(kProtocols),
+          field("quick_sample", m.quick_sample).of(kProtocols),
+          field("reference", m.reference).of(kProtocols),
+          field("seeds", m.seeds).of(kProtocols),
           field("if_room", m.if_room).of({"growth"}),
           field("printed_min", m.printed_min).of({"neighbours"}),
           field("slow", m.slow).of({"neighbours", "methods"}),
@@ -72,8 +83,9 @@ Fields fields_of(ManifestRun& r, const std::string& /*kind*/) {
 
 Fields fields_of(Manifest& m, const std::string& kind) {
   const std::vector<std::string> printed = {"frames", "neighbours", "methods", "meshes"};
-  const std::vector<std::string> on_models = {"frames", "neighbours", "methods", "meshes", "growth"};
-  const std::vector<std::string> along = {"frames", "methods", "growth"};
+  const std::vector<std::string> on_models =
+      and_protocols({"frames", "neighbours", "methods", "meshes", "growth"});
+  const std::vector<std::string> along = and_protocols({"frames", "methods", "growth"});
   std::string& read_before = m.kind_name;
   return {field("kind", read_before).must(),
           field("table", m.table).must().of(printed),
@@ -99,7 +111,7 @@ Fields fields_of(Manifest& m, const std::string& kind) {
           tables<ManifestModel>("model", m.models, kind).must().of(on_models),
           tables<ManifestMethod>("method", m.methods, kind).must().of({"methods"}),
           tables<PrintedMesh>("printed_mesh", m.printed_meshes, kind).of({"meshes"}),
-          tables<ManifestRun>("run", m.runs, kind).of({"frames", "growth", "behaviours"})};
+          tables<ManifestRun>("run", m.runs, kind).of(and_protocols({"frames", "growth", "behaviours"}))};
 }
 
 template <class T>

@@ -33,11 +33,15 @@ struct ManifestModel {
   bool if_room = false;               ///< growth: without --full only where the ten minutes leave room
   std::optional<double> printed_min;  ///< table 6: minutes
   std::string path;                   ///< table 11: instead of the manifest's
-  bool full = false;                  ///< table 11: with --full only
-  std::vector<std::string> slow;      ///< tables 6 and 11: builders or rows that run with --full only here
-  std::vector<std::string> only;      ///< table 11: the rows that run on this model; empty: all
-  std::string in_time;                ///< table 3: the generator of a run of minutes; --full takes `generate`
-  std::uint64_t points_in_time = 0;   ///< table 3: so many of its points in a run of minutes; 0: all
+  bool full = false;                  ///< table 11 and protocols: with --full only
+  std::string sample;             ///< protocols: points in its faces (scene key `sample`); an @ is the seed
+  std::string quick_sample;       ///< of a quick trial; empty: the same
+  std::string reference;          ///< protocols: the scan whose faces are the truth; empty: its own
+  std::uint64_t seeds = 0;        ///< protocols: so many, put in place of each @; 0: one
+  std::vector<std::string> slow;  ///< tables 6 and 11: builders or rows that run with --full only here
+  std::vector<std::string> only;  ///< table 11: the rows that run on this model; empty: all
+  std::string in_time;            ///< table 3: the generator of a run of minutes; --full takes `generate`
+  std::uint64_t points_in_time = 0;  ///< table 3: so many of its points in a run of minutes; 0: all
 };
 
 /// Table 11: a method, in the words of the table.
@@ -67,7 +71,17 @@ struct ManifestRun {
 
 struct Manifest {
   int table = 0;  ///< 0: none of the thesis's
-  enum class Kind { kFrames, kNeighbours, kMethods, kMeshes, kGrowth, kBehaviours };
+  enum class Kind {
+    kFrames,
+    kNeighbours,
+    kMethods,
+    kMeshes,
+    kGrowth,
+    kBehaviours,
+    kLadder,
+    kOffVertex,
+    kScanner
+  };
   Kind kind = Kind::kFrames;
   std::string kind_name;
   std::string source;  ///< the text that it was read from

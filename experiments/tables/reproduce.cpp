@@ -185,6 +185,10 @@ void reproduce_part(const Manifest& manifest, Reproduction& r) {
       return reproduce_growth(manifest, r);
     case Manifest::Kind::kBehaviours:
       return reproduce_behaviours(manifest, r);
+    case Manifest::Kind::kLadder:
+    case Manifest::Kind::kOffVertex:
+    case Manifest::Kind::kScanner:
+      return reproduce_protocol(manifest, r);
     case Manifest::Kind::kFrames:
       return reproduce_frames(manifest, r);
   }

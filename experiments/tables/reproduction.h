@@ -104,6 +104,8 @@ Table add_frames(Page& page, const Manifest& manifest, const Study& study, const
 void reproduce_methods(const Manifest& manifest, Reproduction& r);
 /// Mean frame and preparation from ten thousand to ten million points.
 void reproduce_growth(const Manifest& manifest, Reproduction& r);
+/// Ladder, off-vertex and scanner: error against a truth that no renderer sees.
+void reproduce_protocol(const Manifest& manifest, Reproduction& r);
 
 /// The thesis's column beside ours. A pure function of manifest and results.
 [[nodiscard]] Table frames_table(const Manifest& manifest, const metrics::ResultDocument& document);

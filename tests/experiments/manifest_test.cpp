@@ -129,7 +129,7 @@ TEST(Manifests, TablesComeFirstAndAreChosenByNumberOrName) {
   ASSERT_TRUE(all.ok());
   EXPECT_EQ(all->front().id(), "table3");
   EXPECT_EQ((*all)[all->size() - 2].id(), "behaviours");
-  EXPECT_EQ(all->back().id(), "growth");
+  EXPECT_EQ(all->back().id(), "scanner");
   EXPECT_EQ(manifests_for("growth,7").value().front().id(), "growth");
   EXPECT_FALSE(manifests_for("0").ok());
 }

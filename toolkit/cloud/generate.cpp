@@ -7,8 +7,10 @@
 
 #include "toolkit/cloud/generators.h"
 #include "toolkit/cloud/sampling.h"
+#include "toolkit/cloud/scanner.h"
 #include "toolkit/cloud/shapes.h"
 #include "toolkit/core/parallel.h"
+#include "toolkit/core/tolerances.h"
 #include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
 
@@ -20,11 +22,14 @@ using geometry::TriangleMesh;
 // Up to here a cell's triangles keep their orientation: the shifted legs of a cell are at least 1 - 2j long
 // and at most 2j askew, and (1 - 2j)^2 > (2j)^2 for j < 1/4.
 constexpr double kMeshJitter = 0.25;
+// Of the box: a thousand roundings of a coordinate, where a ray ends.
+constexpr double kRayRounding = 1024.0 * kUnitRoundoff;
 // Points made by one task; the result does not depend on it.
 constexpr std::size_t kGrain = 1 << 14;
 // Options that say how points are taken: a model's name tells those that are not as usual.
 constexpr const char* kSamplingKeys[] = {"sampling", "ratio",       "density", "noise",
-                                         "outliers", "outliers_at", "shuffle"};
+                                         "outliers", "outliers_at", "shuffle", "views",
+                                         "bias",     "dropout",     "flying",  "registration"};
 
 void fill(const Samples& samples, const geometry::Aabb& box, bool with_mesh, GeneratedModel& model) {
   Cloud& cloud = model.cloud;
@@ -50,9 +55,25 @@ void fill(const Samples& samples, const geometry::Aabb& box, bool with_mesh, Gen
   if (with_mesh) model.original_mesh->triangles = samples.triangles();
 }
 
+/// What a scanner sees of the formula, inside its box; the range's noise is in it.
+Result<Scanned> scanned(const Shape& shape, const Options& options, const Common& common) {
+  ScannerOptions scanner = read_scanner(options);
+  scanner.points = count_patches(shape.patches, common);
+  scanner.seed = common.seed;
+  const geometry::Aabb box = shape.surface->box_mm();
+  // A ray's end is off the formula by its rounding.
+  const geometry::Aabb reach = box.grown(kRayRounding * box.extent_mm().maxCoeff());
+  const FirstHit first = [&](const Vec3& a, const Vec3& b) -> std::optional<geometry::SurfacePoint> {
+    std::optional<geometry::SurfacePoint> hit = shape.surface->first_entry(a, b);
+    if (hit && !reach.contains(hit->point_mm)) hit.reset();
+    return hit;
+  };
+  return scan(first, box, shape.is_height_field, scanner);
+}
+
 /// The points of `samples` or of the patches, noise and order included; the mesh where there is one.
-void fill_sampled(const Shape& shape, const SamplingOptions& how, const Common& common, bool with_mesh,
-                  GeneratedModel& model) {
+Status fill_sampled(const Shape& shape, SamplingOptions how, const Options& options, const Common& common,
+                    bool with_mesh, GeneratedModel& model) {
   const geometry::Aabb box = shape.surface->box_mm();
   std::vector<Vec3> points;
   model.nominal_spacing_mm = shape.grid.spacing_mm;
@@ -61,6 +82,11 @@ void fill_sampled(const Shape& shape, const SamplingOptions& how, const Common& 
     parallel_chunks(points.size(), kGrain, 0, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) points[i] = shape.grid.point(i);
     });
+  } else if (how.way == Sampling::kScan) {
+    PALPATE_ASSIGN(Scanned seen, scanned(shape, options, common));
+    points = std::move(seen.points_mm);
+    model.nominal_spacing_mm = seen.spacing_mm;
+    how.noise = 0.0;
   } else {
     Sampled sampled = sample_patches(shape.patches, box, how, common);
     points = std::move(sampled.points_mm);
@@ -73,7 +99,7 @@ void fill_sampled(const Shape& shape, const SamplingOptions& how, const Common& 
   if (!how.shuffle) {
     samples.point = [&](std::size_t i) { return points[i]; };
     fill(samples, box, with_mesh, model);
-    return;
+    return Done{};
   }
   const std::vector<std::uint32_t> from = shuffled(points.size(), common.seed);
   samples.point = [&](std::size_t i) { return points[from[i]]; };
@@ -86,6 +112,7 @@ void fill_sampled(const Shape& shape, const SamplingOptions& how, const Common& 
     return found;
   };
   fill(samples, box, with_mesh, model);
+  return Done{};
 }
 
 std::string spelled(const std::string& name, const Options& options) {
@@ -122,6 +149,7 @@ SamplingOptions read_sampling(const Options& options) {
   how.way = way == "random"  ? Sampling::kRandom
             : way == "blue"  ? Sampling::kBlue
             : way == "lines" ? Sampling::kLines
+            : way == "scan"  ? Sampling::kScan
                              : Sampling::kGrid;
   how.ratio = options.number("ratio");
   how.density = options.number("density");
@@ -229,7 +257,7 @@ Result<GeneratedModel> generate(const NamedOptions& spec) {
     model.nominal_spacing_mm = shape.grid.spacing_mm;
     fill(shape.grid, box, with_mesh, model);
   } else {
-    fill_sampled(shape, how, common, with_mesh, model);
+    PALPATE_TRY(fill_sampled(shape, how, options, common, with_mesh, model));
   }
   return model;
 }

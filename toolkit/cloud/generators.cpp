@@ -1,6 +1,7 @@
 // The list of generators and their options.
 #include "toolkit/cloud/generators.h"
 #include "toolkit/cloud/generate.h"
+#include "toolkit/cloud/scanner.h"
 
 namespace palpate::cloud {
 namespace {
@@ -17,12 +18,13 @@ OptionSpec aspect(const std::string& axis, std::string value) {
 
 /// In which way points are taken, and what is done to them then.
 std::vector<OptionSpec> sampling_options() {
-  return {
+  std::vector<OptionSpec> specs = {
       {"sampling",
        OptionKind::kChoice,
        "grid",
-       "random: even by area; blue: the same with a least distance; lines: scan lines",
-       {"grid", "random", "blue", "lines"}},
+       "random: even by area; blue: the same with a least distance; lines: scan lines; scan: a scanner's "
+       "rays",
+       {"grid", "random", "blue", "lines", "scan"}},
       {"ratio",
        OptionKind::kNumber,
        "8",
@@ -42,7 +44,7 @@ std::vector<OptionSpec> sampling_options() {
       {"noise",
        OptionKind::kNumber,
        "0",
-       "normal, along the surface's normal: standard deviation in spacings",
+       "normal, along the surface's normal, of a scan along the ray: standard deviation in spacings",
        {},
        0,
        100},
@@ -57,6 +59,8 @@ std::vector<OptionSpec> sampling_options() {
        {{"outliers"}}},
       {"shuffle", OptionKind::kFlag, "false", "points in a random order", {}, 0, 0},
   };
+  for (OptionSpec& spec : scanner_specs({{"sampling", {"scan"}}})) specs.push_back(std::move(spec));
+  return specs;
 }
 
 std::vector<OptionSpec> with_common(std::string extent, std::string extent_help, std::string points,

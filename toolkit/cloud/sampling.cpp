@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "toolkit/cloud/darts.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/random.h"
@@ -16,12 +17,6 @@ namespace {
 /// Cells a side of a patch, whose areas say how likely each is. Within a cell places are even in the
 /// parameters.
 constexpr std::size_t kCells = 256;
-/// The least distance of blue noise over the mean spacing. Random places that keep a distance cover at most
-/// 0.547 of the plane by discs of half of it, which is 0.83 spacings; at 0.7 some ten candidates a point do.
-constexpr double kBlueDistance = 0.7;
-/// After so many candidates a point the distance shrinks: what is left open is too small to be found.
-constexpr double kCandidatesPerPoint = 16.0;
-constexpr double kShrink = 0.95;
 /// Outliers near the surface stand off by so many spacings: beyond any noise, and not too far to be taken for
 /// the surface.
 constexpr double kNearestOutlier = 2.0, kFarthestOutlier = 10.0;
@@ -58,18 +53,14 @@ class AreaTable {
   [[nodiscard]] double weight() const { return up_to_.back(); }
   /// Points per area at p over those where it is densest.
   [[nodiscard]] double density_at(const Vec3& p) const { return p.x() > middle_x_ ? 1.0 : 1.0 / density_; }
-  struct Pick {
-    Vec3 point;
-    int sheet = 0;
-  };
-  [[nodiscard]] Pick pick(Random& random) const {
+  [[nodiscard]] DartPlace pick(Random& random) const {
     const double at = random.uniform() * up_to_.back();
     const auto found = std::upper_bound(up_to_.begin(), up_to_.end() - 1, at);
     const auto cell = static_cast<std::size_t>(found - up_to_.begin());
     const Patch& patch = patches_[cell / (kCells * kCells)];
     const double v = static_cast<double>(cell / kCells % kCells), u = static_cast<double>(cell % kCells);
     const double du = random.uniform(), dv = random.uniform();
-    return {patch.point((u + du) / kCells, (v + dv) / kCells), patch.sheet};
+    return {patch.point((u + du) / kCells, (v + dv) / kCells), patch.sheet, Vec3::Zero()};
   }
 
  private:
@@ -95,58 +86,6 @@ class AreaTable {
   std::vector<double> up_to_;
 };
 
-/// Places so far, by cubes of space; those of one sheet keep apart.
-class Kept {
- public:
-  Kept(std::size_t most, double cell_mm, const Vec3& low) : cell_(cell_mm), low_(low) {
-    std::size_t size = 1;
-    while (size < 2 * most) size *= 2;
-    first_.assign(size, kNone);
-  }
-  [[nodiscard]] bool far_from_all(const AreaTable::Pick& pick, double distance) const {
-    const auto cell = cell_of(pick.point);
-    for (std::int64_t x = -1; x <= 1; ++x)
-      for (std::int64_t y = -1; y <= 1; ++y)
-        for (std::int64_t z = -1; z <= 1; ++z)
-          for (std::uint32_t i = first_[slot(cell[0] + x, cell[1] + y, cell[2] + z)]; i != kNone;
-               i = next_[i])
-            if (sheets_[i] == pick.sheet && (points_[i] - pick.point).squaredNorm() < distance * distance)
-              return false;
-    return true;
-  }
-  void add(const AreaTable::Pick& pick) {
-    const auto cell = cell_of(pick.point);
-    std::uint32_t& first = first_[slot(cell[0], cell[1], cell[2])];
-    next_.push_back(first);
-    first = static_cast<std::uint32_t>(points_.size());
-    points_.push_back(pick.point);
-    sheets_.push_back(pick.sheet);
-  }
-  [[nodiscard]] std::size_t size() const { return points_.size(); }
-  [[nodiscard]] std::vector<Vec3>& points() { return points_; }
-
- private:
-  static constexpr std::uint32_t kNone = ~std::uint32_t{0};
-  [[nodiscard]] std::array<std::int64_t, 3> cell_of(const Vec3& p) const {
-    const Vec3 at = ((p - low_) / cell_).array().floor();
-    return {static_cast<std::int64_t>(at.x()), static_cast<std::int64_t>(at.y()),
-            static_cast<std::int64_t>(at.z())};
-  }
-  [[nodiscard]] std::size_t slot(std::int64_t x, std::int64_t y, std::int64_t z) const {
-    auto key = static_cast<std::uint64_t>(x);
-    for (const std::int64_t next : {y, z})
-      key = (key ^ (key >> 32)) * kGolden64 + static_cast<std::uint64_t>(next);
-    key = (key ^ (key >> 32)) * kGolden64;
-    return static_cast<std::size_t>(key >> 20) & (first_.size() - 1);
-  }
-
-  double cell_;
-  Vec3 low_;
-  std::vector<std::uint32_t> first_, next_;
-  std::vector<Vec3> points_;
-  std::vector<int> sheets_;
-};
-
 std::vector<Vec3> random_places(const AreaTable& table, std::size_t count, std::uint64_t seed) {
   std::vector<Vec3> points(count);
   parallel_chunks(count, kPointsPerChunk, 0, [&](std::size_t begin, std::size_t end) {
@@ -158,33 +97,9 @@ std::vector<Vec3> random_places(const AreaTable& table, std::size_t count, std::
   return points;
 }
 
-/// Dart throwing: candidates one after the other, each kept that is far enough from those before.
-std::vector<Vec3> blue_places(const AreaTable& table, std::size_t count, const geometry::Aabb& box,
-                              std::uint64_t seed) {
-  // Points per area where they are densest; the distance follows from the place's own density.
-  const double densest = static_cast<double>(count) / table.weight();
-  const double sparsest = densest * table.density_at(box.low_mm);
-  double distance = kBlueDistance;
-  Kept kept(count, kBlueDistance / std::sqrt(sparsest), box.low_mm);
-  std::vector<AreaTable::Pick> candidates(kPointsPerChunk);
-  double tried = 0.0;
-  for (std::size_t block = 0; kept.size() < count; ++block) {
-    parallel_chunks(candidates.size(), kPointsPerChunk / 16, 0, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) {
-        Random random = random_for(Use::kPlace, seed, block * candidates.size() + i);
-        candidates[i] = table.pick(random);
-      }
-    });
-    for (const AreaTable::Pick& pick : candidates) {
-      if (kept.size() == count) break;
-      const double spacing = 1.0 / std::sqrt(densest * table.density_at(pick.point));
-      if (kept.far_from_all(pick, distance * spacing)) kept.add(pick);
-      if (++tried < kCandidatesPerPoint * static_cast<double>(count)) continue;
-      tried = 0.0;
-      distance *= kShrink;
-    }
-  }
-  return std::move(kept.points());
+/// Each candidate from a sequence of its own.
+Random candidate(std::uint64_t seed, std::size_t index) {
+  return random_for(Use::kPlace, seed, index);
 }
 
 double length_along(const Patch& patch, double fixed, bool along_u) {
@@ -240,7 +155,8 @@ Sampled sample_patches(const std::vector<Patch>& patches, const geometry::Aabb& 
       sampled.points_mm = places_in_lines(patches, sampled.spacing_mm, options.ratio, common.seed);
       break;
     case Sampling::kBlue:
-      sampled.points_mm = blue_places(table, count, box, common.seed);
+      sampled.points_mm =
+          blue_places(table, count, box.low_mm, [&](std::size_t i) { return candidate(common.seed, i); });
       break;
     default:
       sampled.points_mm = random_places(table, count, common.seed);

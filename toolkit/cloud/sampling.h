@@ -11,7 +11,7 @@
 
 namespace palpate::cloud {
 
-enum class Sampling { kGrid, kRandom, kBlue, kLines };
+enum class Sampling { kGrid, kRandom, kBlue, kLines, kScan };
 
 /// What the options of sampling say.
 struct SamplingOptions {

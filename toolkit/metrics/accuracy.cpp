@@ -131,7 +131,7 @@ void score_jumps(const Input& in, Accuracy& a, AccuracyFrames* out) {
   double largest = 0.0, largest_error = 0.0, travel_mm = 0.0;
   std::uint64_t steps = 0, jumps = 0, errors = 0;
   for (std::size_t i = 1; i < in.frames.size(); ++i) {
-    if (!in.in_c(i) && !in.in_c(i - 1)) continue;
+    if (!in.decided_step(i) || (!in.in_c(i) && !in.in_c(i - 1))) continue;
     if (in.true_edge(i, a.floor_n)) continue;
     const double excess =
         (in.rendered(i) - in.rendered(i - 1)).norm() - (in.wanted(i) - in.wanted(i - 1)).norm();
@@ -154,9 +154,14 @@ void score_jumps(const Input& in, Accuracy& a, AccuracyFrames* out) {
 
 void score_contact(const Input& in, Accuracy& a, AccuracyFrames* out) {
   std::uint64_t run = 0, shown = 0, felt_frames = 0;
-  a.missed_device_frames = a.false_device_frames = 0;
+  a.missed_device_frames = a.false_device_frames = a.missed_tenth_mm_frames = a.false_tenth_mm_frames = 0;
   const double device_mm = in.options.device_resolution_mm + a.rounding_mm;
+  const double tenth_mm = kTenthMm + a.rounding_mm;
   for (std::size_t i = 0; i < in.frames.size(); ++i) {
+    if (!in.decided(i)) {
+      run = 0;
+      continue;
+    }
     const double d = in.truth[i].signed_distance_mm;
     const double allowed = in.truth[i].local_resolution_mm;
     const bool answers = felt(in.rendered(i));
@@ -166,6 +171,8 @@ void score_contact(const Input& in, Accuracy& a, AccuracyFrames* out) {
     a.false_contact_frames += phantom ? 1u : 0u;
     *a.missed_device_frames += !answers && d < -device_mm ? 1u : 0u;
     *a.false_device_frames += answers && d > device_mm ? 1u : 0u;
+    *a.missed_tenth_mm_frames += !answers && d < -tenth_mm ? 1u : 0u;
+    *a.false_tenth_mm_frames += answers && d > tenth_mm ? 1u : 0u;
     const bool is_shown = in.in_g(i) && in.wanted(i).norm() >= a.floor_n;
     shown += is_shown ? 1u : 0u;
     felt_frames += is_shown && answers ? 1u : 0u;
@@ -176,6 +183,27 @@ void score_contact(const Input& in, Accuracy& a, AccuracyFrames* out) {
     out->false_contact[i] = phantom ? 1 : 0;
   }
   if (shown > 0) a.felt_percent = kToPercent * static_cast<double>(felt_frames) / static_cast<double>(shown);
+}
+
+/// Frames in which the way decides, apart from all other scores, and the old measure of all frames.
+void score_history(const Input& in, const trace::ReferenceTrace& reference, Accuracy& a) {
+  if (!reference.compared) return;
+  Spread apart, all;
+  double wanted = 0.0;
+  std::uint64_t contact = 0, undecided = 0;
+  for (std::size_t i = 0; i < in.frames.size(); ++i) {
+    const double error = (in.rendered(i) - in.wanted(i)).norm();
+    undecided += in.decided(i) ? 0u : 1u;
+    contact += !in.decided(i) || felt(in.wanted(i)) ? 1u : 0u;
+    if (!in.decided(i)) apart.add(error);
+    all.add(error);
+    wanted += in.wanted(i).squaredNorm();
+  }
+  a.history_frames = undecided;
+  if (contact > 0)
+    a.history_percent = kToPercent * static_cast<double>(undecided) / static_cast<double>(contact);
+  if (wanted > 0.0) a.force_rms_whole_percent = kToPercent * std::sqrt(all.sum_of_squares / wanted);
+  if (apart.count > 0) a.history_force_rms_n = apart.rms();
 }
 
 // Contact that was there in an episode, and is lost deep inside.
@@ -198,7 +226,7 @@ void score_fall_throughs(const Input& in, Accuracy& a) {
 void score_god_object(const Input& in, const SurfaceAnswers* answers, Accuracy& a, AccuracyFrames* out) {
   Spread distance, off_surface;
   for (std::size_t i = 0; i < in.frames.size(); ++i) {
-    if (!in.frames[i].contact) continue;
+    if (!in.decided(i) || !in.frames[i].contact) continue;
     if (answers != nullptr) off_surface.add(answers->god_object_distance_mm[i]);
     if (!in.truth[i].frame.contact) continue;
     const double error = (in.frames[i].god_object_mm - in.truth[i].frame.god_object_mm).norm();
@@ -222,6 +250,7 @@ void score_onset_and_release(const Input& in, Accuracy& a) {
     }
   } onset, release;
   for (std::size_t i = 1; i < in.frames.size(); ++i) {
+    if (!in.decided_step(i)) continue;
     const bool now = felt(in.rendered(i)), before = felt(in.rendered(i - 1));
     if (now && !before) onset.add(in.truth[i].signed_distance_mm);
     if (!now && before) release.add(in.truth[i - 1].signed_distance_mm);
@@ -319,12 +348,15 @@ bool has_resolution(const trace::ReferenceTrace& reference) {
 }  // namespace
 
 SurfaceAnswers ask_surface(const trace::ProbePath& path, const trace::ForceTrace& trace,
-                           const trace::ReferenceTrace& reference, const TruthSurface& truth) {
+                           const trace::ReferenceTrace& reference, const TruthSurface& truth,
+                           const AccuracyOptions& options) {
   SurfaceAnswers answers;
   answers.god_object_distance_mm.reserve(trace.frames.size());
   for (const render::Frame& frame : trace.frames)
     answers.god_object_distance_mm.push_back(frame.contact ? truth.signed_distance_mm(frame.god_object_mm)
                                                            : 0.0);
+  if (options.static_friction > 0.0 || options.dynamic_friction > 0.0)
+    answers.friction_ratio = friction_ratios(trace, truth);
   if (has_resolution(reference)) answers.pop_throughs = find_pop_throughs(path, trace, reference, truth);
   return answers;
 }
@@ -334,7 +366,7 @@ Result<Accuracy> score(const trace::ProbePath& path, const trace::ForceTrace& tr
                        const AccuracyOptions& options, AccuracyFrames* per_frame) {
   PALPATE_TRY(check_all(path, trace, reference));
   std::optional<SurfaceAnswers> answers;
-  if (truth != nullptr) answers = ask_surface(path, trace, reference, *truth);
+  if (truth != nullptr) answers = ask_surface(path, trace, reference, *truth, options);
   return score_again(path, trace, reference, answers, options, per_frame);
 }
 
@@ -345,7 +377,8 @@ Result<Accuracy> score_again(const trace::ProbePath& path, const trace::ForceTra
   PALPATE_TRY(check_all(path, trace, reference));
   const std::size_t n = path.size();
   if (answers && (answers->god_object_distance_mm.size() != n ||
-                  (!answers->pop_throughs.empty() && answers->pop_throughs.size() != n)))
+                  (!answers->pop_throughs.empty() && answers->pop_throughs.size() != n) ||
+                  (!answers->friction_ratio.empty() && answers->friction_ratio.size() != n)))
     return Error{"the answers of the true surface are not of this trace", "", path.name, 0};
   if (per_frame != nullptr) {
     *per_frame = {std::vector<float>(n),        std::vector<float>(n),        std::vector<float>(n),
@@ -369,14 +402,16 @@ Result<Accuracy> score_again(const trace::ProbePath& path, const trace::ForceTra
   score_direction(in, a);
   score_jumps(in, a, per_frame);
   score_contact(in, a, per_frame);
+  score_history(in, reference, a);
   score_god_object(in, answers ? &*answers : nullptr, a, per_frame);
   score_onset_and_release(in, a);
   score_path_dependence(in, a);
   score_felt(in, episodes, a);
+  if (answers) score_friction(in, *answers, a);
   if (has_resolution(reference)) score_fall_throughs(in, a);
   if (answers && !answers->pop_throughs.empty()) {
     a.pop_throughs = 0;
-    for (const std::uint8_t events : answers->pop_throughs) *a.pop_throughs += events;
+    for (std::size_t i = 0; i < n; ++i) *a.pop_throughs += in.decided(i) ? answers->pop_throughs[i] : 0u;
     if (*a.pop_throughs == 0 && a.fall_throughs.value_or(0) == 0 && a.episodes > 0)
       a.pop_through_rate_upper_95 = kRuleOfThree / static_cast<double>(a.episodes);
   }
@@ -425,6 +460,8 @@ void keep_contact_scores(Accuracy& a, AccuracyFrames& per_frame) {
                                        &a.relief_ratio,
                                        &a.relief_width_mm,
                                        &a.indistinguishable_percent,
+                                       &a.history_force_rms_n,
+                                       &a.force_rms_whole_percent,
                                        &a.god_object_rms_mm,
                                        &a.god_object_max_mm,
                                        &a.god_object_surface_rms_mm,

@@ -3,9 +3,11 @@
 // sample, h the HIP, d its signed distance (negative inside), g and g* the rendered and the true god object.
 // G = frames where F_g is not zero, the truth's contact frames; C = those where F_r or F_g is not zero. What
 // a renderer answers outside of G counts as error and never as a frame more to share it: the denominators are
-// the truth's. An *episode* is a stretch of G without a gap; what is felt after it and before the next one
-// belongs to it. Frames of an episode follow each other, so bounds are taken over episodes. The *floor* is
-// stiffness x device resolution: the smallest force step the device can show.
+// the truth's. Frames in which the way decides what is right (trace::TruthFrame::history_decides) belong to
+// neither G nor C, and to no score but those named for them. An *episode* is a stretch of G without a gap;
+// what is felt after it and before the next one belongs to it. Frames of an episode follow each other, so
+// bounds are taken over episodes. The *floor* is stiffness x device resolution: the smallest force step the
+// device can show.
 #pragma once
 
 #include <cstdint>
@@ -23,6 +25,8 @@ namespace palpate::metrics {
 
 /// Position resolution of the Phantom Omni, 450 dpi (section 3.6 of the thesis): the length behind the floor.
 inline constexpr double kOmniResolutionMm = 0.055;
+/// The coarser of the two tolerances of contact that are lengths of a hand, not of a cloud.
+inline constexpr double kTenthMm = 0.1;
 /// Weber deadband of haptic codecs (IEEE 1918.1.1): the band of within_10_percent.
 inline constexpr double kForceDeadband = 0.10;
 
@@ -31,6 +35,7 @@ struct AccuracyOptions {
   double device_resolution_mm = kOmniResolutionMm;
   /// What the renderers' input lost before they saw it: the rounding of a stored point, as a distance.
   double stored_rounding_mm = 0.0;
+  double static_friction = 0.0, dynamic_friction = 0.0;  ///< of the scene where it is uniform; 0: none
   [[nodiscard]] double floor_n() const noexcept { return stiffness_n_per_mm * device_resolution_mm; }
 };
 
@@ -58,6 +63,10 @@ struct Accuracy {
   std::optional<double> force_tangential_rms_n;                ///< the part across it
   std::optional<double> force_p50_percent, force_p95_percent;  ///< of |F_r - F_g| over C, in percent as above
   std::optional<double> force_max_n;
+  /// Frames in which history decides; nothing without a second reference. Their share is of those in which
+  /// the truth is in contact or history decides. Their force error, and force_rms_percent with them counted.
+  std::optional<std::uint64_t> history_frames;
+  std::optional<double> history_percent, history_force_rms_n, force_rms_whole_percent;
   std::optional<double> within_7_percent;   ///< percent of G with |F_r - F_g| <= max(0.07 |F_g|, floor)
   std::optional<double> within_10_percent;  ///< the same with 0.10
   /// Angle between F_r and F_g over the frames where F_g is at or above the floor; where F_r is below, the
@@ -83,9 +92,10 @@ struct Accuracy {
   std::optional<double> felt_percent;
   std::optional<std::uint64_t> missed_device_frames;  ///< F_r = 0 and d < -(device resolution)
   std::optional<std::uint64_t> false_device_frames;   ///< F_r != 0 and d > device resolution
-  std::uint64_t missed_contact_frames = 0;            ///< F_r = 0 and d < -(local resolution)
-  std::uint64_t false_contact_frames = 0;             ///< F_r != 0 and d > local resolution
-  std::uint64_t longest_stick_frames = 0;             ///< longest run of consecutive false contact frames
+  std::optional<std::uint64_t> missed_tenth_mm_frames, false_tenth_mm_frames;  ///< the same with 0.1 mm
+  std::uint64_t missed_contact_frames = 0;  ///< F_r = 0 and d < -(local resolution)
+  std::uint64_t false_contact_frames = 0;   ///< F_r != 0 and d > local resolution
+  std::uint64_t longest_stick_frames = 0;   ///< longest run of consecutive false contact frames
 
   /// Events; nothing without local resolutions: contact that was felt in an episode is lost while h is deeper
   /// inside than the local resolution.
@@ -121,6 +131,18 @@ struct Accuracy {
   /// largest of 1, 3 and 10 mm, and which. See felt.cpp.
   std::optional<double> relief_ratio, relief_width_mm;
 
+  /// Friction, by Coulomb's law and the true normal n at the rendered god object; nothing without friction or
+  /// a TruthSurface. F_n is the part of F_r along n, F_t the rest. Percent of the frames in contact, with F_r
+  /// at or above the floor, that pull (F_n <= 0) or have |F_t| > 1.05 mu_s F_n.
+  std::optional<double> friction_cone_percent;
+  /// Median of | |F_t| / (mu_d F_n) - 1 | over frames that slip: g goes by at least half of h's way.
+  std::optional<double> friction_slip_error_percent;
+  /// Percent of the frames that stick (g goes by at most a hundredth of h's way) or slip in which that agrees
+  /// with their own force: |F_t| < mu_d F_n / 2 sticks, else it slips or is about to.
+  std::optional<double> stick_slip_percent;
+  /// Speed of g, 95th percentile, over frames with |F_t| < mu_d F_n / 2, which should stick.
+  std::optional<double> stick_drift_mm_s;
+
   /// The headline: percent of frames that no human threshold tells from the truth, among those in which
   /// either force is above the floor. A frame counts where |F_r - F_g| <= max(0.07 |F_g|, floor), and the
   /// jump error into it is at most the floor.
@@ -134,10 +156,14 @@ struct Accuracy {
 struct SurfaceAnswers {
   std::vector<double> god_object_distance_mm;  ///< signed; 0 in frames without rendered contact
   std::vector<std::uint8_t> pop_throughs;      ///< events at this frame; empty without local resolutions
+  std::vector<double> friction_ratio;  ///< |F_t| / F_n, 0 free, kPulls where F_n <= 0; empty without friction
 };
-/// Lengths must agree. At most 130 distance queries a frame.
+/// The ratio of a force that pulls the device into the surface.
+inline constexpr double kPulls = -1.0;
+/// Lengths must agree. At most 131 distance queries a frame.
 [[nodiscard]] SurfaceAnswers ask_surface(const trace::ProbePath& path, const trace::ForceTrace& trace,
-                                         const trace::ReferenceTrace& reference, const TruthSurface& truth);
+                                         const trace::ReferenceTrace& reference, const TruthSurface& truth,
+                                         const AccuracyOptions& options);
 
 /// Per frame, for plots and for scoring again; each as long as the path, or empty where it does not apply.
 struct AccuracyFrames {

@@ -33,7 +33,8 @@ void score_lag(const ScoreInput& in, Accuracy& a) {
   // The same frames for every delay, so that sums are comparable.
   const auto error_of = [&](std::size_t lag) {
     double sum = 0.0;
-    for (std::size_t i = most; i < n; ++i) sum += (in.rendered(i) - in.wanted(i - lag)).squaredNorm();
+    for (std::size_t i = most; i < n; ++i)
+      if (in.decided(i)) sum += (in.rendered(i) - in.wanted(i - lag)).squaredNorm();
     return sum;
   };
   const double now = error_of(0);
@@ -160,7 +161,7 @@ void score_relief(const ScoreInput& in, Accuracy& a) {
     height_mm.clear();
   };
   for (std::size_t i = 0; i < in.frames.size(); ++i) {
-    if (!in.frames[i].contact || !in.truth[i].frame.contact) {
+    if (!in.decided(i) || !in.frames[i].contact || !in.truth[i].frame.contact) {
       take();
       continue;
     }
@@ -179,11 +180,12 @@ void score_headline(const ScoreInput& in, const Episodes& episodes, Accuracy& a)
   for (std::size_t i = 0; i < in.frames.size(); ++i) {
     const double wanted = in.wanted(i).norm();
     // What the device cannot show is no evidence, either way.
-    if (!(std::max(wanted, in.rendered(i).norm()) > a.floor_n)) continue;
+    if (!in.decided(i) || !(std::max(wanted, in.rendered(i).norm()) > a.floor_n)) continue;
     const std::uint32_t e = episodes.of_frame[i];
     asked[e] += 1.0;
     const bool near = (in.rendered(i) - in.wanted(i)).norm() <= std::max(kForceJnd * wanted, a.floor_n);
-    const bool smooth = i == 0 || in.true_edge(i, a.floor_n) || in.jump_error_n(i) <= a.floor_n;
+    const bool smooth =
+        i == 0 || !in.decided(i - 1) || in.true_edge(i, a.floor_n) || in.jump_error_n(i) <= a.floor_n;
     if (near && smooth) same[e] += 1.0;
   }
   const auto share = [&](std::span<const std::uint32_t> counts) -> std::optional<double> {

@@ -68,6 +68,7 @@ struct ScoreBasis {
   double stored_rounding_mm = 0.0;
   std::vector<double> felt_stiffness_n_per_mm;  ///< by model, for energy
   bool forces_comparable = true;                ///< false: the truth lacks what the scene asks of a surface
+  double static_friction = 0.0, dynamic_friction = 0.0;  ///< uniform ones; 0: none
 };
 
 /// What preparation took, measured around it: what a renderer says of itself is its phases.

@@ -90,6 +90,16 @@ void visit_accuracy(V&& v, S& s) {
   v.later("missed_device_frames", s.missed_device_frames);
   v.later("false_device_frames", s.false_device_frames);
   v.later("fall_throughs", s.fall_throughs);
+  v.later("missed_tenth_mm_frames", s.missed_tenth_mm_frames);
+  v.later("false_tenth_mm_frames", s.false_tenth_mm_frames);
+  v.later("friction_cone_percent", s.friction_cone_percent);
+  v.later("friction_slip_error_percent", s.friction_slip_error_percent);
+  v.later("stick_slip_percent", s.stick_slip_percent);
+  v.later("stick_drift_mm_s", s.stick_drift_mm_s);
+  v.later("history_frames", s.history_frames);
+  v.later("history_percent", s.history_percent);
+  v.later("history_force_rms_n", s.history_force_rms_n);
+  v.later("force_rms_whole_percent", s.force_rms_whole_percent);
   v.later("ripple_ratio", s.ripple_ratio);
   v.later("ripple_hz", s.ripple_hz);
   v.later("relief_ratio", s.relief_ratio);
@@ -163,6 +173,8 @@ void visit_scoring(V&& v, S& s) {
   v("stiffness_n_per_mm", s.stiffness_n_per_mm);
   v("device_resolution_mm", s.device_resolution_mm);
   v("stored_rounding_mm", s.stored_rounding_mm);
+  v.later("static_friction", s.static_friction);
+  v.later("dynamic_friction", s.dynamic_friction);
 }
 
 template <class V, class S>

@@ -23,8 +23,13 @@ struct ScoreInput {
 
   [[nodiscard]] const Vec3& rendered(std::size_t i) const { return frames[i].force_n; }
   [[nodiscard]] const Vec3& wanted(std::size_t i) const { return truth[i].frame.force_n; }
-  [[nodiscard]] bool in_g(std::size_t i) const { return felt(wanted(i)); }
-  [[nodiscard]] bool in_c(std::size_t i) const { return felt(rendered(i)) || felt(wanted(i)); }
+  /// The truth does not depend on the way; other frames are scored apart.
+  [[nodiscard]] bool decided(std::size_t i) const { return !truth[i].history_decides; }
+  [[nodiscard]] bool decided_step(std::size_t i) const { return decided(i) && decided(i - 1); }
+  [[nodiscard]] bool in_g(std::size_t i) const { return decided(i) && felt(wanted(i)); }
+  [[nodiscard]] bool in_c(std::size_t i) const {
+    return decided(i) && (felt(rendered(i)) || felt(wanted(i)));
+  }
   [[nodiscard]] double travel_mm(std::size_t i) const { return (path.hip_mm[i] - path.hip_mm[i - 1]).norm(); }
   /// The truth itself jumps into sample i.
   [[nodiscard]] bool true_edge(std::size_t i, double floor_n) const {
@@ -48,6 +53,10 @@ struct Episodes {
 [[nodiscard]] Status check_lengths(const trace::ProbePath& path, std::size_t frames, std::string_view what);
 [[nodiscard]] Status check_finite(const trace::ProbePath& path, const std::vector<render::Frame>& frames,
                                   std::string_view what);
+
+/// Friction of every frame, see SurfaceAnswers, and the scores made of it.
+[[nodiscard]] std::vector<double> friction_ratios(const trace::ForceTrace& trace, const TruthSurface& truth);
+void score_friction(const ScoreInput& in, const SurfaceAnswers& answers, Accuracy& a);
 
 /// Lag, ripple, relief and the headline; see Accuracy.
 void score_felt(const ScoreInput& in, const Episodes& episodes, Accuracy& a);

@@ -13,22 +13,27 @@ namespace {
 
 /// Which groups of columns a file has.
 struct Columns {
-  bool forces = false, surface = false, events = false;
+  bool forces = false, surface = false, events = false, friction = false;
 
   [[nodiscard]] std::string header() const {
     return std::string("t_s,missed,false") +
            (forces ? ",force_error_n,excess_jump_n,god_object_error_mm" : "") +
-           (surface ? ",god_object_distance_mm" : "") + (events ? ",pop_throughs" : "");
+           (surface ? ",god_object_distance_mm" : "") + (friction ? ",friction_ratio" : "") +
+           (events ? ",pop_throughs" : "");
   }
 };
 
-/// All that a file may have: events only with a surface.
-constexpr Columns kPossible[] = {{false, false, false}, {true, false, false}, {false, true, false},
-                                 {true, true, false},   {false, true, true},  {true, true, true}};
+/// All that a file may have: events and friction only with a surface. The last one has everything.
+constexpr Columns kPossible[] = {{false, false, false, false}, {true, false, false, false},
+                                 {false, true, false, false},  {true, true, false, false},
+                                 {false, true, true, false},   {false, true, false, true},
+                                 {true, true, false, true},    {false, true, true, true},
+                                 {true, true, true, false},    {true, true, true, true}};
 
 Columns columns_of(const AccuracyFrames& frames) {
   return {!frames.force_error_n.empty(), frames.surface.has_value(),
-          frames.surface && !frames.surface->pop_throughs.empty()};
+          frames.surface && !frames.surface->pop_throughs.empty(),
+          frames.surface && !frames.surface->friction_ratio.empty()};
 }
 
 /// The columns that the file's first line names; all of them where it names none of ours, for the message.
@@ -38,7 +43,7 @@ Result<Columns> columns_in(const std::string& file, std::uint64_t max_bytes) {
   if (!reader.next(line) && reader.failure()) return *reader.failure();
   for (const Columns& columns : kPossible)
     if (line == columns.header()) return columns;
-  return kPossible[std::size(kPossible) - 1];
+  return kPossible[std::size(kPossible) - 2];  // without friction, which is rare
 }
 
 bool is_flag(double value) {
@@ -60,6 +65,7 @@ void take_row(const Columns& columns, std::span<const double> v, AccuracyFrames&
     frames.god_object_error_mm.push_back(static_cast<float>(v[next++]));
   }
   if (columns.surface) frames.surface->god_object_distance_mm.push_back(v[next++]);
+  if (columns.friction) frames.surface->friction_ratio.push_back(v[next++]);
   if (columns.events) frames.surface->pop_throughs.push_back(static_cast<std::uint8_t>(v[next++]));
 }
 
@@ -73,6 +79,7 @@ Status write_scores_csv(const trace::ProbePath& path, const AccuracyFrames& fram
       (columns.forces &&
        !(fits(frames.force_error_n) && fits(frames.excess_jump_n) && fits(frames.god_object_error_mm))) ||
       (columns.surface && !fits(frames.surface->god_object_distance_mm)) ||
+      (columns.friction && !fits(frames.surface->friction_ratio)) ||
       (columns.events && !fits(frames.surface->pop_throughs)))
     return Error{fmt::format("the scores are not of the {} rows of the path", n),
                  "write scores beside the path they were made with", file, 0};
@@ -85,6 +92,7 @@ Status write_scores_csv(const trace::ProbePath& path, const AccuracyFrames& fram
       fmt::format_to(out, ",{},{},{}", frames.force_error_n[i], frames.excess_jump_n[i],
                      frames.god_object_error_mm[i]);
     if (columns.surface) fmt::format_to(out, ",{}", frames.surface->god_object_distance_mm[i]);
+    if (columns.friction) fmt::format_to(out, ",{}", frames.surface->friction_ratio[i]);
     if (columns.events) fmt::format_to(out, ",{}", frames.surface->pop_throughs[i]);
     text.push_back('\n');
   }

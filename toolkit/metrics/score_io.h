@@ -14,8 +14,8 @@ namespace palpate::metrics {
 
 /// A row a frame: `t_s,missed,false`; then, where forces are compared,
 /// `force_error_n,excess_jump_n,god_object_error_mm`; then, where a true surface was asked,
-/// `god_object_distance_mm`, and with local resolutions `pop_throughs`. The fewest digits that read back to
-/// the same bits. Lengths that differ are an Error.
+/// `god_object_distance_mm`, with friction `friction_ratio`, and with local resolutions `pop_throughs`. The
+/// fewest digits that read back to the same bits. Lengths that differ are an Error.
 [[nodiscard]] Status write_scores_csv(const trace::ProbePath& path, const AccuracyFrames& frames,
                                       const std::string& file);
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "toolkit/cloud/generate.h"
+#include "toolkit/cloud/mesh_samples.h"
 #include "toolkit/cloud/spread.h"
 #include "toolkit/core/hash.h"
 #include "toolkit/core/try.h"
@@ -116,6 +117,25 @@ Status load_file(const SceneModel& model, double scale, const io::Readers& reade
   return Done{};
 }
 
+/// Points in the faces take the place of the file's own; the faces are the truth, and nobody else's.
+Status take_samples(const SceneModel& model, Progress& progress, render::ModelInput& input,
+                    Provenance& provenance, std::shared_ptr<const geometry::TriangleMesh>& truth) {
+  if (input.original_mesh == nullptr)
+    return Error{"has no faces to take points from, as 'sample' asks", "give a mesh, or leave out 'sample'",
+                 model.cloud, 0};
+  progress.report("taking points of " + model.name, -1.0);
+  PALPATE_ASSIGN(cloud::MeshSamples made, cloud::sample_mesh(input.original_mesh, *model.sample));
+  truth = std::move(made.truth);
+  provenance.source += fmt::format(" ({})", made.spec);
+  provenance.content_hash = hash_of(made.cloud);
+  provenance.format += fmt::format(", {} points in its faces, {:.4g} mm apart, {:.3g} of its median edge",
+                                   made.cloud.size(), made.spacing_mm, made.spacing_mm / made.edge_mm);
+  input.cloud = std::make_shared<const cloud::Cloud>(std::move(made.cloud));
+  input.original_mesh = nullptr;
+  input.analytic = nullptr;  // the faces are felt, not the formula behind them
+  return Done{};
+}
+
 /// What the command line wishes of files does nothing where there is none that it is for.
 Status check_wishes(const SceneFile& scene, const LoadOptions& options) {
   const bool files = std::any_of(scene.models.begin(), scene.models.end(),
@@ -211,6 +231,8 @@ Result<LoadedScene> load(const SceneFile& scene, const io::Readers& readers, con
     const double scale = options.scale.value_or(model.scale);
     Status status = model.generate ? load_generated(model, scale, input, provenance)
                                    : load_file(model, scale, readers, options, progress, input, provenance);
+    std::shared_ptr<const geometry::TriangleMesh>& truth = loaded.sampled_mesh.emplace_back();
+    if (status && model.sample) status = take_samples(model, progress, input, provenance, truth);
     if (const auto& own = steps[loaded.input.models.size()]; status && !own.empty())
       status = clean_model(own, cleaning, options.threads, progress, input, provenance);
     if (!status)

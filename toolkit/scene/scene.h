@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -16,6 +17,7 @@
 #include "toolkit/core/words.h"
 #include "toolkit/geometry/aabb.h"
 #include "toolkit/geometry/rigid_transform.h"
+#include "toolkit/geometry/triangle_mesh.h"
 #include "toolkit/io/read_model.h"
 #include "toolkit/render/renderer.h"
 #include "toolkit/scene/cleaning.h"
@@ -76,6 +78,7 @@ struct SceneModel {
   std::string scan;              ///< a scan known by name; who knows where it lies sets `cloud` before load()
   std::vector<SceneView> views;  ///< of files: merged with the first by their poses, in order
   std::optional<NamedOptions> generate;  ///< the generator with its options
+  std::optional<NamedOptions> sample;    ///< of what has faces: points in these instead of its own
   std::vector<SceneClean> clean;         ///< steps, in order
   std::optional<io::Unit> unit;          ///< of the file; empty: what the file says, else a guess
   double scale = 1.0;                    ///< multiplies all lengths after the unit
@@ -151,6 +154,9 @@ struct LoadedScene {
   render::SceneInput input;
   control::ControlOptions control;     ///< as in the file
   std::vector<Provenance> provenance;  ///< one per model
+  /// One per model: the mesh that the points were taken from by `sample`, which is their truth and which no
+  /// renderer sees; null where they are the file's own.
+  std::vector<std::shared_ptr<const geometry::TriangleMesh>> sampled_mesh;
 };
 
 /// Reads or generates every model. Reports progress; an Error names the file that failed.

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "toolkit/cloud/generate.h"
+#include "toolkit/cloud/mesh_samples.h"
 #include "toolkit/core/input_file.h"
 #include "toolkit/core/try.h"
 #include "toolkit/scene/toml_reading.h"
@@ -26,6 +27,16 @@ Status read_unit(const toml::node& node, SceneModel& model, const InFile& in_fil
   return Done{};
 }
 
+Status read_sample(const toml::node& node, SceneModel& model, const InFile& in_file) {
+  PALPATE_ASSIGN(const std::string spelt, text(node, "sample", in_file));
+  const Result<NamedOptions> named = parse_named_options(spelt);
+  if (!named) return in_file.at(node, named.error().what, named.error().remedy);
+  const Result<Options> complete = cloud::complete_sampling(*named);
+  if (!complete) return in_file.at(node, complete.error().what, complete.error().remedy);
+  model.sample = *named;
+  return Done{};
+}
+
 /// The fields of a model whose kind tells where its points come from; with the options of `generator`, of
 /// the kind `generated`, or of all generators where it is null.
 Fields model_fields(SceneModel& model, const cloud::Generator* generator, const std::string& generated) {
@@ -38,6 +49,9 @@ Fields model_fields(SceneModel& model, const cloud::Generator* generator, const 
   of_files({"unit", [&model](const toml::node& node, const std::string&, const InFile& in_file) {
               return read_unit(node, model, in_file);
             }});
+  fields.push_back({"sample", [&model](const toml::node& node, const std::string&, const InFile& in_file) {
+                      return read_sample(node, model, in_file);
+                    }});
   of_files(field("post_mm", model.post_mm, kAboveZero));
   of_files(field("vertical_mm", model.vertical_mm, kAboveZero));
   of_files(list(

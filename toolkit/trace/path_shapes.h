@@ -22,14 +22,30 @@ inline constexpr double kFastestHip = 4.0;
 /// Slides go on past the end of the surface by this part of its parameters.
 inline constexpr double kBeyond = 0.1;
 
+/// What the HIP does in one frame, where that is no wave in time.
+struct Pace {
+  double offset_mm = 0.0;  ///< off the surface at the end of the frame
+  double step_mm = 0.0;    ///< along the surface after it
+};
+
 /// Options of all generators, validated.
 struct Timing {
   std::size_t frames = 0;
   double rate_hz = 0.0, speed_mm_s = 0.0, depth_mm = 0.0, clearance_mm = 0.0, period_frames = 0.0;
   std::uint64_t seed = 0;
+  std::vector<Pace> paces{};  ///< one a frame; empty: constant speed, a wave up and down
   [[nodiscard]] double step_mm() const { return speed_mm_s / rate_hz; }
+  [[nodiscard]] double step_mm(std::size_t k) const { return paces.empty() ? step_mm() : paces[k].step_mm; }
+  /// Of the surface point, in all frames.
+  [[nodiscard]] double way_mm() const {
+    if (paces.empty()) return step_mm() * static_cast<double>(frames);
+    double way = 0.0;
+    for (const Pace& pace : paces) way += pace.step_mm;
+    return way;
+  }
   /// From the clearance outside to the depth inside and back, once a period (design section 4).
   [[nodiscard]] double offset_mm(std::size_t k) const {
+    if (!paces.empty()) return paces[k].offset_mm;
     const double turn = 2.0 * std::numbers::pi * static_cast<double>(k) / period_frames;
     return 0.5 * (depth_mm + clearance_mm) * std::cos(turn) - 0.5 * (depth_mm - clearance_mm);
   }
@@ -37,7 +53,9 @@ struct Timing {
     return 0.5 * (depth_mm + clearance_mm) * 2.0 * std::numbers::pi / period_frames;
   }
   /// No HIP moves farther in one frame.
-  [[nodiscard]] double farthest_mm() const { return kFastestHip * (step_mm() + fastest_offset_mm()); }
+  [[nodiscard]] double farthest_mm() const {
+    return kFastestHip * (step_mm() + (paces.empty() ? fastest_offset_mm() : 0.0));
+  }
 };
 
 struct Parameters {

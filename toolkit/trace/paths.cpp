@@ -10,6 +10,7 @@
 #include "toolkit/trace/exploration.h"
 #include "toolkit/trace/path_shapes.h"
 #include "toolkit/trace/seen_paths.h"
+#include "toolkit/trace/strokes.h"
 
 namespace palpate::trace {
 namespace {
@@ -38,7 +39,8 @@ Result<std::vector<Vec3>> follow(const AnalyticSurface& surface, const Curve& cu
     const SurfacePoint s = surface.at(at.u, at.v);
     const Vec3 hip = s.point_mm + timing.offset_mm(k) * s.normal;
     path.push_back(k == 0 ? hip : held_back(path.back(), hip, timing.farthest_mm()));
-    const double next = advance(point, tau, timing.step_mm(), guess);
+    if (timing.step_mm(k) == 0.0) continue;
+    const double next = advance(point, tau, timing.step_mm(k), guess);
     if (!(next > tau)) return step_does_not_fit();
     // A quarter of the last step: never beyond a nearby turn of the curve.
     guess = 0.25 * (next - tau);
@@ -103,6 +105,30 @@ std::vector<OptionSpec> options_of(unsigned shared, std::vector<OptionSpec> own 
   return specs;
 }
 
+/// Leaves by 2 mm and more, at speeds from a pressed finger's to a knock's.
+std::vector<OptionSpec> strokes_options() {
+  std::vector<OptionSpec> specs = options_of(
+      kPeriod | kSeed | kFrom,
+      {{"slowest_mm_s", OptionKind::kNumber, "0.1", "mm/s", {}, 1e-150, 1e150},
+       {"fastest_mm_s",
+        OptionKind::kNumber,
+        "200",
+        "mm/s; of impacts, and of all that is free",
+        {},
+        1e-150,
+        1e150},
+       {"impacts", OptionKind::kNumber, "0.25", "share of the strokes that hit the surface", {}, 0, 1}});
+  for (OptionSpec& spec : specs) {
+    if (spec.key == "clearance_mm") {
+      spec.default_value = "2";
+      spec.help = "how far it leaves the surface at least, mm";
+      spec.low = 1e-150;
+    }
+    if (spec.key == "period_frames") spec.help = "frames of a slow stroke";
+  }
+  return specs;
+}
+
 std::vector<PathGenerator> make_generators() {
   const std::string follows =
       "any; generated ones by their formula, others by the faces, or else the points, that show from one "
@@ -120,6 +146,8 @@ std::vector<PathGenerator> make_generators() {
        "spiral:turns=4",
        options_of(curve,
                   {{"turns", OptionKind::kNumber, "10", "turns from the rim to the middle", {}, 0.1, 1e6}})},
+      {"strokes", "far off, down at one of many speeds, along the surface, and off again; some hit it",
+       follows, "strokes:frames=60000:fastest_mm_s=100", strokes_options()},
       {"tap", "in and out along the normal of one place", follows, "tap:frames=9000:u=0.5:v=0.5",
        options_of(kPeriod | kPlace | kFrom)},
       {"slide", "along the surface at one depth, past its end, and back above it", follows,
@@ -146,6 +174,15 @@ Curve curve_of(const std::string& name, const Options& o, const Timing& timing) 
   if (name == "raster") return raster_curve(o.number("lines"));
   if (name == "spiral") return spiral_curve(o.number("turns"));
   return weave_curve(timing.seed);
+}
+
+Status add_strokes(const Options& o, Timing& timing) {
+  const StrokeOptions options{o.number("slowest_mm_s"), o.number("fastest_mm_s"), o.number("impacts")};
+  if (options.slowest_mm_s > options.fastest_mm_s)
+    return Error{"strokes: slowest_mm_s is more than fastest_mm_s", "exchange them", {}, 0};
+  timing.speed_mm_s = options.fastest_mm_s;
+  timing.paces = strokes(timing, options);
+  return Done{};
 }
 
 /// HIP positions in the model frame, and what the path's name must say beside its options.
@@ -252,13 +289,14 @@ Result<ProbePath> make_path(const NamedOptions& spec, const PathTarget& target) 
     return Error{fmt::format("the path '{}' needs a cloud", spec.name), "give a model with points", {}, 0};
   PALPATE_ASSIGN(Options complete, validate(spec.options, generator->options, spec.name));
   const Options& o = complete;
-  const Timing timing{static_cast<std::size_t>(o.integer("frames")),
-                      o.number("rate_hz"),
-                      o.has("speed_mm_s") ? o.number("speed_mm_s") : 0.0,
-                      o.number("depth_mm"),
-                      o.number("clearance_mm"),
-                      o.has("period_frames") ? o.number("period_frames") : 0.0,
-                      o.has("seed") ? static_cast<std::uint64_t>(o.integer("seed")) : 0};
+  Timing timing{static_cast<std::size_t>(o.integer("frames")),
+                o.number("rate_hz"),
+                o.has("speed_mm_s") ? o.number("speed_mm_s") : 0.0,
+                o.number("depth_mm"),
+                o.number("clearance_mm"),
+                o.has("period_frames") ? o.number("period_frames") : 0.0,
+                o.has("seed") ? static_cast<std::uint64_t>(o.integer("seed")) : 0};
+  if (spec.name == "strokes") PALPATE_TRY(add_strokes(o, timing));
   PALPATE_ASSIGN(const Laid model, lay(spec.name, o, timing, target));
 
   ProbePath path;

@@ -37,7 +37,7 @@ struct PathGenerator {
   std::vector<OptionSpec> options;
 };
 
-/// weave, raster, spiral, tap, slide, hold, exploration.
+/// weave, raster, spiral, strokes, tap, slide, hold, exploration.
 [[nodiscard]] const std::vector<PathGenerator>& path_generators();
 [[nodiscard]] const PathGenerator* find_path_generator(std::string_view name);
 

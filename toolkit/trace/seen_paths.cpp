@@ -151,10 +151,9 @@ class Track {
 }  // namespace
 
 Result<std::vector<Vec3>> follow(const SeenSurface& seen, const Curve& curve, const Timing& timing) {
-  const double step = timing.step_mm();
-  PALPATE_ASSIGN(std::vector<Station> stations, Track(seen, curve, timing)
-                                                    .over(step * static_cast<double>(timing.frames) +
-                                                          (timing.depth_mm + timing.clearance_mm) / kRise));
+  PALPATE_ASSIGN(
+      std::vector<Station> stations,
+      Track(seen, curve, timing).over(timing.way_mm() + (timing.depth_mm + timing.clearance_mm) / kRise));
   std::vector<Vec3> path;
   path.reserve(timing.frames);
   std::size_t at = 0;
@@ -169,7 +168,7 @@ Result<std::vector<Vec3>> follow(const SeenSurface& seen, const Curve& curve, co
     if (at + 1 < stations.size() && done > 0.0)
       hip += (done / length()) * (hip_at(stations[at + 1], timing.offset_mm(k), timing.clearance_mm) - hip);
     path.push_back(k == 0 ? hip : held_back(path.back(), hip, timing.farthest_mm()));
-    done += step;
+    done += timing.step_mm(k);
   }
   return path;
 }

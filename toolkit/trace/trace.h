@@ -39,12 +39,15 @@ struct TruthFrame {
   double signed_distance_mm =
       0.0;  ///< of the HIP: minus the depth below the true god object in contact, else the distance
   double local_resolution_mm = 0.0;  ///< distance from the nearest cloud point there to its eighth neighbour
+  /// Another reference, which knows no history, answers otherwise here: what is right depends on the way.
+  bool history_decides = false;
 };
 
 /// The truth along a path.
 struct ReferenceTrace {
-  std::string name;       ///< "analytic", "original-mesh"
+  std::string name;       ///< "analytic", "original-mesh", "closest-point"
   std::string exactness;  ///< how exact it is, in words with numbers
+  bool compared = false;  ///< with a second reference: history_decides is known
   std::vector<TruthFrame> frames;
 };
 

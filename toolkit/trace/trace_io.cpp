@@ -21,7 +21,7 @@ namespace {
 
 constexpr std::size_t kPathFields = 4;
 constexpr std::size_t kTraceFields = 12;
-constexpr std::size_t kReferenceFields = 16;
+constexpr std::size_t kReferenceFields = 17;
 constexpr const char* kOtherColumns =
     ", or say where the numbers stand, as in --traj-columns t=0,x=1,y=2,z=3";
 
@@ -89,6 +89,14 @@ Status check_columns(const TrajColumns& c, const std::string& file) {
         return Error{fmt::format("column {} is named twice", columns[i]), "give every quantity its own", file,
                      0};
   return Done{};
+}
+
+/// Whether the file's first line names the column of a second reference.
+Result<bool> is_compared(const std::string& file, std::uint64_t max_bytes) {
+  PALPATE_ASSIGN(LineReader reader, LineReader::open(file, max_bytes));
+  std::string_view line;
+  if (!reader.next(line) && reader.failure()) return *reader.failure();
+  return line == kComparedReferenceHeader;
 }
 
 }  // namespace
@@ -171,27 +179,34 @@ Status write_reference_csv(const ProbePath& path, const ReferenceTrace& referenc
         "write the truth beside the path it was made for", file, 0};
   fmt::memory_buffer text;
   const auto out = std::back_inserter(text);
-  fmt::format_to(out, "{}\n", kReferenceHeader);
+  fmt::format_to(out, "{}\n", reference.compared ? kComparedReferenceHeader : kReferenceHeader);
   for (std::size_t i = 0; i < path.size(); ++i) {
     const TruthFrame& truth = reference.frames[i];
     const Vec3 &hip = path.hip_mm[i], &force = truth.frame.force_n, &god = truth.frame.god_object_mm,
                &normal = truth.normal;
-    fmt::format_to(out, "{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", path.t_s[i], hip.x(), hip.y(),
+    fmt::format_to(out, "{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}", path.t_s[i], hip.x(), hip.y(),
                    hip.z(), force.x(), force.y(), force.z(), truth.frame.contact ? 1 : 0, god.x(), god.y(),
                    god.z(), normal.x(), normal.y(), normal.z(), truth.signed_distance_mm,
                    truth.local_resolution_mm);
+    if (reference.compared) fmt::format_to(out, ",{}", truth.history_decides ? 1 : 0);
+    text.push_back('\n');
   }
   return write_file(file, {text.data(), text.size()});
 }
 
 Result<PathAndReference> read_reference_csv(const std::string& file, std::uint64_t max_bytes) {
+  PALPATE_ASSIGN(const bool compared, is_compared(file, max_bytes));
   PALPATE_ASSIGN(LineReader reader, LineReader::open(file, max_bytes));
   PathAndReference both;
+  both.reference.compared = compared;
+  const char* const header = compared ? kComparedReferenceHeader : kReferenceHeader;
   both.path.name = file;
-  const Status read = read_rows(reader, kReferenceHeader, "", [&](std::span<const double> v) -> Status {
+  const Status read = read_rows(reader, header, "", [&](std::span<const double> v) -> Status {
     PALPATE_TRY(check_time(reader, both.path, v[0]));
     PALPATE_TRY(reader.fits(both.path, kReferenceFields * sizeof(double)));
     if (v[7] != 0.0 && v[7] != 1.0) return Status(reader.error("contact is neither 0 nor 1", "write 0 or 1"));
+    if (compared && v[16] != 0.0 && v[16] != 1.0)
+      return Status(reader.error("history is neither 0 nor 1", "write 0 or 1"));
     both.path.t_s.push_back(v[0]);
     both.path.hip_mm.emplace_back(v[1], v[2], v[3]);
     TruthFrame& truth = both.reference.frames.emplace_back();
@@ -202,6 +217,7 @@ Result<PathAndReference> read_reference_csv(const std::string& file, std::uint64
     truth.normal = {v[11], v[12], v[13]};
     truth.signed_distance_mm = v[14];
     truth.local_resolution_mm = v[15];
+    truth.history_decides = compared && v[16] == 1.0;
     return Status(Done{});
   });
   if (!read) return read.error();

@@ -20,6 +20,9 @@ inline constexpr const char* kTraceHeader =
 
 inline constexpr const char* kReferenceHeader =
     "t_s,x_mm,y_mm,z_mm,fx_n,fy_n,fz_n,contact,gx_mm,gy_mm,gz_mm,nx,ny,nz,distance_mm,resolution_mm";
+/// Of a truth that was compared with a second reference: history_decides, 0 or 1, comes last.
+inline constexpr const char* kComparedReferenceHeader =
+    "t_s,x_mm,y_mm,z_mm,fx_n,fy_n,fz_n,contact,gx_mm,gy_mm,gz_mm,nx,ny,nz,distance_mm,resolution_mm,history";
 
 /// Header exactly kPathHeader, at least one row, finite numbers, time strictly increasing.
 [[nodiscard]] Result<ProbePath> read_path_csv(const std::string& file,
@@ -37,8 +40,8 @@ struct PathAndTrace {
 [[nodiscard]] Result<PathAndTrace> read_trace_csv(const std::string& file,
                                                   std::uint64_t max_bytes = kMemoryLimitBytes);
 
-/// The truth along a path: force, god object, normal, signed distance and local resolution of every sample.
-/// Lengths that differ are an Error.
+/// The truth along a path: force, god object, normal, signed distance and local resolution of every sample,
+/// and history_decides where that is known. Lengths that differ are an Error.
 [[nodiscard]] Status write_reference_csv(const ProbePath& path, const ReferenceTrace& reference,
                                          const std::string& file);
 

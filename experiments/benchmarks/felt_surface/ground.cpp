@@ -14,6 +14,7 @@
 #include "toolkit/cloud/generate.h"
 #include "toolkit/core/random.h"
 #include "toolkit/core/try.h"
+#include "toolkit/geometry/facet_picker.h"
 #include "toolkit/io/read_model.h"
 #include "toolkit/metrics/reference.h"
 #include "toolkit/neighbourhood/knn.h"
@@ -142,22 +143,13 @@ Result<trace::ProbePath> weave(const Ground& ground, std::size_t frames) {
 
 /// Points anywhere on the faces, even by area, with noise along the faces' normals.
 cloud::Cloud points_on_faces(const geometry::TriangleMesh& mesh, std::size_t count, double noise) {
-  std::vector<double> up_to;
-  double area = 0.0;
-  const auto normal = [&](const std::array<std::uint32_t, 3>& t) -> Vec3 {
-    return (mesh.vertices_mm[t[1]] - mesh.vertices_mm[t[0]])
-        .cross(mesh.vertices_mm[t[2]] - mesh.vertices_mm[t[0]]);
-  };
-  for (const auto& t : mesh.triangles) up_to.push_back(area += 0.5 * normal(t).norm());
-  const double sigma = noise * std::sqrt(area / static_cast<double>(count));
+  const geometry::FacetPicker picker(mesh);
+  const double sigma = noise * std::sqrt(picker.area() / static_cast<double>(count));
   Random random(kSeed);
   std::vector<Vec3> points;
   for (std::size_t i = 0; i < count; ++i) {
-    const auto at = std::upper_bound(up_to.begin(), up_to.end() - 1, random.uniform() * area);
-    const auto& t = mesh.triangles[static_cast<std::size_t>(at - up_to.begin())];
-    const double r = std::sqrt(random.uniform()), s = random.uniform();
-    points.push_back((1.0 - r) * mesh.vertices_mm[t[0]] + r * (1.0 - s) * mesh.vertices_mm[t[1]] +
-                     r * s * mesh.vertices_mm[t[2]] + random.normal() * sigma * normal(t).normalized());
+    const geometry::FacetPicker::Pick place = picker.pick(random);
+    points.push_back(place.point + random.normal() * sigma * picker.scaled_normal(place.facet).normalized());
   }
   return cloud::build_cloud(points, cloud::NonFinite::kDrop).value();
 }

@@ -37,7 +37,7 @@ ResultDocument full_document() {
   d.path_hash = "ff00112233445566";
   d.conditions = Conditions{"performance", "madvise", "avx2", "x86-64", "-O3", {{"CGAL", "5.5.1"}},
                             0.5,           1.5,       2.5,    30,       15.0,  12};
-  d.scoring = ScoreBasis{0.5, 0.055, 1e-6, {0.5, 0.25}, false};
+  d.scoring = ScoreBasis{0.5, 0.055, 1e-6, {0.5, 0.25}, false, 0.7, 0.5};
   RendererResult r;
   r.label = "smooth";
   r.name = "cloud";

@@ -76,6 +76,29 @@ TEST_F(ScoreIo, KeptAnswersOfTheSurfaceGiveTheSameScoresAgain) {
   EXPECT_FALSE(score_again(t.path, t.trace, t.reference, of_another, {}));
 }
 
+TEST_F(ScoreIo, FrictionGoesOutAndComesBack) {
+  Tiny t = wrong_trace();
+  AccuracyOptions options;
+  options.static_friction = options.dynamic_friction = 0.3;
+  AccuracyFrames frames;
+  const Result<Accuracy> first = score(t.path, t.trace, t.reference, &Tiny::half_space, options, &frames);
+  ASSERT_TRUE(first);
+  ASSERT_TRUE(first->friction_cone_percent);
+  for (const bool forces : {true, false}) {
+    if (!forces) {
+      Accuracy kept_only = *first;
+      keep_contact_scores(kept_only, frames);
+    }
+    ASSERT_TRUE(write_scores_csv(t.path, frames, in("f.csv")));
+    EXPECT_NE(text(in("f.csv")).find(",friction_ratio,pop_throughs\n"), std::string::npos);
+    const Result<AccuracyFrames> kept = read_scores_csv(t.path, in("f.csv"));
+    ASSERT_TRUE(kept) << kept.error().message();
+    EXPECT_EQ(kept->surface->friction_ratio, frames.surface->friction_ratio);
+    EXPECT_EQ(kept->surface->pop_throughs, frames.surface->pop_throughs);
+    EXPECT_EQ(kept->surface->god_object_distance_mm, frames.surface->god_object_distance_mm);
+  }
+}
+
 TEST_F(ScoreIo, ContactScoresAloneAreKeptWhereForcesCannotBeCompared) {
   const Tiny t = wrong_trace();
   AccuracyFrames frames;

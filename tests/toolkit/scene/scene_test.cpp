@@ -348,6 +348,42 @@ TEST_F(SceneOnDisk, GeneratorsLoadWithFormulaAndScale) {
   EXPECT_NEAR(loaded->input.models[0].cloud->box_mm().extent_mm().x(), 30.0, 1e-4);
 }
 
+TEST_F(SceneOnDisk, PointsAreTakenFromFacesThatNoRendererSees) {
+  const io::Readers readers;
+  const auto parsed = parse_scene(
+      "[[model]]\ngenerate = \"pebble\"\npoints = 300\nseed = 3\nsample = "
+      "\"blue:spacing=0.5:subdivide=1:seed=2\"\n",
+      "s.toml");
+  ASSERT_TRUE(parsed) << parsed.error().message();
+  const auto loaded = load(*parsed, readers, {}, no_progress());
+  ASSERT_TRUE(loaded) << loaded.error().message();
+  const render::ModelInput& model = loaded->input.models.front();
+  EXPECT_EQ(model.original_mesh, nullptr);
+  EXPECT_EQ(model.analytic, nullptr);
+  ASSERT_EQ(loaded->sampled_mesh.size(), 1u);
+  ASSERT_NE(loaded->sampled_mesh[0], nullptr);
+  EXPECT_GT(loaded->sampled_mesh[0]->triangles.size(), 2000u) << "four for one";
+  EXPECT_GT(model.cloud->size(), 2000u);
+  EXPECT_NE(loaded->provenance[0].source.find("blue:"), std::string::npos);
+  const auto other = load(*parse_scene("[[model]]\ngenerate = \"pebble\"\npoints = 300\nseed = 3\nsample = "
+                                       "\"blue:spacing=0.5:subdivide=1:seed=4\"\n",
+                                       "s.toml"),
+                          readers, {}, no_progress());
+  EXPECT_NE(other->provenance[0].content_hash, loaded->provenance[0].content_hash);
+  for (const char* bad : {"bleu", "blue:spacing=-1", "blue:views=2", "scan:sedd=1"}) {
+    const auto refused =
+        parse_scene(std::string("[[model]]\ngenerate = \"pebble\"\nsample = \"") + bad + "\"\n", "s.toml");
+    ASSERT_FALSE(refused) << bad;
+    EXPECT_EQ(refused.error().line, 3) << bad;
+  }
+  const auto without =
+      parse_scene("[[model]]\ngenerate = \"torus\"\nmesh = false\nsample = \"blue\"\n", "s.toml");
+  ASSERT_TRUE(without);
+  const auto refused = load(*without, readers, {}, no_progress());
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().what.find("no faces"), std::string::npos);
+}
+
 TEST_F(SceneOnDisk, NeitherFileNorGeneratorSaysWhatIsUnderstood) {
   const Result<SceneFile> scene = open_scene("no-such-thing");
   ASSERT_FALSE(scene.ok());

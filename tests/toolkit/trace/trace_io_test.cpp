@@ -105,6 +105,20 @@ TEST_F(TraceIo, TheTruthGoesOutAndComesBack) {
   EXPECT_EQ(bad.error().line, 2) << bad.error().message();
   EXPECT_FALSE(read_reference_csv(holding(head + "0,1,2,3,0,0,0,1,1,2,3,0,0,1,0.3\n"))) << "a field less";
   EXPECT_FALSE(read_reference_csv(holding(head))) << "no row";
+  // What was compared with a second reference says so in a column of its own.
+  EXPECT_FALSE(back->reference.compared);
+  reference.compared = true;
+  reference.frames[1].history_decides = true;
+  ASSERT_TRUE(write_reference_csv(path, reference, file("h.csv")));
+  const auto compared = read_reference_csv(file("h.csv"));
+  ASSERT_TRUE(compared) << compared.error().message();
+  EXPECT_TRUE(compared->reference.compared);
+  EXPECT_FALSE(compared->reference.frames[0].history_decides);
+  EXPECT_TRUE(compared->reference.frames[1].history_decides);
+  const std::string longer = std::string(kComparedReferenceHeader) + "\n";
+  EXPECT_FALSE(read_reference_csv(holding(longer + "0,1,2,3,0,0,0,1,1,2,3,0,0,1,0.3,0.1,2\n")));
+  EXPECT_FALSE(read_reference_csv(holding(longer + "0,1,2,3,0,0,0,1,1,2,3,0,0,1,0.3,0.1\n")))
+      << "a field less";
   reference.frames.pop_back();
   EXPECT_FALSE(write_reference_csv(path, reference, file("r.csv")));
 }

@@ -1,0 +1,228 @@
+#include "toolkit/cloud/scanner.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "toolkit/cloud/generators.h"
+#include "toolkit/core/hash.h"
+#include "toolkit/core/parallel.h"
+#include "toolkit/core/random.h"
+#include "toolkit/core/try.h"
+
+namespace palpate::cloud {
+namespace {
+
+/// The scanner's distance from the model's middle, in radii of the model.
+constexpr double kStandOff = 3.0;
+/// Rays that meet the surface flatter return nothing: the cosine of 80 degrees.
+constexpr double kGrazing = 0.17364817766693041;
+/// The cosine at which the bias is told.
+constexpr double kBiasAt = 0.5;
+/// Rays a side of the raster that first tells how much a view sees.
+constexpr std::size_t kTrialSide = 64;
+/// Ranges of neighbouring rays that differ by more spacings are of an edge, with the air behind it.
+constexpr double kEdge = 4.0;
+/// Flying points that no edge is left for hang so many spacings in front.
+constexpr double kNearestFlying = 2.0, kFarthestFlying = 10.0;
+/// Views from above stand no lower than this share of a hemisphere's height: 30 degrees over the plane.
+constexpr double kLowestAbove = 0.5;
+
+/// What a random number is for: each use has a sequence of its own.
+enum class ScanUse : std::uint64_t { kView = 11, kRay };
+Random scan_random(ScanUse use, std::uint64_t seed, std::size_t index) {
+  const std::uint64_t apart = kGolden64 * kGolden64 * (2 * static_cast<std::uint64_t>(use) + 1);
+  return Random((seed ^ apart) + kGolden64 * (index + 1));
+}
+
+/// One place of the scanner: rays go from `eye` through a raster on the plane through the model's middle.
+struct ScanView {
+  Vec3 eye, right, up, middle;
+  double half = 0.0;  ///< of the raster's side
+  [[nodiscard]] Vec3 end(double x, double y) const {
+    const Vec3 on_plane = middle + x * half * right + y * half * up;
+    return eye + 2.0 * (on_plane - eye);
+  }
+};
+
+std::vector<ScanView> views_of(const geometry::Aabb& box, bool from_above, int count) {
+  const double radius = 0.5 * box.extent_mm().norm();
+  std::vector<ScanView> views;
+  for (int i = 0; i < count; ++i) {
+    // Evenly over sphere or cap: equal heights, turned by the golden angle (Vogel 1979).
+    const double lowest = from_above ? kLowestAbove : -1.0;
+    const double z = count == 1 ? 1.0 : 1.0 - (1.0 - lowest) * (i + 0.5) / count;
+    const double turn = 2.0 * std::numbers::pi * i / std::numbers::phi, flat = std::sqrt(1.0 - z * z);
+    const Vec3 towards(flat * std::cos(turn), flat * std::sin(turn), z);
+    const Vec3 side = std::abs(towards.z()) < 0.9 ? Vec3(Vec3::UnitZ()) : Vec3(Vec3::UnitX());
+    ScanView view;
+    view.middle = box.centre_mm();
+    view.eye = view.middle + kStandOff * radius * towards;
+    view.right = side.cross(towards).normalized();
+    view.up = towards.cross(view.right);
+    // A ray that touches the ball round the model passes its middle plane so far out.
+    view.half = radius * kStandOff / std::sqrt(kStandOff * kStandOff - 1.0);
+    views.push_back(view);
+  }
+  return views;
+}
+
+struct Return {
+  Vec3 point = Vec3::Zero(), ray = Vec3::Zero();  ///< ray: unit, away from the scanner
+  double range = 0.0;                             ///< negative: nothing came back
+  double cosine = 0.0;
+};
+
+/// The raster of one view, row by row: what is there, before anything goes wrong.
+std::vector<Return> look(const FirstHit& first_hit, const ScanView& view, std::size_t side) {
+  std::vector<Return> returns(side * side);
+  parallel_chunks(side, 1, 0, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t row = begin; row < end; ++row)
+      for (std::size_t column = 0; column < side; ++column) {
+        const auto at = [side](std::size_t i) {
+          return 2.0 * (static_cast<double>(i) + 0.5) / static_cast<double>(side) - 1.0;
+        };
+        Return& r = returns[row * side + column];
+        r.range = -1.0;
+        const std::optional<geometry::SurfacePoint> hit = first_hit(view.eye, view.end(at(column), at(row)));
+        if (!hit) continue;
+        r.point = hit->point_mm;
+        r.ray = (r.point - view.eye).normalized();
+        r.cosine = -r.ray.dot(hit->normal);
+        if (r.cosine >= kGrazing) r.range = (r.point - view.eye).norm();
+      }
+  });
+  return returns;
+}
+
+std::size_t count_returns(const std::vector<Return>& returns) {
+  return static_cast<std::size_t>(
+      std::count_if(returns.begin(), returns.end(), [](const Return& r) { return r.range >= 0.0; }));
+}
+
+/// The range at `index` of a neighbour that lies behind an edge; 0 where there is none.
+double behind_edge(const std::vector<Return>& returns, std::size_t side, std::size_t index, double spacing) {
+  const std::size_t column = index % side;
+  for (const std::size_t other : {column + 1 < side ? index + 1 : index, index + side})
+    if (other < returns.size() && returns[other].range > returns[index].range + kEdge * spacing)
+      return returns[other].range;
+  return 0.0;
+}
+
+/// Errors of one view: each return's own, then the view's as a whole.
+void measure(const std::vector<Return>& returns, std::size_t side, const ScanView& view, std::uint32_t number,
+             double spacing, const ScannerOptions& o, Scanned& scanned) {
+  Random whole = scan_random(ScanUse::kView, o.seed, number);
+  const double reach = 0.5 * view.half;  // a turn by registration / reach moves the rim by about as much
+  const auto normal3 = [&whole] { return Vec3(whole.normal(), whole.normal(), whole.normal()); };
+  const Vec3 shift = o.registration * spacing * normal3() / std::sqrt(3.0);
+  const Vec3 turn = o.registration * spacing / reach * normal3() / std::sqrt(3.0);
+  const double angle = turn.norm();
+  const Eigen::AngleAxisd turned(angle, angle > 0.0 ? Vec3(turn / angle) : Vec3(Vec3::UnitZ()));
+  // Edges have more flying points than the rest, and all of the model no more than the share asked for.
+  std::size_t edges = 0;
+  for (std::size_t i = 0; i < returns.size(); ++i)
+    edges += returns[i].range >= 0.0 && behind_edge(returns, side, i, spacing) > 0.0 ? 1u : 0u;
+  const double all = static_cast<double>(count_returns(returns)), wanted = o.flying * all;
+  const double at_edge = edges > 0 ? std::min(1.0, wanted / static_cast<double>(edges)) : 0.0;
+  const double elsewhere =
+      all > static_cast<double>(edges)
+          ? std::max(0.0, wanted - static_cast<double>(edges)) / (all - static_cast<double>(edges))
+          : 0.0;
+  for (std::size_t i = 0; i < returns.size(); ++i) {
+    const Return& r = returns[i];
+    if (r.range < 0.0) continue;
+    Random random = scan_random(ScanUse::kRay, o.seed, number * returns.size() + i);
+    if (random.uniform() < o.dropout) continue;
+    double range = r.range + spacing * (o.noise * random.normal() +
+                                        o.bias * (1.0 / r.cosine - 1.0) / (1.0 / kBiasAt - 1.0));
+    const double behind = behind_edge(returns, side, i, spacing);
+    if (random.uniform() < (behind > 0.0 ? at_edge : elsewhere))
+      range = behind > 0.0 ? random.uniform(r.range, behind)
+                           : r.range - spacing * random.uniform(kNearestFlying, kFarthestFlying);
+    const Vec3 p = view.eye + range * r.ray;
+    scanned.points_mm.push_back(view.middle + turned * (p - view.middle) + shift);
+    scanned.view.push_back(number);
+  }
+}
+
+}  // namespace
+
+std::vector<OptionSpec> scanner_specs(const std::vector<OptionCondition>& only_with) {
+  return {
+      {"views", OptionKind::kInteger, "1", "places of the scanner, around the model", {}, 1, 100, only_with},
+      {"bias",
+       OptionKind::kNumber,
+       "0",
+       "ranges read longer by so many spacings at 60 degrees of incidence",
+       {},
+       -100,
+       100,
+       only_with},
+      {"dropout", OptionKind::kNumber, "0", "share of the rays that return nothing", {}, 0, 0.9, only_with},
+      {"flying",
+       OptionKind::kNumber,
+       "0",
+       "share of the points that hang in the air, behind edges first",
+       {},
+       0,
+       0.9,
+       only_with},
+      {"registration",
+       OptionKind::kNumber,
+       "0",
+       "error of each view's place and turn: standard deviation in spacings",
+       {},
+       0,
+       100,
+       only_with},
+  };
+}
+
+ScannerOptions read_scanner(const Options& options) {
+  ScannerOptions o;
+  o.views = static_cast<int>(options.integer("views"));
+  o.noise = options.number("noise");
+  o.bias = options.number("bias");
+  o.dropout = options.number("dropout");
+  o.flying = options.number("flying");
+  o.registration = options.number("registration");
+  return o;
+}
+
+Result<Scanned> scan(const FirstHit& first_hit, const geometry::Aabb& box, bool from_above,
+                     const ScannerOptions& o) {
+  const std::vector<ScanView> views = views_of(box, from_above, o.views);
+  double seen_mm2 = 0.0;
+  std::vector<bool> sees;
+  for (const ScanView& view : views) {
+    const double seen = static_cast<double>(count_returns(look(first_hit, view, kTrialSide)));
+    const double side = 2.0 * view.half / static_cast<double>(kTrialSide);
+    sees.push_back(seen > 0.0);
+    seen_mm2 += seen * side * side;
+  }
+  if (!(seen_mm2 > 0.0))
+    return Error{"the simulated scanner sees nothing of the model", "give it more views", {}, 0};
+  Scanned scanned;
+  scanned.spacing_mm = std::sqrt(seen_mm2 / o.points);
+  for (std::uint32_t i = 0; i < views.size(); ++i) {
+    if (!sees[i]) continue;
+    const double wanted = std::ceil(2.0 * views[i].half / scanned.spacing_mm);
+    if (!(wanted * wanted * static_cast<double>(views.size()) <= kMostPoints))
+      return Error{fmt::format("a scan by {} views needs {:.3g} rays each", views.size(), wanted * wanted),
+                   fmt::format("at most {} rays a model", kMostPoints),
+                   {},
+                   0};
+    const auto side = static_cast<std::size_t>(std::max(2.0, wanted));
+    measure(look(first_hit, views[i], side), side, views[i], i, scanned.spacing_mm, o, scanned);
+  }
+  if (scanned.points_mm.empty())
+    return Error{"no point of the simulated scan is left", "ask for more points, or less dropout", {}, 0};
+  return scanned;
+}
+
+}  // namespace palpate::cloud
