@@ -44,7 +44,8 @@ void declare_run(const Declaration& declare, RunArguments& run) {
   declare.text(
       "--path", run.path,
       "a file (.csv, .traj) or a generator such as weave:frames=20000:depth_mm=2; `palpate paths` lists "
-      "them with their options (default: an exploration, by the model's size)");
+      "them with their options (default: by the model's size, an exploration, or a weave where it is a "
+      "formula)");
   declare.text("--traj-columns", run.traj_columns,
                "where the numbers of a recorded path stand, columns counted from 0, and their units, such as "
                "t=0,x=1,y=2,z=3,mm_per_unit=1000 (`palpate paths` lists the keys)");
@@ -52,7 +53,8 @@ void declare_run(const Declaration& declare, RunArguments& run) {
       "--out", run.out,
       "folder for the results; made where it is missing (default: one in out/, by the model's name)");
   declare.text("--reference", run.reference,
-               "ground truth: auto, analytic, original-mesh, closest-point, none, or a mesh file or scan by name in the "
+               "ground truth: auto, analytic, original-mesh, closest-point, none, or a mesh file or scan by "
+               "name in the "
                "model's frame");
   declare.integer("--paced", run.paced, kFrames,
                   "also time so many frames at 1 kHz, with the caches warm and evicted");

@@ -23,7 +23,9 @@ constexpr double kHandMm = 300.0;           // what a desktop device reaches
 constexpr double kFarFromAHand = 10.0;      // times as large or as small
 constexpr double kClearancePerDepth = 0.2;  // as path generators have it
 constexpr double kSlowestPerFastest = 0.2;  // the same
-constexpr int kMostFolders = 1000;          // then something else is wrong
+/// An entry every 0.3 s: bounds are taken over entries.
+constexpr int kUsualPeriod = 300;
+constexpr int kMostFolders = 1000;  // then something else is wrong
 constexpr const char* kMesh = "mesh-godobject";
 
 /// Two significant digits: what a person would have typed.
@@ -103,19 +105,13 @@ std::string usual_path(const trace::PathTarget& target, int frames) {
   const double size_mm = target.box_mm.extent_mm().norm();
   const double depth_mm = std::max(kDepthPerSize * size_mm, target.spacing_mm);
   const double fastest_mm_s = kSizesPerSecond * size_mm;
+  const std::string clearance = round_text(kClearancePerDepth * depth_mm), fastest = round_text(fastest_mm_s);
+  if (target.surface != nullptr)
+    return fmt::format("weave:frames={}:depth_mm={}:clearance_mm={}:speed_mm_s={}:period_frames={}", frames,
+                       round_text(depth_mm), clearance, fastest, kUsualPeriod);
   return fmt::format("exploration:frames={}:depth_mm={}:clearance_mm={}:slowest_mm_s={}:fastest_mm_s={}",
-                     frames, round_text(depth_mm), round_text(kClearancePerDepth * depth_mm),
-                     round_text(kSlowestPerFastest * fastest_mm_s), round_text(fastest_mm_s));
-}
-
-std::string short_path(const trace::PathTarget& target, int frames) {
-  if (target.surface == nullptr) return usual_path(target, frames);
-  constexpr int kShortPeriod = 300;  // an entry every 0.3 s: bounds are taken over entries
-  const double size_mm = target.box_mm.extent_mm().norm();
-  const double depth_mm = std::max(kDepthPerSize * size_mm, target.spacing_mm);
-  return fmt::format("weave:frames={}:depth_mm={}:clearance_mm={}:speed_mm_s={}:period_frames={}", frames,
-                     round_text(depth_mm), round_text(kClearancePerDepth * depth_mm),
-                     round_text(kSizesPerSecond * size_mm), kShortPeriod);
+                     frames, round_text(depth_mm), clearance, round_text(kSlowestPerFastest * fastest_mm_s),
+                     fastest);
 }
 
 std::string size_hint(const geometry::Aabb& box_mm) {

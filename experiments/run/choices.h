@@ -13,13 +13,11 @@
 
 namespace palpate::experiments {
 
-/// An exploration of the model, as deep and as fast as its size asks for. A path generator with its options.
+/// As deep and as fast as the model's size asks for: an exploration of its points; on a formula a Lissajous
+/// curve with many entries, for an exploration also leaves the part of it that was sampled, where a formula
+/// goes on and the points do not. A path generator with its options.
 inline constexpr int kUsualFrames = 20'000;  ///< twenty seconds
 [[nodiscard]] std::string usual_path(const trace::PathTarget& target, int frames = kUsualFrames);
-
-/// The same in so few frames, for many renderers: on a formula along a Lissajous curve with many entries, for
-/// an exploration also leaves the part of it that was sampled, where there is nothing to compare.
-[[nodiscard]] std::string short_path(const trace::PathTarget& target, int frames);
 
 /// What a hand would say of a model of this size, a whole sentence with a remedy; empty where it fits a hand.
 [[nodiscard]] std::string size_hint(const geometry::Aabb& box_mm);

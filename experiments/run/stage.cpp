@@ -28,13 +28,15 @@ render::ModelInput with_truth(const scene::LoadedScene& loaded) {
 }
 
 /// The corners of a truth that is not the model's own mesh: the path follows them, so that it is one and the
-/// same however the model was sampled.
+/// same however the model was sampled. None where there are fewer of them than of points: they say too little
+/// of large faces.
 Result<std::optional<cloud::Cloud>> corners_of_truth(const render::ModelInput& truth,
                                                      const render::ModelInput& model) {
   if (truth.original_mesh == nullptr || truth.original_mesh == model.original_mesh)
     return std::optional<cloud::Cloud>();
   PALPATE_ASSIGN(cloud::Cloud corners,
                  cloud::build_cloud(truth.original_mesh->vertices_mm, cloud::NonFinite::kDrop));
+  if (corners.size() < model.cloud->size()) return std::optional<cloud::Cloud>();
   return std::optional<cloud::Cloud>(std::move(corners));
 }
 
@@ -214,9 +216,7 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
   target.world_from_model = model.world_from_model;
   if (request.path.empty())
     if (const std::string hint = size_hint(target.box_mm); !hint.empty()) stage.notes.push_back(hint);
-  const std::string named = !request.path.empty()      ? request.path
-                            : request.short_frames > 0 ? short_path(target, request.short_frames)
-                                                       : usual_path(target);
+  const std::string named = !request.path.empty() ? request.path : usual_path(target, request.usual_frames);
   Result<trace::ProbePath> path = open_path(named, request.path_columns, target, request.load.max_bytes);
   if (!path) return std::move(path).error();
   stage.path = *std::move(path);

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "experiments/run/choices.h"
 #include "experiments/run/surface_keys.h"
 #include "toolkit/core/progress.h"
 #include "toolkit/core/result.h"
@@ -33,7 +34,7 @@ struct StageRequest {
   std::string reference_file{};      ///< of kMeshFile: in the model's frame, its unit and scale
   std::string path_columns{};        ///< of a recorded path: open_path()
   SurfaceReport surfaces{};          ///< what set_surfaces() said of the scene
-  int short_frames = 0;              ///< above 0, where no path is named: short_path()
+  int usual_frames = kUsualFrames;   ///< of usual_path(), where no path is named
 };
 
 /// Every file that is read for it: the scene, its models, views and images.

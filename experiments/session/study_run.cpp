@@ -241,8 +241,7 @@ Result<CheckedRun> check_run(const RunArguments& arguments, const render::Regist
                     0,
                     truth,
                     arguments.traj_columns,
-                    *std::move(surfaces),
-                    0};
+                    *std::move(surfaces)};
   return prepared;
 }
 

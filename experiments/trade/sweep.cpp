@@ -107,7 +107,7 @@ Result<std::unique_ptr<Sweep>> Sweep::begin(const SweepArguments& arguments, con
   PALPATE_ASSIGN(const Shard shard, parse_shard(arguments.shard));
   PALPATE_ASSIGN(sweep->checked_, check_run(arguments.run, registry, context.progress));
   StageRequest& request = sweep->checked_.stage;
-  request.short_frames = kSweepFrames;
+  request.usual_frames = kSweepFrames;
   PALPATE_TRY(sweep->open_folder(arguments.run.out.empty() ? usual_folder("sweep", arguments.run.scene)
                                                            : arguments.run.out));
   PALPATE_TRY(sweep->folder_->check_not_read(files_read(request)));

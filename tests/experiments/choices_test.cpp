@@ -103,6 +103,11 @@ TEST(UsualPath, FollowsTheModelsSize) {
   target.box_mm.add(Vec3(12, 12, 6));
   target.spacing_mm = 1.0;
   EXPECT_NE(usual_path(target).find(":depth_mm=1:"), std::string::npos) << "at least a spacing";
+  const std::shared_ptr<const geometry::AnalyticSurface> formula =
+      cloud::generate(parse_named_options("sinusoid:points=121").value()).value().surface;
+  target.surface = formula.get();
+  EXPECT_EQ(parse_named_options(usual_path(target, 700)).value().name, "weave");
+  EXPECT_NE(usual_path(target, 700).find(":frames=700:"), std::string::npos);
 }
 
 class UsualFolder : public InFolder {

@@ -128,8 +128,10 @@ TEST(Manifests, TablesComeFirstAndAreChosenByNumberOrName) {
   const auto all = manifests_for("");
   ASSERT_TRUE(all.ok());
   EXPECT_EQ(all->front().id(), "table3");
-  EXPECT_EQ((*all)[all->size() - 2].id(), "behaviours");
-  EXPECT_EQ(all->back().id(), "scanner");
+  const std::vector<std::string> named = {"behaviours", "growth", "ladder", "off-vertex", "scanner"};
+  ASSERT_GT(all->size(), named.size());
+  for (std::size_t i = 0; i < named.size(); ++i)
+    EXPECT_EQ((*all)[all->size() - named.size() + i].id(), named[i]);
   EXPECT_EQ(manifests_for("growth,7").value().front().id(), "growth");
   EXPECT_FALSE(manifests_for("0").ok());
 }
