@@ -137,8 +137,8 @@ struct Accuracy {
   std::optional<double> friction_cone_percent;
   /// Median of | |F_t| / (mu_d F_n) - 1 | over frames that slip: g goes by at least half of h's way.
   std::optional<double> friction_slip_error_percent;
-  /// Percent of the frames that stick (g goes by at most a hundredth of h's way) or slip in which that agrees
-  /// with their own force: |F_t| < mu_d F_n / 2 sticks, else it slips or is about to.
+  /// Percent of the frames that stick (g goes by at most a hundredth of h's way) or slip that do what their own
+  /// force says: who sticks is inside the cone, who slips is not in its inner half, |F_t| < mu_d F_n / 2.
   std::optional<double> stick_slip_percent;
   /// Speed of g, 95th percentile, over frames with |F_t| < mu_d F_n / 2, which should stick.
   std::optional<double> stick_drift_mm_s;
