@@ -39,6 +39,8 @@ constexpr int kRootSteps = 12;
 constexpr double kRootError = 1e-5;
 /// What a HIP that came out is clear of the surface by, at least.
 constexpr double kClearOf = 0.05, kClearOfMost = 0.8;
+/// Of all directions a closed piece takes this share, or less, from outside of it.
+constexpr double kInside = 0.5;
 /// HIPs farther off cannot be counted in cubes.
 constexpr double kFar = 1e8;
 
@@ -364,10 +366,17 @@ void SmoothContact::restart(const Vec3& h_mm) noexcept {
   start_from(h_mm);
   const Vec3 h = tested_to_;
   for (std::size_t piece = 1; piece < free_side_.size(); ++piece) {
+    const ClosedPiece& closed = grid_->closed_pieces[piece - 1];
+    if (closed.outer_side != 0.0f) {
+      // Through a hole the inner side may be all that is seen.
+      const bool inside = std::abs(share_around(closed.parts, h)) > kInside;
+      free_side_[piece] = inside ? -closed.outer_side : closed.outer_side;
+      continue;
+    }
     float sum = 0.0f;
     free_side_[piece] = 0.0f;
     if (!is_far(h))
-      for (const Eigen::Vector3f& target : grid_->closed_pieces[piece - 1])
+      for (const Eigen::Vector3f& target : closed.samples)
         sum += side_seen(h, target.cast<double>(), static_cast<std::uint16_t>(piece));
     free_side_[piece] = sum > 0.0f ? 1.0f : sum < 0.0f ? -1.0f : 0.0f;
   }

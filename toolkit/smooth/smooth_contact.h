@@ -28,7 +28,7 @@ class SmoothContact {
     free_side_.assign(grid.closed_pieces.size() + 1, 0.0f);
   }
   /// A replay begins at h, on the free side of every closed piece: which that is, is found out here.
-  /// Allocates nothing; O(closed pieces x extent).
+  /// Allocates nothing; O(closed pieces x extent), and O(bricks) of those with holes.
   void restart(const Vec3& h_mm) noexcept;
   /// Free at h (local mm), which is clear of the surface.
   void start_from(const Vec3& h_mm) noexcept;
