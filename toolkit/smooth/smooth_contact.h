@@ -69,6 +69,7 @@ class SmoothContact {
                               double begin, double end, int& values, double& at,
                               std::uint16_t piece) noexcept;
   void note_free(const Vec3& h) noexcept;
+  [[nodiscard]] float side_by_share(const Vec3& h, const ClosedPiece& closed, std::uint16_t piece) noexcept;
   [[nodiscard]] float side_seen(const Vec3& h, const Vec3& target, std::uint16_t piece) noexcept;
   template <class Visit>
   static bool along(const Vec3& from, const Vec3& way, int most, double& reached, Visit&& visit) noexcept;
