@@ -43,6 +43,8 @@ constexpr double kClearOf = 0.05, kClearOfMost = 0.8;
 /// Of all directions a closed piece takes all from inside, none from outside: half way is the border, and
 /// half way to that is far enough from it not to be mistaken.
 constexpr double kInside = 0.5, kClearlyInside = 0.75;
+/// Half a spacing of the points at the default edge of a voxel.
+constexpr float kInDoubt = 0.29f;
 /// HIPs farther off cannot be counted in cubes.
 constexpr double kFar = 1e8;
 
@@ -364,6 +366,19 @@ float SmoothContact::side_seen(const Vec3& h, const Vec3& target, std::uint16_t 
   return side;
 }
 
+/// Whether a place is as near to a piece as the piece may be off where the points are few.
+bool SmoothContact::is_on(const Vec3& h, std::uint16_t piece) const noexcept {
+  const Cube cube = cube_of(h);
+  const std::uint32_t cell = grid_->cell_at(cube);
+  if (cell == CellTable::kNone) return false;
+  const std::uint32_t past = std::min(grid_->first[cell + 1], grid_->first[cell] + kMaxSmoothSheets);
+  for (std::uint32_t b = grid_->first[cell]; b < past; ++b)
+    if (grid_->bricks[b].piece == piece &&
+        std::abs(spline_value(grid_->bricks[b], place_in(cube, h))) < kInDoubt)
+      return true;
+  return false;
+}
+
 /// The free side of a closed piece with holes. Through a hole the inner side may be all that is seen: so what
 /// it takes of all directions decides, but for places that are too near for that, which are in front of what
 /// is nearest to them.
@@ -383,6 +398,7 @@ float SmoothContact::side_by_share(const Vec3& h, const ClosedPiece& closed, std
         std::swap(here, nearest[k]);
       }
   }
+  if (is_on(h, piece)) return closed.outer_side;
   float sum = 0.0f;
   for (const SurfacePart* part : nearest)
     if (part != nullptr) sum += side_seen(h, part->middle.cast<double>(), piece);

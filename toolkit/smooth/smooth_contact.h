@@ -69,6 +69,7 @@ class SmoothContact {
                               double begin, double end, int& values, double& at,
                               std::uint16_t piece) noexcept;
   void note_free(const Vec3& h) noexcept;
+  [[nodiscard]] bool is_on(const Vec3& h, std::uint16_t piece) const noexcept;
   [[nodiscard]] float side_by_share(const Vec3& h, const ClosedPiece& closed, std::uint16_t piece) noexcept;
   [[nodiscard]] float side_seen(const Vec3& h, const Vec3& target, std::uint16_t piece) noexcept;
   template <class Visit>
