@@ -7,6 +7,7 @@
 #include <bit>
 #include <cmath>
 #include <tuple>
+#include <utility>
 
 #include "toolkit/core/parallel.h"
 #include "toolkit/smooth/blend.h"
@@ -23,6 +24,9 @@ constexpr double kHalfCells = 2.0, kHalfDiagonal = 3.4641016, kHalfCellDiagonal 
 /// A cell's middle is at most half its diagonal off a surface that crosses it, where the gradient is one;
 /// with room for where it is not quite.
 constexpr double kCrossed = 1.1 * kHalfCellDiagonal;
+/// Such cells are as many as their slab's volume: of surface each stands for so much, in square voxels,
+/// however it lies.
+constexpr double kCellArea = 0.5 / kCrossed;
 /// A point has a say in whether a place of the surface is between points where it is within kTellsSpacings of
 /// its spacings of it, and at most this share of that off its tangent plane.
 constexpr double kOffPlane = 0.5;
@@ -96,6 +100,8 @@ class Baker {
     std::uint64_t code = 0;
     std::uint32_t sheet = 0;
     std::uint64_t beyond = 0;  ///< cells that the surface goes through where no points are around
+    /// Of the cells of the mask: sums of the normals, and of the places from the cube's middle, in voxels.
+    Vec3 normals = Vec3::Zero(), places = Vec3::Zero();
   };
   /// A point from the middle of a cube, and how far it tells of the surface.
   struct Near {
@@ -266,6 +272,8 @@ class Baker {
         }
       }
       brick.mask |= std::uint64_t{1} << cell;
+      out.normals += n;
+      out.places += foot * grid_.per_voxel;
     }
   }
   /// Whether some patch of the sheet has points on all sides of a place.
@@ -301,12 +309,25 @@ class Baker {
     return count >= kFewestNear && !seen.open();
   }
 
-  /// Numbers the pieces without a border; what chance left out of them is theirs.
+  struct Piece {
+    std::uint64_t cells = 0, beyond = 0, bricks = 0, seen = 0;
+    std::uint16_t number = 0;
+    std::vector<SurfacePart> parts;
+    /// What chance left out is no border.
+    [[nodiscard]] bool closed() const {
+      const double chance = kChanceShare * static_cast<double>(cells);
+      return static_cast<double>(beyond) <= std::max(chance, double{kChanceCells});
+    }
+  };
+  static SurfacePart part_of(const Made& one) {
+    const BrickGrid::Coordinate c = coordinate_of(one.code);
+    const Vec3 middle = (Vec3(c[0], c[1], c[2]) + Vec3::Constant(0.5)) * kBrickCells +
+                        one.places / std::popcount(one.brick.mask);
+    return {middle.cast<float>(), (one.normals * kCellArea).cast<float>()};
+  }
+  /// Numbers the pieces that are felt from one side: those without a border, to which belongs what chance
+  /// left out of them, and those that enclose a volume but for holes, which stay.
   void close_pieces(std::vector<std::vector<Made>>& made) {
-    struct Piece {
-      std::uint64_t cells = 0, beyond = 0, bricks = 0;
-      std::uint16_t number = 0;
-    };
     std::vector<Piece> pieces(patches_.size());
     for (const std::vector<Made>& m : made)
       for (const Made& one : m) {
@@ -314,26 +335,30 @@ class Baker {
         piece.cells += static_cast<std::uint64_t>(std::popcount(one.brick.mask));
         piece.beyond += static_cast<std::uint64_t>(std::popcount(one.beyond));
         ++piece.bricks;
+        if (one.brick.mask != 0) piece.parts.push_back(part_of(one));
       }
     for (Piece& piece : pieces) {
-      const double chance = kChanceShare * static_cast<double>(piece.cells);
-      if (piece.cells == 0 || static_cast<double>(piece.beyond) > std::max(chance, double{kChanceCells}) ||
-          grid_.closed_pieces.size() == kMostPieces)
-        continue;
-      grid_.closed_pieces.emplace_back();
+      if (piece.cells == 0 || grid_.closed_pieces.size() == kMostPieces) continue;
+      ClosedPiece closed;
+      if (!piece.closed()) {
+        closed.outer_side = outer_side(piece.parts);
+        if (closed.outer_side == 0.0f) continue;
+        closed.parts = std::move(piece.parts);
+      }
+      grid_.closed_pieces.push_back(std::move(closed));
       piece.number = static_cast<std::uint16_t>(grid_.closed_pieces.size());
     }
-    std::vector<std::uint64_t> seen(pieces.size(), 0);
     for (std::vector<Made>& m : made)
       for (Made& one : m) {
-        const Piece& piece = pieces[one.sheet];
+        Piece& piece = pieces[one.sheet];
         if (piece.number == 0) continue;
         one.brick.piece = piece.number;
+        ClosedPiece& closed = grid_.closed_pieces[piece.number - 1u];
+        if (closed.outer_side != 0.0f) continue;
         one.brick.mask |= one.beyond;
-        const std::uint64_t at = seen[one.sheet]++;
-        auto& samples = grid_.closed_pieces[piece.number - 1u];
+        const std::uint64_t at = piece.seen++;
         for (std::size_t k = 0; k < kPieceSamples; ++k)
-          if (at == piece.bricks * (2 * k + 1) / (2 * kPieceSamples)) samples[k] = place_of(one);
+          if (at == piece.bricks * (2 * k + 1) / (2 * kPieceSamples)) closed.samples[k] = place_of(one);
       }
   }
   /// The middle of some cell that the surface goes through, in voxels.

@@ -10,6 +10,7 @@
 #include "toolkit/core/large_pages.h"
 #include "toolkit/core/vec.h"
 #include "toolkit/geometry/aabb.h"
+#include "toolkit/smooth/enclosure.h"
 #include "toolkit/smooth/smooth_points.h"
 
 namespace palpate::render {
@@ -25,8 +26,7 @@ inline constexpr float kBrickUnit = static_cast<float>(kBrickReach / 32767.0);
 /// a bit for each cell, (x * 4 + y) * 4 + z, through which the surface goes and points are near.
 struct Brick {
   std::array<std::int16_t, kBrickCoefficients> distance;
-  std::uint16_t piece =
-      0;  ///< of BrickGrid::closed_pieces, from 1; 0: a sheet with borders, felt from both sides
+  std::uint16_t piece = 0;  ///< of BrickGrid::closed_pieces, from 1; 0: an open sheet, felt from both sides
   std::uint64_t mask = 0;
 };
 
@@ -132,6 +132,16 @@ struct BrickPlace {
 /// Places of a closed piece that decide, by majority, which of its sides is free.
 inline constexpr std::size_t kPieceSamples = 5;
 
+/// A piece that is felt from one side: which, is found out where a replay begins.
+struct ClosedPiece {
+  ClosedPiece() { samples.fill(Eigen::Vector3f::Zero()); }
+  /// Of one without holes places on it, in voxels: towards them it is seen which side of it is free.
+  std::array<Eigen::Vector3f, kPieceSamples> samples;
+  /// Of one with holes the sign of the distance outside, and its surface brick by brick; else 0 and none.
+  float outer_side = 0.0f;
+  std::vector<SurfacePart> parts;
+};
+
 /// All bricks of a model. Immutable and shared; local mm.
 struct BrickGrid {
   Vec3 low_mm = Vec3::Zero();  ///< corner of brick (0, 0, 0)
@@ -142,12 +152,14 @@ struct BrickGrid {
   std::vector<std::uint32_t> first;  ///< brick of each cell, and one more
   LargeVector<Brick> bricks;
   geometry::Aabb box_mm;  ///< of the points
-  /// Of each closed piece places on it, in voxels: towards them it is seen which side of it is free.
-  std::vector<std::array<Eigen::Vector3f, kPieceSamples>> closed_pieces;
+  std::vector<ClosedPiece> closed_pieces;
 
   using Coordinate = std::array<std::int32_t, 3>;
   [[nodiscard]] std::size_t bytes() const noexcept {
-    return table.bytes() + first.capacity() * sizeof(std::uint32_t) + bricks.capacity() * sizeof(Brick);
+    std::size_t parts = 0;
+    for (const ClosedPiece& piece : closed_pieces) parts += piece.parts.capacity();
+    return table.bytes() + first.capacity() * sizeof(std::uint32_t) + bricks.capacity() * sizeof(Brick) +
+           closed_pieces.capacity() * sizeof(ClosedPiece) + parts * sizeof(SurfacePart);
   }
   /// Of every brick. O(bricks).
   [[nodiscard]] std::vector<Coordinate> cubes_of_bricks() const;

@@ -28,7 +28,7 @@ class SmoothContact {
     free_side_.assign(grid.closed_pieces.size() + 1, 0.0f);
   }
   /// A replay begins at h, on the free side of every closed piece: which that is, is found out here.
-  /// Allocates nothing; O(closed pieces x extent).
+  /// Allocates nothing; O(closed pieces x extent), and O(bricks) of those with holes.
   void restart(const Vec3& h_mm) noexcept;
   /// Free at h (local mm), which is clear of the surface.
   void start_from(const Vec3& h_mm) noexcept;
@@ -69,6 +69,8 @@ class SmoothContact {
                               double begin, double end, int& values, double& at,
                               std::uint16_t piece) noexcept;
   void note_free(const Vec3& h) noexcept;
+  [[nodiscard]] bool is_on(const Vec3& h, std::uint16_t piece) const noexcept;
+  [[nodiscard]] float side_by_share(const Vec3& h, const ClosedPiece& closed, std::uint16_t piece) noexcept;
   [[nodiscard]] float side_seen(const Vec3& h, const Vec3& target, std::uint16_t piece) noexcept;
   template <class Visit>
   static bool along(const Vec3& from, const Vec3& way, int most, double& reached, Visit&& visit) noexcept;

@@ -66,9 +66,12 @@ Result<std::shared_ptr<const SmoothSurface>> build_surface(const cloud::Cloud& c
   out->patches = cover.patches.size();
   out->left_out = cover.left_out;
   report.bytes += out->grid.bytes();
-  phases.note(fmt::format("smooth surface: {} patches in {} bricks, {} closed; {} points stand alone",
-                          out->patches, out->grid.bricks.size(), out->grid.closed_pieces.size(),
-                          out->left_out));
+  const auto& closed = out->grid.closed_pieces;
+  const auto holed = std::count_if(closed.begin(), closed.end(),
+                                   [](const ClosedPiece& piece) { return piece.outer_side != 0.0f; });
+  phases.note(fmt::format(
+      "smooth surface: {} patches in {} bricks, {} closed, {} of them but for holes; {} points stand alone",
+      out->patches, out->grid.bricks.size(), closed.size(), holed, out->left_out));
   if (out->grid.bricks.empty())
     phases.warn("The points make no surface: nothing is felt. Check the file and its unit, or take cloud.");
   return std::shared_ptr<const SmoothSurface>(std::move(out));
