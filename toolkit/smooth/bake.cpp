@@ -241,7 +241,8 @@ class Baker {
     int sum = 0;
     for (int corner = 0; corner < 8; ++corner) {
       const int x = cell[0] + 1 + corner / 4, y = cell[1] + 1 + corner / 2 % 2, z = cell[2] + 1 + corner % 2;
-      sum += brick.distance[static_cast<std::size_t>((x * kBrickNodes + y) * kBrickNodes + z)];
+      const int node = (x * kBrickNodes + y) * kBrickNodes + z;
+      sum += brick.distance[static_cast<std::size_t>(node)];
     }
     return kBrickUnit * 0.125f * static_cast<float>(sum);
   }

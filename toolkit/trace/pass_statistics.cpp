@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 
 #include "toolkit/core/bootstrap.h"
@@ -133,7 +134,7 @@ FrameStatistics statistics_of(const PassTimes& times, const Set& set,
   } else {
     const Sums wall = sums_of(times, set, &StretchTime::wall_ns);
     const double mean = median_mean_ns(wall);
-    const RunTime run{static_cast<std::int64_t>(mean * static_cast<double>(frames) + 0.5), frames};
+    const RunTime run{std::llround(mean * static_cast<double>(frames)), frames};
     s = frame_statistics(std::move(own), std::span(&run, 1), times.clock_overhead_ns);
     s.mean_interval_us = mean_interval(wall);
     constexpr double kMedian = 50.0, kTail = 99.9;
