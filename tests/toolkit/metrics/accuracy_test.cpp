@@ -117,6 +117,18 @@ TEST(Accuracy, DirectionOverFramesOfTrueForceAndLostOnesCount) {
   EXPECT_NEAR(*a->direction_max_deg, 180.0, 1e-12);
 }
 
+TEST(Accuracy, ForcesAboutTheFloorAreNotLost) {
+  const double floor = AccuracyOptions{}.floor_n();
+  Tiny t;
+  t.add(1.0);
+  // At 0.5 N/mm the true force is a hundredth above the floor, the rendered a hundredth below.
+  const double depth = 1.01 * floor / AccuracyOptions{}.stiffness_n_per_mm;
+  t.add(-depth).force_n = {0.0, 0.0, 0.99 * floor};
+  EXPECT_NEAR(*t.scored()->direction_max_deg, 0.0, 1e-9);
+  t.add(-depth).force_n = {0.0, 0.0, 1e-9};  // what nobody feels is no direction
+  EXPECT_EQ(*t.scored()->direction_max_deg, 180.0);
+}
+
 TEST(Accuracy, DirectionKeepsSmallAngles) {
   Tiny t;
   t.add(1.0);
