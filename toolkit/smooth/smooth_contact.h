@@ -55,6 +55,8 @@ class SmoothContact {
 
   [[nodiscard]] static BrickPlace place_in(const Cube& cube, const Vec3& at) noexcept;
   [[nodiscard]] static Cube cube_of(const Vec3& at) noexcept;
+  /// Too far off to be counted in cubes, or not finite.
+  [[nodiscard]] static bool is_far(const Vec3& at) noexcept;
   /// The brick and jet at a place of the surface held; false where it has none.
   [[nodiscard]] bool look(const Vec3& at, Cube& cube, std::uint32_t& brick, float& side,
                           Jet& jet) const noexcept;
