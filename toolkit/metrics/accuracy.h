@@ -137,7 +137,7 @@ struct Accuracy {
   std::optional<double> friction_cone_percent;
   /// Median of | |F_t| / (mu_d F_n) - 1 | over frames that slip: g goes by at least half of h's way.
   std::optional<double> friction_slip_error_percent;
-  /// Percent of the frames that stick (g goes by at most a hundredth of h's way) or slip that do what their own
+  /// Percent of the frames that stick (g goes by at most a hundredth of h's way) or slip that do what their
   /// force says: who sticks is inside the cone, who slips is not in its inner half, |F_t| < mu_d F_n / 2.
   std::optional<double> stick_slip_percent;
   /// Speed of g, 95th percentile, over frames with |F_t| < mu_d F_n / 2, which should stick.
