@@ -28,15 +28,16 @@ render::ModelInput with_truth(const scene::LoadedScene& loaded) {
 }
 
 /// The corners of a truth that is not the model's own mesh: the path follows them, so that it is one and the
-/// same however the model was sampled. None where there are fewer of them than of points: they say too little
-/// of large faces.
+/// same however the model was sampled. None where they are too few to be explored: a box has eight.
 Result<std::optional<cloud::Cloud>> corners_of_truth(const render::ModelInput& truth,
                                                      const render::ModelInput& model) {
   if (truth.original_mesh == nullptr || truth.original_mesh == model.original_mesh)
     return std::optional<cloud::Cloud>();
   PALPATE_ASSIGN(cloud::Cloud corners,
                  cloud::build_cloud(truth.original_mesh->vertices_mm, cloud::NonFinite::kDrop));
-  if (corners.size() < model.cloud->size()) return std::optional<cloud::Cloud>();
+  constexpr std::size_t kFewestCorners =
+      256;  // sixteen balls of the sixteen points that a plane is fitted to
+  if (corners.size() < kFewestCorners) return std::optional<cloud::Cloud>();
   return std::optional<cloud::Cloud>(std::move(corners));
 }
 

@@ -117,7 +117,7 @@ void score_direction(const Input& in, Accuracy& a) {
   for (std::size_t i = 0; i < in.frames.size(); ++i) {
     if (!in.in_g(i) || in.wanted(i).norm() < a.floor_n) continue;
     // Lost is what is missed: two forces about the floor, one just above and one just below, are as one.
-    const Vec3 rendered = in.rendered(i);
+    const Vec3& rendered = in.rendered(i);
     const bool missed = rendered.norm() < a.floor_n && (rendered - in.wanted(i)).norm() >= a.floor_n;
     const bool lost = !felt(rendered) || missed;
     angles.push_back(lost ? kLostDeg : angle_deg(in.rendered(i), in.wanted(i)));

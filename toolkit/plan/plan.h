@@ -25,8 +25,8 @@ struct Plan {
                                      const render::Registry& registry, const render::PrepareContext& context);
 
 /// The renderer a scene takes where nobody names one: `heightfield` for one height field as `info` and the
-/// renderer define it (cloud/height_field_holes.h), else `cloud`; `cloud-smooth` for one model whose points are
-/// so noisy, for their spacing and its stiffness, that it is felt. O(n log n).
+/// renderer define it (cloud/height_field_holes.h), else `cloud`; `cloud-smooth` for one model whose points
+/// are so noisy, for their spacing and its stiffness, that it is felt. O(n log n).
 [[nodiscard]] render::Decision choose_renderer(const render::SceneInput& scene,
                                                const render::PrepareContext& context = {});
 
