@@ -16,8 +16,9 @@ namespace {
 constexpr double kLooksPerDetail = 4.0, kLooksPerStep = 0.5;
 // Towards an end of the surface the HIP is no deeper than its distance from there times this: 45 degrees.
 constexpr double kRise = 1.0;
-// Places tried before it is said that the curve meets no surface.
-constexpr std::size_t kMostLooks = 1'000'000;
+// Places tried before it is said that the curve meets no surface: a surface that fills a hundred-thousandth
+// of the box is met.
+constexpr std::size_t kMostLooks = 200'000;
 // Places a side of the lattice on which nearest_seen() looks.
 constexpr int kLattice = 64;
 
