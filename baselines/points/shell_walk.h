@@ -34,6 +34,20 @@ struct Shells {
   bool tapered = true;  ///< points fade away at r3; else all count the same
 };
 
+/// Whether the force counts from the proxy, as in the sources, or from the surface that its sphere touches.
+inline OptionSpec offset_spec() {
+  return {"offset",
+          OptionKind::kChoice,
+          "removed",
+          "the distance that the proxy stays off the points: removed (the HIP is a point) or kept, as in the "
+          "source (the tool is a sphere)",
+          {"removed", "kept"}};
+}
+inline render::Decision said_offset(bool kept) {
+  return kept ? render::Decision{"offset", "kept", "as given: the tool has the proxy's size", true}
+              : render::Decision{"offset", "removed", "the HIP is a point"};
+}
+
 /// Belongs to one thread. The points and their scales must outlive it and not move; the frame functions
 /// allocate nothing.
 template <class Grid>

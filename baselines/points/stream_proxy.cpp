@@ -72,12 +72,7 @@ std::vector<OptionSpec> StreamProxy::specs() {
        "tapered",
        "of the points within r3: equal, as in the source, or falling to 0 at r3",
        {"tapered", "equal"}},
-      {"offset",
-       kChoice,
-       "removed",
-       "the distance that the proxy stays off the points: removed (the HIP is a point) or kept, as in the "
-       "source (the tool is a sphere)",
-       {"removed", "kept"}},
+      offset_spec(),
   };
 }
 
@@ -110,9 +105,7 @@ Status StreamProxy::decide(StreamProxy& model, const render::ModelInput& input, 
   out.decisions.push_back(model.shells_.tapered
                               ? render::Decision{"weights", "tapered", "points fade in and out"}
                               : render::Decision{"weights", "equal", "as given: the source's", true});
-  out.decisions.push_back(
-      model.felt_offset_ ? render::Decision{"offset", "kept", "as given: the tool has the proxy's size", true}
-                         : render::Decision{"offset", "removed", "the HIP is a point"});
+  out.decisions.push_back(said_offset(model.felt_offset_));
   say_grid(*input.cloud, spacing, model.shells_.r3, out);
   // The grid follows points that move; only where some do, their places are kept.
   out.decisions.push_back(input.moves != nullptr

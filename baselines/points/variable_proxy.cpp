@@ -34,7 +34,7 @@ class VariableProxy : public RivalModel {
                                    "Kumari, Sreeni and Chaudhuri 2013 and 2020, from public descriptions; "
                                    "density by the eighth neighbour, "
                                    "steps, offset: ours",
-                                   3.0, 1'500.0};
+                                   3.7, 333.0};  // sinusoid of a million
   static constexpr bool kGodObject = true;
   static std::vector<OptionSpec> specs();
   static Status decide(VariableProxy& model, const render::ModelInput& input, const Options& options,
@@ -74,12 +74,7 @@ std::vector<OptionSpec> VariableProxy::specs() {
        0.1,
        16.0},
       {"ratio", kNumber, "16", "the largest radius over the smallest, at most", {}, 1.0, 64.0},
-      {"offset",
-       kChoice,
-       "removed",
-       "the distance that the proxy stays off the points: removed (the HIP is a point) or kept, as in the "
-       "source (the tool is a sphere)",
-       {"removed", "kept"}},
+      offset_spec(),
   };
 }
 
@@ -100,9 +95,7 @@ Status VariableProxy::decide(VariableProxy& model, const render::ModelInput& inp
                            fmt::format("{:.4g} to {:.4g} mm", model.least_ * radius, model.most_ * radius),
                            fmt::format("{:.3g} local spacings, by the {}", options.number("radius"),
                                        gaps.lines ? "nearest in eight directions" : "eighth neighbour")});
-  out.decisions.push_back(
-      model.felt_offset_ ? render::Decision{"offset", "kept", "as given: the tool has the proxy's size", true}
-                         : render::Decision{"offset", "removed", "the HIP is a point"});
+  out.decisions.push_back(said_offset(model.felt_offset_));
   say_grid(*input.cloud, gaps.spacing_mm, model.shells_.r3, out);
   out.bytes += sizeof(float) * out.points + NearPoints<Grid>::bytes_for(true);
   return Done{};
