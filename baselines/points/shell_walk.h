@@ -85,6 +85,7 @@ class ShellWalk {
     return answer;
   }
   [[nodiscard]] std::size_t bytes() const noexcept { return near_.bytes(); }
+  [[nodiscard]] double reach_mm() const noexcept { return near_.reach_mm(); }
 
  private:
   /// What the points around a place say.
