@@ -48,7 +48,7 @@ class SdfGodobject : public RivalModel {
       "sdf-godobject", "a god object on the zero set of a narrow-band distance grid made from the points",
       "OpenVDB grids (Museth 2013); distances to planes of points after Hoppe et al. 1992; god object after "
       "Zilles and Salisbury 1995: as put together here, ours",
-      0.30, 41'000.0};  // sinusoid of a million
+      0.30, 3'300.0};  // sinusoid of a million
   static constexpr bool kGodObject = true;
   static std::vector<OptionSpec> specs();
   static Status decide(SdfGodobject& model, const render::ModelInput& input, const Options& options,

@@ -9,6 +9,7 @@
 #include <limits>
 #include <memory>
 #include <span>
+#include <string>
 
 #include "baselines/points/near_points.h"
 #include "baselines/points/rival.h"
@@ -19,6 +20,15 @@ namespace palpate::baselines {
 /// Steps of the proxy in a frame, at most; the rest is done in the next frame. In contact a frame takes 1 to
 /// 4.
 inline constexpr int kMaxShellSteps = 32;
+inline OptionSpec shell_steps_spec() {
+  return {"walk_steps",
+          OptionKind::kInteger,
+          std::to_string(kMaxShellSteps),
+          "steps of the proxy in a frame, at most; what is left is done in the next",
+          {},
+          4,
+          1024};
+}
 /// A step along the surface is at most this share of r1: what is at least r1 away stays on its side.
 inline constexpr double kShellStep = 0.5;
 /// At rest where the pull along the surface is below this share of the pull: a twentieth of a degree.
@@ -63,6 +73,7 @@ class ShellWalk {
         most_(most),
         near_(points, shells.r3, stride_, scale, most) {}
 
+  void bound_steps(int most) noexcept { most_steps_ = most; }
   void let_go(const Vec3& h) noexcept {
     at_ = h;
     near_.forget();
@@ -108,6 +119,7 @@ class ShellWalk {
   Vec3 at_ = Vec3::Zero();
   Around around_;
   bool touching_ = false;
+  int most_steps_ = kMaxShellSteps;
 };
 
 template <class Grid>
@@ -170,7 +182,7 @@ Flight ShellWalk<Grid>::fly_to(const Vec3& h) const noexcept {
 
 template <class Grid>
 bool ShellWalk<Grid>::walk(const Vec3& h, render::FrameCounters& counters) noexcept {
-  for (int step = 0; step < kMaxShellSteps; ++step) {
+  for (int step = 0; step < most_steps_; ++step) {
     ++counters.walk_steps;
     if (!near_.fetch(at_)) return false;
     around_ = look(at_);

@@ -48,6 +48,7 @@ class StreamProxy : public RivalModel {
   std::unique_ptr<ShellWalk<Grid>> walk_;
   Shells shells_;
   bool felt_offset_ = false;
+  int walk_steps_ = kMaxShellSteps;
   // Of clouds that move.
   std::shared_ptr<render::MoveReader> moves_;
   std::shared_ptr<const cloud::Cloud> original_;
@@ -74,6 +75,7 @@ std::vector<OptionSpec> StreamProxy::specs() {
        "of the points within r3: equal, as in the source, or falling to 0 at r3",
        {"tapered", "equal"}},
       offset_spec(),
+      shell_steps_spec(),
   };
 }
 
@@ -99,6 +101,7 @@ Status StreamProxy::decide(StreamProxy& model, const render::ModelInput& input, 
                  0};
   model.shells_.tapered = options.text("weights") == "tapered";
   model.felt_offset_ = options.text("offset") == "kept";
+  model.walk_steps_ = static_cast<int>(options.integer("walk_steps"));
   out.decisions.push_back(
       {"shells",
        fmt::format("{:.4g}, {:.4g} and {:.4g} mm", model.shells_.r1, model.shells_.r2, model.shells_.r3),
@@ -126,6 +129,7 @@ Status StreamProxy::prepare(StreamProxy& model, const render::ModelInput& input,
   grid.cell_mm = model.shells_.r3;
   model.points_ = build_points_in<Grid>(*input.cloud, grid, context.threads);
   model.walk_ = std::make_unique<ShellWalk<Grid>>(model.points_, model.shells_);
+  model.walk_->bound_steps(model.walk_steps_);
   // Points that are moved from outside all stay.
   const double reach = model.walk_->reach_mm();
   if (input.moves == nullptr &&
@@ -155,7 +159,7 @@ std::string StreamProxy::work_bound() const {
       "at most {} steps over at most {} points at hand, found in at most 64 cells each time the proxy is "
       "half "
       "r1 further; flights of at most {} pieces of {:.0f} cells",
-      kMaxShellSteps, kMaxNear, kMaxPieces, kPieceCells);
+      walk_steps_, kMaxNear, kMaxPieces, kPieceCells);
 }
 
 void StreamProxy::restart(const Vec3& h) noexcept {

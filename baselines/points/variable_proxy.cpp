@@ -60,6 +60,7 @@ class VariableProxy : public RivalModel {
   std::unique_ptr<ShellWalk<Grid>> walk_;
   Shells shells_;  ///< at scale 1
   bool felt_offset_ = false;
+  int walk_steps_ = kMaxShellSteps;
   double least_ = 1.0, most_ = 1.0;  ///< of the scales; this and what follows: for preparation
   double spacing_mm_ = 0.0;
   bool lines_ = false;
@@ -77,6 +78,7 @@ std::vector<OptionSpec> VariableProxy::specs() {
        16.0},
       {"ratio", kNumber, "16", "the largest radius over the smallest, at most", {}, 1.0, 64.0},
       offset_spec(),
+      shell_steps_spec(),
   };
 }
 
@@ -92,6 +94,7 @@ Status VariableProxy::decide(VariableProxy& model, const render::ModelInput& inp
   const double radius = options.number("radius") * gaps.spacing_mm;
   model.shells_ = {radius, kTouchRadii * radius, kNormalRadii * radius, true};
   model.felt_offset_ = options.text("offset") == "kept";
+  model.walk_steps_ = static_cast<int>(options.integer("walk_steps"));
   say_gaps(gaps, out);
   out.decisions.push_back({"proxy",
                            fmt::format("{:.4g} to {:.4g} mm", model.least_ * radius, model.most_ * radius),
@@ -163,6 +166,7 @@ Status VariableProxy::prepare(VariableProxy& model, const render::ModelInput& in
   const auto [least, most] = std::minmax_element(scale.begin(), scale.end());
   model.walk_ = std::make_unique<ShellWalk<Grid>>(model.points_, model.shells_, model.scale_,
                                                   static_cast<double>(*least), static_cast<double>(*most));
+  model.walk_->bound_steps(model.walk_steps_);
   phases.end();
   report.bytes += model.points_.bytes() + model.scale_.capacity() * sizeof(float) + model.walk_->bytes();
   report.notes.push_back(fmt::format("radii {:.4g} to {:.4g} mm",
@@ -176,7 +180,7 @@ std::string VariableProxy::work_bound() const {
       "at most {} steps over at most {} points at hand, found in the cells within the largest radius each "
       "time the proxy is half the smallest further (all their points are looked at: the fullest cell holds "
       "{}); flights of at most {} pieces of {:.0f} cells",
-      kMaxShellSteps, kMaxNear, points_.points.empty() ? 0 : points_.grid.max_points_per_cell(), kMaxPieces,
+      walk_steps_, kMaxNear, points_.points.empty() ? 0 : points_.grid.max_points_per_cell(), kMaxPieces,
       kPieceCells);
 }
 

@@ -42,7 +42,7 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
             "eight boxes and {} triangles; what is left is done in the next; of models touched at once the "
             "{} deepest; where points move, {} of a dent or {} of a batch, {} new ones and {} blocks of the "
             "tree",
-            stars::kMaxFacetMoves, stars::kMaxFlights, stars::kMaxNodes, stars::kMaxTested, kMaxTouched,
+            walk_steps(), stars::kMaxFlights, stars::kMaxNodes, stars::kMaxTested, kMaxTouched,
             kMaxMovedPoints, kMaxBatch, kMaxInferredPoints, stars::kMaxRefitBlocks),
         options_};
   }
@@ -64,6 +64,7 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
     return said(input, *surface);
   }
   [[nodiscard]] int levels_asked() const { return static_cast<int>(options_.integer("refine")); }
+  [[nodiscard]] int walk_steps() const { return static_cast<int>(options_.integer("walk_steps")); }
   /// Where points move every corner has to be one of them: who moves them knows no others.
   [[nodiscard]] int levels_of(const ModelInput& input) const { return is_moving(input) ? 0 : levels_asked(); }
   static Error no_points() {
@@ -113,6 +114,7 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
     report.bytes += made->surface.bytes();
     if (made->moving != nullptr) prepare_giving_way(input, context, *made, report);
     made->contact.attach(mesh, made->geometry->tree);
+    made->contact.bound_moves(walk_steps());
     report.decisions.models.push_back(said(input, made->surface));
     models_.add(std::move(made));
     return Done{};

@@ -1,5 +1,7 @@
 #include "toolkit/renderers/cloud_renderer.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -8,6 +10,7 @@
 #include "toolkit/renderers/cloud_on_stars.h"
 #include "toolkit/renderers/cloud_on_vertices.h"
 #include "toolkit/stars/refine.h"
+#include "toolkit/stars/star_walk.h"
 
 namespace palpate::render {
 namespace {
@@ -67,6 +70,16 @@ RendererInfo cloud_info() {
                           0.0,
                           static_cast<double>(stars::kMostRefined),
                           {{"surface", {"auto", "stars"}}}});
+  info.options.push_back(
+      {"walk_steps",
+       OptionKind::kInteger,
+       fmt::format("{}", stars::kMaxFacetMoves),
+       "moves of the god object from facet to facet in a frame, at most; what is left is done "
+       "in the next",
+       {},
+       16.0,
+       4096.0,
+       {{"surface", {"auto", "stars"}}}});
   info.make = [](const Options& options) {
     return asks_vertices(options) ? make_cloud_on_vertices(options) : make_cloud_on_stars(options);
   };

@@ -19,7 +19,10 @@ class SmoothModel {
   struct Memory {};
   static constexpr bool kComposed = true;
 
-  explicit SmoothModel(SmoothBody body) : body_(std::move(body)) { contact_.attach(body_.smooth->grid); }
+  SmoothModel(SmoothBody body, int most_steps) : body_(std::move(body)) {
+    contact_.attach(body_.smooth->grid);
+    contact_.bound_steps(most_steps);
+  }
   SmoothModel(const SmoothModel&) = delete;  // the contact points into the bricks
   SmoothModel& operator=(const SmoothModel&) = delete;
 
@@ -106,12 +109,14 @@ class CloudSmooth final : public BoxedShellRenderer<SmoothModel> {
             fmt::format(
                 "a model near the HIP: {} steps of the god object, {} values along the HIP's segment of {} "
                 "cubes, {} sheets a cube, {} entries a frame; what is left is done in the next",
-                kMaxNewtonSteps, kMaxSegmentValues, kMaxSegmentCubes, kMaxSmoothSheets, kMaxSmoothEntries),
+                walk_steps(), kMaxSegmentValues, kMaxSegmentCubes, kMaxSmoothSheets, kMaxSmoothEntries),
             options_};
   }
 
  private:
   [[nodiscard]] SmoothBuild build() const { return {options_.number("detail"), options_.number("voxel")}; }
+
+  [[nodiscard]] int walk_steps() const { return static_cast<int>(options_.integer("walk_steps")); }
 
   Result<ModelDecisions> decide_model(const ModelInput& input, const PrepareContext& context) const override {
     const Result<SmoothDecision> decided = decide_smooth(input, build(), context);
@@ -132,7 +137,7 @@ class CloudSmooth final : public BoxedShellRenderer<SmoothModel> {
       if (!built) return std::move(built).error();
       report.decisions.models.push_back(said(input, built->decided()));
       report.notes.push_back(note_of(report.decisions.models.back().decisions.front()));
-      models_.add(std::make_unique<SmoothModel>(*std::move(built)));
+      models_.add(std::make_unique<SmoothModel>(*std::move(built), walk_steps()));
     }
     return Done{};
   }
@@ -163,7 +168,14 @@ RendererInfo cloud_smooth_info() {
        "memory",
        {},
        0.5,
-       8.0}};
+       8.0},
+      {"walk_steps",
+       OptionKind::kInteger,
+       fmt::format("{}", kMaxNewtonSteps),
+       "steps of the god object in a frame, at most; what is left is done in the next",
+       {},
+       4.0,
+       256.0}};
   info.make = [](const Options& options) { return std::make_unique<CloudSmooth>(options); };
   return info;
 }

@@ -248,7 +248,7 @@ bool SmoothContact::update_slowly(const Vec3& h, FrameCounters& counters) noexce
     start_from(grid_->low_mm + h * grid_->voxel_mm);
     return false;
   }
-  int steps = kMaxNewtonSteps, values = kMaxSegmentValues;
+  int steps = most_steps_, values = kMaxSegmentValues;
   for (int entry = 0; entry < kMaxSmoothEntries; ++entry) {
     if (contact_) {
       switch (descend(h, steps, counters)) {

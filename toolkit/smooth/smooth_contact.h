@@ -40,6 +40,8 @@ class SmoothContact {
     return piece < free_side_.size() ? free_side_[piece] : 0.0f;
   }
   [[nodiscard]] bool contact() const noexcept { return contact_; }
+  /// Steps of the god object in a frame, at most; what is left is done in the next.
+  void bound_steps(int most) noexcept { most_steps_ = most; }
   [[nodiscard]] bool bound_hit() const noexcept { return bound_hit_; }
   /// In contact, local mm.
   [[nodiscard]] Vec3 god_object_mm() const noexcept { return grid_->low_mm + god_ * grid_->voxel_mm; }
@@ -79,6 +81,7 @@ class SmoothContact {
 
   const BrickGrid* grid_ = nullptr;
   bool contact_ = false;
+  int most_steps_ = kMaxNewtonSteps;
   bool bound_hit_ = false;
   // In contact.
   Vec3 god_ = Vec3::Zero();

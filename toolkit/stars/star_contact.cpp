@@ -107,10 +107,10 @@ bool StarContact::cross(const Vec3& h, FacetFrame::Weights weights, StarCounters
 }
 
 bool StarContact::follow(const Vec3& h, StarCounters& counters) noexcept {
-  int moves = kMaxFacetMoves;
+  int moves = most_moves_;
   const std::array<std::uint32_t, 3> before = stand_.facet.place;
   const bool finished = descend(*mesh_, h, stand_, moves);
-  counters.moves += static_cast<std::uint64_t>(kMaxFacetMoves - moves);
+  counters.moves += static_cast<std::uint64_t>(most_moves_ - moves);
   if (stand_.facet.place != before || !framed_) {
     frame_ = FacetFrame(stand_.facet, side_);
     framed_ = true;

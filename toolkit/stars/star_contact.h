@@ -90,6 +90,8 @@ class StarContact {
       others_[i].stand.facet = Facet(*mesh_, standing(corner[0]), standing(corner[1]), standing(corner[2]));
     }
   }
+  /// Moves of the god object from facet to facet in a frame, at most; what is left is done in the next.
+  void bound_moves(int most) noexcept { most_moves_ = most; }
   [[nodiscard]] bool contact() const noexcept { return contact_; }
   [[nodiscard]] bool bound_hit() const noexcept { return bound_hit_; }
   [[nodiscard]] const Vec3& pull() const noexcept { return pull_; }
@@ -163,6 +165,7 @@ class StarContact {
   const StarTree* tree_ = nullptr;
   std::vector<double> free_side_;  ///< of each closed piece
   bool contact_ = false;
+  int most_moves_ = kMaxFacetMoves;
   bool bound_hit_ = false;
   double side_ = 1.0;
   Vec3 pull_ = Vec3::Zero();
