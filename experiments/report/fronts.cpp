@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
+#include <set>
 
 namespace palpate::experiments {
 namespace {
@@ -36,7 +38,117 @@ std::string numbers_beside(const std::vector<FrontPoint>& front) {
   return commands;
 }
 
+struct KindLook {
+  Kind kind;
+  const char *label, *beaten, *colour, *pale, *dash;  ///< the dash stands for a shape
+};
+constexpr KindLook kKindLooks[] = {
+    {Kind::kPoints, "points: best of", "other points", "#0072b2", "#b9d7ea", ""},
+    {Kind::kMesh, "meshes: best of", "other meshes", "#d55e00", "#f3cfb5", "(10,5)"},
+    {Kind::kField, "distance grids: best of", "other distance grids", "#009e73", "#b5e2d4", "(3,4)"},
+    {Kind::kHeights, "height fields: best of", "other height fields", "#555555", "#cccccc", "(1,1)"},
+};
+
+/// What nothing of its kind beats in both numbers, the most accurate first.
+std::vector<FrontPoint> front_of(std::vector<FrontPoint> points) {
+  for (FrontPoint& point : points)
+    point.on_front = std::none_of(points.begin(), points.end(), [&](const FrontPoint& other) {
+      return other.error <= point.error && other.cost <= point.cost &&
+             (other.error < point.error || other.cost < point.cost);
+    });
+  return numbered(std::move(points));
+}
+
+Series marks_of(const std::vector<FrontPoint>& points, const std::string& label, const char* colour,
+                const char* dash, bool with_bars) {
+  Series series{label, colour, {}, {}, dash};
+  for (const FrontPoint& point : points) {
+    const double x = drawn_error(point.error);
+    series.x.push_back(x);
+    series.y.push_back(point.cost);
+    series.bars.push_back(with_bars
+                              ? Series::Bars{drawn_error(point.error_low), drawn_error(point.error_high),
+                                             point.cost_low, point.cost_high}
+                              : Series::Bars{x, x, point.cost, point.cost});
+  }
+  return series;
+}
+
+/// Each renderer's name once a front, beside its most accurate point there, where no other name stands within
+/// some letters of it: of a picture, a seventh across and a twentieth upwards.
+std::string names_beside(const std::vector<std::vector<FrontPoint>>& fronts,
+                         const std::vector<KindPoint>& all) {
+  constexpr double kAcross = 0.14, kUp = 0.05;
+  double left = HUGE_VAL, right = -HUGE_VAL, low = HUGE_VAL, high = -HUGE_VAL;
+  for (const KindPoint& one : all) {
+    left = std::min(left, std::log(drawn_error(one.point.error)));
+    right = std::max(right, std::log(drawn_error(one.point.error)));
+    low = std::min(low, std::log(one.point.cost));
+    high = std::max(high, std::log(one.point.cost));
+  }
+  std::string commands;
+  std::vector<std::pair<double, double>> placed;
+  for (const std::vector<FrontPoint>& front : fronts) {
+    std::set<std::string> named;
+    for (const FrontPoint& point : front) {
+      const double x = (std::log(drawn_error(point.error)) - left) / std::max(right - left, 1e-9),
+                   y = (std::log(point.cost) - low) / std::max(high - low, 1e-9);
+      const bool free = std::none_of(placed.begin(), placed.end(), [&](const auto& other) {
+        return std::abs(other.first - x) < kAcross && std::abs(other.second - y) < kUp;
+      });
+      if (!free || !named.insert(point.group).second) continue;
+      placed.emplace_back(x, y);
+      commands += fmt::format(
+          "set label '{}' at {:.7g},{:.7g} offset 0.6,0.6 font ',11' textcolor rgb '#222222' front\n",
+          point.group, drawn_error(point.error), point.cost);
+    }
+  }
+  return commands;
+}
+
 }  // namespace
+
+Chart kinds_chart(const std::string& name, const std::string& title, const std::string& cost,
+                  const std::vector<KindPoint>& points) {
+  Chart chart;
+  chart.name = name;
+  chart.title = title;
+  chart.caption =
+      "Left is more accurate, down is cheaper; bars are 95 % intervals. Each line joins the settings of one "
+      "kind "
+      "that no other of its kind beats; the pale ones are beaten.";
+  chart.x_label = "error of force, 95th percentile, % of the true force";
+  chart.y_label = cost;
+  chart.log_x = chart.log_y = true;
+  chart.style = Chart::Style::kMarks;
+  chart.height = kFrontHeight;
+  chart.wide = true;
+  chart.nothing = "No setting was measured.";
+  std::vector<std::vector<FrontPoint>> fronts;
+  std::vector<Series> above;
+  for (const KindLook& look : kKindLooks) {
+    std::vector<FrontPoint> of_kind;
+    for (const KindPoint& one : points)
+      if (one.kind == look.kind) of_kind.push_back(one.point);
+    if (of_kind.empty()) continue;
+    const std::vector<FrontPoint> front = front_of(of_kind);
+    std::erase_if(of_kind, [&](const FrontPoint& point) {
+      return std::any_of(front.begin(), front.end(),
+                         [&](const FrontPoint& best) { return best.setting == point.setting; });
+    });
+    const std::size_t count = front.size() + of_kind.size();
+    if (!of_kind.empty()) chart.series.push_back(marks_of(of_kind, look.beaten, look.pale, look.dash, false));
+    Series line = line_of(front);
+    line.colour = look.colour;
+    above.push_back(std::move(line));
+    above.push_back(marks_of(front, fmt::format("{} {}", look.label, count), look.colour, look.dash, true));
+    fronts.push_back(front);
+  }
+  chart.series.insert(chart.series.end(), above.begin(), above.end());
+  chart.extra = "set bars 0\nset offsets graph 0.03, graph 0.1, graph 0.05, graph 0.05\n" +
+                names_beside(fronts, points);
+  return chart;
+}
 
 std::vector<FrontPoint> numbered(std::vector<FrontPoint> points) {
   std::erase_if(points, [](const FrontPoint& point) { return !point.on_front; });

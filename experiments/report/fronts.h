@@ -1,6 +1,7 @@
 // Fronts: what accuracy costs, a point for each setting.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -25,6 +26,17 @@ inline constexpr double kLeastErrorPercent = 1e-4;
 /// order of numbered(); the others stand without a number. The line joins the cheapest of each error.
 [[nodiscard]] Chart front_chart(const std::string& name, const std::string& title, const std::string& cost,
                                 std::vector<FrontPoint> points);
+/// Kinds of renderers, in the order of the legend.
+enum class Kind : std::uint8_t { kPoints, kMesh, kField, kHeights };
+struct KindPoint {
+  Kind kind = Kind::kPoints;
+  FrontPoint point;
+};
+/// Error across, cost upwards, both logarithmic: each kind has a colour, a shape and a front of its own, and
+/// what another one of its kind beats is pale. The renderers on the fronts stand beside their most accurate
+/// points, where there is room.
+[[nodiscard]] Chart kinds_chart(const std::string& name, const std::string& title, const std::string& cost,
+                                const std::vector<KindPoint>& points);
 /// The points on the front by their error, the most accurate first: number 1 is the first.
 [[nodiscard]] std::vector<FrontPoint> numbered(std::vector<FrontPoint> points);
 

@@ -9,6 +9,7 @@
 #include "experiments/report/fronts.h"
 #include "toolkit/core/input_file.h"
 #include "toolkit/core/try.h"
+#include "toolkit/render/registry.h"
 
 namespace palpate::experiments {
 namespace {
@@ -112,6 +113,26 @@ Table failed_table(const MachineRows& machine) {
   return table;
 }
 
+Kind kind_of(const Row& row) {
+  if (row.renderer == "sdf-godobject") return Kind::kField;
+  if (row.works_on == render::name_of(render::Geometry::kMesh)) return Kind::kMesh;
+  return row.works_on == render::name_of(render::Geometry::kHeights) ? Kind::kHeights : Kind::kPoints;
+}
+
+/// Mean frames of the settings that run at the path's own rate, by kind.
+Chart kinds_of(const MachineRows& machine, const std::string& name) {
+  std::vector<KindPoint> points;
+  for (const Row* row : machine.rows) {
+    if (!row->ok() || row->rate_divisor != 1) continue;
+    const Measured &paid = *row->frame_mean_us, &error = *row->error_p95_percent;
+    points.push_back({kind_of(*row),
+                      {row->setting, row->renderer, paid.value, paid.low(), paid.high(), error.value,
+                       error.low(), error.high(), false}});
+  }
+  return kinds_chart(name, "What accuracy costs: points, meshes, distance grids", "mean of all frames, µs",
+                     points);
+}
+
 Section section_of(const MachineRows& machine, std::size_t number, const OutputFolder& folder) {
   Section section;
   section.id = fmt::format("machine-{}", number);
@@ -119,6 +140,8 @@ Section section_of(const MachineRows& machine, std::size_t number, const OutputF
   const auto measured = static_cast<std::size_t>(
       std::count_if(machine.rows.begin(), machine.rows.end(), [](const Row* row) { return row->ok(); }));
   section.paragraphs.push_back(fmt::format("{} settings were measured.", count_text(measured)));
+  if (const Result<OutputFolder> figures = folder.inside("figures"))
+    section.opening += figure_html(draw(kinds_of(machine, fmt::format("kinds-{}", number)), *figures));
   for (const Cost cost : kCosts) {
     const std::vector<FrontPoint> points = points_of(machine, cost);
     const std::string name = fmt::format("front-{}-{}", name_of(cost), number);
