@@ -15,6 +15,7 @@ void declare_hunt(const Declaration& declare, HuntArguments& a) {
   declare.number("--minutes", a.minutes, kMinutes,
                  "how long, with what an interrupted hunt took before (default: 10)");
   declare.integer("--trials", a.trials, kTrials, "so many trials instead, whatever time they take");
+  declare.flag("--as-given", a.as_given, "turn no options of renderers");
   declare.integer("--seed", a.seed, kSeeds, "of the random search (default: 1)");
   declare.required("--out", a.out,
                    "folder for what is found; a hunt that was interrupted in it is gone on with");

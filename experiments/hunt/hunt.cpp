@@ -44,7 +44,8 @@ class Hunt {
        std::vector<RendererRequest> renderers)
       : arguments_(arguments), registry_(registry), folder_(folder) {
     for (RendererRequest& request : renderers) {
-      options_.push_back(free_options(*registry.find(request.name), request));
+      options_.push_back(arguments.as_given ? std::vector<OptionSpec>()
+                                            : free_options(*registry.find(request.name), request));
       state_.quests.push_back({std::move(request), {}, {}, 0, 0, 0, 0});
     }
   }
@@ -140,7 +141,7 @@ int hunt(const HuntArguments& arguments, Context& context) {
   const Result<OutputFolder> folder = OutputFolder::open(arguments.out);
   if (!folder) return fail(folder.error(), kExitBadInput, &context.progress);
   RunKey key;
-  key.add("hunt").add(arguments.seed);
+  key.add("hunt").add(arguments.seed).add(std::uint64_t{arguments.as_given});
   for (const RendererRequest& request : *renderers) key.add(request.label).add(key_of(request));
   if (const Status begun = begin_run(*folder, key.word(), context); !begun)
     return fail(begun.error(), kExitFellShort, &context.progress);

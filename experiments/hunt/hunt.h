@@ -16,6 +16,7 @@ struct HuntArguments {
   std::uint64_t trials = 0;  ///< 0: as many as the minutes allow
   std::uint64_t seed = 1;
   std::string out;
+  bool as_given = false;  ///< options are not turned
   bool json = false;
 };
 

@@ -81,17 +81,10 @@ trace::ProbePath path_of(const Quarry& quarry, const cloud::Cloud& cloud, double
   };
   add(start);
   for (const Waypoint& to : quarry.way) go(place_of(to, cloud, box, spacing_mm), to.frames);
-  constexpr int kBack = 20, kRest = 3;
+  constexpr int kBack = 20, kRest = 30;
   for (int k = 0; k < kBack + kRest; ++k)
     add(k >= kBack ? start : Vec3(at + (start - at) * (static_cast<double>(k + 1) / kBack)));
   return path;
-}
-
-double nearest_mm(const cloud::Cloud& cloud, const Vec3& h) {
-  double least = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < cloud.size(); ++i)
-    least = std::min(least, (cloud.point_mm(i) - h).squaredNorm());
-  return std::sqrt(least);
 }
 
 void keep_worst(Worst& worst, double score, std::size_t frame) {
@@ -115,13 +108,15 @@ bool within(const HuntScene& scene, const Vec3& h) {
 }
 
 void judge(const HuntScene& scene, const std::vector<render::Frame>& frames, Trial& trial) {
-  const cloud::Cloud& cloud = *scene.input.models[0].cloud;
   const auto& h = scene.path.hip_mm;
   // The first frame's HIP is free where it stands.
   Vec3 god_before = h[0];
   double made = 0.0, stored = 0.0;
   std::size_t made_most_at = 0, stuck = 0, stuck_at = 0;
-  double made_most = 0.0;
+  double made_most = 0.0, way = 0.0;  // the HIP's way since it was free
+  const double friction = scene.input.models[0].surface.friction.static_coefficient;
+  const bool frictionless = friction == 0.0;
+  const double cone = std::sqrt(1.0 + friction * friction);  // the pull, and what friction adds to it
   bool known = scene.surface != nullptr;
   for (std::size_t k = 0; k < frames.size(); ++k) {
     const render::Frame& f = frames[k];
@@ -136,7 +131,8 @@ void judge(const HuntScene& scene, const std::vector<render::Frame>& frames, Tri
     const double now = 0.5 * kStiffness * (h[k] - f.god_object_mm).squaredNorm();
     const double gained = now - 0.5 * kStiffness * (h[k] - god_before).squaredNorm();
     stored = std::max(stored, now);
-    if (f.contact && gained > 0.0) {
+    // With friction it is held to an anchor, and the sum of squares is no potential.
+    if (frictionless && f.contact && gained > 0.0) {
       made += gained;
       if (gained > made_most) {
         made_most = gained;
@@ -144,11 +140,14 @@ void judge(const HuntScene& scene, const std::vector<render::Frame>& frames, Tri
       }
     }
     god_before = f.contact ? f.god_object_mm : h[k];
-    if (!f.contact) continue;
-    const double size = f.force_n.norm();
-    const double near = nearest_mm(cloud, h[k]);
-    if (near > kLeastMove * scene.spacing_mm)
-      keep_worst(trial.worst[static_cast<std::size_t>(Goal::kForce)], size / (kStiffness * near), k);
+    if (k > 0) way += (h[k] - h[k - 1]).norm();
+    if (!f.contact) {
+      way = 0.0;
+      continue;
+    }
+    if (way > kLeastMove * scene.spacing_mm)
+      keep_worst(trial.worst[static_cast<std::size_t>(Goal::kForce)],
+                 f.force_n.norm() / (cone * kStiffness * way), k);
     if (k > 0 && frames[k - 1].contact) {
       const double move = (h[k] - h[k - 1]).norm();
       if (move > kLeastMove * scene.spacing_mm)
@@ -160,6 +159,8 @@ void judge(const HuntScene& scene, const std::vector<render::Frame>& frames, Tri
       stuck_at = k;
     }
   }
+  if (trial.fault.empty() && frames.back().status == render::FrameStatus::kBoundHit)
+    trial.fault = "what was left for the next frame is not done after 30 frames of rest";
   if (stored > 0.0)
     keep_worst(trial.worst[static_cast<std::size_t>(Goal::kEnergy)], made / stored, made_most_at);
   keep_worst(trial.worst[static_cast<std::size_t>(Goal::kStick)], static_cast<double>(stuck), stuck_at);
@@ -170,10 +171,10 @@ void judge(const HuntScene& scene, const std::vector<render::Frame>& frames, Tri
 const GoalInfo& info_of(Goal goal) {
   static constexpr std::array<GoalInfo, kGoals> kInfos = {{
       {"work", "counted steps of one frame, weighed as instructions"},
-      {"force", "force over stiffness times distance to the nearest point"},
+      {"force", "force over cone times stiffness times the HIP's way since it was free: at most 1"},
       {"stick", "frames in contact while the formula has the HIP clear outside"},
       {"jump", "change of force over stiffness times move, within contact"},
-      {"energy", "energy made by the god object over the largest stored"},
+      {"energy", "energy made by the god object over the largest stored: 0 where it only descends"},
   }};
   return kInfos[static_cast<std::size_t>(goal)];
 }
@@ -202,7 +203,13 @@ Result<HuntScene> make_scene(const Quarry& quarry) {
   scene.path = path_of(quarry, *model.cloud, scene.spacing_mm);
   // Stored coordinates are off by what their floats round.
   constexpr double kFewPoints = 300.0;
-  const bool judged = quarry.edits.empty() && !(quarry.outliers > 0.0) && quarry.shape != "bowl" &&
+  // What is thinner than the points are apart is told by nobody.
+  constexpr double kThinnest = 4.0, kSlabMm = 1.0, kShellsMm = 0.6;
+  const double thickness_mm = quarry.scale * (quarry.shape == "slab"     ? kSlabMm
+                                              : quarry.shape == "shells" ? kShellsMm
+                                                                         : size);
+  const bool judged = thickness_mm > kThinnest * scene.spacing_mm && quarry.edits.empty() &&
+                      !(quarry.outliers > 0.0) && quarry.shape != "bowl" &&
                       static_cast<double>(quarry.points) >= kFewPoints;
   if (judged) scene.surface = made.surface;
   scene.open = is_open(quarry.shape);

@@ -18,7 +18,7 @@ namespace palpate::experiments {
 /// What is hunted: the larger the worse. All but the first are without unit, so that scale does not count.
 enum class Goal : std::uint8_t {
   kWork,    ///< counted steps of one frame, weighed as instructions
-  kForce,   ///< force over stiffness times distance to the nearest point
+  kForce,   ///< force over stiffness times the HIP's way since it was free; 1 is what a spring may reach
   kStick,   ///< frames in contact where the formula has the HIP clear outside
   kJump,    ///< change of force over stiffness times move, within contact
   kEnergy,  ///< energy made by the god object over the largest stored
