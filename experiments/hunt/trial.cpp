@@ -107,7 +107,8 @@ bool within(const HuntScene& scene, const Vec3& h) {
   return off.x() <= half.x() && off.y() <= half.y();
 }
 
-void judge(const HuntScene& scene, const std::vector<render::Frame>& frames, Trial& trial) {
+/// `doubtful`: preparation warned of the answers.
+void judge(const HuntScene& scene, bool doubtful, const std::vector<render::Frame>& frames, Trial& trial) {
   const auto& h = scene.path.hip_mm;
   // The first frame's HIP is free where it stands.
   Vec3 god_before = h[0];
@@ -117,7 +118,7 @@ void judge(const HuntScene& scene, const std::vector<render::Frame>& frames, Tri
   const double friction = scene.input.models[0].surface.friction.static_coefficient;
   const bool frictionless = friction == 0.0;
   const double cone = std::sqrt(1.0 + friction * friction);  // the pull, and what friction adds to it
-  bool known = scene.surface != nullptr;
+  bool known = scene.surface != nullptr && !doubtful;
   for (std::size_t k = 0; k < frames.size(); ++k) {
     const render::Frame& f = frames[k];
     if (trial.fault.empty()) {
@@ -219,7 +220,7 @@ Result<HuntScene> make_scene(const Quarry& quarry) {
 }
 
 Result<Trial> try_scene(const HuntScene& scene, render::HapticRenderer& renderer) {
-  PALPATE_TRY(renderer.prepare(scene.input, {1, nullptr}));
+  PALPATE_ASSIGN(const render::PrepareReport prepared, renderer.prepare(scene.input, {1, nullptr}));
   Trial trial;
   PALPATE_ASSIGN(const trace::ForceTrace first, trace::replay(renderer, scene.path));
   // Once more frame by frame, as replay() does it: a restart forgets everything, and what a frame counts is
@@ -238,7 +239,7 @@ Result<Trial> try_scene(const HuntScene& scene, render::HapticRenderer& renderer
   }
   if (trace::trace_hash(first) != trace::trace_hash(again))
     trial.fault = "a second replay answers otherwise than the first";
-  judge(scene, first.frames, trial);
+  judge(scene, !prepared.warnings.empty(), first.frames, trial);
   return trial;
 }
 
