@@ -18,6 +18,7 @@
   DO(score)                     \
   DO(reproduce)                 \
   DO(behaviours)                \
+  DO(hunt)                      \
   DO(fetch)
 
 namespace palpate::experiments {

@@ -47,18 +47,37 @@ void StarContact::reset(const Vec3& h) noexcept {
   for (double& angle : free_side_) angle = std::abs(angle) > kInsideShare * kAllAround ? -1.0 : 1.0;
 }
 
+bool StarContact::go_on(const Vec3& to, bool all, const Hit& hit) noexcept {
+  if (all) {
+    way_share_ = std::min(1.0, 2.0 * way_share_);
+    return true;
+  }
+  bound_hit_ = true;
+  if (way_share_ > kLeastWayShare) {
+    way_share_ *= 0.5;
+    return false;
+  }
+  // More lies here than a frame may look at however short the way is: what was found counts.
+  if (hit.place[0] == kNoPlace) from_ = to;
+  return hit.place[0] != kNoPlace;
+}
+
 bool StarContact::update_slowly(const Vec3& h, StarCounters& counters) noexcept {
   const Stand* left = nullptr;
   for (int flight = 0; flight < kMaxFlights; ++flight) {
     if (!contact_) {
       Hit hit;
-      const bool all = first_entry(from_, h, left, counters, hit);
+      const bool whole = way_share_ == 1.0;
+      const Vec3 to = whole ? h : Vec3(from_ + way_share_ * (h - from_));
+      const bool all = first_entry(from_, to, left, counters, hit);
+      if (!(all && whole) && !go_on(to, all, hit)) [[unlikely]]
+        return false;
       if (hit.place[0] == kNoPlace) {
-        if (all) from_ = h;
-        bound_hit_ = !all;
+        bound_hit_ = !whole;
+        from_ = to;
         return false;
       }
-      stand_.foot.point = from_ + hit.fraction * (h - from_);
+      stand_.foot.point = from_ + hit.fraction * (to - from_);
       stand_on(hit);
     }
     if (others_count_ > 0 ? hold_together(h, counters) : follow_alone(h, counters)) return true;
