@@ -18,6 +18,7 @@
   DO(score)                     \
   DO(reproduce)                 \
   DO(behaviours)                \
+  DO(stress)                    \
   DO(fetch)
 
 namespace palpate::experiments {
