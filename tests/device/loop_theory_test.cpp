@@ -190,7 +190,8 @@ double taken_mj(const ArmOptions& arm, double stiffness, double wall_damping, do
 /// the less the longer the way.
 bool active(const ArmOptions& arm, double stiffness, double wall_damping) {
   const double step = arm.encoder_mm > 0.0 ? arm.encoder_mm : 0.05;
-  for (double way = 0.01 * step; way < 80.0 * step; way *= 1.6)
+  const double most = std::min(80.0 * step, 4500.0 * arm.period_s);  // the governor stops what is faster
+  for (double way = 0.01 * step; way < most; way *= 1.6)
     for (int place = 0; place < 8; ++place) {
       // About a border between two steps, and off it by eighths of the way.
       const double top = -20.5 * step + way * (place + 0.5) / 8.0;
