@@ -74,34 +74,45 @@ Series marks_of(const std::vector<FrontPoint>& points, const std::string& label,
   return series;
 }
 
-/// Each renderer's name once a front, beside its most accurate point there, where no other name stands within
-/// some letters of it: of a picture, a seventh across and a twentieth upwards.
+/// Each renderer's name once, beside its most accurate point on a front, else at all, where no other name
+/// stands within some letters of it: of a picture, a sixth across and a twentieth upwards. Those on fronts
+/// choose first.
 std::string names_beside(const std::vector<std::vector<FrontPoint>>& fronts,
                          const std::vector<KindPoint>& all) {
-  constexpr double kAcross = 0.14, kUp = 0.05;
+  constexpr double kAcross = 1.0 / 6.0, kUp = 0.05;
   double left = HUGE_VAL, right = -HUGE_VAL, low = HUGE_VAL, high = -HUGE_VAL;
+  std::vector<FrontPoint> in_order;
+  for (const std::vector<FrontPoint>& front : fronts)
+    in_order.insert(in_order.end(), front.begin(), front.end());
+  std::vector<FrontPoint> others;
   for (const KindPoint& one : all) {
     left = std::min(left, std::log(drawn_error(one.point.error)));
     right = std::max(right, std::log(drawn_error(one.point.error)));
     low = std::min(low, std::log(one.point.cost));
     high = std::max(high, std::log(one.point.cost));
+    others.push_back(one.point);
+    others.back().on_front = true;  // for their order alone
   }
+  others = numbered(std::move(others));
+  const std::size_t best = in_order.size();
+  in_order.insert(in_order.end(), others.begin(), others.end());
   std::string commands;
   std::vector<std::pair<double, double>> placed;
-  for (const std::vector<FrontPoint>& front : fronts) {
-    std::set<std::string> named;
-    for (const FrontPoint& point : front) {
-      const double x = (std::log(drawn_error(point.error)) - left) / std::max(right - left, 1e-9),
-                   y = (std::log(point.cost) - low) / std::max(high - low, 1e-9);
-      const bool free = std::none_of(placed.begin(), placed.end(), [&](const auto& other) {
-        return std::abs(other.first - x) < kAcross && std::abs(other.second - y) < kUp;
-      });
-      if (!free || !named.insert(point.group).second) continue;
-      placed.emplace_back(x, y);
-      commands += fmt::format(
-          "set label '{}' at {:.7g},{:.7g} offset 0.6,0.6 font ',11' textcolor rgb '#222222' front\n",
-          point.group, drawn_error(point.error), point.cost);
-    }
+  std::set<std::string> named;
+  for (std::size_t i = 0; i < in_order.size(); ++i) {
+    const FrontPoint& point = in_order[i];
+    if (named.contains(point.group)) continue;
+    const double x = (std::log(drawn_error(point.error)) - left) / std::max(right - left, 1e-9),
+                 y = (std::log(point.cost) - low) / std::max(high - low, 1e-9);
+    if (std::any_of(placed.begin(), placed.end(), [&](const auto& other) {
+          return std::abs(other.first - x) < kAcross && std::abs(other.second - y) < kUp;
+        }))
+      continue;
+    named.insert(point.group);
+    placed.emplace_back(x, y);
+    commands += fmt::format(
+        "set label '{}' at {:.7g},{:.7g} offset 0.6,0.6 font ',12' textcolor rgb '{}' front boxed\n",
+        point.group, drawn_error(point.error), point.cost, i < best ? "#222222" : "#777777");
   }
   return commands;
 }
@@ -145,8 +156,11 @@ Chart kinds_chart(const std::string& name, const std::string& title, const std::
     fronts.push_back(front);
   }
   chart.series.insert(chart.series.end(), above.begin(), above.end());
-  chart.extra = "set bars 0\nset offsets graph 0.03, graph 0.1, graph 0.05, graph 0.05\n" +
-                names_beside(fronts, points);
+  chart.extra =
+      "set style textbox opaque noborder margins 0,0 fillcolor rgb '#ffffff'\n"
+      "set bars 0\nset autoscale xfix\nset autoscale yfix\n"
+      "set offsets graph 0.03, graph 0.12, graph 0.08, graph 0.05\n" +
+      names_beside(fronts, points);
   return chart;
 }
 
