@@ -74,45 +74,85 @@ Series marks_of(const std::vector<FrontPoint>& points, const std::string& label,
   return series;
 }
 
-/// Each renderer's name once, beside its most accurate point on a front, else at all, where no other name
-/// stands within some letters of it: of a picture, a sixth across and a twentieth upwards. Those on fronts
-/// choose first.
+/// Shares of a picture across and upwards: of points, and of the names beside them.
+struct PictureBox {
+  double left, right, low, high;
+  [[nodiscard]] bool meets(const PictureBox& other) const {
+    return left < other.right && other.left < right && low < other.high && other.low < high;
+  }
+};
+
+/// Where points stand in a picture with logarithmic axes.
+class Picture {
+ public:
+  explicit Picture(const std::vector<FrontPoint>& points) {
+    for (const FrontPoint& point : points) {
+      all_.left = std::min(all_.left, std::log(drawn_error(point.error)));
+      all_.right = std::max(all_.right, std::log(drawn_error(point.error)));
+      all_.low = std::min(all_.low, std::log(point.cost));
+      all_.high = std::max(all_.high, std::log(point.cost));
+    }
+    constexpr double kDot = 0.006;
+    for (const FrontPoint& point : points) {
+      const auto [x, y] = at(point);
+      taken_.push_back({x - kDot, x + kDot, y - kDot, y + kDot});
+    }
+  }
+  /// Room for a name of so many letters beside a point that covers neither point nor name: a place of
+  /// gnuplot's, and the room is taken; empty where there is none.
+  std::string take_room(const FrontPoint& point, std::size_t letters) {
+    constexpr double kLetter = 0.0075, kLine = 0.045, kOff = 0.008, kUp = 0.012;  // of a wide figure
+    const auto [x, y] = at(point);
+    const double wide = kLetter * static_cast<double>(letters);
+    for (const bool right : {true, false})
+      for (const bool above : {true, false}) {
+        const double left = right ? x + kOff : x - kOff - wide, low = above ? y + kUp : y - kUp - kLine;
+        const PictureBox box{left, left + wide, low, low + kLine};
+        if (std::any_of(taken_.begin(), taken_.end(),
+                        [&](const PictureBox& other) { return box.meets(other); }))
+          continue;
+        taken_.push_back(box);
+        return fmt::format("{} offset {},{}", right ? "left" : "right", right ? 0.6 : -0.6,
+                           above ? 0.6 : -0.6);
+      }
+    return {};
+  }
+
+ private:
+  [[nodiscard]] std::pair<double, double> at(const FrontPoint& point) const {
+    constexpr double kLeastExtent = 1e-9;  // of a single point
+    return {(std::log(drawn_error(point.error)) - all_.left) / std::max(all_.right - all_.left, kLeastExtent),
+            (std::log(point.cost) - all_.low) / std::max(all_.high - all_.low, kLeastExtent)};
+  }
+  PictureBox all_{HUGE_VAL, -HUGE_VAL, HUGE_VAL, -HUGE_VAL};
+  std::vector<PictureBox> taken_;
+};
+
+/// Each renderer's name once, beside its most accurate point that has room for it: on a front, else at all.
 std::string names_beside(const std::vector<std::vector<FrontPoint>>& fronts,
                          const std::vector<KindPoint>& all) {
-  constexpr double kAcross = 1.0 / 6.0, kUp = 0.05;
-  double left = HUGE_VAL, right = -HUGE_VAL, low = HUGE_VAL, high = -HUGE_VAL;
-  std::vector<FrontPoint> in_order;
-  for (const std::vector<FrontPoint>& front : fronts)
-    in_order.insert(in_order.end(), front.begin(), front.end());
-  std::vector<FrontPoint> others;
+  std::vector<FrontPoint> others, in_order;
   for (const KindPoint& one : all) {
-    left = std::min(left, std::log(drawn_error(one.point.error)));
-    right = std::max(right, std::log(drawn_error(one.point.error)));
-    low = std::min(low, std::log(one.point.cost));
-    high = std::max(high, std::log(one.point.cost));
     others.push_back(one.point);
     others.back().on_front = true;  // for their order alone
   }
   others = numbered(std::move(others));
+  Picture picture(others);
+  for (const std::vector<FrontPoint>& front : fronts)
+    in_order.insert(in_order.end(), front.begin(), front.end());
   const std::size_t best = in_order.size();
   in_order.insert(in_order.end(), others.begin(), others.end());
   std::string commands;
-  std::vector<std::pair<double, double>> placed;
   std::set<std::string> named;
   for (std::size_t i = 0; i < in_order.size(); ++i) {
     const FrontPoint& point = in_order[i];
     if (named.contains(point.group)) continue;
-    const double x = (std::log(drawn_error(point.error)) - left) / std::max(right - left, 1e-9),
-                 y = (std::log(point.cost) - low) / std::max(high - low, 1e-9);
-    if (std::any_of(placed.begin(), placed.end(), [&](const auto& other) {
-          return std::abs(other.first - x) < kAcross && std::abs(other.second - y) < kUp;
-        }))
-      continue;
+    const std::string room = picture.take_room(point, point.group.size());
+    if (room.empty()) continue;
     named.insert(point.group);
-    placed.emplace_back(x, y);
-    commands += fmt::format(
-        "set label '{}' at {:.7g},{:.7g} offset 0.6,0.6 font ',12' textcolor rgb '{}' front boxed\n",
-        point.group, drawn_error(point.error), point.cost, i < best ? "#222222" : "#777777");
+    commands +=
+        fmt::format("set label '{}' at {:.7g},{:.7g} {} font ',12' textcolor rgb '{}' front\n", point.group,
+                    drawn_error(point.error), point.cost, room, i < best ? "#222222" : "#777777");
   }
   return commands;
 }
@@ -157,7 +197,6 @@ Chart kinds_chart(const std::string& name, const std::string& title, const std::
   }
   chart.series.insert(chart.series.end(), above.begin(), above.end());
   chart.extra =
-      "set style textbox opaque noborder margins 0,0 fillcolor rgb '#ffffff'\n"
       "set bars 0\nset autoscale xfix\nset autoscale yfix\n"
       "set offsets graph 0.03, graph 0.12, graph 0.08, graph 0.05\n" +
       names_beside(fronts, points);
