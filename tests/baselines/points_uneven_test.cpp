@@ -256,6 +256,25 @@ INSTANTIATE_TEST_SUITE_P(Points, InAClump,
                            return rival.index == 0 ? "sphere_proxy" : "stream_proxy";
                          });
 
+TEST(ShellWalk, StopsAtTheBoundThatIsAskedFor) {
+  // One long way along a plate, in a single frame.
+  const render::ModelInput plate =
+      model_of(cloud_of(height_points(81, 0.5, [](double, double) { return 0.0; })));
+  double before = -10.0;
+  for (const int steps : {4, 16, 200}) {
+    const Prepared probe = prepare(plate, "stream-proxy:walk_steps=" + std::to_string(steps));
+    probe.renderer->restart({-10, 0, 2});
+    probe.glide({-10, 0, 2}, {-10, 0, -0.5}, 0.05);
+    const render::Frame frame = probe.to({10, 0, -0.5});
+    EXPECT_EQ(frame.status == render::FrameStatus::kBoundHit, steps < 200) << steps;
+    EXPECT_GT(frame.god_object_mm.x(), before + 1.0) << steps;
+    before = frame.god_object_mm.x();
+    EXPECT_NE(probe.renderer->describe().work_bound.find("at most " + std::to_string(steps) + " steps"),
+              std::string::npos);
+  }
+  EXPECT_NEAR(before, 10.0, 0.1);
+}
+
 TEST(VariableProxy, NothingFallsThroughAStepOfDensity) {
   // Where each side of the step knew of itself alone, the last dense radii left a gap: 995 frames were
   // missed.

@@ -209,6 +209,14 @@ class Settings : public testing::Test {
   render::SceneInput scene_;
 };
 
+TEST_F(Settings, TurnTheBoundsOfWalks) {
+  std::set<std::string> texts;
+  for (const Setting& setting : of("cloud,cloud-smooth,stream-proxy", "bounds")) texts.insert(setting.text);
+  for (const char* text : {"cloud:walk_steps=128", "cloud:walk_steps=512", "cloud-smooth:walk_steps=12",
+                           "stream-proxy:walk_steps=64"})
+    EXPECT_TRUE(texts.contains(text)) << text;
+}
+
 TEST_F(Settings, BeginWithWhatIsUsualAndTurnOneThingAfterTheOther) {
   const std::vector<Setting> all = of("cloud,cloud-smooth", "points,detail,rate");
   ASSERT_GT(all.size(), 10u);
@@ -407,6 +415,44 @@ TEST(Fronts, AreNumberedByErrorAndJoinTheCheapest) {
   EXPECT_EQ(chart.series[0].x, (std::vector<double>{kLeastErrorPercent, 9.0})) << "b costs more than a";
   EXPECT_EQ(chart.series.size(), 3u);
   EXPECT_EQ(chart.series[1].bars.size(), chart.series[1].x.size());
+}
+
+TEST(Fronts, OfAKindAreItsOwnAndNamesCoverNoPoint) {
+  // Of the points b beats c; the mesh is beaten by b too, but by no other mesh.
+  const std::vector<KindPoint> points = {{Kind::kPoints, {"a", "smooth", 5, 5, 5, 1, 1, 1, false}},
+                                         {Kind::kPoints, {"b", "cloud", 2, 1, 3, 4, 3, 5, false}},
+                                         {Kind::kPoints, {"c", "cloud", 3, 3, 3, 6, 6, 6, false}},
+                                         {Kind::kMesh, {"d", "mesh", 4, 4, 4, 8, 7, 9, false}},
+                                         {Kind::kMesh, {"e", "crowded", 4, 4, 4, 8, 7, 9, false}}};
+  const Chart chart = kinds_chart("k", "t", "cost", points);
+  const auto called = [&](const std::string& label) -> const Series* {
+    for (const Series& series : chart.series)
+      if (!series.bars.empty() && series.label.starts_with(label)) return &series;
+    return nullptr;
+  };
+  ASSERT_NE(called("points: best of 3"), nullptr);
+  EXPECT_EQ(called("points: best of 3")->x, (std::vector<double>{1, 4}));
+  EXPECT_EQ(called("points: best of 3")->bars[1].y_high, 3.0);
+  ASSERT_NE(called("other points"), nullptr);
+  EXPECT_EQ(called("other points")->x, std::vector<double>{6});
+  ASSERT_NE(called("meshes: best of 2"), nullptr);
+  EXPECT_EQ(called("distance grids"), nullptr);
+  const auto labels = [&](const std::string& name) {
+    std::size_t count = 0;
+    for (std::size_t at = chart.extra.find("'" + name + "'"); at != std::string::npos;
+         at = chart.extra.find("'" + name + "'", at + 1))
+      ++count;
+    return count;
+  };
+  EXPECT_EQ(labels("cloud"), 1u);
+  // Two renderers in one place: the second name takes another side of it.
+  const auto side_of = [&](const std::string& name) {
+    const std::size_t at = chart.extra.find("'" + name + "'"), offset = chart.extra.find("8,4 ", at);
+    return chart.extra.substr(offset, chart.extra.find(" font", at) - offset);
+  };
+  ASSERT_EQ(labels("mesh"), 1u);
+  ASSERT_EQ(labels("crowded"), 1u);
+  EXPECT_NE(side_of("mesh"), side_of("crowded"));
 }
 
 }  // namespace
