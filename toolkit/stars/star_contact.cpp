@@ -267,8 +267,8 @@ bool StarContact::first_entry(const Vec3& from, const Vec3& to, const Stand* lef
   const geometry::Aabb around{from.cwiseMin(to), from.cwiseMax(to)};
   const Way way{from, to, FloatBox::around(around)};
   const auto covered = [&](const Vec3& p) { return (p - near_at_).cwiseAbs().maxCoeff() <= near_reach_; };
-  bool near = covered(to) && covered(from);
-  if (!near) near = look_around(to, kStepsAhead * (to - from).cwiseAbs().maxCoeff(), counters);
+  bool near = covered(to) && covered(from), looked = false;
+  if (!near) near = looked = look_around(to, kStepsAhead * (to - from).cwiseAbs().maxCoeff(), counters);
   const auto takes = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c, double side) noexcept {
     return !(left != nullptr && shares(*left, a, b, c)) && is_free(a, side);
   };
@@ -295,7 +295,8 @@ bool StarContact::first_entry(const Vec3& from, const Vec3& to, const Stand* lef
                             });
   }
   counters.tested += tested;
-  if (near && !met) note_clear(to);
+  // Once a look: who is near to a box would ask for its distance in vain in every frame.
+  if (looked && !met) note_clear(to);
   return all;
 }
 
