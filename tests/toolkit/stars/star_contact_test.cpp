@@ -296,6 +296,23 @@ TEST(StarContact, AWalkInAnyStepsMeetsWhatItGoesThrough) {
   EXPECT_GT(steps, 1000);
 }
 
+TEST(StarContact, AClearanceEndsAtTheSurface) {
+  Random random(36);
+  std::vector<Vec3> plane;
+  for (int i = 0; i < 4000; ++i)
+    plane.emplace_back(random.uniform(-10.0, 10.0), random.uniform(-10.0, 10.0), 0.0);
+  Felt felt(plane);
+  for (int i = 0; i < 300; ++i) {
+    const double step = 0.01 * std::pow(30.0, random.uniform());
+    Vec3 at(random.uniform(-5.0, 5.0), random.uniform(-5.0, 5.0), random.uniform(40.0, 60.0) * step);
+    const Vec3 way = Vec3{random.uniform(-0.3, 0.3), random.uniform(-0.3, 0.3), -1.0} * step;
+    felt.contact.reset(felt.local(at));
+    StarCounters counters;
+    for (int k = 0; at.z() > -5.0 * step; ++k, at += way)
+      ASSERT_EQ(felt.contact.update(felt.local(at), counters), at.z() < 0.0) << i << " at " << at.z();
+  }
+}
+
 TEST(StarContact, FreeAirIsLookedAtSeldom) {
   Felt felt(random_torus(3000, 0.0, 33));
   // 12 mm above the torus, in steps of 0.05 mm: more than a hundred to the next look.
