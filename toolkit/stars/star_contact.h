@@ -71,7 +71,7 @@ class StarContact {
     contact_ = false;
     others_count_ = 0;
     from_ = h;
-    forget_blocks();
+    forget_shape();
   }
   /// The HIP is now at h. True in contact: pull() leads to the god object.
   [[nodiscard]] bool update(const Vec3& h, StarCounters& counters) noexcept {
@@ -96,8 +96,7 @@ class StarContact {
   /// shape. standing(place): the place, or one near it where its point is gone. Work: three rings.
   template <class Standing>
   void points_moved(Standing&& standing) noexcept {
-    forget_blocks();
-    for (PackedBlock& block : packed_) block.block = kNoPlace;
+    forget_shape();
     if (!contact_) return;
     const auto& place = stand_.facet.place;
     take_facet({standing(place[0]), standing(place[1]), standing(place[2])});
@@ -175,6 +174,11 @@ class StarContact {
   void forget_blocks() noexcept {
     near_reach_ = -1.0;
     clear_sq_ = -1.0;
+  }
+  /// Points may be elsewhere.
+  void forget_shape() noexcept {
+    forget_blocks();
+    for (PackedBlock& block : packed_) block.block = kNoPlace;
   }
   /// Which blocks are around a place: within `reach`, or farther where there are none.
   bool look_around(const Vec3& at, double reach, StarCounters& counters) noexcept;
