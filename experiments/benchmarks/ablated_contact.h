@@ -216,23 +216,23 @@ class AblatedContact {
     });
   }
   bool look_around(const Vec3& at, double reach) noexcept {
-    if (!find_blocks(at, reach)) return false;
+    if (!find_blocks(at, reach, stars::kMaxNodes)) return false;
     for (int farther = 0; has(kClearance) && farther < stars::kFartherLooks && near_count_ == 0; ++farther) {
       const double known = near_reach_;
-      if (find_blocks(at, stars::kFarther * known)) continue;
+      if (find_blocks(at, stars::kFarther * known, stars::kMaxFartherNodes)) continue;
       near_count_ = 0;
       near_reach_ = known;
       break;
     }
     return true;
   }
-  bool find_blocks(const Vec3& at, double reach) noexcept {
+  bool find_blocks(const Vec3& at, double reach, std::uint32_t most) noexcept {
     near_count_ = 0;
     near_reach_ = -1.0;
     near_box_.fill(stars::BoxNode::empty());
     const Vec3 half = Vec3::Constant(reach);
     const bool all = tree_.for_blocks(
-        {at - half, at + half}, stars::kMaxNodes,
+        {at - half, at + half}, most,
         [&](std::uint32_t block, const stars::BoxNode& node, std::uint32_t child) noexcept {
           if (near_count_ == stars::kMaxBlocksNear) return false;
           for (std::size_t axis = 0; axis < 3; ++axis) {

@@ -206,24 +206,24 @@ bool StarContact::bridge(const Vec3& h, double edge, StarCounters& counters) noe
 
 bool StarContact::look_around(const Vec3& at, double reach, StarCounters& counters) noexcept {
   ++counters.blocks;
-  if (!find_blocks(at, reach)) return false;
+  if (!find_blocks(at, reach, kMaxNodes)) return false;
   for (int look = 0; look < kFartherLooks && near_count_ == 0; ++look) {
     const double known = near_reach_;
-    if (find_blocks(at, kFarther * known)) continue;
-    near_count_ = 0;  // too many there: what is known stays
+    if (find_blocks(at, kFarther * known, kMaxFartherNodes)) continue;
+    near_count_ = 0;  // too much there: what is known stays
     near_reach_ = known;
     break;
   }
   return true;
 }
 
-bool StarContact::find_blocks(const Vec3& at, double reach) noexcept {
+bool StarContact::find_blocks(const Vec3& at, double reach, std::uint32_t most) noexcept {
   forget_blocks();
   near_count_ = 0;
   near_box_.fill(BoxNode::empty());
   const Vec3 half = Vec3::Constant(reach);
   const bool all =
-      tree_->for_blocks({at - half, at + half}, kMaxNodes,
+      tree_->for_blocks({at - half, at + half}, most,
                         [&](std::uint32_t block, const BoxNode& node, std::uint32_t child) noexcept {
                           if (near_count_ == kMaxBlocksNear) return false;
                           BoxNode& box = near_box_[near_count_ / kFanOut];

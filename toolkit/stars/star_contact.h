@@ -42,6 +42,8 @@ inline constexpr double kStepsAhead = 8.0;
 /// around once in 128 steps.
 inline constexpr double kFarther = 4.0;
 inline constexpr int kFartherLooks = 2;
+/// Nodes that each of these looks may take: four for each of the sixteen blocks that it may find.
+inline constexpr std::uint32_t kMaxFartherNodes = 64;
 /// Blocks whose triangles are kept packed: a HIP goes through one for a dozen frames, and through two or
 /// three at a time.
 inline constexpr std::size_t kPackedBlocks = 4;
@@ -182,7 +184,7 @@ class StarContact {
   }
   /// Which blocks are around a place: within `reach`, or farther where there are none.
   bool look_around(const Vec3& at, double reach, StarCounters& counters) noexcept;
-  bool find_blocks(const Vec3& at, double reach) noexcept;
+  bool find_blocks(const Vec3& at, double reach, std::uint32_t most) noexcept;
   /// How far a free HIP may go from h before it can meet anything: to the nearest box known, or to where
   /// others may be.
   void note_clear(const Vec3& h) noexcept;
