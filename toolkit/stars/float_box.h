@@ -69,6 +69,18 @@ struct alignas(32) BoxNode {
     return mask;
 #endif
   }
+  /// Of each box the squared distance to `box`, rounded: no more than six roundings. Infinite to an empty
+  /// one.
+  [[nodiscard]] std::array<float, kFanOut> distance_sq(const FloatBox& box) const noexcept {
+    std::array<float, kFanOut> sum{};
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      for (std::size_t k = 0; k < kFanOut; ++k) {
+        const float before = low[axis][k] - box.high[axis], behind = box.low[axis] - high[axis][k];
+        const float gap = std::max(std::max(before, behind), 0.0f);
+        sum[k] += gap * gap;
+      }
+    return sum;
+  }
 
  private:
 #if defined(__SSE2__)

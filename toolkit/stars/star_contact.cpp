@@ -64,6 +64,7 @@ bool StarContact::go_on(const Vec3& to, bool all, const Hit& hit) noexcept {
 
 bool StarContact::update_slowly(const Vec3& h, StarCounters& counters) noexcept {
   const Stand* left = nullptr;
+  in_clear_ = false;
   for (int flight = 0; flight < kMaxFlights; ++flight) {
     if (!contact_) {
       Hit hit;
@@ -75,6 +76,7 @@ bool StarContact::update_slowly(const Vec3& h, StarCounters& counters) noexcept 
       if (hit.place[0] == kNoPlace) {
         bound_hit_ = !whole;
         from_ = to;
+        in_clear_ = is_clear(to);
         return false;
       }
       stand_.foot.point = from_ + hit.fraction * (to - from_);
@@ -235,13 +237,25 @@ bool StarContact::bridge(const Vec3& h, double edge, StarCounters& counters) noe
 }
 
 bool StarContact::look_around(const Vec3& at, double reach, StarCounters& counters) noexcept {
+  ++counters.blocks;
+  if (!find_blocks(at, reach, kMaxNodes)) return false;
+  for (int look = 0; look < kFartherLooks && near_count_ == 0; ++look) {
+    const double known = near_reach_;
+    if (find_blocks(at, kFarther * known, kMaxFartherNodes)) continue;
+    near_count_ = 0;  // too much there: what is known stays
+    near_reach_ = known;
+    break;
+  }
+  return true;
+}
+
+bool StarContact::find_blocks(const Vec3& at, double reach, std::uint32_t most) noexcept {
+  forget_blocks();
   near_count_ = 0;
-  near_at_ = at;
-  near_reach_ = reach;
-  const Vec3 half = Vec3::Constant(reach);
   near_box_.fill(BoxNode::empty());
+  const Vec3 half = Vec3::Constant(reach);
   const bool all =
-      tree_->for_blocks({at - half, at + half}, kMaxNodes,
+      tree_->for_blocks({at - half, at + half}, most,
                         [&](std::uint32_t block, const BoxNode& node, std::uint32_t child) noexcept {
                           if (near_count_ == kMaxBlocksNear) return false;
                           BoxNode& box = near_box_[near_count_ / kFanOut];
@@ -253,9 +267,30 @@ bool StarContact::look_around(const Vec3& at, double reach, StarCounters& counte
                           near_block_[near_count_++] = block;
                           return true;
                         });
-  ++counters.blocks;
-  if (!all) forget_blocks();
+  near_at_ = at;
+  if (all) near_reach_ = reach;
   return all;
+}
+
+void StarContact::note_clear(const Vec3& h) noexcept {
+  const double cube = std::max(near_reach_ - (h - near_at_).cwiseAbs().maxCoeff(), 0.0);
+  const FloatBox at = FloatBox::around({h, h});
+  auto nearest_sq = static_cast<float>(cube * cube);
+  for (std::uint32_t first = 0; first < near_count_; first += kFanOut)
+    for (const float box_sq : near_box_[first / kFanOut].distance_sq(at))
+      nearest_sq = std::min(nearest_sq, box_sq);
+  const double clear =
+      kClearShare * std::sqrt(static_cast<double>(nearest_sq)) - kClearSlack * h.cwiseAbs().maxCoeff();
+  clear_at_ = h;
+  clear_sq_ = clear > 0.0 ? clear * clear : -1.0;
+}
+
+const PackedBlock& StarContact::packed(std::uint32_t block) noexcept {
+  for (const PackedBlock& known : packed_)
+    if (known.block == block) return known;
+  PackedBlock& made = packed_[next_packed_++ % kPackedBlocks];
+  made.pack(*mesh_, block);
+  return made;
 }
 
 bool StarContact::first_entry(const Vec3& from, const Vec3& to, const Stand* left, StarCounters& counters,
@@ -264,27 +299,36 @@ bool StarContact::first_entry(const Vec3& from, const Vec3& to, const Stand* lef
   const geometry::Aabb around{from.cwiseMin(to), from.cwiseMax(to)};
   const Way way{from, to, FloatBox::around(around)};
   const auto covered = [&](const Vec3& p) { return (p - near_at_).cwiseAbs().maxCoeff() <= near_reach_; };
-  bool near = covered(to) && covered(from);
-  if (!near) near = look_around(to, kStepsAhead * (to - from).cwiseAbs().maxCoeff(), counters);
-  const auto look = [&](std::uint32_t block) noexcept {
-    pierce_block(*mesh_, *tree_, block, way, hit, tested,
-                 [&](std::uint32_t a, std::uint32_t b, std::uint32_t c, double side) noexcept {
-                   return !(left != nullptr && shares(*left, a, b, c)) && is_free(a, b, c, side);
-                 });
+  bool near = covered(to) && covered(from), looked = false;
+  if (!near) near = looked = look_around(to, kStepsAhead * (to - from).cwiseAbs().maxCoeff(), counters);
+  const auto takes = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c, double side) noexcept {
+    return !(left != nullptr && shares(*left, a, b, c)) && is_free(a, b, c, side);
   };
+  bool met = false;
   bool all = true;
   if (near) {
     for (std::uint32_t node = 0; node * kFanOut < near_count_; ++node)
-      for (unsigned mask = near_box_[node].meets(way.box); mask != 0; mask &= mask - 1)
-        look(near_block_[node * kFanOut + static_cast<std::uint32_t>(__builtin_ctz(mask))]);
+      for (unsigned mask = near_box_[node].meets(way.box); mask != 0; mask &= mask - 1) {
+        met = true;
+        const auto child = static_cast<std::uint32_t>(__builtin_ctz(mask));
+        const std::uint32_t block = near_block_[node * kFanOut + child];
+        if (tree_->layer(block).misses(from, to)) continue;
+        const PackedBlock& triangles = packed(block);
+        if (triangles.size <= PackedBlock::kMost) [[likely]]
+          pierce_packed(*mesh_, triangles, way, hit, tested, takes);
+        else
+          pierce_block(*mesh_, *tree_, block, way, hit, tested, takes);
+      }
   } else {
     all = tree_->for_blocks(around, kMaxNodes,
                             [&](std::uint32_t block, const BoxNode&, std::uint32_t) noexcept {
-                              look(block);
+                              pierce_block(*mesh_, *tree_, block, way, hit, tested, takes);
                               return tested < kMaxTested;
                             });
   }
   counters.tested += tested;
+  // Once a look: who is near to a box would ask for its distance in vain in every frame.
+  if (looked && !met) note_clear(to);
   return all;
 }
 

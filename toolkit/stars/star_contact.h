@@ -41,6 +41,20 @@ inline constexpr std::size_t kMaxBlocksNear = 16;
 /// Steps of the HIP that they are looked up for: half of the look-ups of four, twice the blocks.
 inline constexpr double kStepsAhead = 8.0;
 
+/// Where there are none they are looked for so many times as far, and once more: a HIP in free air looks
+/// around once in 128 steps.
+inline constexpr double kFarther = 4.0;
+inline constexpr int kFartherLooks = 2;
+/// Nodes that each of these looks may take: four for each of the sixteen blocks that it may find.
+inline constexpr std::uint32_t kMaxFartherNodes = 64;
+/// Blocks whose triangles are kept packed: a HIP goes through one for a dozen frames, and through two or
+/// three at a time.
+inline constexpr std::size_t kPackedBlocks = 4;
+/// A clearance is less by the roundings of single precision that its boxes and layers, and the squares of
+/// their distances, go through: some ten of 6e-8. And by those of places in double precision, of their
+/// coordinates.
+inline constexpr double kClearShare = 1.0 - 1e-6, kClearSlack = 16.0 * kUnitRoundoff;
+
 /// Sheets that hold a god object together: of three that cross, none adds a place where it may go.
 inline constexpr std::size_t kMaxHeld = 3;
 /// Times the facets are looked up again where the last solution lies, as for several models.
@@ -63,7 +77,7 @@ class StarContact {
     others_count_ = 0;
     from_ = h;
     way_share_ = 1.0;
-    forget_blocks();
+    forget_shape();
   }
   /// The HIP is now at h. True in contact: pull() leads to the god object.
   [[nodiscard]] bool update(const Vec3& h, StarCounters& counters) noexcept {
@@ -75,6 +89,9 @@ class StarContact {
         return true;
       }
       if (!watched_ && cross(h, weights, counters)) return true;
+    } else if (in_clear_ && is_clear(h)) [[likely]] {
+      from_ = h;
+      return false;
     }
     return update_slowly(h, counters);
   }
@@ -85,7 +102,7 @@ class StarContact {
   /// shape. standing(place): the place, or one near it where its point is gone. Work: three rings.
   template <class Standing>
   void points_moved(Standing&& standing) noexcept {
-    forget_blocks();
+    forget_shape();
     if (!contact_) return;
     const auto& place = stand_.facet.place;
     take_facet({standing(place[0]), standing(place[1]), standing(place[2])});
@@ -166,8 +183,25 @@ class StarContact {
                    Hit& hit) noexcept;
   void stand_on(const Hit& hit) noexcept;
   void take_facet(const std::array<std::uint32_t, 3>& place) noexcept;
-  void forget_blocks() noexcept { near_reach_ = -1.0; }
+  void forget_blocks() noexcept {
+    near_reach_ = -1.0;
+    clear_sq_ = -1.0;
+  }
+  /// Points may be elsewhere.
+  void forget_shape() noexcept {
+    forget_blocks();
+    for (PackedBlock& block : packed_) block.block = kNoPlace;
+  }
+  /// Which blocks are around a place: within `reach`, or farther where there are none.
   bool look_around(const Vec3& at, double reach, StarCounters& counters) noexcept;
+  bool find_blocks(const Vec3& at, double reach, std::uint32_t most) noexcept;
+  [[nodiscard]] bool is_clear(const Vec3& h) const noexcept {
+    return (h - clear_at_).squaredNorm() < clear_sq_;
+  }
+  /// How far a free HIP may go from h before it can meet anything: to the nearest box known, or to where
+  /// others may be.
+  void note_clear(const Vec3& h) noexcept;
+  [[nodiscard]] const PackedBlock& packed(std::uint32_t block) noexcept;
 
   const StarMesh* mesh_ = nullptr;
   const StarTree* tree_ = nullptr;
@@ -192,6 +226,13 @@ class StarContact {
   std::array<BoxNode, kMaxBlocksNear / kFanOut> near_box_;
   std::array<std::uint32_t, kMaxBlocksNear> near_block_{};
   std::uint32_t near_count_ = 0;
+  // Nothing is so near to clear_at_.
+  Vec3 clear_at_ = Vec3::Zero();
+  double clear_sq_ = -1.0;
+  bool in_clear_ = false;  ///< from_ is there: who comes from elsewhere may have met something on the way
+  // Blocks that the HIP went through lately, the oldest is the next to go.
+  std::array<PackedBlock, kPackedBlocks> packed_;
+  std::uint32_t next_packed_ = 0;
 };
 
 }  // namespace palpate::stars

@@ -6,6 +6,7 @@
 // around it are read together in a frame.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <functional>
@@ -114,6 +115,13 @@ class StarMesh {
     return apart(p.x_mm, q.x_mm, r.x_mm, box.low[0], box.high[0]) ||
            apart(p.y_mm, q.y_mm, r.y_mm, box.low[1], box.high[1]) ||
            apart(p.z_mm, q.z_mm, r.z_mm, box.low[2], box.high[2]);
+  }
+  [[nodiscard]] FloatBox triangle_box(std::uint32_t a, std::uint32_t b, std::uint32_t c) const noexcept {
+    const StarPoint &p = points_[a], &q = points_[b], &r = points_[c];
+    const auto low = [](float x, float y, float z) { return std::min(std::min(x, y), z); };
+    const auto high = [](float x, float y, float z) { return std::max(std::max(x, y), z); };
+    return {{low(p.x_mm, q.x_mm, r.x_mm), low(p.y_mm, q.y_mm, r.y_mm), low(p.z_mm, q.z_mm, r.z_mm)},
+            {high(p.x_mm, q.x_mm, r.x_mm), high(p.y_mm, q.y_mm, r.y_mm), high(p.z_mm, q.z_mm, r.z_mm)}};
   }
   void prefetch(std::uint32_t place) const noexcept {
     __builtin_prefetch(&points_[place]);

@@ -281,5 +281,98 @@ TEST(StarContact, WorkDoesNotGrowWithThePoints) {
   }
 }
 
+TEST(StarContact, AWalkInAnyStepsMeetsWhatItGoesThrough) {
+  Felt felt(random_torus(3000, 0.0, 31));
+  Random random(32);
+  int contacts = 0, steps = 0;
+  for (int walk = 0; walk < 40; ++walk) {
+    // A tenth of the spacing to some spacings a step, to and fro outside: clearances are used up, found and
+    // lost.
+    const double step = 0.1 * std::pow(40.0, random.uniform());
+    const double u = random.uniform(0.0, 6.3), v = random.uniform(0.0, 6.3), out = random.uniform(10.5, 30.0);
+    Vec3 at((30 + out * std::cos(v)) * std::cos(u), (30 + out * std::cos(v)) * std::sin(u),
+            out * std::sin(v));
+    felt.contact.reset(felt.local(at));
+    StarCounters counters;
+    ASSERT_FALSE(felt.contact.update(felt.local(at), counters));
+    Vec3 way(random.normal(), random.normal(), random.normal());
+    for (int i = 0; i < 150; ++i, ++steps) {
+      way += 0.3 * Vec3{random.normal(), random.normal(), random.normal()};
+      // Back to the torus from far away.
+      if (at.norm() > 60.0) way = -at;
+      const Vec3 to = at + way.normalized() * step;
+      const bool through = pierced(felt.mesh, felt.local(at), felt.local(to)) > 0;
+      const bool held = felt.contact.update(felt.local(to), counters);
+      // One that goes in and out again in a step may come to rest free.
+      if (held || !through) {
+        ASSERT_EQ(held, through) << "walk " << walk << " step " << i;
+      }
+      if (through) {
+        ++contacts;
+        break;
+      }
+      at = to;
+    }
+  }
+  EXPECT_GT(contacts, 10);
+  EXPECT_GT(steps, 1000);
+}
+
+TEST(StarContact, AClearanceEndsAtTheSurface) {
+  Random random(36);
+  std::vector<Vec3> plane;
+  for (int i = 0; i < 4000; ++i)
+    plane.emplace_back(random.uniform(-10.0, 10.0), random.uniform(-10.0, 10.0), 0.0);
+  Felt felt(plane);
+  for (int i = 0; i < 300; ++i) {
+    const double step = 0.01 * std::pow(30.0, random.uniform());
+    Vec3 at(random.uniform(-5.0, 5.0), random.uniform(-5.0, 5.0), random.uniform(40.0, 60.0) * step);
+    const Vec3 way = Vec3{random.uniform(-0.3, 0.3), random.uniform(-0.3, 0.3), -1.0} * step;
+    felt.contact.reset(felt.local(at));
+    StarCounters counters;
+    for (int k = 0; at.z() > -5.0 * step; ++k, at += way)
+      ASSERT_EQ(felt.contact.update(felt.local(at), counters), at.z() < 0.0) << i << " at " << at.z();
+  }
+}
+
+TEST(StarContact, FreeAirIsLookedAtSeldom) {
+  Felt felt(random_torus(3000, 0.0, 33));
+  // 12 mm above the torus, in steps of 0.05 mm: more than a hundred to the next look.
+  const Vec3 from(20.0, 0.0, 22.0), step(0.05, 0.0, 0.0);
+  felt.contact.reset(felt.local(from));
+  StarCounters counters;
+  for (int i = 1; i <= 1000; ++i) ASSERT_FALSE(felt.contact.update(felt.local(from + i * step), counters));
+  EXPECT_GT(counters.blocks, 0u);
+  EXPECT_LT(counters.blocks, 20u);
+}
+
+TEST(StarContact, PackedTrianglesAreThoseOfTheBlock) {
+  const Felt felt(random_torus(3000, 0.2, 34));
+  std::size_t filled = 0;
+  for (std::uint32_t block = 0; block * kBlockPlaces < felt.mesh.size(); ++block) {
+    PackedBlock packed;
+    packed.pack(felt.mesh, block);
+    const std::uint32_t first = block * kBlockPlaces, last = std::min(first + kBlockPlaces, felt.mesh.size());
+    std::uint32_t at = 0;
+    for (std::uint32_t place = first; place < last; ++place)
+      felt.mesh.for_triangles_of(place, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+        const std::uint32_t k = at++;
+        if (k >= PackedBlock::kMost) return;
+        EXPECT_EQ(packed.corner[k], (std::array{a, b, c}));
+        const Vec3 low = felt.mesh.at(a).cwiseMin(felt.mesh.at(b)).cwiseMin(felt.mesh.at(c));
+        const Vec3 high = felt.mesh.at(a).cwiseMax(felt.mesh.at(b)).cwiseMax(felt.mesh.at(c));
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+          EXPECT_EQ(static_cast<double>(packed.box[k / kFanOut].low[axis][k % kFanOut]),
+                    low[static_cast<int>(axis)]);
+          EXPECT_EQ(static_cast<double>(packed.box[k / kFanOut].high[axis][k % kFanOut]),
+                    high[static_cast<int>(axis)]);
+        }
+      });
+    EXPECT_EQ(packed.size, at);
+    filled += at;
+  }
+  EXPECT_GT(filled, felt.mesh.size());
+}
+
 }  // namespace
 }  // namespace palpate::stars
