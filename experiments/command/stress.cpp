@@ -29,8 +29,8 @@ void declare_stress(const Declaration& declare, StressArguments& a) {
 Subcommand stress_subcommand() {
   return subcommand(
       "stress", "every renderer at the extremes of scale, place, motion and shape: a matrix of what holds",
-      {"palpate stress --out out/stress",
-       "palpate stress --renderers cloud,cloud-smooth --cases offset,one-point --out out/few",
+      {"palpate stress --budget 900 --out out/stress",
+       "palpate stress --renderers cloud,cloud-smooth --cases one-point,hip-nan --out out/few",
        "palpate stress --quick --budget 60 --out out/quick"},
       declare_stress, run_stress);
 }
