@@ -32,6 +32,18 @@ bool stands_in(const StarMesh& mesh, const Stand& left, const Vec3& h, std::uint
   return std::abs(n.dot(left.foot.point - pa)) <= gamma(kFootOperations) * size * n.norm();
 }
 
+/// Of a place from one of the boxes of a node.
+double distance_sq(const BoxNode& node, std::uint32_t child, const Vec3& h) noexcept {
+  double sum = 0.0;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const double at = h[static_cast<Eigen::Index>(axis)];
+    const double off = std::max({static_cast<double>(node.low[axis][child]) - at,
+                                 at - static_cast<double>(node.high[axis][child]), 0.0});
+    sum += off * off;
+  }
+  return sum;
+}
+
 bool shares(const Stand& left, std::uint32_t a, std::uint32_t b, std::uint32_t c) noexcept {
   const auto has = [&](std::uint32_t place) { return place == a || place == b || place == c; };
   const Feature f = left.foot.feature;
@@ -187,8 +199,10 @@ bool StarContact::bridge(const Vec3& h, double edge, StarCounters& counters) noe
   std::uint32_t tested = 0;
   const geometry::Aabb around{middle - Vec3::Constant(half), middle + Vec3::Constant(half)};
   const FloatBox box = FloatBox::around(around);
-  const bool all =
-      tree_->for_blocks(around, kMaxNodes, [&](std::uint32_t block, const BoxNode&, std::uint32_t) noexcept {
+  const bool all = tree_->for_blocks(
+      around, kMaxNodes, [&](std::uint32_t block, const BoxNode& node, std::uint32_t child) noexcept {
+        // Where points crowd, only blocks that may be nearer are worth a look.
+        if (narrow && distance_sq(node, child, h) >= to_beat) return true;
         const std::uint32_t first = block * kBlockPlaces;
         const std::uint32_t last = std::min(first + kBlockPlaces, mesh_->size());
         for (std::uint32_t place = first; place < last; ++place)
