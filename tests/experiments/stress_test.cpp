@@ -101,11 +101,11 @@ TEST(Stress, ACrashAndAHangAreRedCellsAndTheRowGoesOn) {
   };
   hang.name = "hang";
   hang.make = []() -> Result<StressSetup> {
-    for (;;) ::pause();
+    for (volatile int endless = 0;;) endless = endless + 1;
   };
   std::vector<StressCell> row;
   CellLimits limits;
-  limits.seconds = 5.0;
+  limits.seconds = 2.0;
   run_row_apart({good, crash, hang, good}, request_of("cloud"), registry(), limits, [&](StressCell&& cell) {
     row.push_back(std::move(cell));
     return true;
