@@ -95,7 +95,7 @@ void add_degenerate(std::vector<StressCase>& cases) {
         {name, "degenerate", text, quick, false, crossed(std::move(points), name, out_mm, clear_mm)});
   };
   add(
-      "one-point", "One point.",
+      "one-point", "A cloud of one point.",
       [] {
         return Points{{0.05, 0.03, 0}};
       },

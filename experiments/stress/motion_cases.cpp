@@ -142,8 +142,9 @@ void add_stiffnesses(std::vector<StressCase>& cases) {
     };
   };
   for (const double value : {1e-9, 1e3, 1e9, 1e150, 1e300})
-    cases.push_back({fmt::format("stiffness-{:g}", value), "stiffness", fmt::format("{:g} N/mm.", value),
-                     value == 1e300, false, waved(stiff(value, kStressLimitN))});
+    cases.push_back({fmt::format("stiffness-{:g}", value), "stiffness",
+                     fmt::format("A stiffness of {:g} N/mm.", value), value == 1e300, false,
+                     waved(stiff(value, kStressLimitN))});
   cases.push_back({"stiffness-denormal", "stiffness", "1e-310 N/mm: below the normal numbers.", false, false,
                    waved([stiff](StressSetup& setup) {
                      stiff(1e-310, kStressLimitN)(setup);

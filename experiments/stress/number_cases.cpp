@@ -83,7 +83,9 @@ void add_scales(std::vector<StressCase>& cases) {
                    slope_by({1e6, Vec3::Zero(), {}})});
   cases.push_back({"scale-denormal", "scale", "All coordinates below the normal numbers of single precision.",
                    true, false, []() -> Result<StressSetup> {
-                     PALPATE_ASSIGN(const Unit unit, unit_of(kWave));
+                     PALPATE_ASSIGN(const Unit wave, unit_of(kWave));
+                     auto unit = std::make_shared<StressSetup>(*wave);
+                     unit->scene.models.front().analytic = nullptr;  // no generator scales so far
                      PALPATE_ASSIGN(StressSetup setup, stretched(unit, {0x1p-140, Vec3::Zero(), {}}));
                      setup.twin = nullptr;  // the points themselves lose their digits
                      for (Due& due : setup.due) due = due == Due::kInside ? Due::kAny : due;
