@@ -16,8 +16,10 @@ void declare_stress(const Declaration& declare, StressArguments& a) {
   declare.required("--out", a.out, "folder for the results");
   declare.number("--budget", a.budget_s, kSeconds,
                  "seconds after which no further cell is begun; 0: as long as it takes (default: 0)");
-  declare.number("--cell-limit", a.cell_s, kCellSeconds,
-                 fmt::format("seconds that one cell may take; then it has failed (default: {:g})", a.cell_s));
+  declare.number(
+      "--cell-limit", a.cell_s, kCellSeconds,
+      fmt::format("seconds of processor time that one cell may take; then it has failed (default: {:g})",
+                  a.cell_s));
   declare.flag("--quick", a.quick, "the short set of cases");
   declare.flag("--full", a.full, "ten million points too");
   declare.excludes("--quick", "--full");
@@ -29,8 +31,8 @@ void declare_stress(const Declaration& declare, StressArguments& a) {
 Subcommand stress_subcommand() {
   return subcommand(
       "stress", "every renderer at the extremes of scale, place, motion and shape: a matrix of what holds",
-      {"palpate stress --out out/stress",
-       "palpate stress --renderers cloud,cloud-smooth --cases offset,one-point --out out/few",
+      {"palpate stress --budget 900 --out out/stress",
+       "palpate stress --renderers cloud,cloud-smooth --cases one-point,hip-nan --out out/few",
        "palpate stress --quick --budget 60 --out out/quick"},
       declare_stress, run_stress);
 }

@@ -11,7 +11,7 @@
 namespace palpate::experiments {
 
 struct CellLimits {
-  double seconds = 60.0;                ///< of one cell, preparation and all
+  double seconds = 60.0;                ///< of processor time of one cell, preparation and all
   std::uint64_t bytes = 6'000'000'000;  ///< of private memory
 };
 

@@ -10,10 +10,10 @@
 namespace palpate::experiments {
 namespace {
 
-// A hundredth of the spacing off the grid: no two distances are equal, and it is a height field still.
+// Points off the grid: where four stand in a square, rounding alone decides which diagonal joins them.
 constexpr const char* kWave =
-    "sinusoid:extent_mm=30:amplitude_mm=1:wavelength_mm=20:spacing_mm=0.5:jitter=0.01";
-constexpr const char* kStone = "pebble:extent_mm=20:points=6000:finest=0.6:slope=0.1:jitter=0.01";
+    "sinusoid:extent_mm=30:amplitude_mm=1:wavelength_mm=20:spacing_mm=0.5:jitter=0.3";
+constexpr const char* kStone = "pebble:extent_mm=20:points=6000:finest=0.6:slope=0.1:jitter=0.3";
 
 using Unit = std::shared_ptr<const StressSetup>;
 
@@ -22,6 +22,31 @@ Result<Unit> unit_of(const char* generator) {
   const auto surface = setup.scene.models.front().analytic;
   weave(setup, *surface, 5.0, 0.8, 3.0, 0.2, 600);
   return Unit(std::make_shared<const StressSetup>(std::move(setup)));
+}
+
+/// A slope on a grid, a height field: every diagonal of its squares gives one and the same surface.
+Result<Unit> slope() {
+  constexpr int kHalf = 25;
+  constexpr double kStep = 0.5, kAlongX = 0.21, kAlongY = -0.13;
+  std::vector<Vec3> points;
+  for (int j = -kHalf; j <= kHalf; ++j)
+    for (int i = -kHalf; i <= kHalf; ++i)
+      points.emplace_back(kStep * i, kStep * j, kStep * (kAlongX * i + kAlongY * j));
+  PALPATE_ASSIGN(StressSetup setup, setup_of_points(points, "slope"));
+  Dip d{{-3.1, 2.2, 0}, {2.7, -1.3, 0}};
+  d.out_mm = 6.0;
+  d.clear_mm = 5.0;
+  d.deep_mm = 2.0;
+  d.felt_mm = 1.5;
+  d.frames = 150;
+  dip(setup, d);
+  return Unit(std::make_shared<const StressSetup>(std::move(setup)));
+}
+std::function<Result<StressSetup>()> slope_by(const Stretch& by) {
+  return [by]() -> Result<StressSetup> {
+    PALPATE_ASSIGN(const Unit unit, slope());
+    return stretched(unit, by);
+  };
 }
 
 std::function<Result<StressSetup>()> stretched_by(const char* generator, const Stretch& by) {
@@ -52,9 +77,15 @@ void add_scales(std::vector<StressCase>& cases) {
                    false, stretched_by(kStone, {0x1p-20, Vec3::Zero(), {}})});
   cases.push_back({"scale-closed-1e6", "scale", "A closed pebble a million times as large.", false, false,
                    stretched_by(kStone, {1e6, Vec3::Zero(), {}})});
+  cases.push_back({"scale-slope-2^-20", "scale", "A slope on a grid at a millionth, as a power of two.", true,
+                   false, slope_by({0x1p-20, Vec3::Zero(), {}})});
+  cases.push_back({"scale-slope-1e6", "scale", "A slope on a grid a million times as large.", true, false,
+                   slope_by({1e6, Vec3::Zero(), {}})});
   cases.push_back({"scale-denormal", "scale", "All coordinates below the normal numbers of single precision.",
                    true, false, []() -> Result<StressSetup> {
-                     PALPATE_ASSIGN(const Unit unit, unit_of(kWave));
+                     PALPATE_ASSIGN(const Unit wave, unit_of(kWave));
+                     auto unit = std::make_shared<StressSetup>(*wave);
+                     unit->scene.models.front().analytic = nullptr;  // no generator scales so far
                      PALPATE_ASSIGN(StressSetup setup, stretched(unit, {0x1p-140, Vec3::Zero(), {}}));
                      setup.twin = nullptr;  // the points themselves lose their digits
                      for (Due& due : setup.due) due = due == Due::kInside ? Due::kAny : due;
@@ -81,6 +112,9 @@ void add_offsets(std::vector<StressCase>& cases) {
                      fmt::format("The model placed {} from the origin of the world.", o.text), false, false,
                      stretched_by(kWave, {1.0, Vec3::Zero(), pose})});
   }
+  cases.push_back({"offset-slope-1e9", "offset",
+                   "A slope on a grid a thousand kilometres from the origin of its file.", true, false,
+                   slope_by({1.0, 1e9 * Vec3(1.0, -0.7, 0.4), {}})});
   geometry::RigidTransform turned;
   turned.translation_mm = 1e9 * Vec3(-0.3, 1.0, 0.2);
   turned.rotation = Eigen::Quaterniond(Eigen::AngleAxisd(1.1, Vec3(1, 2, 3).normalized()));

@@ -1,9 +1,72 @@
-// Why a cell is red, where that was found.
+// Why a cell is red, where that was found: what is inherent in a method is said of it, not mended.
+#include <array>
+#include <string_view>
+
 #include "experiments/stress/matrix.h"
 
 namespace palpate::experiments {
+namespace {
 
-std::string known_reason(const std::string&, const StressCase&, const StressCell&) {
+struct Reason {
+  std::string_view renderer, check, name;  ///< name of a case or group; empty: any
+  std::string_view text;
+};
+
+constexpr std::array kReasons = {
+    Reason{"penalty-grid", "free", "",
+           "Its force begins at a threshold of distance in front of the points, by design"},
+    Reason{"penalty-grid", "felt", "",
+           "Its force ends at its threshold behind the points: it remembers no way in"},
+    Reason{"mls-penalty", "free", "",
+           "It knows no way in: where the fitted surface goes on beyond an open border, or turns its side, "
+           "there is force"},
+    Reason{"mls-penalty", "felt", "", "It knows no way in: out of reach of the points there is no force"},
+    Reason{"vector-field", "felt", "",
+           "Deeper than its band of voxels, and near sharp edges, there is no force: it knows no way in"},
+    Reason{"vector-field", "free", "", "Its sides are those of a closed surface seen from outside"},
+    Reason{"mls-proxy", "felt", "",
+           "Its proxy moves by a bounded number of ticks a frame and tunnels where a HIP is fast or deep"},
+    Reason{"mls-proxy", "free", "",
+           "Past an open border, or inside a hollow body, its field still has a side"},
+    Reason{
+        "cloud-literal", "free", "",
+        "Figure 42 as printed: the contact state has no side and sticks; boxes are of the worst resolution"},
+    Reason{"cloud-literal", "twin", "",
+           "Its 0.2 mm rule of shading (section 3.4) is a length that does not scale"},
+    Reason{"cloud-literal", "felt", "", "Figure 42 as printed: contact is told by crossings of boxes alone"},
+    Reason{"heightfield-literal", "twin", "", "Its 0.2 mm rule of shading is a length that does not scale"},
+    Reason{"brute-force", "free", "", "The oracle of tests takes the nearest point, without a way in"},
+    Reason{"brute-force", "felt", "", "The oracle of tests takes the nearest point, without a way in"},
+    Reason{"cloud", "free", "crowd",
+           "Around a crowd a hundred times as dense no triangles agree; seen from its fine border the gap is "
+           "hundreds of edges wide and counts as an opening (StarContact::bridge), through which the HIP "
+           "comes below the plane"},
+    Reason{"cloud", "free", "hip-denormal",
+           "Distances below the normal numbers vanish when they are multiplied: the side of the surface is "
+           "lost"},
+    Reason{"cloud-smooth", "felt", "plate-0.1mm",
+           "The plate is thinner than its voxel: both faces are one sheet"},
+    Reason{"cloud-smooth", "free", "plate-0.01mm",
+           "The plate is thinner than its voxel: both faces are one sheet with either side free"},
+    Reason{"cloud-smooth", "felt", "shells", "The wall is thinner than its voxel: both faces are one sheet"},
+    Reason{"cloud-smooth", "free", "vase",
+           "A ball with a mouth of 80 degrees counts as a closed body with a hole (enclosure.cpp): its inner "
+           "side is not felt"},
+    Reason{"cloud-smooth", "free", "volume", "Points that fill a volume give a surface with no agreed side"},
+};
+
+bool matches(std::string_view pattern, std::string_view value) noexcept {
+  return pattern.empty() || pattern == value;
+}
+
+}  // namespace
+
+std::string known_reason(const std::string& renderer, const StressCase& one, const StressCell& cell) {
+  if (cell.status != CellStatus::kFailed) return {};
+  for (const Reason& reason : kReasons)
+    if (reason.renderer == renderer && reason.check == cell.check &&
+        (matches(reason.name, one.name) || matches(reason.name, one.group)))
+      return std::string(reason.text) + ".";
   return {};
 }
 

@@ -21,13 +21,20 @@ StressSetup setup_of(render::ModelInput model) {
   return setup;
 }
 
-/// The points of a cloud, scaled and moved; a double holds the product of a stored coordinate and a power of
-/// two.
-std::vector<Vec3> moved_points(const cloud::Cloud& cloud, const Stretch& stretch) {
+/// A power of two scales every stored coordinate to the last bit; any other stretch stores the points anew.
+Result<cloud::Cloud> moved_cloud(const cloud::Cloud& cloud, const Stretch& stretch, bool exact) {
+  if (exact) {
+    cloud::Cloud scaled = cloud;
+    scaled.origin_mm *= stretch.scale;
+    const auto by = static_cast<float>(stretch.scale);
+    for (std::vector<float>* axis : {&scaled.x_mm, &scaled.y_mm, &scaled.z_mm})
+      for (float& value : *axis) value *= by;
+    return scaled;
+  }
   std::vector<Vec3> points(cloud.size());
   for (std::size_t i = 0; i < points.size(); ++i)
     points[i] = stretch.scale * cloud.point_mm(i) + stretch.offset_mm;
-  return points;
+  return cloud::build_cloud(points, cloud::NonFinite::kRefuse);
 }
 
 std::shared_ptr<const geometry::TriangleMesh> moved_mesh(const geometry::TriangleMesh& mesh,
@@ -42,14 +49,14 @@ std::shared_ptr<const geometry::TriangleMesh> moved_mesh(const geometry::Triangl
 /// the extent times the unit roundoff of float, at the unit and at the stretched scale), the HIP again when
 /// it is brought into the model's frame (a rotation of nine products and a translation: gamma(6) of its
 /// size).
-double placement_error(const cloud::Cloud& cloud, const Stretch& stretch) {
+double placement_error(const cloud::Cloud& cloud, const Stretch& stretch, bool stored_anew) {
   const geometry::Aabb box = cloud.box_mm();
   const double reach = std::max(box.low_mm.cwiseAbs().maxCoeff(), box.high_mm.cwiseAbs().maxCoeff());
   const double size = stretch.scale * reach + stretch.offset_mm.norm() + stretch.pose.translation_mm.norm();
   constexpr int kOperations = 12;  // forming it, into the world and back
   const double rounded = std::sqrt(3.0) * gamma(kOperations) * size / stretch.scale;
   const double stored = std::sqrt(3.0) * 2.0 * kUnitRoundoffFloat * 0.5 * box.extent_mm().maxCoeff();
-  return rounded + stored;
+  return rounded + (stored_anew ? stored : 0.0);
 }
 
 bool is_power_of_two(double value) {
@@ -144,12 +151,12 @@ Result<StressSetup> stretched(const std::shared_ptr<const StressSetup>& unit, co
   render::ModelInput& model = setup.scene.models.front();
   const cloud::Cloud& cloud = *model.cloud;
   const std::string generator = model.name;
-  PALPATE_ASSIGN(cloud::Cloud moved,
-                 cloud::build_cloud(moved_points(cloud, stretch), cloud::NonFinite::kRefuse));
-  moved.raster = cloud.raster;
-  const double error = placement_error(cloud, stretch);
-  if (model.original_mesh) model.original_mesh = moved_mesh(*model.original_mesh, stretch);
   const bool only_scaled = stretch.offset_mm == Vec3::Zero();
+  const bool exact = is_power_of_two(stretch.scale) && only_scaled;
+  PALPATE_ASSIGN(cloud::Cloud moved, moved_cloud(cloud, stretch, exact));
+  moved.raster = cloud.raster;
+  const double error = placement_error(cloud, stretch, !exact);
+  if (model.original_mesh) model.original_mesh = moved_mesh(*model.original_mesh, stretch);
   if (model.analytic && stretch.scale != 1.0) {
     model.analytic = nullptr;
     PALPATE_ASSIGN(NamedOptions spec, parse_named_options(generator));
@@ -161,23 +168,17 @@ Result<StressSetup> stretched(const std::shared_ptr<const StressSetup>& unit, co
   model.cloud = std::make_shared<const cloud::Cloud>(std::move(moved));
   model.world_from_model = stretch.pose;
   model.surface.stiffness_n_per_mm = unit->scene.models.front().surface.stiffness_n_per_mm / stretch.scale;
-  double deepest = 0.0;
   for (Vec3& hip : setup.path.hip_mm) hip = stretch.pose * Vec3(stretch.scale * hip + stretch.offset_mm);
-  for (std::size_t i = 0; i < setup.due.size(); ++i)
-    if (setup.due[i] != Due::kFree && unit->scene.models.front().analytic)
-      deepest =
-          std::max(deepest, -unit->scene.models.front().analytic->signed_distance_mm(unit->path.hip_mm[i]));
   setup.twin = unit;
-  const bool exact = is_power_of_two(stretch.scale) && only_scaled && stretch.pose.is_identity();
-  if (exact) return setup;
+  if (exact && stretch.pose.is_identity()) return setup;
   // A facet whose corners are each `error` off their place moves by as much and turns by up to twice that
   // over its least height, which the sampling keeps above a quarter of the spacing; the foot of a HIP at
   // depth d goes with it: error (1 + 2 d / height), and the HIP itself is as far off its place.
   const double spacing =
       std::sqrt(cloud.box_mm().extent_mm().head<2>().prod() / static_cast<double>(cloud.size()));
-  constexpr double kLeastHeight = 0.25;
+  constexpr double kLeastHeight = 0.25, kDeepest = 2.0;  // no way that is stretched goes deeper, mm
   setup.twin_bound_n = unit->scene.models.front().surface.stiffness_n_per_mm * error *
-                       (2.0 + 2.0 * deepest / (kLeastHeight * spacing));
+                       (2.0 + 2.0 * kDeepest / (kLeastHeight * spacing));
   return setup;
 }
 

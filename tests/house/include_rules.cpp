@@ -31,11 +31,13 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"report", {"study", "report"}},
     {"session", {"study", "run", "data", "report", "session"}},
     {"behaviours", {"study", "run", "report", "session", "behaviours"}},
+    {"stress", {"study", "run", "report", "session", "stress"}},
     {"tables", {"study", "run", "data", "report", "session", "behaviours", "tables"}},
     {"trade", {"study", "run", "data", "report", "session", "trade"}},
     {"hunt", {"study", "run", "session", "hunt"}},
     {"command",
-     {"study", "run", "data", "report", "session", "behaviours", "tables", "trade", "hunt", "command"}},
+     {"study", "run", "data", "report", "session", "behaviours", "stress", "tables", "trade", "hunt",
+      "command"}},
     {"benchmarks", {"benchmarks"}},
 };
 

@@ -159,17 +159,21 @@ Result<HeightField> height_field_of(const Cloud& cloud, std::vector<std::uint32_
   field.step_x_mm = x.step;
   field.step_y_mm = y.step;
   field.height_mm.assign(x.count * y.count, std::numeric_limits<float>::quiet_NaN());
-  if (point_of_post != nullptr) point_of_post->assign(x.count * y.count, kNoPoint);
+  std::vector<std::uint32_t> own;
+  std::vector<std::uint32_t>& point_at = point_of_post != nullptr ? *point_of_post : own;
+  point_at.assign(x.count * y.count, kNoPoint);
   for (std::size_t i = 0; i < cloud.size(); ++i) {
     const std::size_t column = place_on(x, cloud.x_mm[i]), row = place_on(y, cloud.y_mm[i]);
     if (column == x.count || row == y.count)
       return no_lattice(
           fmt::format("point {} stands between the posts of a {:.6g} x {:.6g} mm grid", i, x.step, y.step));
-    float& height = field.height_mm[row * x.count + column];
-    if (!std::isnan(height) && height != cloud.z_mm[i])
+    std::uint32_t& first = point_at[row * x.count + column];
+    // The same point once more says nothing new; another one does, however high it stands: one far point
+    // makes the lattice so coarse that a whole plane stands at one post.
+    if (first != kNoPoint && cloud.local_mm(first) != cloud.local_mm(i))
       return no_lattice(fmt::format("point {} is a second one at its place seen from above", i));
-    height = cloud.z_mm[i];
-    if (point_of_post != nullptr) (*point_of_post)[row * x.count + column] = static_cast<std::uint32_t>(i);
+    first = static_cast<std::uint32_t>(i);
+    field.height_mm[row * x.count + column] = cloud.z_mm[i];
   }
   finish(field);
   if (const double thin = thin_share(field); thin > kMostThin)

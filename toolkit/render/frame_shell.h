@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <concepts>
 #include <cstdint>
 #include <limits>
@@ -14,6 +15,7 @@
 #include <vector>
 
 #include "toolkit/geometry/aabb.h"
+#include "toolkit/render/force_limit.h"
 #include "toolkit/render/joint_contact.h"
 #include "toolkit/render/model_pose.h"
 #include "toolkit/render/near_models.h"
@@ -54,6 +56,14 @@ concept LocalModel = requires(Model& model, const Vec3& h, const SurfaceContact&
   model.let_go(h);
   model.release();
 };
+
+/// A HIP farther off is no place, as one that is not finite: the square of a distance (a double
+/// holds 1.8e308) over the square of a cell could not be formed any more.
+inline constexpr double kFarthestHipMm = 1e150;
+[[nodiscard]] inline bool is_place(const Vec3& hip_mm) noexcept {
+  return std::abs(hip_mm.x()) <= kFarthestHipMm && std::abs(hip_mm.y()) <= kFarthestHipMm &&
+         std::abs(hip_mm.z()) <= kFarthestHipMm;
+}
 
 /// Times that the models near are looked at again from where the others hold the proxy's body.
 inline constexpr int kJointLooks = 3;
@@ -167,7 +177,7 @@ class FrameShell {
   Frame frame(const Vec3& hip_mm) noexcept {
     ++counters_.frames;
     Frame frame;
-    if (!is_finite(hip_mm)) {
+    if (!is_place(hip_mm)) {
       frame.status = FrameStatus::kNonFinite;
       return frame;
     }
@@ -222,12 +232,7 @@ class FrameShell {
     frame.contact = true;
     frame.model = index;
     frame.god_object_mm = model.pose().to_world(answer.god_object_mm);
-    frame.force_n = held_to_limit(model.pose().direction_to_world(answer.force_n));
-  }
-
-  /// `limited`, without a root where nothing is limited.
-  [[nodiscard]] Vec3 held_to_limit(const Vec3& force_n) const noexcept {
-    return force_n.squaredNorm() <= limit_n_ * limit_n_ ? force_n : limited(force_n, limit_n_);
+    frame.force_n = held_to_limit(model.pose().direction_to_world(answer.force_n), limit_n_);
   }
 
   /// The models near the HIP, each with its pose of this instant: the HIP's way is taken in each one's own

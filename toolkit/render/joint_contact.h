@@ -11,6 +11,7 @@
 
 #include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/half_spaces.h"
+#include "toolkit/render/force_limit.h"
 #include "toolkit/render/model_pose.h"
 #include "toolkit/render/renderer.h"
 #include "toolkit/render/surface_response.h"
@@ -147,7 +148,7 @@ void add_up(std::span<Touch> touches, Respond&& respond, double force_limit_n, F
   }
   frame.contact = true;
   frame.god_object_mm = god_object + aside;
-  frame.force_n = limited(force, force_limit_n);
+  frame.force_n = held_to_limit(force, force_limit_n);
 }
 
 }  // namespace palpate::render

@@ -264,7 +264,12 @@ bool SmoothContact::update_slowly(const Vec3& h, FrameCounters& counters) noexce
           return false;
         case Stay::kOut:
           // Its way out of the surface is still to be tested, from a place that is clear of it.
-          if (!find_clear(h, tested_to_)) return true;
+          if (!find_clear(h, tested_to_)) {
+            // Where sheets crowd, none of these places may be clear. A HIP still near stays in contact; one
+            // that is out by more than they reach is free, or it would be held for ever.
+            if (!((h - god_).squaredNorm() > kClearOfMost * kClearOfMost)) return true;
+            tested_to_ = h;
+          }
           contact_ = false;
           clear_ = -1.0;
           break;

@@ -67,6 +67,9 @@ class SmoothPoints {
     return static_cast<double>(spacing_near_[i]);
   }
 
+  /// A ball over more cubes than this, and than there are points, is found point by point: a cube costs about
+  /// as much as a point. One point far off would else be surrounded by millions of empty cubes.
+  static constexpr double kMostCubes = 4096.0;
   /// Calls visit(place, Vec3 from the centre, squared distance) for every point in the ball.
   template <class Visit>
   void in_ball(const Vec3& centre, double radius, Visit&& visit) const {
@@ -74,6 +77,16 @@ class SmoothPoints {
     std::array<std::int64_t, 3> low{}, high{};
     if (!cells_of(level, centre, radius, low, high)) return;
     const double radius_sq = radius * radius;
+    double cubes = 1.0;
+    for (std::size_t axis = 0; axis < 3; ++axis) cubes *= static_cast<double>(high[axis] - low[axis] + 1);
+    if (cubes > kMostCubes && cubes > static_cast<double>(at_.size())) {
+      for (std::uint32_t i = 0; i < at_.size(); ++i) {
+        const Vec3 away = at_[i].cast<double>() - centre;
+        const double sq = away.squaredNorm();
+        if (sq <= radius_sq) visit(i, away, sq);
+      }
+      return;
+    }
     for (std::int64_t z = low[2]; z <= high[2]; ++z)
       for (std::int64_t y = low[1]; y <= high[1]; ++y)
         for (std::int64_t x = low[0]; x <= high[0]; ++x) {

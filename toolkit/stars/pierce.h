@@ -44,7 +44,9 @@ void pierce_triangle(const StarMesh& mesh, std::uint32_t a, std::uint32_t b, std
   const Vec3 pa = mesh.at(a), pb = mesh.at(b), pc = mesh.at(c);
   const Vec3 n = (pb - pa).cross(pc - pa);
   const double before = n.dot(from - pa), behind = n.dot(to - pa);
-  const bool in = before >= 0.0 && behind < 0.0, out = before <= 0.0 && behind > 0.0;
+  // A way that ends on the plane has met it: begun there in the next frame, it could not tell its side.
+  const bool in = before >= 0.0 && behind <= 0.0 && before > behind,
+             out = before <= 0.0 && behind >= 0.0 && behind > before;
   if (!in && !out) return;
   const double fraction = before / (before - behind);
   if (!(fraction < hit.fraction)) return;

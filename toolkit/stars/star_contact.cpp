@@ -15,6 +15,35 @@ double solid_angle(const Vec3& a, const Vec3& b, const Vec3& c) noexcept {
   return 2.0 * std::atan2(a.dot(b.cross(c)), la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb);
 }
 
+/// Rounded operations between a HIP and how far its foot stands from a plane: the foot (a normal of unit
+/// length, a height, their product and a sum) and its height over another facet (differences, a product of
+/// vectors).
+constexpr int kFootOperations = 32;
+
+/// Whether the foot that is left lies in this triangle's plane, to rounding, and the triangle has one of its
+/// corners: where facets lie in one plane the foot may be on an edge and be said to lie inside one of them.
+bool stands_in(const StarMesh& mesh, const Stand& left, const Vec3& h, std::uint32_t a, std::uint32_t b,
+               std::uint32_t c) noexcept {
+  const auto& place = left.facet.place;
+  const auto has = [&](std::uint32_t p) { return p == place[0] || p == place[1] || p == place[2]; };
+  if (!has(a) && !has(b) && !has(c)) return false;
+  const Vec3 pa = mesh.at(a), n = (mesh.at(b) - pa).cross(mesh.at(c) - pa);
+  const double size = h.norm() + left.foot.point.norm() + pa.norm();
+  return std::abs(n.dot(left.foot.point - pa)) <= gamma(kFootOperations) * size * n.norm();
+}
+
+/// Of a place from one of the boxes of a node.
+double distance_sq(const BoxNode& node, std::uint32_t child, const Vec3& h) noexcept {
+  double sum = 0.0;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const double at = h[static_cast<Eigen::Index>(axis)];
+    const double off = std::max({static_cast<double>(node.low[axis][child]) - at,
+                                 at - static_cast<double>(node.high[axis][child]), 0.0});
+    sum += off * off;
+  }
+  return sum;
+}
+
 bool shares(const Stand& left, std::uint32_t a, std::uint32_t b, std::uint32_t c) noexcept {
   const auto has = [&](std::uint32_t place) { return place == a || place == b || place == c; };
   const Feature f = left.foot.feature;
@@ -202,8 +231,10 @@ bool StarContact::bridge(const Vec3& h, double edge, StarCounters& counters) noe
   std::uint32_t tested = 0;
   const geometry::Aabb around{middle - Vec3::Constant(half), middle + Vec3::Constant(half)};
   const FloatBox box = FloatBox::around(around);
-  const bool all =
-      tree_->for_blocks(around, kMaxNodes, [&](std::uint32_t block, const BoxNode&, std::uint32_t) noexcept {
+  const bool all = tree_->for_blocks(
+      around, kMaxNodes, [&](std::uint32_t block, const BoxNode& node, std::uint32_t child) noexcept {
+        // Where points crowd, only blocks that may be nearer are worth a look.
+        if (narrow && distance_sq(node, child, h) >= to_beat) return true;
         const std::uint32_t first = block * kBlockPlaces;
         const std::uint32_t last = std::min(first + kBlockPlaces, mesh_->size());
         for (std::uint32_t place = first; place < last; ++place)
@@ -302,7 +333,12 @@ bool StarContact::first_entry(const Vec3& from, const Vec3& to, const Stand* lef
   bool near = covered(to) && covered(from), looked = false;
   if (!near) near = looked = look_around(to, kStepsAhead * (to - from).cwiseAbs().maxCoeff(), counters);
   const auto takes = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c, double side) noexcept {
-    return !(left != nullptr && shares(*left, a, b, c)) && is_free(a, b, c, side);
+    if (left != nullptr) {
+      if (shares(*left, a, b, c)) return false;
+      // It leaves to the front: no facet around is met from behind.
+      if (side != side_ && stands_in(*mesh_, *left, to, a, b, c)) return false;
+    }
+    return is_free(a, b, c, side);
   };
   bool met = false;
   bool all = true;

@@ -1,0 +1,145 @@
+// The short set of the stress matrix: no cell of ours turns red unseen; and what the matrix says is true.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <csignal>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "experiments/session/session.h"
+#include "experiments/stress/apart.h"
+#include "experiments/stress/matrix.h"
+#include "tests/experiments/program.h"
+#include "tests/json_schema.h"
+
+namespace palpate::experiments {
+namespace {
+
+const render::Registry& registry() {
+  static const render::Registry all = all_renderers();
+  return all;
+}
+
+StressCase case_of(const std::string& name) {
+  for (StressCase& one : stress_cases())
+    if (one.name == name) return one;
+  ADD_FAILURE() << "no case " << name;
+  return {};
+}
+
+RendererRequest request_of(const std::string& name) {
+  return {name, name, {}, {}};
+}
+
+TEST(Stress, EveryCaseCanBeMadeAndSaysWhatItIs) {
+  std::set<std::string> names;
+  for (const StressCase& one : stress_cases()) {
+    EXPECT_TRUE(names.insert(one.name).second) << one.name;
+    EXPECT_GT(one.text.size(), 10u) << one.name;
+    if (!one.quick) continue;
+    const Result<StressSetup> made = one.make();
+    ASSERT_TRUE(made) << one.name << ": " << made.error().message();
+    EXPECT_EQ(made->path.size(), made->due.size()) << one.name;
+    EXPECT_TRUE(std::is_sorted(made->path.t_s.begin(), made->path.t_s.end())) << one.name;
+    EXPECT_GT(made->scene.force_limit_n, 0.0) << one.name;
+  }
+  EXPECT_GE(names.size(), 90u);
+}
+
+class OursAtTheExtremes : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(OursAtTheExtremes, HoldWhatMustHold) {
+  const RendererRequest request = request_of(GetParam());
+  std::size_t ok = 0;
+  for (const StressCase& one : stress_cases()) {
+    if (!one.quick) continue;
+    const StressCell cell = run_cell(one, request, registry());
+    ok += cell.status == CellStatus::kOk;
+    EXPECT_NE(cell.status, CellStatus::kFailed) << one.name << ", " << cell.check << ": " << cell.cause;
+  }
+  EXPECT_GT(ok, 10u) << "most cases are refused";
+}
+INSTANTIATE_TEST_SUITE_P(Stress, OursAtTheExtremes, ::testing::Values("cloud", "cloud-smooth", "heightfield"),
+                         [](const auto& tested) {
+                           std::string name = tested.param;
+                           std::erase(name, '-');
+                           return name;
+                         });
+
+// A cell can be red: one renderer that is known to feel boxes from outside, and a rule that is broken on
+// purpose.
+TEST(Stress, WhatIsWrongIsSeen) {
+  StressCase lying = case_of("scale-unit");
+  const auto make = lying.make;
+  lying.make = [make]() -> Result<StressSetup> {
+    Result<StressSetup> setup = make();
+    std::fill(setup->due.begin(), setup->due.end(), Due::kFree);
+    return setup;
+  };
+  const StressCell felt = run_cell(lying, request_of("cloud"), registry());
+  EXPECT_EQ(felt.status, CellStatus::kFailed);
+  EXPECT_EQ(felt.check, "free");
+  lying.make = [make]() -> Result<StressSetup> {
+    Result<StressSetup> setup = make();
+    auto other = std::make_shared<StressSetup>(*setup->twin);
+    other->scene.models.front().surface.stiffness_n_per_mm *= 1.0 + 1e-15;
+    setup->twin = other;
+    return setup;
+  };
+  const StressCell twin = run_cell(lying, request_of("cloud"), registry());
+  EXPECT_EQ(twin.status, CellStatus::kFailed);
+  EXPECT_EQ(twin.check, "twin");
+}
+
+TEST(Stress, ACrashAndAHangAreRedCellsAndTheRowGoesOn) {
+  const StressCase good = case_of("one-point");
+  StressCase crash = good, hang = good;
+  crash.name = "crash";
+  crash.make = []() -> Result<StressSetup> {
+    ::raise(SIGSEGV);
+    return Error{};
+  };
+  hang.name = "hang";
+  hang.make = []() -> Result<StressSetup> {
+    for (volatile int endless = 0;;) endless = endless + 1;
+  };
+  std::vector<StressCell> row;
+  CellLimits limits;
+  limits.seconds = 2.0;
+  run_row_apart({good, crash, hang, good}, request_of("cloud"), registry(), limits, [&](StressCell&& cell) {
+    row.push_back(std::move(cell));
+    return true;
+  });
+  ASSERT_EQ(row.size(), 4u);
+  EXPECT_NE(row[0].status, CellStatus::kFailed) << row[0].cause;
+  EXPECT_NE(row[1].cause.find("signal 11"), std::string::npos) << row[1].cause;
+  EXPECT_NE(row[2].cause.find("not done"), std::string::npos) << row[2].cause;
+  EXPECT_EQ(row[3].trace_hash, row[0].trace_hash);
+}
+
+class StressCommand : public InFolder {};
+
+TEST_F(StressCommand, WritesTheMatrixTwiceTheSame) {
+  const std::vector<std::string> words = {
+      "stress", "--renderers", "cloud,penalty-grid", "--cases", "one-point,hip-nan", "--out", in("out")};
+  const ProcessOutcome run = palpate_command(words);
+  ASSERT_EQ(run.exit_code, 0) << run.err << run.out;
+  const std::string text = file_text(in("out/stress.json"));
+  EXPECT_EQ(schema_violations(std::string(PALPATE_DOCS) + "/stress.schema.json", text), "");
+  const nlohmann::json first = nlohmann::json::parse(text);
+  EXPECT_EQ(first["cells"].size(), 4u);
+  EXPECT_NE(file_text(in("out/report.html")).find("<svg"), std::string::npos);
+  ASSERT_EQ(palpate_command(words).exit_code, 0);
+  EXPECT_EQ(nlohmann::json::parse(file_text(in("out/stress.json")))["cells"], first["cells"]);
+}
+
+TEST_F(StressCommand, RefusesWhatItDoesNotKnow) {
+  const ProcessOutcome run = palpate_command({"stress", "--cases", "no-such-case", "--out", in("out")});
+  EXPECT_EQ(run.exit_code, 2);
+  EXPECT_NE(run.err.find("there is no case 'no-such-case'"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("scale-1e-6"), std::string::npos) << run.err;
+  EXPECT_FALSE(std::filesystem::exists(in("out")));
+}
+
+}  // namespace
+}  // namespace palpate::experiments
