@@ -19,6 +19,7 @@
   DO(reproduce)                 \
   DO(behaviours)                \
   DO(hunt)                      \
+  DO(stress)                    \
   DO(fetch)
 
 namespace palpate::experiments {

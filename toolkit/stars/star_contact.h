@@ -123,9 +123,9 @@ class StarContact {
     for (std::uint32_t k = 0; k < ring.size; ++k) mesh_->prefetch(ring.of[k]);
   }
   /// Both sides of an open piece can be touched, of a closed one that where the replay began.
-  [[nodiscard]] bool is_free(std::uint32_t place, double side) const noexcept {
-    return !mesh_->is_closed(place) || free_side_[mesh_->closed_piece(place)] == side;
-  }
+  [[nodiscard]] bool is_free(std::uint32_t a, std::uint32_t b, std::uint32_t c, double side) const noexcept;
+  /// The facets around it face the other way.
+  [[nodiscard]] bool is_turned_over(const Facet& facet) const noexcept;
   /// Another sheet may go through the facet.
   [[nodiscard]] bool is_crossed(const Facet& facet) const noexcept {
     return mesh_->is_crossed(facet.place[0]) || mesh_->is_crossed(facet.place[1]) ||
