@@ -112,15 +112,15 @@ TEST(Hunt, ScoresContactThatSticksEnergyAndForce) {
 
 TEST(Hunt, AQuarryIsWrittenAndReadToTheBit) {
   const render::Registry registry = all_renderers();
-  const auto& options = registry.find("cloud")->options;
+  const Ground ground{registry.find("cloud")->options, false};
   Random random(7);
-  Quarry quarry = random_quarry(random, options);
+  Quarry quarry = random_quarry(random, ground);
   for (int k = 0; k < 200; ++k) {
     const std::string text = to_text(quarry);
     Quarry read;
     ASSERT_TRUE(from_text(text, read));
     EXPECT_EQ(to_text(read), text);
-    quarry = k % 20 == 0 ? random_quarry(random, options) : mutated(quarry, random, options);
+    quarry = k % 20 == 0 ? random_quarry(random, ground) : mutated(quarry, random, ground);
   }
   EXPECT_FALSE(from_text("{\"shape\": 3}", quarry));
 }
