@@ -168,6 +168,31 @@ TEST(Hunted, AnApexOfManyFacetsLetsGo) {
   }
 }
 
+// However fine cells are asked for and however large boxes: a segment spans 64 cells, and a box reaches one
+// beyond, which is (64 + 4) x 5 x 5 with the borders that rounding touches.
+TEST(Hunted, FineCellsAreNoMoreThanAFrameMayLookAt) {
+  constexpr std::uint64_t kMostCells = 68 * 5 * 5;
+  Random random(53);
+  std::vector<Vec3> points;
+  for (int i = 0; i < 2000; ++i)
+    points.push_back(Vec3{random.uniform(-10.0, 10.0), random.uniform(-10.0, 10.0), 0.1 * random.uniform()});
+  for (const std::string text : {"cloud:surface=vertices:cell=0.02", "cloud:surface=vertices:box_mm=20",
+                                 "cloud:surface=vertices:test=swept-sphere:sphere_mm=15"}) {
+    SCOPED_TRACE(text);
+    const auto renderer = prepared(text, points);
+    renderer->restart(Vec3(0, 0, 40), 0.0);
+    std::uint64_t before = 0;
+    for (int k = 1; k <= 200; ++k) {
+      const Vec3 hip{random.uniform(-12.0, 12.0), random.uniform(-12.0, 12.0), random.uniform(-5.0, 5.0)};
+      (void)renderer->step(hip, 1e-3 * k);
+      const std::uint64_t now = renderer->counters().cells_visited;
+      ASSERT_LE(now - before, kMostCells) << "frame " << k;
+      before = now;
+    }
+    EXPECT_GT(before, 0u);
+  }
+}
+
 TEST(Hunted, BytesOfTheFuzzerEndWell) {
   const std::string folder = corpus_folder() + "../frame/";
   int played = 0;
