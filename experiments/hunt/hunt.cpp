@@ -78,11 +78,12 @@ class Hunt {
   void one(std::uint64_t number) {
     const auto q = static_cast<std::size_t>(number % state_.quests.size());
     Quest& quest = state_.quests[q];
+    const Ground ground{options_[q],
+                        registry_.find(quest.renderer.name)->geometry == render::Geometry::kHeights};
     Random random(arguments_.seed ^ (number + 1) * kGolden64);
     const std::optional<Found>& from = quest.worst[random.below(kGoals)];
     const bool afresh = random.uniform() < kAfresh || !from.has_value();
-    const Quarry quarry =
-        afresh ? random_quarry(random, options_[q]) : mutated(from->quarry, random, options_[q]);
+    const Quarry quarry = afresh ? random_quarry(random, ground) : mutated(from->quarry, random, ground);
     ++quest.trials;
     const Result<HuntScene> scene = make_scene(quarry);
     const NamedOptions named = renderer_of(quest, quarry);

@@ -161,6 +161,20 @@ void turn_edits(Quarry& quarry, Random& random) {
     edits.push_back(random_edit(random));
 }
 
+/// What is left of it on height fields: nothing sideways.
+void flatten(Quarry& quarry) {
+  constexpr std::size_t kHeightShapes = 5;  // the first ones
+  if (std::find(kShapes.begin(), kShapes.begin() + kHeightShapes, quarry.shape) ==
+      kShapes.begin() + kHeightShapes)
+    quarry.shape = kShapes[static_cast<std::size_t>(quarry.points) % kHeightShapes];
+  quarry.sampling = "grid";
+  quarry.noise = quarry.outliers = 0.0;
+  for (PointEdit& change : quarry.edits) {
+    change.kind = PointEdit::Kind::kMove;
+    change.by.x() = change.by.y() = 0.0;
+  }
+}
+
 nlohmann::json json_of(const Vec3& v) {
   return {v.x(), v.y(), v.z()};
 }
@@ -169,6 +183,12 @@ Vec3 vector_of(const nlohmann::json& json) {
 }
 
 }  // namespace
+
+bool Quarry::keeps_raster() const {
+  return std::all_of(edits.begin(), edits.end(), [](const PointEdit& change) {
+    return change.kind == PointEdit::Kind::kMove && change.by.x() == 0.0 && change.by.y() == 0.0;
+  });
+}
 
 std::string Quarry::model_text() const {
   std::string text =
@@ -179,7 +199,7 @@ std::string Quarry::model_text() const {
   return text;
 }
 
-Quarry random_quarry(Random& random, std::span<const OptionSpec> options) {
+Quarry random_quarry(Random& random, const Ground& ground) {
   constexpr int kModelTurns = 6;
   Quarry quarry;
   quarry.shape = one_of(kShapes, random);
@@ -187,16 +207,17 @@ Quarry random_quarry(Random& random, std::span<const OptionSpec> options) {
   quarry.sampling = one_of(kSamplings, random);
   for (int k = 0; k < kModelTurns; ++k) turn_model(quarry, random);
   constexpr double kWithOptions = 0.4, kWithEdits = 0.4;
-  if (chance(random, kWithOptions)) turn_option(quarry, random, options);
+  if (chance(random, kWithOptions)) turn_option(quarry, random, ground.options);
   if (chance(random, kWithEdits))
     for (std::uint64_t k = 1 + random.below(kMostEdits / 2); k > 0; --k)
       quarry.edits.push_back(random_edit(random));
   for (std::uint64_t k = 2 + random.below(kMostWaypoints / 2); k > 0; --k)
     quarry.way.push_back(random_waypoint(random));
+  if (ground.heights) flatten(quarry);
   return quarry;
 }
 
-Quarry mutated(const Quarry& quarry, Random& random, std::span<const OptionSpec> options) {
+Quarry mutated(const Quarry& quarry, Random& random, const Ground& ground) {
   constexpr double kWay = 0.6, kEdits = 0.2, kModel = 0.13;  // the rest turns an option
   Quarry next = quarry;
   for (std::uint64_t k = 1 + random.below(3); k > 0; --k) {
@@ -208,8 +229,9 @@ Quarry mutated(const Quarry& quarry, Random& random, std::span<const OptionSpec>
     else if (what < kWay + kEdits + kModel)
       turn_model(next, random);
     else
-      turn_option(next, random, options);
+      turn_option(next, random, ground.options);
   }
+  if (ground.heights) flatten(next);
   return next;
 }
 

@@ -43,6 +43,8 @@ struct Quarry {
   std::vector<Waypoint> way;
   Options options;  ///< of the renderer, as given
 
+  /// The points stand in their raster still, if they did: they were lifted at most.
+  [[nodiscard]] bool keeps_raster() const;
   /// As after a scene's name on the command line.
   [[nodiscard]] std::string model_text() const;
 };
@@ -50,9 +52,14 @@ struct Quarry {
 /// Frames that the ways of one quarry may have together; what is longer is cut.
 inline constexpr int kMostFrames = 1500;
 
-[[nodiscard]] Quarry random_quarry(Random& random, std::span<const OptionSpec> options);
+/// What a renderer leaves to be turned.
+struct Ground {
+  std::span<const OptionSpec> options;
+  bool heights = false;  ///< it takes height fields alone: points of a raster, lifted and lowered
+};
+[[nodiscard]] Quarry random_quarry(Random& random, const Ground& ground);
 /// One to three things changed.
-[[nodiscard]] Quarry mutated(const Quarry& quarry, Random& random, std::span<const OptionSpec> options);
+[[nodiscard]] Quarry mutated(const Quarry& quarry, Random& random, const Ground& ground);
 
 [[nodiscard]] std::string to_text(const Quarry& quarry);
 /// False where the text is not one of to_text().

@@ -195,7 +195,7 @@ Result<HuntScene> make_scene(const Quarry& quarry) {
   // Once more from what it stores, which is what a file of it holds.
   for (std::size_t i = 0; i < points.size(); ++i) points[i] = built.point_mm(i);
   PALPATE_ASSIGN(built, cloud::build_cloud(points, cloud::NonFinite::kRefuse));
-  if (quarry.edits.empty()) built.raster = made.cloud.raster;
+  if (quarry.keeps_raster()) built.raster = made.cloud.raster;
   render::ModelInput model;
   model.name = "hunted";
   model.cloud = std::make_shared<const cloud::Cloud>(std::move(built));

@@ -304,6 +304,15 @@ std::vector<std::string> made_small(const ShownCommand& command) {
   }
   if (words.size() > 1 && (words[1] == "sweep" || words[1] == "tune"))
     words.insert(words.end(), {"--passes", "1"});
+  if (words.size() > 1 && words[1] == "hunt") {
+    const auto given = [&](const char* name) { return std::find(words.begin(), words.end(), name); };
+    if (const auto minutes = given("--minutes"); minutes != words.end())
+      minutes[1] = "0.02";
+    else if (const auto trials = given("--trials"); trials != words.end())
+      trials[1] = "3";
+    else
+      words.insert(words.end(), {"--trials", "3"});
+  }
   return words;
 }
 

@@ -2,14 +2,19 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <memory>
+#include <numbers>
 #include <string>
 #include <vector>
 
 #include "tests/house/all_renderers.h"
 #include "tests/house/corpus_scene.h"
+#include "toolkit/core/options.h"
+#include "toolkit/core/random.h"
 #include "toolkit/trace/replay.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
@@ -69,6 +74,123 @@ TEST(Hunted, CasesKeepTheirPromisesNow) {
     }
   }
   EXPECT_GT(played, 0);
+}
+
+/// Renderers of ours on a cloud of these points.
+const std::vector<std::string> kOnPoints = {"cloud", "cloud:surface=vertices", "cloud-smooth"};
+
+std::unique_ptr<render::HapticRenderer> prepared(const std::string& text, const std::vector<Vec3>& points) {
+  render::Registry registry;
+  register_all_renderers(registry);
+  const NamedOptions named = parse_named_options(text).value();
+  auto renderer = registry.make(named.name, named.options).value();
+  render::ModelInput model;
+  model.cloud =
+      std::make_shared<const cloud::Cloud>(cloud::build_cloud(points, cloud::NonFinite::kRefuse).value());
+  render::SceneInput scene;
+  scene.models.push_back(model);
+  EXPECT_TRUE(renderer->prepare(scene, {1, nullptr}).ok()) << text;
+  return renderer;
+}
+
+/// A straight way in so many frames; the last one.
+render::Frame gone(render::HapticRenderer& renderer, const Vec3& from, const Vec3& to, double& t_s) {
+  constexpr int kFrames = 50;
+  render::Frame frame;
+  for (int k = 1; k <= kFrames; ++k) {
+    t_s += 1e-3;
+    frame = renderer.step(from + (to - from) * (static_cast<double>(k) / kFrames), t_s);
+  }
+  return frame;
+}
+
+// The side of each closed piece is its own: who starts inside one ball is outside the other.
+TEST(Hunted, StartsInsideOneOfTwoHollowBalls) {
+  Random random(51);
+  constexpr double kRadius = 10.0;
+  const Vec3 one(-15, 0, 0), other(15, 0, 0);
+  std::vector<Vec3> points;
+  for (int i = 0; i < 8000; ++i) {
+    const Vec3 d{random.normal(), random.normal(), random.normal()};
+    points.push_back((i % 2 == 0 ? one : other) + kRadius * d.normalized());
+  }
+  for (const std::string& text : kOnPoints) {
+    SCOPED_TRACE(text);
+    const auto renderer = prepared(text, points);
+    double t_s = 0.0;
+    renderer->restart(one, t_s);
+    // Through the wall from inside: held, and pushed back in.
+    const render::Frame inside = gone(*renderer, one, one + Vec3(0, 0, kRadius + 1.0), t_s);
+    EXPECT_TRUE(inside.contact);
+    EXPECT_LT(inside.force_n.z(), 0.0);
+    EXPECT_FALSE(gone(*renderer, one + Vec3(0, 0, kRadius + 1.0), one, t_s).contact);
+    // The other ball, from outside: let go of where nothing is, as a hand that is lifted over.
+    const Vec3 above = other + Vec3(0, 0, 2.0 * kRadius);
+    renderer->let_go(above);
+    const render::Frame outside = gone(*renderer, above, other + Vec3(0, 0, kRadius - 1.0), t_s);
+    EXPECT_TRUE(outside.contact);
+    EXPECT_GT(outside.force_n.z(), 0.0);
+  }
+}
+
+// More facets meet at the apex than a star has corners for, of points that lie sixty times as dense along the
+// rings as across them. Boxes hold everywhere. Triangles are missing near the apex, and a fit of what lies so
+// unevenly is off there: these let the HIP in at some places, but what they hold they let go.
+TEST(Hunted, AnApexOfManyFacetsLetsGo) {
+  constexpr int kAround = 400;
+  constexpr double kStepMm = 0.5;
+  std::vector<Vec3> points = {Vec3::Zero()};
+  for (int ring = 1; ring <= 20; ++ring)
+    for (int k = 0; k < kAround; ++k) {
+      const double angle = 2.0 * std::numbers::pi * (k + 0.5 * (ring % 2)) / kAround, r = kStepMm * ring;
+      points.emplace_back(r * std::cos(angle), r * std::sin(angle), -r);
+    }
+  Random random(52);
+  for (const std::string& text : kOnPoints) {
+    SCOPED_TRACE(text);
+    const auto renderer = prepared(text, points);
+    int held = 0, released = 0;
+    constexpr int kTried = 60;
+    double t_s = 0.0;
+    for (int i = 0; i < kTried; ++i) {
+      const double angle = random.uniform(0.0, 2.0 * std::numbers::pi), r = random.uniform(0.0, 6.0);
+      const Vec3 on(r * std::cos(angle), r * std::sin(angle), -r);
+      const Vec3 above = on + Vec3(0, 0, 2), below = on - Vec3(0, 0, 1);
+      renderer->restart(above, t_s);
+      held += gone(*renderer, above, below, t_s).contact;
+      released += !gone(*renderer, below, above, t_s).contact;
+    }
+    EXPECT_GT(held, kTried / 2);
+    if (text == "cloud:surface=vertices") {
+      EXPECT_EQ(held, kTried);
+    }
+    EXPECT_EQ(released, kTried);
+  }
+}
+
+// However fine cells are asked for and however large boxes: a segment spans 64 cells, and a box reaches one
+// beyond, which is (64 + 4) x 5 x 5 with the borders that rounding touches.
+TEST(Hunted, FineCellsAreNoMoreThanAFrameMayLookAt) {
+  constexpr std::uint64_t kMostCells = 68 * 5 * 5;
+  Random random(53);
+  std::vector<Vec3> points;
+  for (int i = 0; i < 2000; ++i)
+    points.push_back(Vec3{random.uniform(-10.0, 10.0), random.uniform(-10.0, 10.0), 0.1 * random.uniform()});
+  for (const std::string text : {"cloud:surface=vertices:cell=0.02", "cloud:surface=vertices:box_mm=20",
+                                 "cloud:surface=vertices:test=swept-sphere:sphere_mm=15"}) {
+    SCOPED_TRACE(text);
+    const auto renderer = prepared(text, points);
+    renderer->restart(Vec3(0, 0, 40), 0.0);
+    std::uint64_t before = 0;
+    for (int k = 1; k <= 200; ++k) {
+      const Vec3 hip{random.uniform(-12.0, 12.0), random.uniform(-12.0, 12.0), random.uniform(-5.0, 5.0)};
+      (void)renderer->step(hip, 1e-3 * k);
+      const std::uint64_t now = renderer->counters().cells_visited;
+      ASSERT_LE(now - before, kMostCells) << "frame " << k;
+      before = now;
+    }
+    EXPECT_GT(before, 0u);
+  }
 }
 
 TEST(Hunted, BytesOfTheFuzzerEndWell) {

@@ -77,11 +77,11 @@ void StarContact::reset(const Vec3& h) noexcept {
 }
 
 bool StarContact::go_on(const Vec3& to, bool all, const Hit& hit) noexcept {
+  bound_hit_ = true;
   if (all) {
     way_share_ = std::min(1.0, 2.0 * way_share_);
     return true;
   }
-  bound_hit_ = true;
   if (way_share_ > kLeastWayShare) {
     way_share_ *= 0.5;
     return false;
@@ -97,18 +97,21 @@ bool StarContact::update_slowly(const Vec3& h, StarCounters& counters) noexcept 
   for (int flight = 0; flight < kMaxFlights; ++flight) {
     if (!contact_) {
       Hit hit;
-      const bool whole = way_share_ == 1.0;
-      const Vec3 to = whole ? h : Vec3(from_ + way_share_ * (h - from_));
-      const bool all = first_entry(from_, to, left, counters, hit);
-      if (!(all && whole) && !go_on(to, all, hit)) [[unlikely]]
+      const Vec3* to = &h;
+      Vec3 part;
+      if (way_share_ < 1.0) [[unlikely]] {
+        part = from_ + way_share_ * (h - from_);
+        to = &part;
+      }
+      const bool all = first_entry(from_, *to, left, counters, hit);
+      if ((!all || to != &h) && !go_on(*to, all, hit)) [[unlikely]]
         return false;
       if (hit.place[0] == kNoPlace) {
-        bound_hit_ = !whole;
-        from_ = to;
-        in_clear_ = is_clear(to);
+        from_ = *to;
+        in_clear_ = is_clear(from_);
         return false;
       }
-      stand_.foot.point = from_ + hit.fraction * (to - from_);
+      stand_.foot.point = from_ + hit.fraction * (*to - from_);
       stand_on(hit);
     }
     if (others_count_ > 0 ? hold_together(h, counters) : follow_alone(h, counters)) return true;

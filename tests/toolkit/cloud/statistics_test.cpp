@@ -139,5 +139,14 @@ TEST(Sample, IsSomeOfThePointsInTheirOrder) {
   EXPECT_EQ(sample_of(whole, 2 * whole.size(), 3).size(), whole.size());
 }
 
+TEST(Cloud, MorePointsThanPlacesAreRefusedUnread) {
+  const Vec3 only = Vec3::Zero();
+  // No such memory is there: the count alone is looked at.
+  const std::span<const Vec3> many(&only, std::size_t{1} << 31);
+  const auto built = build_cloud(many, NonFinite::kRefuse);
+  ASSERT_FALSE(built.ok());
+  EXPECT_NE(built.error().remedy.find("several models"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace palpate::cloud

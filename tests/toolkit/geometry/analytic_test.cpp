@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -333,6 +334,28 @@ TEST(Analytic, GrazingARowOfCrestsFindsNone) {
   ASSERT_TRUE(found);
   // 10 (1 - cos w x) = 1e-4 at x = 0.03559.
   EXPECT_NEAR(found->point_mm.x(), -std::acos(1 - 1e-5) * 25 / std::numbers::pi, 1e-9);
+}
+
+// A HIP that is fast over fine relief goes over thousands of waves in one frame: the entry is that which
+// short segments find.
+TEST(Analytic, FindsTheEntryThousandsOfWavesOn) {
+  const auto relief = make_relief(200.0, 200.0, 0.05, 0.3, 5);
+  const double top = relief->box_mm().high_mm.z();
+  int found_any = 0;
+  for (double down = 0.1; down < 0.7; down += 0.02) {
+    const Vec3 a(-95, 3, down * top), b(95, 4, down * top);
+    std::optional<SurfacePoint> pieces;
+    constexpr int kPieces = 2000;
+    for (int k = 0; k < kPieces && !pieces; ++k)
+      pieces = relief->first_entry(a + (b - a) * (static_cast<double>(k) / kPieces),
+                                   a + (b - a) * (static_cast<double>(k + 1) / kPieces));
+    const auto whole = relief->first_entry(a, b);
+    ASSERT_EQ(whole.has_value(), pieces.has_value()) << down;
+    if (!whole) continue;
+    ++found_any;
+    EXPECT_LT((whole->point_mm - pieces->point_mm).norm(), 1e-6) << down;
+  }
+  EXPECT_GT(found_any, 3);
 }
 
 TEST(EntrySearch, SafeStepIsTheSmallestRoot) {

@@ -1,0 +1,176 @@
+// The hunt: that what breaks a promise is seen, that trials are the same from run to run, and the command.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "experiments/hunt/found.h"
+#include "experiments/session/session.h"
+#include "tests/experiments/program.h"
+#include "tests/json_schema.h"
+
+namespace palpate::experiments {
+namespace {
+
+using nlohmann::json;
+
+/// A plane of 400 points, a stroke through its middle and a way back.
+Quarry stroke_through_a_plane() {
+  Quarry quarry;
+  quarry.shape = "plane";
+  quarry.points = 400;
+  quarry.sampling = "grid";
+  quarry.way = {{Waypoint::Kind::kFree, {0, 0, -20}, 0, 0, 50},
+                {Waypoint::Kind::kFree, {0, 0, 20}, 0, 0, 50}};
+  return quarry;
+}
+
+/// Feels the plane z = 0 from above, as it should or otherwise.
+class Fake final : public render::HapticRenderer {
+ public:
+  using Spoil = std::function<void(const Vec3& hip, render::Frame& frame)>;
+  explicit Fake(Spoil spoil) : spoil_(std::move(spoil)) {}
+  Result<render::Decisions> decide(const render::SceneInput&, const render::PrepareContext&) const override {
+    return render::Decisions{};
+  }
+  Result<render::PrepareReport> prepare(const render::SceneInput&, const render::PrepareContext&) override {
+    return render::PrepareReport{};
+  }
+  void restart(const Vec3&, double) noexcept override {}
+  void let_go(const Vec3&) noexcept override {}
+  render::Frame step(const Vec3& hip, double) noexcept override {
+    render::Frame frame;
+    frame.contact = hip.z() < 0.0;
+    frame.god_object_mm = frame.contact ? Vec3(hip.x(), hip.y(), 0.0) : hip;
+    frame.model = frame.contact ? 0 : -1;
+    spoil_(hip, frame);
+    frame.force_n += 0.5 * (frame.god_object_mm - hip);
+    return frame;
+  }
+  render::FrameCounters counters() const noexcept override { return {}; }
+  render::Description describe() const override { return {}; }
+
+ private:
+  Spoil spoil_;
+};
+
+Trial tried(Fake::Spoil spoil) {
+  const HuntScene scene = make_scene(stroke_through_a_plane()).value();
+  Fake fake(std::move(spoil));
+  return try_scene(scene, fake).value();
+}
+double score(const Trial& trial, Goal goal) {
+  return trial.worst[static_cast<std::size_t>(goal)].score;
+}
+
+TEST(Hunt, FindsNothingInARendererThatKeepsItsPromises) {
+  const Trial trial = tried([](const Vec3&, render::Frame&) {});
+  EXPECT_EQ(trial.fault, "");
+  EXPECT_EQ(score(trial, Goal::kStick), 0.0);
+  EXPECT_EQ(score(trial, Goal::kEnergy), 0.0);
+  // Along a straight stroke the spring is as long as the way in it.
+  EXPECT_GT(score(trial, Goal::kForce), 0.9);
+  EXPECT_LE(score(trial, Goal::kForce), 1.0 + 1e-12);
+  EXPECT_LE(score(trial, Goal::kJump), 1.0 + 1e-9);
+}
+
+TEST(Hunt, SeesWhatIsBroken) {
+  const auto nothing = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_NE(tried([&](const Vec3&, render::Frame& f) { f.force_n.x() = nothing; }).fault, "");
+  EXPECT_NE(tried([&](const Vec3&, render::Frame& f) { f.god_object_mm.z() = nothing; }).fault, "");
+  EXPECT_NE(tried([](const Vec3&, render::Frame& f) { f.status = render::FrameStatus::kBoundHit; }).fault,
+            "");
+  EXPECT_NE(tried([](const Vec3&, render::Frame& f) { f.force_n.x() = f.contact ? 0.0 : 1.0; }).fault, "");
+  int frames = 0;
+  EXPECT_NE(tried([&](const Vec3&, render::Frame& f) { f.force_n.x() = f.contact ? ++frames : 0; }).fault,
+            "");
+}
+
+TEST(Hunt, ScoresContactThatSticksEnergyAndForce) {
+  bool stuck = false;
+  const Trial sticks = tried([&](const Vec3& hip, render::Frame& f) {
+    stuck = stuck || f.contact;
+    f.contact = stuck;
+    f.god_object_mm = stuck ? Vec3(hip.x(), hip.y(), 0.0) : hip;
+  });
+  EXPECT_GT(score(sticks, Goal::kStick), 10.0);
+  // On the way back the spring is twice as long.
+  double low = 0.0;
+  const Trial kicks = tried([&](const Vec3& hip, render::Frame& f) {
+    if (f.contact && hip.z() > low) f.god_object_mm.z() = -2.0 * hip.z();
+    low = std::min(low, hip.z());
+    if (!f.contact) low = 0.0;
+  });
+  EXPECT_GT(score(kicks, Goal::kEnergy), 0.5);
+  const Trial pushes = tried([](const Vec3&, render::Frame& f) {
+    if (f.contact) f.force_n.z() = 100.0;
+  });
+  EXPECT_GT(score(pushes, Goal::kForce), 2.0);
+}
+
+TEST(Hunt, AQuarryIsWrittenAndReadToTheBit) {
+  const render::Registry registry = all_renderers();
+  const Ground ground{registry.find("cloud")->options, false};
+  Random random(7);
+  Quarry quarry = random_quarry(random, ground);
+  for (int k = 0; k < 200; ++k) {
+    const std::string text = to_text(quarry);
+    Quarry read;
+    ASSERT_TRUE(from_text(text, read));
+    EXPECT_EQ(to_text(read), text);
+    quarry = k % 20 == 0 ? random_quarry(random, ground) : mutated(quarry, random, ground);
+  }
+  EXPECT_FALSE(from_text("{\"shape\": 3}", quarry));
+}
+
+TEST(Hunt, WhatWasFoundIsGoneOnWith) {
+  HuntState state;
+  state.quests.push_back({{"cloud", "cloud", {}, {}}, {}, {}, 3, 1, 2, 1});
+  state.quests[0].worst[1] = Found{0.75, 17, 4, stroke_through_a_plane()};
+  state.quests[0].faults.push_back({"what", 18, stroke_through_a_plane()});
+  state.next_trial = 19;
+  HuntState again;
+  again.quests.push_back({{"cloud", "cloud", {}, {}}, {}, {}, 0, 0, 0, 0});
+  ASSERT_TRUE(from_text(to_text(state), again));
+  EXPECT_EQ(to_text(again), to_text(state));
+  HuntState other;
+  other.quests.push_back({{"heightfield", "heightfield", {}, {}}, {}, {}, 0, 0, 0, 0});
+  EXPECT_FALSE(from_text(to_text(state), other));
+}
+
+class HuntCommand : public InFolder {};
+
+TEST_F(HuntCommand, TheSameTrialsFindTheSameAndACaseReplaysAlone) {
+  json first;
+  for (const char* out : {"one", "two"}) {
+    const ProcessOutcome run = palpate_command({"hunt", "--renderers", "cloud,heightfield", "--as-given",
+                                                "--trials", "24", "--seed", "3", "--out", in(out)});
+    ASSERT_EQ(run.exit_code, 0) << run.err << run.out;
+    const std::string text = file_text(in(std::string(out) + "/hunt.json"));
+    EXPECT_EQ(schema_violations(PALPATE_DOCS "/hunt.schema.json", text), "");
+    json found = json::parse(text);
+    found["spent_s"] = 0.0;
+    for (json& renderer : found["renderers"])
+      for (json& worst : renderer["worst"]) worst["command"] = "";
+    if (first.is_null()) first = found;
+    EXPECT_EQ(found, first);
+  }
+  const json& worst = first["renderers"][0]["worst"];
+  ASSERT_FALSE(worst.empty());
+  const std::string scene = in("one/" + worst[0]["case"].get<std::string>());
+  const std::string path = scene.substr(0, scene.rfind('.')) + ".csv";
+  const ProcessOutcome alone = palpate_command(
+      {"replay", scene, "--path", path, "--reference", "none", "--passes", "1", "--out", in("alone")});
+  EXPECT_EQ(alone.exit_code, 0) << alone.err;
+}
+
+TEST_F(HuntCommand, BadInputIsRefused) {
+  EXPECT_EQ(palpate_command({"hunt", "--renderers", "clod", "--trials", "2", "--out", in("out")}).exit_code,
+            2);
+  EXPECT_EQ(palpate_command({"hunt", "--minutes", "-1", "--out", in("out")}).exit_code, 2);
+}
+
+}  // namespace
+}  // namespace palpate::experiments
