@@ -196,6 +196,7 @@ class AblatedContact {
     const geometry::Aabb around{from_.cwiseMin(to), from_.cwiseMax(to)};
     const stars::Way way{from_, to, stars::FloatBox::around(around)};
     bool met = false, looked = false;
+    clear_sq_ = -1.0;
     const auto covered = [&](const Vec3& p) { return (p - near_at_).cwiseAbs().maxCoeff() <= near_reach_; };
     bool near = covered(to) && covered(from_);
     if (has(kRemembered) && !near)
