@@ -32,8 +32,10 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"session", {"study", "run", "data", "report", "session"}},
     {"behaviours", {"study", "run", "report", "session", "behaviours"}},
     {"tables", {"study", "run", "data", "report", "session", "behaviours", "tables"}},
+    {"stability", {"study", "run", "data", "report", "session", "stability"}},
     {"trade", {"study", "run", "data", "report", "session", "trade"}},
-    {"command", {"study", "run", "data", "report", "session", "behaviours", "tables", "trade", "command"}},
+    {"command",
+     {"study", "run", "data", "report", "session", "behaviours", "tables", "stability", "trade", "command"}},
     {"benchmarks", {"benchmarks"}},
 };
 
