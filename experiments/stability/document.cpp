@@ -71,6 +71,7 @@ Table limits_table(const StabilityDocument& document) {
     row->second[at + 1] = Cell{limit_text(point)};
   }
   for (auto& [name, cells] : rows) table.rows.push_back(std::move(cells));
+  table.notes.emplace_back("Truth: the true surface in the renderer's place.");
   table.notes.emplace_back(
       "Plane, linear: where the loop of a plane without friction and encoder loses its stability, exactly. "
       "Any "

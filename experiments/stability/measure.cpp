@@ -17,8 +17,10 @@ namespace {
 constexpr double kLeastNPerMm = 0.05, kMostNPerMm = 100.0;
 constexpr double kTriedStep = 1.5;
 constexpr double kToWithin = 1.03;
-// A released device is pushed by so much more than its friction.
-constexpr double kPushN = 0.1;
+// A released device is pushed by so much more than its friction: it meets the wall at some 150 mm/s, as a tap
+// does, and rests less than a goal's depth twice below it at the least stiffness.
+constexpr double kPushN = 0.3;
+constexpr double kLeastReleasedNPerMm = 0.1;
 // Below so much of the goal's way a swing is none, where there is no encoder.
 constexpr double kQuietShare = 1e-4;
 // Truth and renderer pass the same place at times that differ by up to this.
@@ -209,7 +211,7 @@ Status find_largest_stable(render::HapticRenderer& unit, double unit_n_per_mm,
     done();
     return trial;
   };
-  double low = 0.0, high = kLeastNPerMm;
+  double low = 0.0, high = point.hand == "released" ? kLeastReleasedNPerMm : kLeastNPerMm;
   Trial last;
   for (; high < kMostNPerMm; high *= kTriedStep) {
     PALPATE_ASSIGN(last, tried(high));

@@ -49,6 +49,11 @@ std::vector<StabilityPoint> points_of(const std::vector<double>& rates, const st
   return points;
 }
 
+bool same_run(const StabilityPoint& a, const StabilityPoint& b) {
+  return a.hand == b.hand && a.control == b.control && a.rate_hz == b.rate_hz && a.delay_ms == b.delay_ms &&
+         a.damping_n_s_per_mm == b.damping_n_s_per_mm;
+}
+
 /// Control as the scene has it, with one thing more.
 control::ControlOptions control_of(const StabilityPoint& point, const Bench& bench, const Stage& stage) {
   control::ControlOptions options = stage.scene.control;
@@ -117,6 +122,7 @@ class Measuring {
 
   Status measure(const RendererRequest& request, const render::Registry& registry, int threads,
                  std::size_t index, std::size_t of);
+  Status search(const std::string& label, render::HapticRenderer& unit, double unit_n_per_mm, double runs);
 
  private:
   const Stage& stage_;
@@ -136,15 +142,8 @@ Status Measuring::measure(const RendererRequest& request, const render::Registry
   scene.force_limit_n = 0.0;
   const Result<render::PrepareReport> ready = (*made)->prepare(scene, {threads, &context_.progress});
   if (!ready) return ready.error();
-  std::vector<StabilityPoint> points = points_of(asked_.rates, asked_.delays, asked_.dampings,
-                                                 asked_.bench.hand.name, asked_.bench.arm.has_value());
-  const double all = kRunsOfASearch * static_cast<double>(points.size()) + kPresses;
   double runs = 0.0;
-  const RunDone done = [&] {
-    runs += 1.0;
-    context_.progress.report("runs of the loop", std::min(1.0, runs / all));
-  };
-
+  const RunDone done = [&] { context_.progress.report("tasks of the hand", ++runs / kPresses); };
   std::unique_ptr<render::HapticRenderer> controlled =
       control::wrap(std::make_unique<GainRenderer>(**made, 1.0), stage_.scene.control);
   Result<std::vector<TaskResult>> tasks = do_tasks(*controlled, stage_, asked_.bench, places_, done);
@@ -157,13 +156,34 @@ Status Measuring::measure(const RendererRequest& request, const render::Registry
   if (!scores) return std::move(scores).error();
   scores->renderer = request.label;
   document_.scores.push_back(*std::move(scores));
+  return search(request.label, **made, scene_stiffness(stage_), runs);
+}
+
+/// Every point of one renderer; what stands under several headings is searched once.
+Status Measuring::search(const std::string& label, render::HapticRenderer& unit, double unit_n_per_mm,
+                         double runs) {
+  std::vector<StabilityPoint> points = points_of(asked_.rates, asked_.delays, asked_.dampings,
+                                                 asked_.bench.hand.name, asked_.bench.arm.has_value());
+  const double all = kRunsOfASearch * static_cast<double>(points.size()) + kPresses;
+  const RunDone done = [&] {
+    runs += 1.0;
+    context_.progress.report("runs of the loop", std::min(1.0, runs / all));
+  };
   for (std::size_t i = 0; i < points.size(); ++i) {
-    points[i].renderer = request.label;
+    StabilityPoint& point = points[i];
+    point.renderer = label;
     runs = kPresses + kRunsOfASearch * static_cast<double>(i);
-    PALPATE_TRY(find_largest_stable(**made, scene_stiffness(stage_),
-                                    control_of(points[i], asked_.bench, stage_), asked_.bench, places_,
-                                    points[i], done));
-    document_.points.push_back(points[i]);
+    const auto same = std::find_if(points.begin(), points.begin() + static_cast<std::ptrdiff_t>(i),
+                                   [&](const StabilityPoint& p) { return same_run(p, point); });
+    if (same != points.begin() + static_cast<std::ptrdiff_t>(i)) {
+      const std::string varied = point.varied;
+      point = *same;
+      point.varied = varied;
+    } else {
+      PALPATE_TRY(find_largest_stable(unit, unit_n_per_mm, control_of(point, asked_.bench, stage_),
+                                      asked_.bench, places_, point, done));
+    }
+    document_.points.push_back(point);
   }
   return Done{};
 }
@@ -242,6 +262,10 @@ int run_stability(const StabilityArguments& arguments, Context& context) {
     return fail(asked_truth.error(), kExitFellShort, &context.progress);
   int status = kExitOk;
   Measuring measuring(*stage, *asked, *places, document, context);
+  context.progress.set_prefix("truth: ");
+  TruthRenderer truth(*stage->truth, document.stiffness_n_per_mm);
+  if (const Status searched = measuring.search("truth", truth, document.stiffness_n_per_mm, 0.0); !searched)
+    return fail(searched.error(), kExitBadInput, &context.progress);
   for (std::size_t i = 0; i < checked->renderers.size(); ++i) {
     const RendererRequest& request = checked->renderers[i];
     const Status measured =
