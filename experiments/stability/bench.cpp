@@ -18,7 +18,7 @@ constexpr double kEdgeCosine = 0.94;  // 20 degrees
 constexpr std::size_t kLookedAt = 500;
 
 /// A unit vector across `normal`, the same every time.
-Vec3 across(const Vec3& normal) {
+Vec3 tangent_of(const Vec3& normal) {
   const Vec3 axis = std::abs(normal.x()) < 0.6 ? Vec3(Vec3::UnitX()) : Vec3(Vec3::UnitY());
   return (axis - axis.dot(normal) * normal).normalized();
 }
@@ -118,7 +118,7 @@ Result<Places> places_on(const Stage& stage) {
   if (!found)
     return Error{"the path nowhere touches the true surface with room for a hand",
                  "name another path with --path", stage.path.name, 0};
-  places.flat = {truth[*found].frame.god_object_mm, truth[*found].normal, across(truth[*found].normal)};
+  places.flat = {truth[*found].frame.god_object_mm, truth[*found].normal, tangent_of(truth[*found].normal)};
   double turned = kEdgeCosine;
   for (std::size_t k = stride; k < contact.size(); k += stride) {
     const trace::TruthFrame &a = truth[contact[k - stride]], &b = truth[contact[k]];

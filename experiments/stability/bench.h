@@ -66,6 +66,8 @@ class TruthRenderer final : public render::HapticRenderer {
   double stiffness_n_per_mm_;
 };
 
+inline constexpr double kMillisecondsPerS = 1e3;
+
 /// The device and the hand of a run.
 struct Bench {
   std::optional<device::ArmOptions> arm;  ///< or the admittance device
@@ -73,7 +75,6 @@ struct Bench {
   double rate_hz = 1000.0, delay_s = 0.0, jitter_s = 0.0;
   double slew_n_per_s = 1000.0;
   [[nodiscard]] double period_s() const { return 1.0 / rate_hz; }
-  [[nodiscard]] double encoder_mm() const { return arm ? arm->encoder_mm : 0.0; }
   [[nodiscard]] std::string device_name() const;
 };
 

@@ -27,7 +27,7 @@ StabilityJson side_json(const LoopScores::Side& side) {
           {"ripple_shown_ratio", number_or_null(side.ripple_shown_ratio)}};
 }
 
-std::string cell(const std::optional<double>& number) {
+std::string shown_number(const std::optional<double>& number) {
   return number ? short_number(*number) : kNoNumber;
 }
 
@@ -62,8 +62,8 @@ Table limits_table(const StabilityDocument& document) {
     if (row == rows.end()) {
       std::vector<Cell> cells(table.columns.size(), Cell{kNoNumber});
       cells.front() = Cell{name};
-      cells[cells.size() - 2] = Cell{cell(point.theory_n_per_mm)};
-      cells.back() = Cell{cell(point.passive_n_per_mm)};
+      cells[cells.size() - 2] = Cell{shown_number(point.theory_n_per_mm)};
+      cells.back() = Cell{shown_number(point.passive_n_per_mm)};
       row = rows.insert(rows.end(), {name, std::move(cells)});
     }
     const auto at = static_cast<std::size_t>(std::find(renderers.begin(), renderers.end(), point.renderer) -
@@ -119,11 +119,11 @@ Table scores_table(const StabilityDocument& document) {
     for (const auto& [loop, side] : {std::pair{"open", &scores.open}, {"closed", &scores.closed}})
       table.rows.push_back({{scores.renderer},
                             {loop},
-                            {cell(side->force_rms_percent)},
-                            {cell(side->direction_p99_deg)},
-                            {cell(side->indistinguishable_percent)},
-                            {cell(side->ripple_ratio)},
-                            {cell(side->ripple_shown_ratio)}});
+                            {shown_number(side->force_rms_percent)},
+                            {shown_number(side->direction_p99_deg)},
+                            {shown_number(side->indistinguishable_percent)},
+                            {shown_number(side->ripple_ratio)},
+                            {shown_number(side->ripple_shown_ratio)}});
   table.notes.emplace_back(
       "The truth is the closest point of the true surface, in both. Closed: along the way that the hand "
       "took, "
@@ -131,7 +131,7 @@ Table scores_table(const StabilityDocument& document) {
   return table;
 }
 
-double across(const StabilityPoint& point, const std::string& varied) {
+double abscissa(const StabilityPoint& point, const std::string& varied) {
   return varied == "rate" ? point.rate_hz : varied == "delay" ? point.delay_ms : point.damping_n_s_per_mm;
 }
 
@@ -161,11 +161,11 @@ Chart limit_chart(const StabilityDocument& document, const std::string& varied, 
     Series& line = lines.try_emplace(point.renderer, Series{point.renderer, {}, {}, {}, {}}).first->second;
     if (point.renderer == document.points.front().renderer && point.theory_n_per_mm &&
         *point.theory_n_per_mm > 0.0) {
-      theory.x.push_back(across(point, varied));
+      theory.x.push_back(abscissa(point, varied));
       theory.y.push_back(*point.theory_n_per_mm);
     }
     if (!(point.largest_stable_n_per_mm > 0.0)) continue;
-    line.x.push_back(across(point, varied));
+    line.x.push_back(abscissa(point, varied));
     line.y.push_back(point.largest_stable_n_per_mm);
   }
   if (!theory.x.empty()) chart.series.push_back(std::move(theory));
@@ -180,7 +180,7 @@ Chart limit_chart(const StabilityDocument& document, const std::string& varied, 
   return chart;
 }
 
-Page page_of(const StabilityDocument& document, const OutputFolder& folder) {
+Page stability_page(const StabilityDocument& document, const OutputFolder& folder) {
   Page page = begin_page("Renderers in the loop with a hand", document.head);
   add_known(page, {{}, document.warnings, document.notes});
   Section section;
@@ -259,7 +259,7 @@ std::vector<Table> stability_tables(const StabilityDocument& document) {
 }
 
 Status write_stability(const StabilityDocument& document, const OutputFolder& folder) {
-  PALPATE_TRY(write_page(page_of(document, folder), folder));
+  PALPATE_TRY(write_page(stability_page(document, folder), folder));
   return folder.write(kStabilityFile, to_json(document));
 }
 

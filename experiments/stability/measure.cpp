@@ -8,6 +8,7 @@
 #include "toolkit/core/try.h"
 #include "toolkit/metrics/accuracy.h"
 #include "toolkit/metrics/closest_reference.h"
+#include "toolkit/metrics/touch.h"
 #include "toolkit/trace/replay.h"
 
 namespace palpate::experiments {
@@ -21,12 +22,10 @@ constexpr double kToWithin = 1.03;
 // does, and rests less than a goal's depth twice below it at the least stiffness.
 constexpr double kPushN = 0.3;
 constexpr double kLeastReleasedNPerMm = 0.1;
-// Below so much of the goal's way a swing is none, where there is no encoder.
-constexpr double kQuietShare = 1e-4;
+constexpr double kUmPerMm = 1e3;
 // Truth and renderer pass the same place at times that differ by up to this.
 constexpr double kApartS = 0.1;
 constexpr double kPressS = 4.3;  // of device::press
-constexpr double kMsPerS = 1e3;
 
 struct Trial {
   bool stable = false;
@@ -34,20 +33,17 @@ struct Trial {
   double generated_mj = 0.0;
 };
 
-bool swings(const device::LoopRun& run, const device::TaskPlace& place, double quiet_mm,
-            device::Swing& most) {
+/// Whether a run ends in a swing that does not die and that touch notices; `most` is the largest one.
+bool swings(const device::LoopRun& run, const device::TaskPlace& place, device::Swing& most) {
   if (run.fault != device::Fault::kNone) return true;
   bool any = false;
   for (const Vec3& axis : {place.normal, place.along, Vec3(place.normal.cross(place.along))}) {
-    const device::Swing swing = device::swing_of(run.hip, axis, quiet_mm);
+    const device::Swing swing = device::swing_of(run.hip, axis, 0.0);
     if (swing.amplitude_mm > most.amplitude_mm) most = swing;
-    any = any || swing.sustained;
+    any = any || (swing.sustained && swing.frequency_hz > 0.0 &&
+                  swing.amplitude_mm * kUmPerMm > metrics::noticed_um(swing.frequency_hz));
   }
   return any;
-}
-
-double quiet_mm(const Bench& bench, const Places& places) {
-  return std::max(bench.encoder_mm(), kQuietShare * places.sizes.depth_mm);
 }
 
 Result<Trial> press_with(render::HapticRenderer& unit, double gain, const control::ControlOptions& control,
@@ -71,7 +67,7 @@ Result<Trial> press_with(render::HapticRenderer& unit, double gain, const contro
                : device::press(place, places.sizes);
   PALPATE_ASSIGN(const device::LoopRun run, run_on(bench, script, *felt, places.flat.point_mm, kPressS));
   Trial trial;
-  trial.stable = !swings(run, place, quiet_mm(bench, places), trial.swing);
+  trial.stable = !swings(run, place, trial.swing);
   trial.generated_mj = -run.least_environment_mj;
   return trial;
 }
@@ -142,6 +138,7 @@ Result<LoopScores::Side> side_of(const trace::ProbePath& path, trace::ForceTrace
   PALPATE_ASSIGN(const metrics::Accuracy scores, metrics::score(path, felt, reference, nullptr, options));
   side.frames = scores.frames;
   side.contact_frames = scores.contact_frames;
+  if (!stage.forces_comparable) return side;
   side.force_rms_percent = scores.force_rms_percent;
   side.direction_p99_deg = scores.direction_p99_deg;
   side.indistinguishable_percent = scores.indistinguishable_percent;
@@ -156,14 +153,14 @@ Result<LoopScores::Side> side_of(const trace::ProbePath& path, trace::ForceTrace
   return side;
 }
 
-struct Task {
+struct HandTask {
   device::HandScript script;
   device::TaskPlace place;  ///< about its own origin
   Vec3 origin_mm;
 };
 
-Result<std::vector<Task>> tasks_on(const Stage& stage, const Places& places) {
-  std::vector<Task> tasks;
+Result<std::vector<HandTask>> tasks_on(const Stage& stage, const Places& places) {
+  std::vector<HandTask> tasks;
   device::TaskPlace flat = places.flat;
   flat.point_mm.setZero();
   const Vec3& at = places.flat.point_mm;
@@ -199,7 +196,7 @@ Status find_largest_stable(render::HapticRenderer& unit, double unit_n_per_mm,
                            const control::ControlOptions& control, Bench bench, const Places& places,
                            StabilityPoint& point, const RunDone& done) {
   bench.rate_hz = point.rate_hz;
-  bench.delay_s = point.delay_ms / kMsPerS;
+  bench.delay_s = point.delay_ms / kMillisecondsPerS;
   if (point.hand == "released") {
     bench.hand = device::Hand{};
     const double friction = bench.arm ? bench.arm->friction_n : 0.0;
@@ -239,11 +236,11 @@ Status find_largest_stable(render::HapticRenderer& unit, double unit_n_per_mm,
 
 Result<std::vector<TaskResult>> do_tasks(render::HapticRenderer& renderer, const Stage& stage,
                                          const Bench& bench, const Places& places, const RunDone& done) {
-  PALPATE_ASSIGN(const std::vector<Task> tasks, tasks_on(stage, places));
+  PALPATE_ASSIGN(const std::vector<HandTask> tasks, tasks_on(stage, places));
   TruthRenderer truth(*stage.truth, scene_stiffness(stage));
   std::vector<TaskResult> results;
   for (std::size_t i = 0; i < tasks.size(); ++i) {
-    const Task& task = tasks[i];
+    const HandTask& task = tasks[i];
     const double duration_s = task.script.duration_s();
     PALPATE_ASSIGN(const device::LoopRun run,
                    run_on(bench, task.script, renderer, task.origin_mm, duration_s));
@@ -253,8 +250,7 @@ Result<std::vector<TaskResult>> do_tasks(render::HapticRenderer& renderer, const
     result.task = task_name(i, places.has_edge);
     device::Swing most;
     // Only who presses on rests at the end: elsewhere a hand moves, and a swing is its own.
-    result.stable = run.fault == device::Fault::kNone &&
-                    (i > 0 || !swings(run, task.place, quiet_mm(bench, places), most));
+    result.stable = run.fault == device::Fault::kNone && (i > 0 || !swings(run, task.place, most));
     contour(run.hip, right.hip, result);
     result.generated_mj = -run.least_environment_mj;
     results.push_back(std::move(result));
@@ -270,8 +266,8 @@ Result<LoopScores> score_loop(render::HapticRenderer& renderer, const Stage& sta
                  trace::replay(renderer, stage.path, stage.scene.input.simulation.get()));
   PALPATE_ASSIGN(scores.open, side_of(stage.path, std::move(open), stage, bench, progress));
   done();
-  PALPATE_ASSIGN(const std::vector<Task> tasks, tasks_on(stage, places));
-  const Task& path = tasks.back();
+  PALPATE_ASSIGN(const std::vector<HandTask> tasks, tasks_on(stage, places));
+  const HandTask& path = tasks.back();
   PALPATE_ASSIGN(device::LoopRun closed,
                  run_on(bench, path.script, renderer, path.origin_mm, path.script.duration_s()));
   PALPATE_ASSIGN(scores.closed, side_of(closed.measured, std::move(closed.felt), stage, bench, progress));

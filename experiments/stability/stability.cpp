@@ -16,15 +16,14 @@ namespace palpate::experiments {
 namespace {
 
 constexpr double kBaseHz = 1000.0;  // the rate of haptics, about which everything else is turned
-constexpr double kMsPerS = 1e3;
 // A search is some twelve runs; known better as it goes on.
 constexpr double kRunsOfASearch = 12.0;
 constexpr double kPresses = 8.0;  // tasks and scores, in runs
 
 /// What is searched for one renderer.
-std::vector<StabilityPoint> points_of(const std::vector<double>& rates, const std::vector<double>& delays,
-                                      const std::vector<double>& dampings, const std::string& hand,
-                                      bool impedance) {
+std::vector<StabilityPoint> searches_of(const std::vector<double>& rates, const std::vector<double>& delays,
+                                        const std::vector<double>& dampings, const std::string& hand,
+                                        bool impedance) {
   std::vector<std::string> hands = {hand};
   if (hand != "released") hands.emplace_back("released");
   std::vector<StabilityPoint> points;
@@ -69,8 +68,8 @@ control::ControlOptions control_of(const StabilityPoint& point, const Bench& ben
 }
 
 /// Increasing numbers of a list.
-Result<std::vector<double>> numbers_of(const std::string& option, const std::string& text,
-                                       const NumberRange& range) {
+Result<std::vector<double>> rising_numbers(const std::string& option, const std::string& text,
+                                           const NumberRange& range) {
   std::vector<double> numbers;
   for (const std::string& word : split_list(text)) {
     const Result<double> number = read_number(word, range);
@@ -90,19 +89,19 @@ Result<std::vector<double>> numbers_of(const std::string& option, const std::str
   return numbers;
 }
 
-struct Asked {
+struct AskedLoop {
   std::vector<double> rates, delays, dampings;
   Bench bench;
 };
 
-Result<Asked> asked_of(const StabilityArguments& arguments) {
+Result<AskedLoop> asked_of(const StabilityArguments& arguments) {
   constexpr NumberRange kRates{100.0, 16'000.0}, kDelays{0.0, 20.0}, kDampings{0.0, 1.0};
-  Asked asked;
+  AskedLoop asked;
   PALPATE_ASSIGN(asked.bench, bench_of(arguments.device, arguments.hand));
-  PALPATE_ASSIGN(asked.rates, numbers_of("--rates", arguments.rates, kRates));
-  PALPATE_ASSIGN(asked.delays, numbers_of("--delays", arguments.delays, kDelays));
-  PALPATE_ASSIGN(asked.dampings, numbers_of("--dampings", arguments.dampings, kDampings));
-  asked.bench.jitter_s = arguments.jitter_ms / kMsPerS;
+  PALPATE_ASSIGN(asked.rates, rising_numbers("--rates", arguments.rates, kRates));
+  PALPATE_ASSIGN(asked.delays, rising_numbers("--delays", arguments.delays, kDelays));
+  PALPATE_ASSIGN(asked.dampings, rising_numbers("--dampings", arguments.dampings, kDampings));
+  asked.bench.jitter_s = arguments.jitter_ms / kMillisecondsPerS;
   asked.bench.slew_n_per_s = arguments.slew_n_per_s;
   if (asked.bench.jitter_s * asked.rates.back() >= 1.0 || asked.bench.jitter_s * kBaseHz >= 1.0)
     return Error{fmt::format("--jitter {} ms is not below the period of {} Hz", arguments.jitter_ms,
@@ -116,7 +115,7 @@ Result<Asked> asked_of(const StabilityArguments& arguments) {
 /// Searches, tasks and scores of the renderers, one after the other.
 class Measuring {
  public:
-  Measuring(const Stage& stage, const Asked& asked, const Places& places, StabilityDocument& document,
+  Measuring(const Stage& stage, const AskedLoop& asked, const Places& places, StabilityDocument& document,
             Context& context)
       : stage_(stage), asked_(asked), places_(places), document_(document), context_(context) {}
 
@@ -126,7 +125,7 @@ class Measuring {
 
  private:
   const Stage& stage_;
-  const Asked& asked_;
+  const AskedLoop& asked_;
   const Places& places_;
   StabilityDocument& document_;
   Context& context_;
@@ -162,8 +161,8 @@ Status Measuring::measure(const RendererRequest& request, const render::Registry
 /// Every point of one renderer; what stands under several headings is searched once.
 Status Measuring::search(const std::string& label, render::HapticRenderer& unit, double unit_n_per_mm,
                          double runs) {
-  std::vector<StabilityPoint> points = points_of(asked_.rates, asked_.delays, asked_.dampings,
-                                                 asked_.bench.hand.name, asked_.bench.arm.has_value());
+  std::vector<StabilityPoint> points = searches_of(asked_.rates, asked_.delays, asked_.dampings,
+                                                   asked_.bench.hand.name, asked_.bench.arm.has_value());
   const double all = kRunsOfASearch * static_cast<double>(points.size()) + kPresses;
   const RunDone done = [&] {
     runs += 1.0;
@@ -189,7 +188,8 @@ Status Measuring::search(const std::string& label, render::HapticRenderer& unit,
 }
 
 /// Whether even the truth swings: then the others say nothing of renderers.
-Status ask_truth(const Stage& stage, const Asked& asked, const Places& places, StabilityDocument& document) {
+Status ask_truth(const Stage& stage, const AskedLoop& asked, const Places& places,
+                 StabilityDocument& document) {
   TruthRenderer truth(*stage.truth, scene_stiffness(stage));
   PALPATE_ASSIGN(const std::vector<TaskResult> tasks, do_tasks(truth, stage, asked.bench, places, [] {}));
   document.truth_stable =
@@ -200,6 +200,11 @@ Status ask_truth(const Stage& stage, const Asked& asked, const Places& places, S
                     "the hand say "
                     "little. Choose a smaller --stiffness.",
                     document.stiffness_n_per_mm));
+  if (!stage.forces_comparable)
+    document.warnings.emplace_back(
+        "The truth is a rigid surface without friction or texture, and the scene asks for more: the hand's "
+        "way "
+        "differs from the truth's for that too, and forces are not scored.");
   if (!places.has_edge)
     document.notes.emplace_back("The path meets no edge: the task of following one was left out.");
   return Done{};
@@ -228,11 +233,32 @@ std::string key_of_run(const StabilityArguments& a, const StageRequest& stage) {
   return key.word();
 }
 
+/// Writes and prints it. The exit status.
+int finish(const StabilityDocument& document, const OutputFolder& folder, bool json, int status,
+           Context& context) {
+  context.progress.set_prefix("");
+  context.progress.report("drawing the report", -1.0);
+  Status written = write_stability(document, folder);
+  if (written) written = folder.complete();
+  context.progress.clear();
+  if (!written) return fail(written.error(), kExitFellShort);
+  if (json) {
+    fmt::print("{}", to_json(document));
+    return status;
+  }
+  for (const Table& table : stability_tables(document))
+    fmt::print("{}\n", to_text(table, terminal_columns(STDOUT_FILENO)));
+  std::fflush(stdout);
+  for (const std::string& warning : document.warnings) fmt::print(stderr, "palpate: warning: {}\n", warning);
+  fmt::print("report: {}\n", std::filesystem::absolute(folder.file(kReportFile)).string());
+  return status;
+}
+
 }  // namespace
 
 int run_stability(const StabilityArguments& arguments, Context& context) {
   const render::Registry registry = all_renderers();
-  const Result<Asked> asked = asked_of(arguments);
+  const Result<AskedLoop> asked = asked_of(arguments);
   if (!asked) return fail(asked.error(), kExitBadInput);
   Result<CheckedRun> checked = check_run(arguments.run, registry, context.progress);
   if (!checked) return fail(checked.error(), kExitBadInput);
@@ -275,22 +301,7 @@ int run_stability(const StabilityArguments& arguments, Context& context) {
     document.warnings.push_back(
         fmt::format("{} was not measured: {}", request.label, measured.error().message()));
   }
-  context.progress.set_prefix("");
-  context.progress.report("drawing the report", -1.0);
-  Status written = write_stability(document, *folder);
-  if (written) written = folder->complete();
-  context.progress.clear();
-  if (!written) return fail(written.error(), kExitFellShort);
-  if (arguments.run.json) {
-    fmt::print("{}", to_json(document));
-    return status;
-  }
-  for (const Table& table : stability_tables(document))
-    fmt::print("{}\n", to_text(table, terminal_columns(STDOUT_FILENO)));
-  std::fflush(stdout);
-  for (const std::string& warning : document.warnings) fmt::print(stderr, "palpate: warning: {}\n", warning);
-  fmt::print("report: {}\n", std::filesystem::absolute(folder->file(kReportFile)).string());
-  return status;
+  return finish(document, *folder, arguments.run.json, status, context);
 }
 
 }  // namespace palpate::experiments
