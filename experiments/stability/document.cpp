@@ -82,13 +82,14 @@ Table limits_table(const StabilityDocument& document) {
 Table cycles_table(const StabilityDocument& document) {
   Table table;
   table.title = "Just above the limit, at 1 kHz";
-  table.columns = {"renderer, hand, control", "swing, mm", "at, Hz", "energy given, mJ"};
+  table.columns = {"renderer, hand, control", "swing, mm", "at, Hz", "energy given, mJ", "held"};
   for (const StabilityPoint& point : document.points)
     if (point.varied == "control" && !point.unlimited)
       table.rows.push_back({{fmt::format("{}, {}, {}", point.renderer, point.hand, turned_text(point))},
                             {short_number(point.limit_cycle_mm)},
                             {short_number(point.limit_cycle_hz)},
-                            {short_number(point.generated_mj)}});
+                            {short_number(point.generated_mj)},
+                            {point.lost ? "no" : "yes"}});
   return table;
 }
 
@@ -234,6 +235,7 @@ std::string to_json(const StabilityDocument& document) {
                               {"unlimited", p.unlimited},
                               {"theory_n_per_mm", number_or_null(p.theory_n_per_mm)},
                               {"passive_n_per_mm", number_or_null(p.passive_n_per_mm)},
+                              {"lost", p.lost},
                               {"limit_cycle_mm", p.limit_cycle_mm},
                               {"limit_cycle_hz", p.limit_cycle_hz},
                               {"generated_mj", p.generated_mj}});

@@ -29,6 +29,7 @@ constexpr double kPressS = 4.3;  // of device::press
 
 struct Trial {
   bool stable = false;
+  bool lost = false;  ///< pressed on, and not held: bounced off, or fallen through
   device::Swing swing;
   double generated_mj = 0.0;
 };
@@ -67,7 +68,8 @@ Result<Trial> press_with(render::HapticRenderer& unit, double gain, const contro
                : device::press(place, places.sizes);
   PALPATE_ASSIGN(const device::LoopRun run, run_on(bench, script, *felt, places.flat.point_mm, kPressS));
   Trial trial;
-  trial.stable = !swings(run, place, trial.swing);
+  trial.lost = run.fault == device::Fault::kNone && !run.felt.frames.back().contact;
+  trial.stable = !swings(run, place, trial.swing) && !trial.lost;
   trial.generated_mj = -run.least_environment_mj;
   return trial;
 }
@@ -228,6 +230,7 @@ Status find_largest_stable(render::HapticRenderer& unit, double unit_n_per_mm,
   }
   point.largest_stable_n_per_mm = low;
   if (point.unlimited) return Done{};
+  point.lost = last.lost;
   point.limit_cycle_mm = last.swing.amplitude_mm;
   point.limit_cycle_hz = last.swing.frequency_hz;
   point.generated_mj = last.generated_mj;
