@@ -29,7 +29,7 @@ constexpr double kPressS = 4.3;  // of device::press
 
 struct Trial {
   bool stable = false;
-  bool lost = false;  ///< pressed on, and not held: bounced off, or fallen through
+  bool lost = false;  ///< at rest, and not held: fallen through, or pushed off
   device::Swing swing;
   double generated_mj = 0.0;
 };
@@ -68,8 +68,9 @@ Result<Trial> press_with(render::HapticRenderer& unit, double gain, const contro
                : device::press(place, places.sizes);
   PALPATE_ASSIGN(const device::LoopRun run, run_on(bench, script, *felt, places.flat.point_mm, kPressS));
   Trial trial;
-  trial.lost = run.fault == device::Fault::kNone && !run.felt.frames.back().contact;
-  trial.stable = !swings(run, place, trial.swing) && !trial.lost;
+  const bool swinging = swings(run, place, trial.swing);
+  trial.lost = !swinging && !run.felt.frames.back().contact;
+  trial.stable = !swinging && !trial.lost;
   trial.generated_mj = -run.least_environment_mj;
   return trial;
 }

@@ -41,7 +41,7 @@ struct StabilityPoint {
   std::optional<double> theory_n_per_mm;   ///< exact limit of the linear loop on a plane
   std::optional<double> passive_n_per_mm;  ///< bound for any hand, without delay
   // Just above the limit:
-  bool lost = false;  ///< the surface does not hold the device: it bounces off or falls through
+  bool lost = false;  ///< the surface does not hold the device: it falls through, or is pushed off
   double limit_cycle_mm = 0.0, limit_cycle_hz = 0.0;
   double generated_mj = 0.0;  ///< most energy given by the environment
 };
