@@ -34,8 +34,10 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"tables", {"study", "run", "data", "report", "session", "behaviours", "tables"}},
     {"stability", {"study", "run", "data", "report", "session", "stability"}},
     {"trade", {"study", "run", "data", "report", "session", "trade"}},
+    {"hunt", {"study", "run", "session", "hunt"}},
     {"command",
-     {"study", "run", "data", "report", "session", "behaviours", "tables", "stability", "trade", "command"}},
+     {"study", "run", "data", "report", "session", "behaviours", "tables", "stability", "trade", "hunt",
+      "command"}},
     {"benchmarks", {"benchmarks"}},
 };
 
