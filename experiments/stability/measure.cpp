@@ -27,7 +27,7 @@ constexpr double kUmPerMm = 1e3;
 constexpr double kApartS = 0.1;
 constexpr double kPressS = 4.3;  // of device::press
 
-struct Trial {
+struct PressTrial {
   bool stable = false;
   bool lost = false;  ///< at rest, and not held: fallen through, or pushed off
   device::Swing swing;
@@ -47,8 +47,9 @@ bool swings(const device::LoopRun& run, const device::TaskPlace& place, device::
   return any;
 }
 
-Result<Trial> press_with(render::HapticRenderer& unit, double gain, const control::ControlOptions& control,
-                         const StabilityPoint& point, const Bench& bench, const Places& places) {
+Result<PressTrial> press_with(render::HapticRenderer& unit, double gain,
+                              const control::ControlOptions& control, const StabilityPoint& point,
+                              const Bench& bench, const Places& places) {
   std::unique_ptr<render::HapticRenderer> felt = std::make_unique<GainRenderer>(unit, gain);
   if (point.damping_n_s_per_mm > 0.0) {
     // A coupling that is rigid beside everything: its damper alone is left.
@@ -67,7 +68,7 @@ Result<Trial> press_with(render::HapticRenderer& unit, double gain, const contro
                      .value()
                : device::press(place, places.sizes);
   PALPATE_ASSIGN(const device::LoopRun run, run_on(bench, script, *felt, places.flat.point_mm, kPressS));
-  Trial trial;
+  PressTrial trial;
   const bool swinging = swings(run, place, trial.swing);
   trial.lost = !swinging && !run.felt.frames.back().contact;
   trial.stable = !swinging && !trial.lost;
@@ -206,13 +207,13 @@ Status find_largest_stable(render::HapticRenderer& unit, double unit_n_per_mm,
     bench.hand.push_n = -(friction + kPushN) * places.flat.normal;
   }
   add_theory(bench, point);
-  const auto tried = [&](double stiffness) -> Result<Trial> {
-    Result<Trial> trial = press_with(unit, stiffness / unit_n_per_mm, control, point, bench, places);
+  const auto tried = [&](double stiffness) -> Result<PressTrial> {
+    Result<PressTrial> trial = press_with(unit, stiffness / unit_n_per_mm, control, point, bench, places);
     done();
     return trial;
   };
   double low = 0.0, high = point.hand == "released" ? kLeastReleasedNPerMm : kLeastNPerMm;
-  Trial last;
+  PressTrial last;
   for (; high < kMostNPerMm; high *= kTriedStep) {
     PALPATE_ASSIGN(last, tried(high));
     if (!last.stable) break;
@@ -221,7 +222,7 @@ Status find_largest_stable(render::HapticRenderer& unit, double unit_n_per_mm,
   point.unlimited = last.stable;
   while (!last.stable && low > 0.0 && high > kToWithin * low) {
     const double middle = std::sqrt(low * high);
-    PALPATE_ASSIGN(const Trial trial, tried(middle));
+    PALPATE_ASSIGN(const PressTrial trial, tried(middle));
     if (trial.stable) {
       low = middle;
     } else {

@@ -234,8 +234,8 @@ std::string key_of_run(const StabilityArguments& a, const StageRequest& stage) {
 }
 
 /// Writes and prints it. The exit status.
-int finish(const StabilityDocument& document, const OutputFolder& folder, bool json, int status,
-           Context& context) {
+int finish_stability(const StabilityDocument& document, const OutputFolder& folder, bool json, int status,
+                     Context& context) {
   context.progress.set_prefix("");
   context.progress.report("drawing the report", -1.0);
   Status written = write_stability(document, folder);
@@ -301,7 +301,7 @@ int run_stability(const StabilityArguments& arguments, Context& context) {
     document.warnings.push_back(
         fmt::format("{} was not measured: {}", request.label, measured.error().message()));
   }
-  return finish(document, *folder, arguments.run.json, status, context);
+  return finish_stability(document, *folder, arguments.run.json, status, context);
 }
 
 }  // namespace palpate::experiments
