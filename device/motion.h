@@ -9,6 +9,10 @@ namespace palpate::device {
 /// 1 kg = 1e-3 N s^2/mm.
 inline constexpr double kNS2PerMmPerKg = 1e-3;
 
+/// Sub-steps of a servo's period in which friction's direction, the goal's velocity and the hand's force are
+/// held: a hand turns by less than a degree in one.
+inline constexpr double kSubStepsPerPeriod = 16.0;
+
 /// M x'' = F + W - D x' - K (x - goal), F' = (command - F) / lag.
 struct Plant {
   double mass_kg = 0.0;             ///< above 0

@@ -6,13 +6,6 @@
 #include <numbers>
 
 namespace palpate::device {
-namespace {
-
-// The hand's force is summed into energy so often: it changes with the hand's goal, over tenths of seconds.
-constexpr double kSubStepsPerPeriod = 16.0;
-
-}  // namespace
-
 Status SimulatedAdmittance::open() {
   struct Named {
     const char* name;

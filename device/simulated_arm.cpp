@@ -7,8 +7,6 @@
 namespace palpate::device {
 namespace {
 
-// Friction's direction and the goal's velocity are held so long: a hand turns by less than a degree in it.
-constexpr double kSubStepsPerPeriod = 16.0;
 // Reversals within a sub-step. More is chatter about rest, which is rest.
 constexpr int kMostStops = 8;
 constexpr int kHalvings = 40;  // of a sub-step, until a stop is found: 1e-12 of it

@@ -14,6 +14,7 @@
   DO(sweep)                     \
   DO(merge)                     \
   DO(tune)                      \
+  DO(stability)                 \
   DO(report)                    \
   DO(score)                     \
   DO(reproduce)                 \

@@ -14,7 +14,7 @@ namespace {
 
 const TaskPlace kPlace{Vec3::Zero(), Vec3::UnitZ(), Vec3::UnitX()};
 
-struct Case {
+struct LoopCase {
   ArmOptions arm = arm_models()[0];
   Hand hand = hand_models()[1];
   double stiffness = 0.5;
@@ -22,7 +22,7 @@ struct Case {
   LoopOptions loop;
 };
 
-LoopRun run(Case c) {
+LoopRun run(LoopCase c) {
   VirtualClock clock;
   SimulatedArm device(c.arm, c.hand, c.script, clock);
   SpringPlane wall(c.stiffness);
@@ -32,7 +32,7 @@ LoopRun run(Case c) {
 }
 
 TEST(ClosedLoop, APressedWallAndAHandShareTheDepthAsTwoSprings) {
-  Case c;
+  LoopCase c;
   c.arm.friction_n = 0.0;
   c.arm.encoder_mm = 0.0;
   const LoopRun done = run(c);
@@ -51,7 +51,7 @@ TEST(ClosedLoop, FeltThroughAnEncoderItStaysWithinAStep) {
 }
 
 TEST(ClosedLoop, TheSameToTheLastBitAndOtherwiseWithAnotherSeed) {
-  Case c;
+  LoopCase c;
   c.loop.jitter_s = 0.0004;
   const LoopRun a = run(c), b = run(c);
   ASSERT_EQ(a.hip.size(), b.hip.size());
@@ -62,7 +62,7 @@ TEST(ClosedLoop, TheSameToTheLastBitAndOtherwiseWithAnotherSeed) {
 }
 
 TEST(ClosedLoop, FarFromTheOriginItSwingsAsNearIt) {
-  Case c;
+  LoopCase c;
   c.loop.world_from_device.translation_mm = Vec3(0, 0, 0);
   const LoopRun here = run(c);
   VirtualClock clock;
@@ -77,12 +77,12 @@ TEST(ClosedLoop, FarFromTheOriginItSwingsAsNearIt) {
 }
 
 TEST(ClosedLoop, TooStiffAWallIsSeenToBuzzAndASoftOneToRest) {
-  Case c;
+  LoopCase c;
   c.hand = hand_models()[0];
   c.hand.push_n = Vec3(0, 0, -0.5);  // nobody but a steady push: the lightest hand
   c.script = resting_at(Vec3(0, 0, 1));
   for (const double stiffness : {0.2, 12.0}) {
-    Case one = c;
+    LoopCase one = c;
     one.stiffness = stiffness;
     one.arm.friction_n = 0.02;
     VirtualClock clock;
@@ -101,7 +101,7 @@ TEST(ClosedLoop, TooStiffAWallIsSeenToBuzzAndASoftOneToRest) {
 }
 
 TEST(ClosedLoop, LetGoTheDeviceLeavesTheWallAndFrictionHoldsIt) {
-  Case c;
+  LoopCase c;
   c.script = let_go(kPlace, {});
   const LoopRun done = run(c);
   EXPECT_GT(done.hip.hip_mm.back().z(), 0.0);
@@ -110,7 +110,7 @@ TEST(ClosedLoop, LetGoTheDeviceLeavesTheWallAndFrictionHoldsIt) {
 }
 
 TEST(ClosedLoop, NoPathLeadsAroundTheGovernor) {
-  Case c;
+  LoopCase c;
   c.stiffness = 50.0;
   c.loop.slew_n_per_s = 100.0;
   const LoopRun done = run(c);

@@ -302,6 +302,15 @@ std::vector<std::string> made_small(const ShownCommand& command) {
     if (words[i - 1] == "--budget") words[i] = "2";
     if (words[i - 1] == "--max-error") words[i] = "100";  // so few points are far from the surface
   }
+  if (words.size() > 1 && words[1] == "stability")
+    for (const auto& [option, value] :
+         {std::pair{"--rates", "1000"}, {"--delays", "0"}, {"--dampings", "0"}}) {
+      const auto at = std::find(words.begin(), words.end(), option);
+      if (at != words.end())
+        *(at + 1) = value;
+      else
+        words.insert(words.end(), {option, value});
+    }
   if (words.size() > 1 && (words[1] == "sweep" || words[1] == "tune"))
     words.insert(words.end(), {"--passes", "1"});
   if (words.size() > 1 && words[1] == "hunt") {

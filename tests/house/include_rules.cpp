@@ -33,11 +33,12 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"behaviours", {"study", "run", "report", "session", "behaviours"}},
     {"stress", {"study", "run", "report", "session", "stress"}},
     {"tables", {"study", "run", "data", "report", "session", "behaviours", "tables"}},
+    {"stability", {"study", "run", "data", "report", "session", "stability"}},
     {"trade", {"study", "run", "data", "report", "session", "trade"}},
     {"hunt", {"study", "run", "session", "hunt"}},
     {"command",
-     {"study", "run", "data", "report", "session", "behaviours", "stress", "tables", "trade", "hunt",
-      "command"}},
+     {"study", "run", "data", "report", "session", "behaviours", "stress", "tables", "stability", "trade",
+      "hunt", "command"}},
     {"benchmarks", {"benchmarks"}},
 };
 

@@ -8,6 +8,7 @@
 #include "toolkit/core/nearest_rank.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/metrics/score_input.h"
+#include "toolkit/metrics/touch.h"
 
 namespace palpate::metrics {
 namespace {
@@ -50,19 +51,11 @@ void score_lag(const ScoreInput& in, Accuracy& a) {
 
 // ---- ripple
 
-// The Pacinian channel of touch: most sensitive from 160 to 300 Hz at about 0.2 um through a stylus (Israr,
-// Choi and Tan 2006; the number from memory of the literature), 12 dB an octave less on either side.
-constexpr double kKeenestUm = 0.2, kKeenFromHz = 160.0, kKeenToHz = 300.0;
 constexpr double kLowHz = 20.0, kHighHz = 500.0;
 // What the force moves: a Phantom Omni's 45 g and the default hand of the literature page, in SI.
 constexpr double kMassKg = 0.045 + 0.15, kDampingNsPerM = 4.5, kStiffnessNPerM = 400.0;
 constexpr double kUmPerM = 1e6;
 constexpr std::size_t kWindow = 256;  // a quarter of a second at 1 kHz: bins of 3.9 Hz
-
-double noticed_um(double hz) {
-  const double off = hz < kKeenFromHz ? kKeenFromHz / hz : hz > kKeenToHz ? hz / kKeenToHz : 1.0;
-  return kKeenestUm * off * off;
-}
 
 double moved_um_per_n(double hz) {
   const double w = 2.0 * std::numbers::pi * hz;

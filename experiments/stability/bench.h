@@ -1,0 +1,99 @@
+// A renderer on the simulated device: what one run is made of, and what is asked of it.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "device/closed_loop.h"
+#include "device/simulated_admittance.h"
+#include "device/simulated_arm.h"
+#include "experiments/run/stage.h"
+#include "toolkit/control/controlled_renderer.h"
+
+namespace palpate::experiments {
+
+/// The renderer's force times a gain, so that one preparation serves every stiffness. Refers to it.
+class GainRenderer final : public render::HapticRenderer {
+ public:
+  GainRenderer(render::HapticRenderer& inner, double gain) : inner_(inner), gain_(gain) {}
+  [[nodiscard]] Result<render::Decisions> decide(const render::SceneInput& scene,
+                                                 const render::PrepareContext& context) const override {
+    return inner_.decide(scene, context);
+  }
+  [[nodiscard]] Result<render::PrepareReport> prepare(const render::SceneInput& scene,
+                                                      const render::PrepareContext& context) override {
+    return inner_.prepare(scene, context);
+  }
+  void restart(const Vec3& hip_mm, double t_s) noexcept override { inner_.restart(hip_mm, t_s); }
+  void let_go(const Vec3& hip_mm) noexcept override { inner_.let_go(hip_mm); }
+  [[nodiscard]] render::Frame step(const Vec3& hip_mm, double t_s) noexcept override {
+    render::Frame frame = inner_.step(hip_mm, t_s);
+    frame.force_n *= gain_;
+    return frame;
+  }
+  [[nodiscard]] render::FrameCounters counters() const noexcept override { return inner_.counters(); }
+  [[nodiscard]] render::Description describe() const override { return inner_.describe(); }
+
+ private:
+  render::HapticRenderer& inner_;
+  double gain_;
+};
+
+/// The truth as a renderer: a spring to the closest point of the true surface. Refers to it.
+class TruthRenderer final : public render::HapticRenderer {
+ public:
+  TruthRenderer(const metrics::TruthSurface& truth, double stiffness_n_per_mm)
+      : truth_(truth), stiffness_n_per_mm_(stiffness_n_per_mm) {}
+  [[nodiscard]] Result<render::Decisions> decide(const render::SceneInput& /*scene*/,
+                                                 const render::PrepareContext& /*context*/) const override {
+    return render::Decisions{};
+  }
+  [[nodiscard]] Result<render::PrepareReport> prepare(const render::SceneInput& /*scene*/,
+                                                      const render::PrepareContext& /*context*/) override {
+    return render::PrepareReport{};
+  }
+  void restart(const Vec3& /*hip_mm*/, double /*t_s*/) noexcept override {}
+  void let_go(const Vec3& /*hip_mm*/) noexcept override {}
+  [[nodiscard]] render::Frame step(const Vec3& hip_mm, double t_s) noexcept override;
+  [[nodiscard]] render::FrameCounters counters() const noexcept override { return {}; }
+  [[nodiscard]] render::Description describe() const override {
+    return {"truth", "the true surface", "", "that of a closest point", {}};
+  }
+
+ private:
+  const metrics::TruthSurface& truth_;
+  double stiffness_n_per_mm_;
+};
+
+inline constexpr double kMillisecondsPerS = 1e3;
+
+/// The device and the hand of a run.
+struct Bench {
+  std::optional<device::ArmOptions> arm;  ///< or the admittance device
+  device::Hand hand;
+  double rate_hz = 1000.0, delay_s = 0.0, jitter_s = 0.0;
+  double slew_n_per_s = 1000.0;
+  [[nodiscard]] double period_s() const { return 1.0 / rate_hz; }
+  [[nodiscard]] std::string device_name() const;
+};
+
+/// "omni", .., "admittance" and a hand by name. Errors list the names.
+[[nodiscard]] Result<Bench> bench_of(const std::string& device, const std::string& hand);
+
+/// Runs the script, which is in coordinates about `origin_mm` of the world.
+[[nodiscard]] Result<device::LoopRun> run_on(const Bench& bench, const device::HandScript& script,
+                                             render::HapticRenderer& renderer, const Vec3& origin_mm,
+                                             double duration_s);
+
+/// Where tasks are done; world frame.
+struct Places {
+  device::TaskPlace flat;  ///< where the truth's contact is
+  bool has_edge = false;   ///< the normal turns within a few mm somewhere
+  device::TaskPlace edge;  ///< where it turns most
+  device::TaskSizes sizes;
+};
+/// Errors: the stage has no truth, or its path never touches it.
+[[nodiscard]] Result<Places> places_on(const Stage& stage);
+
+}  // namespace palpate::experiments

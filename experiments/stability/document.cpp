@@ -1,0 +1,268 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "experiments/stability/stability.h"
+#include "toolkit/core/numbers.h"
+#include "toolkit/core/try.h"
+
+namespace palpate::experiments {
+namespace {
+
+using StabilityJson = nlohmann::ordered_json;
+
+StabilityJson number_or_null(const std::optional<double>& number) {
+  return number ? StabilityJson(*number) : StabilityJson(nullptr);
+}
+
+StabilityJson side_json(const LoopScores::Side& side) {
+  return {{"frames", side.frames},
+          {"contact_frames", side.contact_frames},
+          {"force_rms_percent", number_or_null(side.force_rms_percent)},
+          {"direction_p99_deg", number_or_null(side.direction_p99_deg)},
+          {"indistinguishable_percent", number_or_null(side.indistinguishable_percent)},
+          {"ripple_ratio", number_or_null(side.ripple_ratio)},
+          {"ripple_shown_ratio", number_or_null(side.ripple_shown_ratio)}};
+}
+
+std::string shown_number(const std::optional<double>& number) {
+  return number ? short_number(*number) : kNoNumber;
+}
+
+std::string limit_text(const StabilityPoint& point) {
+  if (point.unlimited) return "over " + short_number(point.largest_stable_n_per_mm);
+  return point.largest_stable_n_per_mm > 0.0 ? short_number(point.largest_stable_n_per_mm) : "none";
+}
+
+/// What is turned, in words.
+std::string turned_text(const StabilityPoint& point) {
+  if (point.varied == "rate") return fmt::format("{:g} Hz", point.rate_hz);
+  if (point.varied == "delay") return fmt::format("{:g} ms of delay", point.delay_ms);
+  if (point.varied == "damping") return fmt::format("{:g} N·s/mm in the wall", point.damping_n_s_per_mm);
+  return point.control == "none" ? "no control" : point.control;
+}
+
+/// Rows: what is turned, for each hand; columns: renderers.
+Table limits_table(const StabilityDocument& document) {
+  Table table;
+  table.title = "Largest stable stiffness, N/mm";
+  table.columns = {"hand, what is turned"};
+  std::vector<std::string> renderers;
+  for (const StabilityPoint& point : document.points)
+    if (std::find(renderers.begin(), renderers.end(), point.renderer) == renderers.end())
+      renderers.push_back(point.renderer);
+  table.columns.insert(table.columns.end(), renderers.begin(), renderers.end());
+  table.columns.insert(table.columns.end(), {"plane, linear", "any hand"});
+  std::vector<std::pair<std::string, std::vector<Cell>>> rows;
+  for (const StabilityPoint& point : document.points) {
+    const std::string name = point.hand + ", " + turned_text(point);
+    auto row = std::find_if(rows.begin(), rows.end(), [&](const auto& r) { return r.first == name; });
+    if (row == rows.end()) {
+      std::vector<Cell> cells(table.columns.size(), Cell{kNoNumber});
+      cells.front() = Cell{name};
+      cells[cells.size() - 2] = Cell{shown_number(point.theory_n_per_mm)};
+      cells.back() = Cell{shown_number(point.passive_n_per_mm)};
+      row = rows.insert(rows.end(), {name, std::move(cells)});
+    }
+    const auto at = static_cast<std::size_t>(std::find(renderers.begin(), renderers.end(), point.renderer) -
+                                             renderers.begin());
+    row->second[at + 1] = Cell{limit_text(point)};
+  }
+  for (auto& [name, cells] : rows) table.rows.push_back(std::move(cells));
+  table.notes.emplace_back("Truth: the true surface in the renderer's place.");
+  table.notes.emplace_back(
+      "Plane, linear: where the loop of a plane without friction and encoder loses its stability, exactly. "
+      "Any "
+      "hand: the bound below which no hand can make it swing.");
+  return table;
+}
+
+Table cycles_table(const StabilityDocument& document) {
+  Table table;
+  table.title = "Just above the limit, at 1 kHz";
+  table.columns = {"renderer, hand, control", "swing, mm", "at, Hz", "energy given, mJ", "held"};
+  for (const StabilityPoint& point : document.points)
+    if (point.varied == "control" && !point.unlimited)
+      table.rows.push_back({{fmt::format("{}, {}, {}", point.renderer, point.hand, turned_text(point))},
+                            {short_number(point.limit_cycle_mm)},
+                            {short_number(point.limit_cycle_hz)},
+                            {short_number(point.generated_mj)},
+                            {point.lost ? "no" : "yes"}});
+  return table;
+}
+
+Table tasks_table(const StabilityDocument& document) {
+  Table table;
+  table.title = "The hand's way, against the way with the truth in the loop";
+  table.columns = {"renderer", "task", "off, RMS mm", "off, most mm", "energy given, mJ", "stable"};
+  for (const TaskResult& task : document.tasks)
+    table.rows.push_back({{task.renderer},
+                          {task.task},
+                          {short_number(task.contour_rms_mm)},
+                          {short_number(task.contour_max_mm)},
+                          {short_number(task.generated_mj)},
+                          {task.stable ? "yes" : "no"}});
+  table.notes.push_back(fmt::format("At the scene's {:g} N/mm, 1 kHz, the hand '{}' on '{}'.",
+                                    document.stiffness_n_per_mm, document.hand, document.device));
+  return table;
+}
+
+Table scores_table(const StabilityDocument& document) {
+  Table table;
+  table.title = "Scores along the path: replayed, and under the hand";
+  table.columns = {"renderer",        "loop",
+                   "force error, %",  "direction p99, °",
+                   "as the truth, %", "ripple, times noticed",
+                   "after the motors"};
+  for (const LoopScores& scores : document.scores)
+    for (const auto& [loop, side] : {std::pair{"open", &scores.open}, {"closed", &scores.closed}})
+      table.rows.push_back({{scores.renderer},
+                            {loop},
+                            {shown_number(side->force_rms_percent)},
+                            {shown_number(side->direction_p99_deg)},
+                            {shown_number(side->indistinguishable_percent)},
+                            {shown_number(side->ripple_ratio)},
+                            {shown_number(side->ripple_shown_ratio)}});
+  table.notes.emplace_back(
+      "The truth is the closest point of the true surface, in both. Closed: along the way that the hand "
+      "took, "
+      "as the encoders saw it.");
+  return table;
+}
+
+double abscissa(const StabilityPoint& point, const std::string& varied) {
+  return varied == "rate" ? point.rate_hz : varied == "delay" ? point.delay_ms : point.damping_n_s_per_mm;
+}
+
+/// One hand, one axis: a line for each renderer, and theory.
+Chart limit_chart(const StabilityDocument& document, const std::string& varied, const std::string& hand) {
+  Chart chart;
+  chart.name = fmt::format("limit-{}-{}", varied, hand);
+  chart.title =
+      fmt::format("Largest stable stiffness, {}", hand == "released" ? "released" : "held by the " + hand);
+  chart.x_label = varied == "rate"    ? "rate of the servo, Hz"
+                  : varied == "delay" ? "delay, ms"
+                                      : "damping of the wall, N·s/mm (Z-width)";
+  chart.y_label = "N/mm";
+  chart.log_x = varied == "rate";
+  chart.log_y = true;
+  chart.style = Chart::Style::kMarkedLines;
+  chart.caption =
+      "Grey: the linear loop of a plane, exactly. Below a line the renderer rests under the hand; a line "
+      "ends "
+      "where nothing was stable.";
+  std::vector<std::string> labels;
+  std::map<std::string, Series> lines;
+  Series theory{"plane, linear", "#999999", {}, {}, {}, true};
+  for (const StabilityPoint& point : document.points) {
+    if (point.varied != varied || point.hand != hand) continue;
+    if (lines.empty()) labels.clear();
+    Series& line = lines.try_emplace(point.renderer, Series{point.renderer, {}, {}, {}, {}}).first->second;
+    if (point.renderer == document.points.front().renderer && point.theory_n_per_mm &&
+        *point.theory_n_per_mm > 0.0) {
+      theory.x.push_back(abscissa(point, varied));
+      theory.y.push_back(*point.theory_n_per_mm);
+    }
+    if (!(point.largest_stable_n_per_mm > 0.0)) continue;
+    line.x.push_back(abscissa(point, varied));
+    line.y.push_back(point.largest_stable_n_per_mm);
+  }
+  if (!theory.x.empty()) chart.series.push_back(std::move(theory));
+  for (const auto& [label, line] : lines) labels.push_back(label);
+  const std::vector<Look> looks = looks_of(labels);
+  std::size_t at = 0;
+  for (auto& [label, line] : lines) {
+    line.colour = looks[at].colour;
+    line.dash = looks[at++].dash;
+    chart.series.push_back(std::move(line));
+  }
+  return chart;
+}
+
+Page stability_page(const StabilityDocument& document, const OutputFolder& folder) {
+  Page page = begin_page("Renderers in the loop with a hand", document.head);
+  add_known(page, {{}, document.warnings, document.notes});
+  Section section;
+  section.id = "stability";
+  section.title = fmt::format("{} on the simulated {}", document.scene, document.device);
+  section.paragraphs.emplace_back(
+      "A simulated hand holds a simulated device and steers towards a goal; the renderer's force moves both. "
+      "No device and no person was measured.");
+  std::vector<std::string> hands;
+  for (const StabilityPoint& point : document.points)
+    if (std::find(hands.begin(), hands.end(), point.hand) == hands.end()) hands.push_back(point.hand);
+  const Result<OutputFolder> figures = folder.inside("figures");
+  for (const char* const varied : {"damping", "rate", "delay"})
+    for (const std::string& hand : hands) {
+      const Chart chart = limit_chart(document, varied, hand);
+      if (!figures || !has_points(chart)) continue;
+      section.figures.push_back(draw(chart, *figures));
+    }
+  section.tables = stability_tables(document);
+  section.facts.push_back({"path of the goal", {document.path}});
+  section.facts.push_back({"ground truth", {document.truth}});
+  page.sections.push_back(std::move(section));
+  return page;
+}
+
+}  // namespace
+
+std::string to_json(const StabilityDocument& document) {
+  StabilityJson json = {{"schema", kStabilitySchema}};
+  const StabilityJson head = StabilityJson::parse(metrics::head_json(document.head));
+  for (const auto& [key, value] : head.items()) json[key] = value;
+  json["scene"] = document.scene;
+  json["path"] = document.path;
+  json["truth"] = document.truth;
+  json["device"] = document.device;
+  json["hand"] = document.hand;
+  json["stiffness_n_per_mm"] = document.stiffness_n_per_mm;
+  json["truth_stable"] = document.truth_stable;
+  json["warnings"] = document.warnings;
+  json["notes"] = document.notes;
+  json["points"] = StabilityJson::array();
+  for (const StabilityPoint& p : document.points)
+    json["points"].push_back({{"renderer", p.renderer},
+                              {"hand", p.hand},
+                              {"varied", p.varied},
+                              {"control", p.control},
+                              {"rate_hz", p.rate_hz},
+                              {"delay_ms", p.delay_ms},
+                              {"damping_n_s_per_mm", p.damping_n_s_per_mm},
+                              {"largest_stable_n_per_mm", p.largest_stable_n_per_mm},
+                              {"unlimited", p.unlimited},
+                              {"theory_n_per_mm", number_or_null(p.theory_n_per_mm)},
+                              {"passive_n_per_mm", number_or_null(p.passive_n_per_mm)},
+                              {"lost", p.lost},
+                              {"limit_cycle_mm", p.limit_cycle_mm},
+                              {"limit_cycle_hz", p.limit_cycle_hz},
+                              {"generated_mj", p.generated_mj}});
+  json["tasks"] = StabilityJson::array();
+  for (const TaskResult& t : document.tasks)
+    json["tasks"].push_back({{"renderer", t.renderer},
+                             {"task", t.task},
+                             {"stable", t.stable},
+                             {"contour_rms_mm", t.contour_rms_mm},
+                             {"contour_max_mm", t.contour_max_mm},
+                             {"generated_mj", t.generated_mj}});
+  json["scores"] = StabilityJson::array();
+  for (const LoopScores& s : document.scores)
+    json["scores"].push_back(
+        {{"renderer", s.renderer}, {"open", side_json(s.open)}, {"closed", side_json(s.closed)}});
+  return json.dump(1, ' ', false, StabilityJson::error_handler_t::replace) + "\n";
+}
+
+std::vector<Table> stability_tables(const StabilityDocument& document) {
+  std::vector<Table> tables = {limits_table(document), tasks_table(document), scores_table(document)};
+  if (Table cycles = cycles_table(document); !cycles.rows.empty()) tables.push_back(std::move(cycles));
+  return tables;
+}
+
+Status write_stability(const StabilityDocument& document, const OutputFolder& folder) {
+  PALPATE_TRY(write_page(stability_page(document, folder), folder));
+  return folder.write(kStabilityFile, to_json(document));
+}
+
+}  // namespace palpate::experiments

@@ -1,0 +1,283 @@
+#include "experiments/stability/measure.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "device/arm_models.h"
+#include "device/loop_theory.h"
+#include "toolkit/core/try.h"
+#include "toolkit/metrics/accuracy.h"
+#include "toolkit/metrics/closest_reference.h"
+#include "toolkit/metrics/touch.h"
+#include "toolkit/trace/replay.h"
+
+namespace palpate::experiments {
+namespace {
+
+// Stiffness that is tried: from what a hand of 0.4 N/mm hardly feels to ten times what any device bears.
+constexpr double kLeastNPerMm = 0.05, kMostNPerMm = 100.0;
+constexpr double kTriedStep = 1.5;
+constexpr double kToWithin = 1.03;
+// A released device is pushed by so much more than its friction: it meets the wall at some 150 mm/s, as a tap
+// does, and rests less than a goal's depth twice below it at the least stiffness.
+constexpr double kPushN = 0.3;
+constexpr double kLeastReleasedNPerMm = 0.1;
+constexpr double kUmPerMm = 1e3;
+// Truth and renderer pass the same place at times that differ by up to this.
+constexpr double kApartS = 0.1;
+constexpr double kPressS = 4.3;  // of device::press
+
+struct PressTrial {
+  bool stable = false;
+  bool lost = false;  ///< at rest, and not held: fallen through, or pushed off
+  device::Swing swing;
+  double generated_mj = 0.0;
+};
+
+/// Whether a run ends in a swing that does not die and that touch notices; `most` is the largest one.
+bool swings(const device::LoopRun& run, const device::TaskPlace& place, device::Swing& most) {
+  if (run.fault != device::Fault::kNone) return true;
+  bool any = false;
+  for (const Vec3& axis : {place.normal, place.along, Vec3(place.normal.cross(place.along))}) {
+    const device::Swing swing = device::swing_of(run.hip, axis, 0.0);
+    if (swing.amplitude_mm > most.amplitude_mm) most = swing;
+    any = any || (swing.sustained && swing.frequency_hz > 0.0 &&
+                  swing.amplitude_mm * kUmPerMm > metrics::noticed_um(swing.frequency_hz));
+  }
+  return any;
+}
+
+Result<PressTrial> press_with(render::HapticRenderer& unit, double gain,
+                              const control::ControlOptions& control, const StabilityPoint& point,
+                              const Bench& bench, const Places& places) {
+  std::unique_ptr<render::HapticRenderer> felt = std::make_unique<GainRenderer>(unit, gain);
+  if (point.damping_n_s_per_mm > 0.0) {
+    // A coupling that is rigid beside everything: its damper alone is left.
+    constexpr double kRigidNPerMm = 1e12;
+    control::ControlOptions damper;
+    damper.coupling = control::Coupling{kRigidNPerMm, point.damping_n_s_per_mm};
+    felt = control::wrap(std::move(felt), damper);
+  }
+  felt = control::wrap(std::move(felt), control);
+  const bool released = point.hand == "released";
+  device::TaskPlace place = places.flat;
+  place.point_mm.setZero();
+  device::HandScript script =
+      released ? device::HandScript::create("push", {0.0}, {places.sizes.above_mm * place.normal},
+                                            device::HandScript::Between::kStraight)
+                     .value()
+               : device::press(place, places.sizes);
+  PALPATE_ASSIGN(const device::LoopRun run, run_on(bench, script, *felt, places.flat.point_mm, kPressS));
+  PressTrial trial;
+  const bool swinging = swings(run, place, trial.swing);
+  trial.lost = !swinging && !run.felt.frames.back().contact;
+  trial.stable = !swinging && !trial.lost;
+  trial.generated_mj = -run.least_environment_mj;
+  return trial;
+}
+
+/// The linear loop on a plane, and the bound for any hand.
+void add_theory(const Bench& bench, StabilityPoint& point) {
+  if (point.control != "none") return;
+  if (!bench.arm) {
+    if (point.hand != "released") return;
+    const device::AdmittanceOptions a = device::admittance_model();
+    const double t = bench.period_s(), mass = a.mass_kg * device::kNS2PerMmPerKg;
+    // The sums of the virtual mass leave the unit circle at -1.
+    point.theory_n_per_mm =
+        (4.0 * mass - 2.0 * (a.damping_n_s_per_mm + 2.0 * point.damping_n_s_per_mm) * t) / (t * t);
+    return;
+  }
+  const device::ArmOptions& arm = *bench.arm;
+  const device::Plant plant{arm.mass_kg + bench.hand.mass_kg,
+                            arm.damping_n_s_per_mm + bench.hand.damping_n_s_per_mm,
+                            bench.hand.stiffness_n_per_mm, arm.lag_s};
+  const double exact =
+      device::linear_stiffness_n_per_mm({plant, bench.period_s(), bench.delay_s, point.damping_n_s_per_mm});
+  if (std::isfinite(exact)) point.theory_n_per_mm = exact;
+  if (bench.delay_s == 0.0)
+    point.passive_n_per_mm = device::passive_stiffness_n_per_mm(
+        arm.damping_n_s_per_mm, point.damping_n_s_per_mm, arm.friction_n, arm.encoder_mm, bench.period_s());
+}
+
+/// Distance of every place of `way` from the polyline that `truth` went through at about the same time.
+void contour(const trace::ProbePath& way, const trace::ProbePath& truth, TaskResult& result) {
+  double sum = 0.0;
+  std::size_t from = 0, to = 0;
+  for (std::size_t i = 0; i < way.size(); ++i) {
+    while (from + 1 < truth.size() && truth.t_s[from] < way.t_s[i] - kApartS) ++from;
+    while (to + 1 < truth.size() && truth.t_s[to] < way.t_s[i] + kApartS) ++to;
+    double least = (way.hip_mm[i] - truth.hip_mm[from]).squaredNorm();
+    for (std::size_t k = from; k < to; ++k) {
+      const Vec3 leg = truth.hip_mm[k + 1] - truth.hip_mm[k], off = way.hip_mm[i] - truth.hip_mm[k];
+      const double square = leg.squaredNorm();
+      const double share = square > 0.0 ? std::clamp(off.dot(leg) / square, 0.0, 1.0) : 0.0;
+      least = std::min(least, (off - share * leg).squaredNorm());
+    }
+    sum += least;
+    result.contour_max_mm = std::max(result.contour_max_mm, std::sqrt(least));
+  }
+  if (way.size() > 0) result.contour_rms_mm = std::sqrt(sum / static_cast<double>(way.size()));
+}
+
+/// What a first-order motor shows of forces that are commanded at the samples: at each, of the earlier ones.
+void lag(const trace::ProbePath& path, double lag_s, std::vector<render::Frame>& frames) {
+  if (!(lag_s > 0.0)) return;
+  Vec3 shown = Vec3::Zero(), commanded = Vec3::Zero();
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    if (i > 0) shown += (1.0 - std::exp((path.t_s[i - 1] - path.t_s[i]) / lag_s)) * (commanded - shown);
+    commanded = frames[i].force_n;
+    frames[i].force_n = shown;
+  }
+}
+
+/// The scores of a trace against the closest point of the truth along its own path.
+Result<LoopScores::Side> side_of(const trace::ProbePath& path, trace::ForceTrace felt, const Stage& stage,
+                                 const Bench& bench, Progress& progress) {
+  metrics::AccuracyOptions options;
+  options.stiffness_n_per_mm = scene_stiffness(stage);
+  PALPATE_ASSIGN(trace::ReferenceTrace reference,
+                 metrics::closest_reference(*stage.truth, path, options.stiffness_n_per_mm, 0.0, progress));
+  LoopScores::Side side;
+  PALPATE_ASSIGN(const metrics::Accuracy scores, metrics::score(path, felt, reference, nullptr, options));
+  side.frames = scores.frames;
+  side.contact_frames = scores.contact_frames;
+  if (!stage.forces_comparable) return side;
+  side.force_rms_percent = scores.force_rms_percent;
+  side.direction_p99_deg = scores.direction_p99_deg;
+  side.indistinguishable_percent = scores.indistinguishable_percent;
+  side.ripple_ratio = scores.ripple_ratio;
+  lag(path, bench.arm ? bench.arm->lag_s : 0.0, felt.frames);
+  std::vector<render::Frame> wanted;
+  for (const trace::TruthFrame& frame : reference.frames) wanted.push_back(frame.frame);
+  lag(path, bench.arm ? bench.arm->lag_s : 0.0, wanted);
+  for (std::size_t i = 0; i < wanted.size(); ++i) reference.frames[i].frame.force_n = wanted[i].force_n;
+  PALPATE_ASSIGN(const metrics::Accuracy shown, metrics::score(path, felt, reference, nullptr, options));
+  side.ripple_shown_ratio = shown.ripple_ratio;
+  return side;
+}
+
+struct HandTask {
+  device::HandScript script;
+  device::TaskPlace place;  ///< about its own origin
+  Vec3 origin_mm;
+};
+
+Result<std::vector<HandTask>> tasks_on(const Stage& stage, const Places& places) {
+  std::vector<HandTask> tasks;
+  device::TaskPlace flat = places.flat;
+  flat.point_mm.setZero();
+  const Vec3& at = places.flat.point_mm;
+  tasks.push_back({device::press(flat, places.sizes), flat, at});
+  tasks.push_back({device::slide(flat, places.sizes), flat, at});
+  tasks.push_back({device::tap(flat, places.sizes), flat, at});
+  tasks.push_back({device::let_go(flat, places.sizes), flat, at});
+  if (places.has_edge) {
+    device::TaskPlace edge = places.edge;
+    edge.point_mm.setZero();
+    tasks.push_back({device::slide(edge, places.sizes), edge, places.edge.point_mm});
+  }
+  trace::ProbePath goal = stage.path;
+  for (Vec3& hip_mm : goal.hip_mm) hip_mm -= at;
+  PALPATE_ASSIGN(device::HandScript along, device::HandScript::along(goal));
+  tasks.push_back({std::move(along), flat, at});
+  return tasks;
+}
+
+const char* task_name(std::size_t index, bool edge) {
+  constexpr const char* kNames[] = {"press", "slide", "tap", "let-go", "edge", "path"};
+  return kNames[!edge && index == 4 ? 5 : index];
+}
+
+}  // namespace
+
+double scene_stiffness(const Stage& stage) {
+  const surface::Surface& surface = stage.scene.input.models.front().surface;
+  return surface.stiffness_n_per_mm * (1.0 - surface.deformation);
+}
+
+Status find_largest_stable(render::HapticRenderer& unit, double unit_n_per_mm,
+                           const control::ControlOptions& control, Bench bench, const Places& places,
+                           StabilityPoint& point, const RunDone& done) {
+  bench.rate_hz = point.rate_hz;
+  bench.delay_s = point.delay_ms / kMillisecondsPerS;
+  if (point.hand == "released") {
+    bench.hand = device::Hand{};
+    const double friction = bench.arm ? bench.arm->friction_n : 0.0;
+    bench.hand.push_n = -(friction + kPushN) * places.flat.normal;
+  }
+  add_theory(bench, point);
+  const auto tried = [&](double stiffness) -> Result<PressTrial> {
+    Result<PressTrial> trial = press_with(unit, stiffness / unit_n_per_mm, control, point, bench, places);
+    done();
+    return trial;
+  };
+  double low = 0.0, high = point.hand == "released" ? kLeastReleasedNPerMm : kLeastNPerMm;
+  PressTrial last;
+  for (; high < kMostNPerMm; high *= kTriedStep) {
+    PALPATE_ASSIGN(last, tried(high));
+    if (!last.stable) break;
+    low = high;
+  }
+  point.unlimited = last.stable;
+  while (!last.stable && low > 0.0 && high > kToWithin * low) {
+    const double middle = std::sqrt(low * high);
+    PALPATE_ASSIGN(const PressTrial trial, tried(middle));
+    if (trial.stable) {
+      low = middle;
+    } else {
+      high = middle;
+      last = trial;
+    }
+  }
+  point.largest_stable_n_per_mm = low;
+  if (point.unlimited) return Done{};
+  point.lost = last.lost;
+  point.limit_cycle_mm = last.swing.amplitude_mm;
+  point.limit_cycle_hz = last.swing.frequency_hz;
+  point.generated_mj = last.generated_mj;
+  return Done{};
+}
+
+Result<std::vector<TaskResult>> do_tasks(render::HapticRenderer& renderer, const Stage& stage,
+                                         const Bench& bench, const Places& places, const RunDone& done) {
+  PALPATE_ASSIGN(const std::vector<HandTask> tasks, tasks_on(stage, places));
+  TruthRenderer truth(*stage.truth, scene_stiffness(stage));
+  std::vector<TaskResult> results;
+  for (std::size_t i = 0; i < tasks.size(); ++i) {
+    const HandTask& task = tasks[i];
+    const double duration_s = task.script.duration_s();
+    PALPATE_ASSIGN(const device::LoopRun run,
+                   run_on(bench, task.script, renderer, task.origin_mm, duration_s));
+    PALPATE_ASSIGN(const device::LoopRun right,
+                   run_on(bench, task.script, truth, task.origin_mm, duration_s));
+    TaskResult result;
+    result.task = task_name(i, places.has_edge);
+    device::Swing most;
+    // Only who presses on rests at the end: elsewhere a hand moves, and a swing is its own.
+    result.stable = run.fault == device::Fault::kNone && (i > 0 || !swings(run, task.place, most));
+    contour(run.hip, right.hip, result);
+    result.generated_mj = -run.least_environment_mj;
+    results.push_back(std::move(result));
+    done();
+  }
+  return results;
+}
+
+Result<LoopScores> score_loop(render::HapticRenderer& renderer, const Stage& stage, const Bench& bench,
+                              const Places& places, Progress& progress, const RunDone& done) {
+  LoopScores scores;
+  PALPATE_ASSIGN(trace::ForceTrace open,
+                 trace::replay(renderer, stage.path, stage.scene.input.simulation.get()));
+  PALPATE_ASSIGN(scores.open, side_of(stage.path, std::move(open), stage, bench, progress));
+  done();
+  PALPATE_ASSIGN(const std::vector<HandTask> tasks, tasks_on(stage, places));
+  const HandTask& path = tasks.back();
+  PALPATE_ASSIGN(device::LoopRun closed,
+                 run_on(bench, path.script, renderer, path.origin_mm, path.script.duration_s()));
+  PALPATE_ASSIGN(scores.closed, side_of(closed.measured, std::move(closed.felt), stage, bench, progress));
+  done();
+  return scores;
+}
+
+}  // namespace palpate::experiments

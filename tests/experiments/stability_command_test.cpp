@@ -1,0 +1,99 @@
+// palpate stability as a user runs it, on a tiny scene.
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "tests/experiments/program.h"
+#include "tests/json_schema.h"
+
+namespace palpate::experiments {
+namespace {
+
+using nlohmann::json;
+
+const char* const kWaves = "sinusoid:points=2601:extent_mm=40:wavelength_mm=20:amplitude_mm=1";
+
+class Stability : public InFolder {
+ protected:
+  ProcessOutcome stability(const std::string& out, std::vector<std::string> more) {
+    std::vector<std::string> arguments = {"stability", kWaves,   "--renderers",
+                                          "cloud",     "--path", "weave:frames=1500:depth_mm=0.5",
+                                          "--out",     in(out)};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return palpate_command(arguments);
+  }
+  json document(const std::string& out) const { return json::parse(file_text(in(out + "/stability.json"))); }
+};
+
+double largest(const json& document, const std::string& renderer, const std::string& hand,
+               const std::string& varied, const std::string& key, const json& value) {
+  for (const json& point : document["points"])
+    if (point["renderer"] == renderer && point["hand"] == hand && point["varied"] == varied &&
+        point[key] == value)
+      return point["largest_stable_n_per_mm"];
+  ADD_FAILURE() << "no point " << renderer << " " << hand << " " << key << " " << value;
+  return -1.0;
+}
+
+TEST_F(Stability, MeasuresLimitsTasksAndScoresAndIsTheSameTwice) {
+  const std::vector<std::string> small = {"--rates", "1000", "--delays", "0,2", "--dampings", "0"};
+  const ProcessOutcome run = stability("out", small);
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_EQ(schema_violations(std::string(PALPATE_DOCS) + "/stability.schema.json",
+                              file_text(in("out/stability.json"))),
+            "");
+  EXPECT_NE(run.out.find("Largest stable stiffness"), std::string::npos);
+  const json first = document("out");
+  for (const char* const hand : {"hand", "released"}) {
+    const double without = largest(first, "truth", hand, "delay", "delay_ms", 0.0);
+    const double with = largest(first, "truth", hand, "delay", "delay_ms", 2.0);
+    EXPECT_GT(without, 0.3) << hand;
+    EXPECT_LT(with, 0.7 * without) << hand << ": two milliseconds of delay cost stability";
+    EXPECT_NEAR(largest(first, "cloud", hand, "delay", "delay_ms", 2.0), with, 0.5 * with) << hand;
+  }
+  EXPECT_GT(largest(first, "cloud", "hand", "control", "control", "coupling"),
+            2.0 * largest(first, "cloud", "hand", "control", "control", "none"))
+      << "behind a passive coupling no stiffness is too much";
+  ASSERT_EQ(first["scores"].size(), 1u);
+  for (const char* const loop : {"open", "closed"}) {
+    EXPECT_GT(first["scores"][0][loop]["contact_frames"], 200) << loop;
+    EXPECT_LT(first["scores"][0][loop]["force_rms_percent"], 20.0) << loop;
+  }
+  bool tapped = false;
+  for (const json& task : first["tasks"]) {
+    EXPECT_TRUE(task["stable"]) << task;
+    EXPECT_LT(task["contour_max_mm"], 0.3) << task;
+    tapped = tapped || task["task"] == "tap";
+  }
+  EXPECT_TRUE(tapped);
+  ASSERT_EQ(stability("again", small).exit_code, 0);
+  const json second = document("again");
+  for (const char* const part : {"points", "tasks", "scores"}) EXPECT_EQ(first[part], second[part]) << part;
+}
+
+TEST_F(Stability, TheAdmittanceDeviceTakesAStiffWallFromASpring) {
+  const ProcessOutcome run = stability(
+      "out", {"--device", "admittance", "--rates", "1000", "--delays", "0", "--dampings", "0", "--json"});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_GT(largest(json::parse(run.out), "truth", "hand", "rate", "rate_hz", 1000.0), 20.0);
+}
+
+TEST_F(Stability, RefusesWhatIsNotRight) {
+  for (const auto& [arguments, named] : std::vector<std::pair<std::vector<std::string>, std::string>>{
+           {{"--device", "omnni"}, "did you mean 'omni'?"},
+           {{"--hand", "foot"}, "choose from"},
+           {{"--rates", "1000,500"}, "--rates"},
+           {{"--rates", "0"}, "--rates"},
+           {{"--delays", "0,x"}, "--delays"},
+           {{"--dampings", ""}, "--dampings"},
+           {{"--jitter", "1"}, "--jitter"},
+           {{"--slew", "0"}, "--slew"}}) {
+    const ProcessOutcome run = stability("bad", arguments);
+    EXPECT_EQ(run.exit_code, 2) << arguments.back();
+    EXPECT_NE(run.err.find(named), std::string::npos) << run.err;
+    EXPECT_FALSE(std::filesystem::exists(in("bad/stability.json")));
+  }
+}
+
+}  // namespace
+}  // namespace palpate::experiments
