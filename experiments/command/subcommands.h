@@ -14,6 +14,7 @@
   DO(sweep)                     \
   DO(merge)                     \
   DO(tune)                      \
+  DO(ablate)                    \
   DO(report)                    \
   DO(score)                     \
   DO(reproduce)                 \

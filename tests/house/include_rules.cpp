@@ -33,7 +33,9 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"behaviours", {"study", "run", "report", "session", "behaviours"}},
     {"tables", {"study", "run", "data", "report", "session", "behaviours", "tables"}},
     {"trade", {"study", "run", "data", "report", "session", "trade"}},
-    {"command", {"study", "run", "data", "report", "session", "behaviours", "tables", "trade", "command"}},
+    {"ablate", {"study", "run", "data", "report", "session", "ablate"}},
+    {"command",
+     {"study", "run", "data", "report", "session", "behaviours", "tables", "trade", "ablate", "command"}},
     {"benchmarks", {"benchmarks"}},
 };
 
