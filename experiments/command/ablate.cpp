@@ -37,11 +37,12 @@ void declare_ablate(const Declaration& declare, AblateArguments& a) {
 }  // namespace
 
 Subcommand ablate_subcommand() {
-  return subcommand("ablate", "each stage of a scene left out in turn: what that saves, and what it costs",
-                    {"palpate ablate experiments/scenes/table8.toml --out out/ablate-table8",
-                     "palpate ablate sinusoid:points=10201 --friction 0.7,0.5 --deformation 0.3 --renderer "
-                     "cloud:refine=1 --out out/ablate"},
-                    declare_ablate, run_ablate);
+  return subcommand(
+      "ablate", "each stage of a scene left out in turn: what that saves, and what it costs",
+      {"palpate ablate sinusoid:points=10201 --friction 0.7 --budget 60 --out out/ablate-friction",
+       "palpate ablate sinusoid:points=10201 --friction 0.7,0.5 --deformation 0.3 --renderer "
+       "cloud:refine=1 --out out/ablate"},
+      declare_ablate, run_ablate);
 }
 
 }  // namespace palpate::experiments

@@ -134,6 +134,9 @@ Result<Checked> check(const plan::Plan& plan, const render::SceneInput& scene, i
   target.box_mm = model.cloud->box_mm();
   PALPATE_ASSIGN(const plan::Flight flight,
                  plan::fly(scene, plan.renderer, registry, usual_path(target, kUsualFrames), threads));
+  if (!(flight.contact_frames > 0.0))
+    return Error{
+        "nothing is felt along the path", "check the file and its unit, or take another renderer", {}, 0};
   return Checked{flight, plan.decided.bytes, plan.decided.frame_us};
 }
 

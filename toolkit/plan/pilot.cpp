@@ -30,7 +30,7 @@ constexpr double kNsPerUs = 1e3;
 std::vector<std::uint32_t> around(const cloud::Cloud& cloud, std::size_t middle) {
   std::vector<std::uint32_t> all(cloud.size());
   std::iota(all.begin(), all.end(), 0u);
-  if (all.size() <= kPilotPoints) return all;
+  if (all.size() <= kWholePilotPoints) return all;
   const Vec3 at = cloud.local_mm(middle);
   std::vector<double> far(cloud.size());
   for (std::size_t i = 0; i < far.size(); ++i) far[i] = (cloud.local_mm(i) - at).cwiseAbs().maxCoeff();
@@ -97,7 +97,7 @@ Result<FrameCost> model_cost(const render::SceneInput& scene, std::size_t index,
                              const Machine& machine) {
   const render::ModelInput& model = scene.models[index];
   const render::ModelDecisions& said = decided.models[index];
-  const std::size_t n = model.cloud->size(), wanted = n <= kPilotPoints ? 1 : kPilots;
+  const std::size_t n = model.cloud->size(), wanted = n <= kWholePilotPoints ? 1 : kPilots;
   const NamedOptions on_part{renderer.name, options_for(renderer, said, registry)};
   FrameCost cost;
   Flight mean;
@@ -120,6 +120,7 @@ Result<FrameCost> model_cost(const render::SceneInput& scene, std::size_t index,
   if (cost.pilots == 0) return last;
   const auto count = static_cast<double>(cost.pilots);
   cost.bytes_share = {mean.bytes_said > 0.0 ? mean.bytes / mean.bytes_said : 1.0};
+  if (!(mean.contact_frames > 0.0)) return cost;
   cost.warm_us = mean.contact_us / mean.contact_frames;
   // Over a fine cloud the god object comes to a new point in every frame, over a coarse one seldom.
   const double places = spacing_mm > 0.0 ? std::min(1.0, mean.travel_mm / count / spacing_mm) : 1.0;
@@ -127,11 +128,11 @@ Result<FrameCost> model_cost(const render::SceneInput& scene, std::size_t index,
       machine.read_ns(static_cast<double>(said.bytes)) - machine.read_ns(mean.bytes / count);
   cost.miss_us = kReadsPerPlace * places * std::max(0.0, waits_ns) / kNsPerUs;
   cost.frame_us = cost.warm_us + cost.miss_us;
+  const std::size_t points = n <= kWholePilotPoints ? n : kPilotPoints;
   cost.reason = fmt::format(
-      "{} µs on {} cut-outs of {} points, {} µs of waiting for memory: {} reads at {:.2g} "
-      "new points a frame",
-      short_number(cost.warm_us), cost.pilots, count_text(std::min(n, kPilotPoints)),
-      short_number(cost.miss_us), kReadsPerPlace, places);
+      "{} µs on {} cut-outs of {} points, {} µs of waiting for memory: {} reads at {:.2g} new points a frame",
+      short_number(cost.warm_us), cost.pilots, count_text(points), short_number(cost.miss_us), kReadsPerPlace,
+      places);
   return cost;
 }
 
@@ -169,8 +170,7 @@ Result<Flight> fly(const render::SceneInput& scene, const NamedOptions& renderer
     }
     fastest_ns = std::min(fastest_ns, ns);
   }
-  if (!(frames > 0.0)) return Error{"nothing is felt along the path", {}, {}, 0};
-  Flight pilot{fastest_ns / frames / kNsPerUs, frames, static_cast<double>(report.bytes),
+  Flight pilot{frames > 0.0 ? fastest_ns / frames / kNsPerUs : 0.0, frames, static_cast<double>(report.bytes),
                static_cast<double>(said.bytes), 0.0};
   for (std::size_t k = 1; k < path.size(); ++k)
     pilot.travel_mm += (path.hip_mm[k] - path.hip_mm[k - 1]).norm() / static_cast<double>(path.size() - 1);

@@ -131,19 +131,21 @@ void expect_on(Plan& plan, const render::SceneInput& scene, const render::Regist
   Result<FrameCost> cost =
       expect_frame(scene, plan.renderer, plan.decided, plan.spacing_mm, registry, path, machine);
   if (!cost) return;
+  plan.decided.bytes = 0;
+  for (std::size_t i = 0; i < plan.decided.models.size(); ++i) {
+    render::ModelDecisions& model = plan.decided.models[i];
+    // Bricks and places of refined triangles are as many as the surface makes of them.
+    if (i < cost->bytes_share.size() && (says(model, "bricks") || says(model, "refined")))
+      model.bytes = static_cast<std::uint64_t>(static_cast<double>(model.bytes) * cost->bytes_share[i]);
+    plan.decided.bytes += model.bytes;
+  }
+  if (!(cost->frame_us > 0.0)) return;
   // What the frame takes for going through models near the HIP stands in the sum alone.
   double of_models = 0.0;
   for (const render::ModelDecisions& model : plan.decided.models)
     of_models = std::max(of_models, model.frame_us.value_or(0.0));
   const double around = plan.decided.frame_us ? std::max(0.0, *plan.decided.frame_us - of_models) : 0.0;
   plan.decided.frame_us = cost->frame_us + around;
-  plan.decided.bytes = 0;
-  for (std::size_t i = 0; i < plan.decided.models.size(); ++i) {
-    render::ModelDecisions& model = plan.decided.models[i];
-    if (i < cost->bytes_share.size() && says(model, "bricks"))
-      model.bytes = static_cast<std::uint64_t>(static_cast<double>(model.bytes) * cost->bytes_share[i]);
-    plan.decided.bytes += model.bytes;
-  }
   plan.cost = *std::move(cost);
   plan.machine = std::move(machine);
 }
