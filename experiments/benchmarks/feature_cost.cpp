@@ -1,93 +1,394 @@
-// One scene's frames, some times over, and nothing else: what instruction counters run (feature_costs).
+// What each thing that a scene may ask for costs a frame and the memory, for every renderer of ours: the bare
+// scene, the scene that asks for one thing, and the scene that says in so many words that it asks for none,
+// which must cost what the bare one costs, to the instruction and to the byte.
 //
-//   feature_cost FEATURES REPEATS [timed]      FEATURES: bare, or of friction, varied, texture, soft, many,
-//   joined by
-//   +
+//   feature_cost [RENDERER ..]             a table: instructions a frame (by callgrind), bytes, time
+//   feature_cost --rows [RENDERER ..]      the same as lines "RENDERER FEATURE KIND INSTRUCTIONS REPORTED
+//   HEAP" feature_cost --marked RENDERER         the frames alone, between marks: what is run under valgrind
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <bit>
+#include <atomic>
 #include <cstdint>
 #include <cstdlib>
+#include <cstring>
+#include <functional>
 #include <limits>
+#include <map>
+#include <new>
+#include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "toolkit/cloud/generate.h"
+#include "toolkit/control/controlled_renderer.h"
 #include "toolkit/core/clock.h"
+#include "toolkit/core/instructions.h"
 #include "toolkit/render/registry.h"
 #include "toolkit/renderers/toolkit_renderers.h"
 #include "toolkit/trace/paths.h"
 
+namespace {
+
+/// Bytes asked for by operator new and not given back. The allocator's own count will not do: it rounds, and
+/// what it keeps for later is in it.
+std::atomic<std::uint64_t> live_bytes{0};
+/// Before each block: how much was asked for. Keeps every alignment up to this.
+constexpr std::size_t kBefore = 64;
+
+void* allocate(std::size_t bytes, std::size_t alignment) {
+  const std::size_t before = std::max(kBefore, alignment);
+  const std::size_t whole = (bytes + before + before - 1) / before * before;
+  auto* const block = static_cast<unsigned char*>(std::aligned_alloc(before, whole));
+  if (block == nullptr) throw std::bad_alloc();
+  const std::size_t note[2] = {bytes, before};
+  std::memcpy(block + before - sizeof(note), note, sizeof(note));
+  live_bytes += bytes;
+  return block + before;
+}
+void release(void* p) noexcept {
+  if (p == nullptr) return;
+  std::size_t note[2];
+  auto* const at = static_cast<unsigned char*>(p);
+  std::memcpy(note, at - sizeof(note), sizeof(note));
+  live_bytes -= note[0];
+  std::free(at - note[1]);
+}
+
+}  // namespace
+
+void* operator new(std::size_t bytes) {
+  return allocate(bytes, kBefore);
+}
+void* operator new(std::size_t bytes, std::align_val_t alignment) {
+  return allocate(bytes, static_cast<std::size_t>(alignment));
+}
+void operator delete(void* p) noexcept {
+  release(p);
+}
+void operator delete(void* p, std::size_t) noexcept {
+  release(p);
+}
+void operator delete(void* p, std::align_val_t) noexcept {
+  release(p);
+}
+void operator delete(void* p, std::size_t, std::align_val_t) noexcept {
+  release(p);
+}
+
 namespace palpate {
 namespace {
 
-bool asks(std::string_view features, std::string_view one) {
-  return features.find(one) != std::string_view::npos;
-}
+constexpr const char* kScene = "sinusoid:points=2601";
+constexpr const char* kPath = "weave:frames=1800";
+constexpr int kModels = 100;
+constexpr double kApartMm = 300.0;
+constexpr int kTimedPasses = 50;
+constexpr double kLimitS = 300.0;
 
-render::SceneInput scene_of(std::string_view features, cloud::GeneratedModel& made) {
-  render::ModelInput model;
-  model.cloud = std::make_shared<const cloud::Cloud>(made.cloud);
-  model.analytic = made.surface;
-  surface::Surface& s = model.surface;
-  if (asks(features, "soft")) s.deformation = 0.5;
-  if (asks(features, "friction")) s.friction = {0.7, 0.5};
-  if (asks(features, "texture")) {
-    s.texture.kind = surface::TextureKind::kNoise;
-    s.texture.depth_mm = 0.1;
-    s.texture.wavelength_mm = 2.0;
-  }
-  if (asks(features, "varied")) {
-    auto p = std::make_shared<surface::PointProperties>();
-    for (std::size_t i = 0; i < made.cloud.size(); ++i)
-      p->deformation.push_back(made.cloud.x_mm[i] > 0.0f ? 0.5f : 0.0f);
-    s.per_point = p;
-  }
+/// A scene as it is asked about.
+struct Asked {
   render::SceneInput scene;
-  scene.models.push_back(model);
-  if (asks(features, "many"))
-    for (int i = 1; i < 100; ++i) {
-      scene.models.push_back(model);
-      scene.models.back().world_from_model.translation_mm.x() = 300.0 * i;
-    }
-  return scene;
+  control::ControlOptions control;
+};
+
+enum class Kind { kBare, kOn, kOff };
+struct Feature {
+  const char* name;
+  Kind kind;
+  std::function<void(Asked&)> ask;
+  render::Features needs{};  ///< a renderer without these leaves it out
+};
+
+std::shared_ptr<surface::PointProperties> properties() {
+  return std::make_shared<surface::PointProperties>();
+}
+surface::Surface& surface_of(Asked& asked) {
+  return asked.scene.models.front().surface;
 }
 
-/// `timed` reads the clock around each pass: then no two runs execute the same instructions.
-int run(std::string_view features, int repeats, bool timed) {
-  auto made = cloud::generate(parse_named_options("sinusoid:points=10201").value());
-  if (!made) return 1;
-  const render::SceneInput scene = scene_of(features, *made);
+/// One value at each point, another one on the other side of x = 0.
+std::vector<float> halves(const Asked& asked, float left, float right) {
+  std::vector<float> values;
+  for (const float x : asked.scene.models.front().cloud->x_mm) values.push_back(x > 0.0f ? right : left);
+  return values;
+}
+
+void move_slowly(Asked& asked) {
+  constexpr double kSpeedMmS = 0.5;
+  auto simulation = std::make_shared<render::ScriptedSimulation>();
+  render::ScriptedMotion motion;
+  motion.velocity_mm_s = Vec3(kSpeedMmS, 0.0, 0.0);
+  asked.scene.models.front().motion = simulation->add(motion);
+  asked.scene.simulation = simulation;
+}
+
+void add_models(Asked& asked) {
+  const render::ModelInput model = asked.scene.models.front();
+  for (int i = 1; i < kModels; ++i) {
+    asked.scene.models.push_back(model);
+    asked.scene.models.back().world_from_model.translation_mm.x() = kApartMm * i;
+  }
+}
+
+/// What a scene can ask for.
+void add_asking(std::vector<Feature>& all) {
+  using enum render::Feature;
+  const auto on = [&](const char* name, std::function<void(Asked&)> ask, render::Features needs = {}) {
+    all.push_back({name, Kind::kOn, std::move(ask), needs});
+  };
+  on(
+      "friction",
+      [](Asked& a) {
+        surface_of(a).friction = {0.7, 0.5};
+      },
+      kFriction);
+  on(
+      "texture",
+      [](Asked& a) {
+        surface::Texture& texture = surface_of(a).texture;
+        texture.kind = surface::TextureKind::kNoise;
+        texture.depth_mm = 0.1;
+        texture.wavelength_mm = 2.0;
+      },
+      kTexture);
+  on(
+      "stiffness-by-point",
+      [](Asked& a) {
+        auto p = properties();
+        p->stiffness_n_per_mm = halves(a, 0.2f, 0.5f);
+        surface_of(a).per_point = p;
+      },
+      kPerPoint);
+  on(
+      "deformation-by-point",
+      [](Asked& a) {
+        auto p = properties();
+        p->deformation = halves(a, 0.0f, 0.5f);
+        surface_of(a).per_point = p;
+      },
+      kPerPoint);
+  on(
+      "friction-by-point",
+      [](Asked& a) {
+        auto p = properties();
+        p->static_friction = halves(a, 0.2f, 0.7f);
+        surface_of(a).per_point = p;
+      },
+      kPerPoint | kFriction);
+  on(
+      "dents",
+      [](Asked& a) {
+        surface_of(a).dent = {0.5, 1.0, 5.0};
+      },
+      kDent);
+  on(
+      "moved-points", [](Asked& a) { a.scene.models.front().moves = std::make_shared<render::MoveQueue>(); },
+      kMovedPoints);
+  on("motion", move_slowly, kMotion);
+  on("many-models", add_models, render::Feature::kManyModels);
+  on("force-limit", [](Asked& a) { a.scene.force_limit_n = 0.5; });
+  on("coupling", [](Asked& a) { a.control.coupling = control::Coupling{1.0, 0.0}; });
+  on("filter", [](Asked& a) { a.control.filter.rate_limit_n_per_s = 100.0; });
+  on("passivity", [](Asked& a) { a.control.passivity = control::PassivityOptions{}; });
+}
+
+/// The same things, said to be absent or uniform.
+void add_declining(std::vector<Feature>& all) {
+  const auto off = [&](const char* name, std::function<void(Asked&)> ask) {
+    all.push_back({name, Kind::kOff, std::move(ask)});
+  };
+  off("friction", [](Asked& a) { surface_of(a).friction = {0.0, 0.0}; });
+  off("texture", [](Asked& a) {
+    surface_of(a).texture.depth_mm = 0.1;  // of no kind
+    surface_of(a).texture.wavelength_mm = 2.0;
+  });
+  off("deformation", [](Asked& a) { surface_of(a).deformation = 0.5; });  // everywhere: a softer spring
+  off("stiffness", [](Asked& a) { surface_of(a).stiffness_n_per_mm = 0.3; });
+  off("by-point", [](Asked& a) { surface_of(a).per_point = properties(); });  // no column
+  off("dents", [](Asked& a) { surface_of(a).dent = {0.5, 1.0, 0.0}; });       // that take for ever
+  off("motion", [](Asked& a) { a.scene.simulation = std::make_shared<render::ScriptedSimulation>(); });
+  off("force-limit", [](Asked& a) { a.scene.force_limit_n = 0.0; });
+  off("control", [](Asked& a) {
+    a.control.coupling.reset();
+    a.control.filter = {};
+    a.control.passivity.reset();
+  });
+  off("truth", [](Asked& a) { a.scene.models.front().analytic = nullptr; });  // what scores need
+}
+
+std::vector<Feature> all_features() {
+  std::vector<Feature> all = {{"bare", Kind::kBare, [](Asked&) {}}};
+  add_asking(all);
+  add_declining(all);
+  return all;
+}
+
+std::string part_name(const Feature& feature) {
+  return (feature.kind == Kind::kOff ? "no-" : "") + std::string(feature.name);
+}
+
+/// What all scenes have in common.
+struct Stand {
+  render::SceneInput bare;
+  trace::ProbePath path;
   render::Registry registry;
-  render::register_toolkit_renderers(registry);
-  auto renderer = registry.make("cloud", {});
-  if (!renderer || !(*renderer)->prepare(scene, {1, nullptr})) return 1;
+};
+
+Result<Stand> make_stand() {
+  Stand stand;
+  render::register_toolkit_renderers(stand.registry);
+  auto made = cloud::generate(parse_named_options(kScene).value());
+  if (!made) return made.error();
+  render::ModelInput model;
+  model.cloud = std::make_shared<const cloud::Cloud>(made->cloud);
+  model.analytic = made->surface;
   trace::PathTarget target;
   target.surface = made->surface.get();
-  target.cloud = scene.models[0].cloud.get();
-  target.box_mm = target.cloud->box_mm();
+  target.cloud = model.cloud.get();
+  target.box_mm = model.cloud->box_mm();
   target.spacing_mm = made->nominal_spacing_mm;
-  const auto path = trace::make_path(parse_named_options("weave:frames=4500").value(), target);
-  if (!path) return 1;
-  Vec3 sum = Vec3::Zero();
-  std::int64_t fastest_ns = std::numeric_limits<std::int64_t>::max();
-  for (int i = 0; i < repeats; ++i) {
-    (*renderer)->restart(path->hip_mm[0], -path->t_s[1]);
-    const std::int64_t start_ns = timed ? monotonic_ns() : 0;
-    for (std::size_t k = 0; k < path->size(); ++k)
-      sum += (*renderer)->step(path->hip_mm[k], path->t_s[k]).force_n;
-    if (timed) fastest_ns = std::min(fastest_ns, monotonic_ns() - start_ns);
+  auto path = trace::make_path(parse_named_options(kPath).value(), target);
+  if (!path) return path.error();
+  stand.path = *std::move(path);
+  stand.bare.models.push_back(std::move(model));
+  return stand;
+}
+
+/// One renderer on one scene, ready.
+struct Prepared {
+  Asked asked;
+  std::unique_ptr<render::HapticRenderer> renderer;
+  std::uint64_t reported = 0;  ///< bytes, as it says
+  std::uint64_t heap = 0;      ///< bytes, as the allocator says
+};
+
+Result<Prepared> prepare(const Stand& stand, const std::string& name, const Feature& feature) {
+  Prepared made;
+  made.asked.scene = stand.bare;
+  feature.ask(made.asked);
+  const std::uint64_t before = live_bytes.load();
+  const NamedOptions named = parse_named_options(name).value();
+  auto renderer = stand.registry.make(named.name, named.options);
+  if (!renderer) return renderer.error();
+  made.renderer = control::wrap(*std::move(renderer), made.asked.control);
+  {
+    const Result<render::PrepareReport> report = made.renderer->prepare(made.asked.scene, {1, nullptr});
+    if (!report) return report.error();
+    made.reported = report->bytes;
   }
-  // Printed, so that the frames are not optimised away, and so that two runs can be seen to do the same: as
-  // bits, whose printing takes the same instructions whatever they are.
-  const auto bits = [](double x) { return std::bit_cast<std::uint64_t>(x); };
-  fmt::print("{} frames, bits of the sum of forces {:016x} {:016x} {:016x}\n",
-             path->hip_mm.size() * static_cast<std::size_t>(repeats), bits(sum.x()), bits(sum.y()),
-             bits(sum.z()));
-  if (timed)
-    fmt::print("fastest pass: {:.4f} us a frame\n",
-               1e-3 * static_cast<double>(fastest_ns) / static_cast<double>(path->hip_mm.size()));
+  made.heap = live_bytes.load() - before;
+  return made;
+}
+
+/// The sum of forces: so that no frame is optimised away, and a scene that is not felt is noticed.
+[[gnu::noinline]] Vec3 step_all(render::HapticRenderer& renderer, const trace::ProbePath& path,
+                                render::Simulation* simulation) {
+  Vec3 sum = Vec3::Zero();
+  for (std::size_t k = 0; k < path.size(); ++k) {
+    if (simulation != nullptr) simulation->advance(path.t_s[k]);
+    sum += renderer.step(path.hip_mm[k], path.t_s[k]).force_n;
+  }
+  return sum;
+}
+
+void restart(const Stand& stand, Prepared& made) {
+  if (made.asked.scene.simulation != nullptr) made.asked.scene.simulation->reset();
+  made.renderer->restart(stand.path.hip_mm[0], -stand.path.t_s[1]);
+}
+
+/// A scene whose models do not move is stepped without a simulation: its share is no renderer's.
+render::Simulation* simulation_of(const Prepared& made) {
+  return made.asked.scene.models.front().motion != nullptr ? made.asked.scene.simulation.get() : nullptr;
+}
+
+int run_marked(const Stand& stand, const std::string& renderer) {
+  for (const Feature& feature : all_features()) {
+    Result<Prepared> made = prepare(stand, renderer, feature);
+    if (!made) continue;
+    restart(stand, *made);
+    (void)step_all(*made->renderer, stand.path, simulation_of(*made));  // what is done once is done
+    restart(stand, *made);
+    const std::string part = part_name(feature);
+    begin_counting();
+    const Vec3 sum = step_all(*made->renderer, stand.path, simulation_of(*made));
+    end_counting(part.c_str());
+    if (!(sum.norm() > 0.0)) return 1;
+  }
+  return 0;
+}
+
+double fastest_us(const Stand& stand, Prepared& made) {
+  std::int64_t fastest_ns = std::numeric_limits<std::int64_t>::max();
+  for (int i = 0; i < kTimedPasses; ++i) {
+    restart(stand, made);
+    const std::int64_t start_ns = monotonic_ns();
+    (void)step_all(*made.renderer, stand.path, simulation_of(made));
+    fastest_ns = std::min(fastest_ns, monotonic_ns() - start_ns);
+  }
+  return 1e-3 * static_cast<double>(fastest_ns) / static_cast<double>(stand.path.size());
+}
+
+const char* word(Kind kind, bool supported) {
+  if (!supported) return "lacks";
+  return kind == Kind::kBare ? "bare" : kind == Kind::kOn ? "on" : "off";
+}
+
+int show(const Stand& stand, const std::string& self, const std::string& renderer, bool rows) {
+  const auto counted = count_instructions({self, "--marked", renderer}, {.time_limit_s = kLimitS});
+  if (!counted) {
+    fmt::print(stderr, "feature_cost: error: {}\n", counted.error().message());
+    return 1;
+  }
+  const render::RendererInfo& info = *stand.registry.find(parse_named_options(renderer).value().name);
+  if (!rows)
+    fmt::print("{}\n{:<26} {:>6} {:>14} {:>10} {:>12} {:>10}\n", renderer, "scene", "", "instructions",
+               "more", "bytes", "us");
+  // The first one also pays for what libraries allocate once.
+  (void)prepare(stand, renderer, all_features().front());
+  double bare = 0.0;
+  for (const Feature& feature : all_features()) {
+    Result<Prepared> made = prepare(stand, renderer, feature);
+    const auto part = counted->find(part_name(feature));
+    if (!made || part == counted->end()) continue;
+    const double each = static_cast<double>(part->second) / static_cast<double>(stand.path.size());
+    if (feature.kind == Kind::kBare) bare = each;
+    const char* kind = word(feature.kind, feature.needs.without(info.supports).empty());
+    if (rows)
+      fmt::print("{} {} {} {} {} {}\n", renderer, feature.name, kind, part->second, made->reported,
+                 made->heap);
+    else
+      fmt::print("{:<26} {:>6} {:>14.1f} {:>+10.1f} {:>12} {:>10.4f}\n", feature.name, kind, each,
+                 each - bare, made->reported, fastest_us(stand, *made));
+  }
+  return 0;
+}
+
+/// All of ours and the literal forms, and the second surface of `cloud`.
+std::vector<std::string> our_renderers(const render::Registry& registry) {
+  std::vector<std::string> names = {"cloud:surface=vertices", "cloud:refine=1"};
+  for (const render::RendererInfo& info : registry.all())
+    if (info.role == render::Role::kOurs || info.role == render::Role::kLiteral) names.push_back(info.name);
+  return names;
+}
+
+int run(std::span<char*> words) {
+  std::vector<std::string> named(words.begin() + 1, words.end());
+  Result<Stand> stand = make_stand();
+  if (!stand) return 1;
+  const bool rows = !named.empty() && named.front() == "--rows";
+  const bool marked = named.size() == 2 && named.front() == "--marked";
+  if (rows || marked) named.erase(named.begin());
+  for (const std::string& name : named) {
+    const Result<NamedOptions> options = parse_named_options(name);
+    if (options && stand->registry.make(options->name, options->options)) continue;
+    fmt::print(stderr, "feature_cost: error: {} is no renderer of the toolkit\n", name);
+    return 2;
+  }
+  if (marked) return run_marked(*stand, named.front());
+  for (const std::string& name : named.empty() ? our_renderers(stand->registry) : named)
+    if (const int status = show(*stand, words.front(), name, rows); status != 0) return status;
   return 0;
 }
 
@@ -95,10 +396,5 @@ int run(std::string_view features, int repeats, bool timed) {
 }  // namespace palpate
 
 int main(int argc, char** argv) {
-  const bool timed = argc == 4 && std::string_view(argv[3]) == "timed";
-  if (argc != 3 && !timed) {
-    fmt::print(stderr, "usage: feature_cost FEATURES REPEATS [timed]\n");
-    return 2;
-  }
-  return palpate::run(argv[1], std::atoi(argv[2]), timed);
+  return palpate::run({argv, static_cast<std::size_t>(argc)});
 }

@@ -8,9 +8,13 @@
 #include "experiments/command/subcommands.h"
 #include "experiments/data/scene_scans.h"
 #include "experiments/run/arguments.h"
+#include "experiments/run/choices.h"
 #include "experiments/run/cleaning.h"
 #include "experiments/run/doubts.h"
 #include "experiments/session/session.h"
+#include "experiments/session/version.h"
+#include "toolkit/core/numbers.h"
+#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
@@ -54,7 +58,8 @@ ordered_json json(const plan::Plan& plan) {
           {"expected",
            {{"frame_us", or_null(plan.decided.frame_us)},
             {"prepare_ms", or_null(plan.decided.prepare_ms)},
-            {"on", render::kExpectedOn}}}};
+            {"on", plan.machine ? plan::text(*plan.machine) : render::kExpectedOn},
+            {"why", plan.cost ? plan.cost->reason : "as measured there, for points of no special kind"}}}};
 }
 
 struct PlanArguments {
@@ -62,80 +67,191 @@ struct PlanArguments {
   std::string renderer;  ///< empty: the scene's, or the plan's own choice
   ModelArguments load;
   SurfaceArguments surface;
+  std::string machine = "auto";
+  bool check = false;
   bool json = false;
 };
 
 void declare_plan(const Declaration& declare, PlanArguments& a) {
   declare.required("SCENE", a.scene, kSceneHelp);
   declare.text("--renderer", a.renderer, "NAME[:option=value...]; default: the scene's, or the plan's own");
+  declare.choice(
+      "--machine", a.machine, {"auto", "anew", "off"},
+      "expected frames: auto, of this machine, which is measured in a second and kept in the cache; anew, "
+      "measured again; off, as they were where Palpate was measured");
+  declare.flag("--check", a.check,
+               "then prepare and step it after all, and show what was measured beside what was expected");
   declare.flag("--json", a.json, "print JSON");
   declare_surface(declare, a.surface);
   declare_model(declare, a.load);
 }
 
-int run_plan(const PlanArguments& arguments, Context& context) {
-  const Result<scene::LoadOptions> options = load_options(arguments.load);
-  if (!options) return fail(options.error(), kExitBadInput);
-  const render::Registry registry = all_renderers();
-  Result<scene::SceneFile> file = open_scene(arguments.scene, registry, context.progress);
-  if (!file) return fail(file.error(), kExitBadInput);
-  const Result<SurfaceReport> surfaces = set_surfaces(arguments.surface, *file);
-  if (!surfaces) return fail(surfaces.error(), kExitBadInput);
-  std::optional<NamedOptions> wanted = file->renderer;
+/// What was expected, and what it came to.
+struct Checked {
+  plan::Flight flight;
+  std::uint64_t bytes_expected = 0;
+  std::optional<double> frame_us_expected;
+};
+
+double off_percent(double expected, double measured) {
+  constexpr double kPercent = 100.0;
+  return measured > 0.0 ? kPercent * (expected / measured - 1.0) : 0.0;
+}
+
+ordered_json json(const std::optional<Checked>& checked) {
+  if (!checked) return nullptr;
+  const auto off = [](const std::optional<double>& expected, double measured) {
+    return expected ? ordered_json(off_percent(*expected, measured)) : ordered_json(nullptr);
+  };
+  const auto bytes = static_cast<double>(checked->bytes_expected);
+  return {
+      {"bytes", checked->flight.bytes},
+      {"bytes_off_percent", off(bytes > 0.0 ? std::optional(bytes) : std::nullopt, checked->flight.bytes)},
+      {"frame_us", checked->flight.contact_us},
+      {"frame_off_percent", off(checked->frame_us_expected, checked->flight.contact_us)}};
+}
+
+std::string text(const Checked& checked) {
+  const auto beside = [](const std::optional<double>& expected, double measured) {
+    return expected ? fmt::format("{:+.0f} % expected", off_percent(*expected, measured))
+                    : std::string("nothing was expected");
+  };
+  const auto bytes = static_cast<double>(checked.bytes_expected);
+  return fmt::format("measured: {} beside the points ({}), {} µs a frame in contact ({})\n",
+                     bytes_text(checked.flight.bytes),
+                     beside(bytes > 0.0 ? std::optional(bytes) : std::nullopt, checked.flight.bytes),
+                     short_number(checked.flight.contact_us),
+                     beside(checked.frame_us_expected, checked.flight.contact_us));
+}
+
+/// As replay would step it.
+Result<Checked> check(const plan::Plan& plan, const render::SceneInput& scene, int threads,
+                      const render::Registry& registry) {
+  const render::ModelInput& model = scene.models.front();
+  trace::PathTarget target;
+  target.surface = model.analytic.get();
+  target.cloud = model.cloud.get();
+  target.box_mm = model.cloud->box_mm();
+  PALPATE_ASSIGN(const plan::Flight flight,
+                 plan::fly(scene, plan.renderer, registry, usual_path(target, kUsualFrames), threads));
+  if (!(flight.contact_frames > 0.0))
+    return Error{
+        "nothing is felt along the path", "check the file and its unit, or take another renderer", {}, 0};
+  return Checked{flight, plan.decided.bytes, plan.decided.frame_us};
+}
+
+/// What a frame takes here: of renderers on points and heights, whose cut-outs are prepared in no time.
+void expect_here(const PlanArguments& arguments, const render::SceneInput& scene,
+                 const render::Registry& registry, Context& context, plan::Plan& plan) {
+  const render::Role role = registry.find(plan.renderer.name)->role;
+  if (arguments.machine == "off" || (role != render::Role::kOurs && role != render::Role::kLiteral)) return;
+  plan::Machine machine =
+      plan::this_machine_measured(version_text(), arguments.machine == "anew", &context.progress);
+  context.progress.report("stepping cut-outs", -1.0);
+  trace::PathTarget target;
+  target.cloud = scene.models.front().cloud.get();
+  target.box_mm = target.cloud->box_mm();
+  if (!plan.decided.models.empty()) target.spacing_mm = plan.decided.models.front().spacing_mm.value_or(0.0);
+  constexpr int kPilotFrames = 3'000;
+  std::string path = usual_path(target, kPilotFrames);
+  if (scene.models.front().analytic != nullptr) {
+    // On a formula the probe goes at one speed.
+    NamedOptions even = parse_named_options(path).value();
+    even.options.set("slowest_mm_s", even.options.text("fastest_mm_s"));
+    path = even.name;
+    for (const auto& [key, value] : even.options.all()) path += ":" + key + "=" + value;
+  }
+  plan::expect_on(plan, scene, registry, path, std::move(machine));
+}
+
+/// What the arguments name, loaded.
+struct PlannedScene {
+  scene::LoadedScene loaded;
+  std::optional<NamedOptions> wanted;  ///< the renderer that is named, or none
+  SurfaceReport surfaces;
+};
+
+/// Every Error is bad input.
+Result<PlannedScene> load_planned(const PlanArguments& arguments, const render::Registry& registry,
+                                  Progress& progress) {
+  PALPATE_ASSIGN(const scene::LoadOptions options, load_options(arguments.load));
+  PALPATE_ASSIGN(scene::SceneFile file, open_scene(arguments.scene, registry, progress));
+  PlannedScene planned;
+  PALPATE_ASSIGN(planned.surfaces, set_surfaces(arguments.surface, file));
+  planned.wanted = file.renderer;
   if (!arguments.renderer.empty()) {
-    Result<NamedOptions> named = parse_named_options(arguments.renderer);
-    if (!named) return fail(named.error(), kExitBadInput);
-    wanted = *std::move(named);
+    PALPATE_ASSIGN(planned.wanted, parse_named_options(arguments.renderer));
   }
   // A wrong name or option is found here, as replay would find it; so is the cleaning that it asks for.
   std::vector<NamedOptions> clean;
-  if (wanted) {
-    Result<RendererRequest> request = request_of(*wanted, registry);
-    if (!request) return fail(request.error(), kExitBadInput);
-    wanted = NamedOptions{request->name, std::move(request->options)};
-    clean = std::move(request->clean);
+  if (planned.wanted) {
+    PALPATE_ASSIGN(RendererRequest request, request_of(*planned.wanted, registry));
+    planned.wanted = NamedOptions{request.name, std::move(request.options)};
+    clean = std::move(request.clean);
   }
-  Result<scene::LoadedScene> loaded = scene::load(*file, all_readers(), *options, context.progress);
-  if (!loaded) return fail(loaded.error(), kExitBadInput, &context.progress);
-  if (const Status felt = check_surfaces(*loaded); !felt)
-    return fail(felt.error(), kExitBadInput, &context.progress);
-  if (!clean.empty()) {
-    Result<CleanedScene> cleaned =
-        clean_scene(loaded->input, clean, arguments.load.threads, context.progress);
-    if (!cleaned) return fail(cleaned.error(), kExitBadInput, &context.progress);
-    loaded->input = std::move(cleaned->input);
-  }
-  context.progress.report("asking the renderer", -1.0);
-  const Result<plan::Plan> plan =
-      plan::make_plan(loaded->input, wanted, registry, {arguments.load.threads, nullptr});
-  context.progress.clear();
-  if (!plan) return fail(plan.error(), kExitBadInput);
-  std::vector<std::string> warnings = surfaces->warnings;
-  for (const scene::Provenance& p : loaded->provenance)
+  PALPATE_ASSIGN(planned.loaded, scene::load(file, all_readers(), options, progress));
+  PALPATE_TRY(check_surfaces(planned.loaded));
+  if (clean.empty()) return planned;
+  PALPATE_ASSIGN(CleanedScene cleaned,
+                 clean_scene(planned.loaded.input, clean, arguments.load.threads, progress));
+  planned.loaded.input = std::move(cleaned.input);
+  return planned;
+}
+
+std::vector<std::string> warnings_of(const PlannedScene& planned, const plan::Plan& plan,
+                                     const render::Registry& registry) {
+  std::vector<std::string> warnings = planned.surfaces.warnings;
+  warnings.insert(warnings.end(), plan.warnings.begin(), plan.warnings.end());
+  for (const scene::Provenance& p : planned.loaded.provenance)
     warnings.insert(warnings.end(), p.warnings.begin(), p.warnings.end());
-  for (std::string& doubt : doubts_about_models(*loaded)) warnings.push_back(std::move(doubt));
-  for (std::string& text : render::left_out(*registry.find(plan->renderer.name), loaded->input))
+  for (std::string& doubt : doubts_about_models(planned.loaded)) warnings.push_back(std::move(doubt));
+  for (std::string& text : render::left_out(*registry.find(plan.renderer.name), planned.loaded.input))
     warnings.push_back(std::move(text));
+  return warnings;
+}
+
+int run_plan(const PlanArguments& arguments, Context& context) {
+  const render::Registry registry = all_renderers();
+  const Result<PlannedScene> planned = load_planned(arguments, registry, context.progress);
+  if (!planned) return fail(planned.error(), kExitBadInput, &context.progress);
+  const render::SceneInput& scene = planned->loaded.input;
+  context.progress.report("asking the renderer", -1.0);
+  Result<plan::Plan> plan =
+      plan::make_plan(scene, planned->wanted, registry, {arguments.load.threads, nullptr});
+  if (!plan) return fail(plan.error(), kExitBadInput, &context.progress);
+  expect_here(arguments, scene, registry, context, *plan);
+  std::optional<Checked> checked;
+  if (arguments.check) {
+    context.progress.report("preparing and stepping it", -1.0);
+    const Result<Checked> done = check(*plan, scene, arguments.load.threads, registry);
+    if (!done) return fail(done.error(), kExitFellShort, &context.progress);
+    checked = *done;
+  }
+  context.progress.clear();
+  const std::vector<std::string> warnings = warnings_of(*planned, *plan, registry);
   if (arguments.json) {
     nlohmann::ordered_json document = json(*plan);
+    document["measured"] = json(checked);
     document["warnings"] = warnings;
-    document["notes"] = surfaces->notes;
+    document["notes"] = planned->surfaces.notes;
     fmt::print("{}\n", document.dump(2));
     return kExitOk;
   }
   fmt::print("{}", plan::text(*plan));
+  if (checked) fmt::print("{}", text(*checked));
   for (const std::string& warning : warnings) fmt::print(stderr, "palpate: warning: {}\n", warning);
-  for (const std::string& note : surfaces->notes) fmt::print(stderr, "palpate: note: {}\n", note);
+  for (const std::string& note : planned->surfaces.notes) fmt::print(stderr, "palpate: note: {}\n", note);
   return kExitOk;
 }
 
 }  // namespace
 
 Subcommand plan_subcommand() {
-  return subcommand("plan",
-                    "what will be built for a scene and why, with bytes and expected cost; nothing is run",
-                    {"palpate plan sinusoid:points=101761", "palpate plan scan.toml --renderer cloud --json"},
-                    declare_plan, run_plan);
+  return subcommand(
+      "plan", "what will be built for a scene and why, with bytes and expected cost; only --check runs it",
+      {"palpate plan sinusoid:points=101761", "palpate plan sinusoid:points=101761 --check",
+       "palpate plan scan.toml --renderer cloud --json"},
+      declare_plan, run_plan);
 }
 
 }  // namespace palpate::experiments

@@ -15,6 +15,7 @@
   DO(merge)                     \
   DO(tune)                      \
   DO(stability)                 \
+  DO(ablate)                    \
   DO(report)                    \
   DO(score)                     \
   DO(reproduce)                 \

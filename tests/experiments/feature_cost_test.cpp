@@ -1,51 +1,79 @@
-// What a scene does not ask for costs nothing: instructions of a frame, counted by callgrind, which counts
-// the same on every run.
+// What a scene does not ask for costs nothing: for every renderer of ours the instructions of a frame,
+// counted by callgrind, and the bytes, as the renderer reports them and as the allocator counts them.
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <regex>
+#include <map>
+#include <set>
+#include <sstream>
 
+#include "toolkit/core/instructions.h"
 #include "toolkit/core/process.h"
+#include "toolkit/render/registry.h"
+#include "toolkit/renderers/toolkit_renderers.h"
 
 namespace palpate::experiments {
 namespace {
 
-constexpr double kLimitS = 120.0;
+constexpr double kLimitS = 600.0;
 
-/// Instructions of a whole run, or -1.
-long long counted(const std::string& features, const std::string& repeats) {
-  const Result<ProcessOutcome> run =
-      run_process({"valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", PALPATE_FEATURE_COST,
-                   features, repeats},
-                  {.time_limit_s = kLimitS});
-  std::smatch found;
-  if (!run || run->exit_code != 0 ||
-      !std::regex_search(run->err, found, std::regex("Collected : ([0-9]+)"))) {
+struct Cost {
+  std::string kind;
+  std::uint64_t instructions = 0, reported = 0, heap = 0;
+};
+/// By "FEATURE KIND"; a feature may be there twice, asked for and declined.
+using Costs = std::map<std::string, Cost>;
+
+std::map<std::string, Costs> all_costs() {
+  const Result<ProcessOutcome> run = run_process({PALPATE_FEATURE_COST, "--rows"}, {.time_limit_s = kLimitS});
+  std::map<std::string, Costs> costs;
+  if (!run || run->exit_code != 0) {
     ADD_FAILURE() << (run ? run->err : run.error().message());
-    return -1;
+    return costs;
   }
-  return std::stoll(found[1]);
+  std::istringstream lines(run->out);
+  std::string renderer, feature;
+  for (Cost cost;
+       lines >> renderer >> feature >> cost.kind >> cost.instructions >> cost.reported >> cost.heap;)
+    costs[renderer][feature + " " + cost.kind] = cost;
+  return costs;
 }
 
-/// Of the path's frames alone: one run steps them once more than the other.
-long long frames_of(const std::string& features) {
-  return counted(features, "2") - counted(features, "1");
-}
-
-TEST(FeatureCost, WhatIsNotAskedForCostsNoInstruction) {
-  if (!program_exists("valgrind")) GTEST_SKIP() << "valgrind is not installed: apt-get install valgrind";
+TEST(FeatureCost, WhatIsNotAskedForCostsNoInstructionAndNoByte) {
+  if (const Status able = can_count(); !able) GTEST_SKIP() << able.error().message();
   if (!std::filesystem::exists(PALPATE_FEATURE_COST)) GTEST_SKIP() << "built without the benchmarks";
-  const long long bare = frames_of("bare");
-  // A few instructions of the start-up (the environment's length) are all that may differ.
-  constexpr long long kStartUp = 100;
-  EXPECT_NEAR(static_cast<double>(frames_of("soft")), static_cast<double>(bare), kStartUp)
-      << "deformation that is the same everywhere is a softer spring";
-  const long long friction = frames_of("friction") - bare, texture = frames_of("texture") - bare;
-  const long long both = frames_of("friction+texture") - bare;
-  EXPECT_GT(friction, 4500 * 10) << "friction is really in the frame";
-  EXPECT_GT(texture, friction) << "noise costs more than a cone";
-  // Together they cost what they cost alone: neither drags the other in.
-  EXPECT_LT(static_cast<double>(both), 1.1 * static_cast<double>(friction + texture));
+  const std::map<std::string, Costs> all = all_costs();
+  render::Registry registry;
+  render::register_toolkit_renderers(registry);
+  for (const render::RendererInfo& info : registry.all()) {
+    if (info.role != render::Role::kOurs && info.role != render::Role::kLiteral) continue;
+    EXPECT_TRUE(all.contains(info.name)) << info.name;
+  }
+  for (const auto& [renderer, costs] : all) {
+    ASSERT_TRUE(costs.contains("bare bare")) << renderer;
+    const Cost& bare = costs.at("bare bare");
+    std::set<std::string> asked;
+    for (const auto& [name, cost] : costs) {
+      SCOPED_TRACE(renderer + ", " + name);
+      if (cost.kind == "on") {
+        // It is really there: else its absence would prove nothing.
+        EXPECT_GT(cost.instructions, bare.instructions);
+        asked.insert(name);
+      } else {  // declined, or asked of a renderer that lacks it
+        EXPECT_EQ(cost.instructions, bare.instructions);
+        EXPECT_EQ(cost.reported, bare.reported);
+        EXPECT_EQ(cost.heap, bare.heap);
+      }
+    }
+    constexpr std::size_t kLeastAsked = 8;
+    EXPECT_GE(asked.size(), kLeastAsked) << renderer << ": features are missing from the program";
+    // What is one number for all points takes no byte.
+    for (const char* uniform : {"friction on", "texture on", "force-limit on"}) {
+      const auto found = costs.find(uniform);
+      if (found == costs.end()) continue;
+      EXPECT_EQ(found->second.reported, bare.reported) << renderer << " " << uniform;
+    }
+  }
 }
 
 }  // namespace

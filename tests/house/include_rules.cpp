@@ -36,9 +36,10 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"stability", {"study", "run", "data", "report", "session", "stability"}},
     {"trade", {"study", "run", "data", "report", "session", "trade"}},
     {"hunt", {"study", "run", "session", "hunt"}},
+    {"ablate", {"study", "run", "data", "report", "session", "ablate"}},
     {"command",
      {"study", "run", "data", "report", "session", "behaviours", "stress", "tables", "stability", "trade",
-      "hunt", "command"}},
+      "hunt", "ablate", "command"}},
     {"benchmarks", {"benchmarks"}},
 };
 

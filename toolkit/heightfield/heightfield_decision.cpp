@@ -52,7 +52,7 @@ void say_heights(const ModelInput& input, const HeightFieldBuild& build, const H
       {"neighbours", "none stored", "the neighbours of a post are known from its column and row"});
   out.bytes +=
       (lattice.posts() + cloud::HeightField::blocks_of(lattice.columns, lattice.rows)) * sizeof(float);
-  if (input.surface.per_point != nullptr) out.bytes += lattice.posts() * sizeof(std::uint32_t);
+  if (varies(input.surface)) out.bytes += lattice.posts() * sizeof(std::uint32_t);
   say_surface(input, decision.surface, felt, lattice.posts(), out);
   if (input.motion != nullptr)
     out.decisions.push_back({"motion", "pose read in each frame", "the scene moves it", true});

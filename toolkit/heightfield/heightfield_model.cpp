@@ -122,15 +122,15 @@ Result<std::shared_ptr<const HeightFieldGrid>> build_grid(const cloud::Cloud& cl
 Result<HeightFieldModel> build_height_field_model(const ModelInput& input, const HeightFieldBuild& build,
                                                   const PrepareContext& context, PrepareReport& report) {
   const cloud::Cloud& cloud = *input.cloud;
-  const bool varies = input.surface.per_point != nullptr;
+  const bool varied = varies(input.surface);
   HeightFieldModel model;
   Result<std::shared_ptr<const HeightFieldGrid>> grid = held_or_made<HeightFieldGrid>(
       context, report,
       [&] {
         return fmt::format("height field {:016x} {} {} {}", cloud::content_hash(cloud), cloud.size(),
-                           build.fills_gaps, varies);
+                           build.fills_gaps, varied);
       },
-      [&](PrepareReport& to) { return build_grid(cloud, build.fills_gaps, varies, context, to); });
+      [&](PrepareReport& to) { return build_grid(cloud, build.fills_gaps, varied, context, to); });
   if (!grid) return std::move(grid).error();
   model.grid = *std::move(grid);
   model.pose = ModelPose(input, model.field().origin_mm);

@@ -10,6 +10,7 @@
 #include "toolkit/cloud/height_field_holes.h"
 #include "toolkit/core/numbers.h"
 #include "toolkit/core/tolerances.h"
+#include "toolkit/render/precision.h"
 #include "toolkit/smooth/smooth_model.h"
 
 namespace palpate::plan {
@@ -68,6 +69,28 @@ Decision choose_by_noise(const render::ModelInput& model, const std::string& cle
                                                : " with holes")};
 }
 
+bool says(const render::ModelDecisions& model, const std::string& about) {
+  return std::any_of(model.decisions.begin(), model.decisions.end(),
+                     [&](const Decision& d) { return d.about == about; });
+}
+
+/// Every renderer of points reads the store's floats, whatever it builds of them.
+void say_precision(const render::SceneInput& scene, const render::PrepareContext& context, Plan& plan) {
+  for (std::size_t i = 0; i < scene.models.size(); ++i) {
+    const render::ModelInput& model = scene.models[i];
+    const Noise measured = noise_of(model, context);
+    plan.spacing_mm.push_back(measured.spacing_mm);
+    render::ModelDecisions& said = plan.decided.models[i];
+    if (!says(said, "coordinates"))
+      said.decisions.push_back(render::coordinates_decision(*model.cloud, measured.spacing_mm));
+    if (!render::floats_fit(*model.cloud, measured.spacing_mm))
+      plan.warnings.push_back(fmt::format(
+          "Single precision is too coarse for {}: a stored coordinate rounds to more than a hundredth of the "
+          "spacing. Cut it into several models.",
+          model.name));
+  }
+}
+
 }  // namespace
 
 Decision choose_renderer(const render::SceneInput& scene, const render::PrepareContext& context) {
@@ -98,8 +121,33 @@ Result<Plan> make_plan(const render::SceneInput& scene, const std::optional<Name
   Result<render::Decisions> decided = (*renderer)->decide(scene, context);
   if (!decided) return std::move(decided).error();
   plan.decided = *std::move(decided);
+  say_precision(scene, context, plan);
   plan.decided.decisions.insert(plan.decided.decisions.begin(), std::move(chosen));
   return plan;
+}
+
+void expect_on(Plan& plan, const render::SceneInput& scene, const render::Registry& registry,
+               const std::string& path, Machine machine) {
+  Result<FrameCost> cost =
+      expect_frame(scene, plan.renderer, plan.decided, plan.spacing_mm, registry, path, machine);
+  if (!cost) return;
+  plan.decided.bytes = 0;
+  for (std::size_t i = 0; i < plan.decided.models.size(); ++i) {
+    render::ModelDecisions& model = plan.decided.models[i];
+    // Bricks and places of refined triangles are as many as the surface makes of them.
+    if (i < cost->bytes_share.size() && (says(model, "bricks") || says(model, "refined")))
+      model.bytes = static_cast<std::uint64_t>(static_cast<double>(model.bytes) * cost->bytes_share[i]);
+    plan.decided.bytes += model.bytes;
+  }
+  if (!(cost->frame_us > 0.0)) return;
+  // What the frame takes for going through models near the HIP stands in the sum alone.
+  double of_models = 0.0;
+  for (const render::ModelDecisions& model : plan.decided.models)
+    of_models = std::max(of_models, model.frame_us.value_or(0.0));
+  const double around = plan.decided.frame_us ? std::max(0.0, *plan.decided.frame_us - of_models) : 0.0;
+  plan.decided.frame_us = cost->frame_us + around;
+  plan.cost = *std::move(cost);
+  plan.machine = std::move(machine);
 }
 
 namespace {
@@ -134,7 +182,8 @@ std::string text(const Plan& plan) {
       decided.prepare_ms ? "some " + duration_text(*decided.prepare_ms) : "a time that was never measured",
       decided.frame_us ? fmt::format("some {} µs", short_number(*decided.frame_us))
                        : "a time that was never measured",
-      render::kExpectedOn);
+      plan.cost ? "on this machine" : render::kExpectedOn);
+  if (plan.cost) out += fmt::format("frame: {}\n{}\n", plan.cost->reason, text(*plan.machine));
   return out;
 }
 

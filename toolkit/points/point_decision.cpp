@@ -15,6 +15,7 @@
 #include "toolkit/neighbourhood/builders.h"
 #include "toolkit/neighbourhood/walkable.h"
 #include "toolkit/partition/uniform_grid.h"
+#include "toolkit/render/precision.h"
 #include "toolkit/render/prepare_phases.h"
 #include "toolkit/surface/planes.h"
 
@@ -25,9 +26,6 @@ namespace {
 constexpr std::size_t kSampledPoints = 4096;
 /// A box is as long as the cloud's resolution: in smaller cells it would reach beyond the cells around.
 constexpr double kLeastCellPerResolution = 0.5;
-/// Coordinates are floats relative to the middle of the box: they round to 2^-25 of the extent. A hundredth
-/// of the spacing moves no point past another and no normal by more than half a degree.
-constexpr double kFloatShare = 0.01;
 
 // Bytes of the partitions for each point, estimates that no decision rests on. A grid has 16 bytes a slot and
 // two to four slots an occupied cell; a surface goes through some 1.5 cells for each that would lie flat in
@@ -182,15 +180,6 @@ Decision box_decision(const PointModelOptions& options, const PointDecision& dec
           true};
 }
 
-Decision coordinates_decision(const PointDecision& decision) {
-  const double nearest = decision.median_nearest_mm;
-  const bool fits = nearest <= 0.0 || decision.rounding_mm <= kFloatShare * nearest;
-  return {"coordinates", "float, relative to the middle of the box",
-          fmt::format("they round to {:.2g} mm, {:.2g} of the median spacing{}", decision.rounding_mm,
-                      nearest > 0.0 ? decision.rounding_mm / nearest : 0.0,
-                      fits ? "" : ": TOO COARSE, cut the cloud into several models")};
-}
-
 }  // namespace
 
 std::string neighbours_for(const cloud::Cloud& cloud, const PointModelOptions& options) {
@@ -256,7 +245,7 @@ Result<PointSurvey> survey_points(const cloud::Cloud& cloud, const PointModelOpt
         std::max(decided.cell_mm, decided.largest_half_box_mm.maxCoeff() + std::max(decided.sphere_mm, 0.0));
   decided.moving = options.moving;
   decided.spare_points = options.spare_points;
-  decided.rounding_mm = cloud.box_mm().extent_mm().maxCoeff() * kUnitRoundoffFloat * 0.5;
+  decided.rounding_mm = coordinate_rounding_mm(cloud);
   return found;
 }
 
@@ -281,7 +270,7 @@ void say_points(const cloud::Cloud& cloud, const PointModelOptions& options, con
   if (options.swept_sphere)
     say.push_back({"box test", fmt::format("swept sphere, {:.3g} mm", decision.sphere_mm),
                    options.sphere_mm > 0.0 ? "as given" : "half the edge of the largest box", true});
-  say.push_back(coordinates_decision(decision));
+  say.push_back(coordinates_decision(cloud, decision.median_nearest_mm));
   const double edge = decision.median_nearest_mm > 0.0 ? decision.cell_mm / decision.median_nearest_mm : 1.0;
   const double grid_bytes = kSlotBytes * kSlotsPerCell / std::max(1.0, edge * edge / kAskew);
   const double each = sizeof(surface::SurfacePoint) + sizeof(neighbourhood::Neighbours) +

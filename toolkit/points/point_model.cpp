@@ -258,7 +258,7 @@ Status prepare_surface(const ModelInput& input, const PointModelOptions& options
 Result<PointBody> build_point_body(const ModelInput& input, const PointModelOptions& options,
                                    const PrepareContext& context, PrepareReport& report) {
   PointModelOptions o = options;
-  o.keep_order = input.surface.per_point != nullptr;
+  o.keep_order = varies(input.surface);
   PointBody body;
   std::shared_ptr<PointModel> own;  // nobody else's, and not in the store
   const bool shared = context.store != nullptr && !o.moving;

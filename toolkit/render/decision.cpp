@@ -10,7 +10,7 @@
 namespace palpate::render {
 namespace {
 
-/// The broad phase and the loop over models, in each frame: feature_costs.
+/// The broad phase and the loop over models, in each frame: feature_cost.
 constexpr double kManyUs = 0.02;
 
 bool gives_way(const ModelInput& model) {

@@ -19,7 +19,7 @@ namespace palpate::render {
   return direction * (limit_n / direction.norm());
 }
 
-/// limited(), without a root where nothing is limited; limit_n infinite: none.
+/// limited(), without a root where nothing is limited, and of any force.
 [[nodiscard]] inline Vec3 held_to_limit(const Vec3& force_n, double limit_n) noexcept {
   const double square = force_n.squaredNorm();
   if (square <= limit_n * limit_n) return force_n;

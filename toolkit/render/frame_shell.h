@@ -8,7 +8,6 @@
 #include <cmath>
 #include <concepts>
 #include <cstdint>
-#include <limits>
 #include <memory>
 #include <span>
 #include <utility>
@@ -94,12 +93,14 @@ class FrameShell {
 
   /// All models are there. Allocates.
   void finish(const SceneDecision& decided, PrepareReport& report) {
-    limit_n_ = decided.force_limit_n > 0.0 ? decided.force_limit_n : std::numeric_limits<double>::infinity();
+    limit_n_ = decided.force_limit_n;
     sums_ = decided.combine == Combine::kSum;
     unsigned features = decided.many ? kScene : 0;
     for (const auto& model : models_)
       if constexpr (kComposed) features |= model->features();
     frame_ = composed(std::make_integer_sequence<unsigned, 2 * kScene>{})[features];
+    unlimited_ = frame_;
+    if (limit_n_ > 0.0) frame_ = &FrameShell::limited_frame;
     touched_.assign(models_.size(), 0);
     if constexpr (kBoxed)
       if (decided.broad_phase) index_boxes(report);
@@ -136,10 +137,7 @@ class FrameShell {
   }
 
   /// The frame is composed of what the scene asks for: one of them is ever run.
-  [[nodiscard]] Frame step(const Vec3& hip_mm, double t_s) noexcept {
-    dt_s_ = time_.advance(t_s);
-    return (this->*frame_)(hip_mm);
-  }
+  [[nodiscard]] Frame step(const Vec3& hip_mm, double t_s) noexcept { return (this->*frame_)(hip_mm, t_s); }
 
  private:
   struct Touch {
@@ -150,7 +148,7 @@ class FrameShell {
     [[nodiscard]] const ModelPose& pose() const noexcept { return owner->pose(); }
   };
 
-  using FrameFunction = Frame (FrameShell::*)(const Vec3&) noexcept;
+  using FrameFunction = Frame (FrameShell::*)(const Vec3&, double) noexcept;
   template <unsigned... kFeatures>
   static constexpr std::array<FrameFunction, sizeof...(kFeatures)> composed(
       std::integer_sequence<unsigned, kFeatures...>) noexcept {
@@ -173,8 +171,17 @@ class FrameShell {
     report.bytes += near_.bytes();
   }
 
+  /// Around the frame where the scene limits forces: where it does not, nothing of this is run.
+  Frame limited_frame(const Vec3& hip_mm, double t_s) noexcept {
+    Frame frame = (this->*unlimited_)(hip_mm, t_s);
+    frame.force_n = held_to_limit(frame.force_n, limit_n_);
+    return frame;
+  }
+
+  /// The time is of no account to one model at rest.
   template <unsigned kFeatures>
-  Frame frame(const Vec3& hip_mm) noexcept {
+  Frame frame(const Vec3& hip_mm, [[maybe_unused]] double t_s) noexcept {
+    if constexpr ((kFeatures & kScene) != 0) dt_s_ = time_.advance(t_s);
     ++counters_.frames;
     Frame frame;
     if (!is_place(hip_mm)) {
@@ -232,7 +239,7 @@ class FrameShell {
     frame.contact = true;
     frame.model = index;
     frame.god_object_mm = model.pose().to_world(answer.god_object_mm);
-    frame.force_n = held_to_limit(model.pose().direction_to_world(answer.force_n), limit_n_);
+    frame.force_n = model.pose().direction_to_world(answer.force_n);
   }
 
   /// The models near the HIP, each with its pose of this instant: the HIP's way is taken in each one's own
@@ -361,7 +368,7 @@ class FrameShell {
     }
     add_up(
         touches, [](Touch& touch) noexcept { return respond<kFeatures>(*touch.owner, touch.contact); },
-        limit_n_, frame);
+        frame);
   }
 
   /// A model that comes near was clear of the HIP up to then; its contact starts there.
@@ -377,8 +384,9 @@ class FrameShell {
   Touches<Touch> touches_;
   NearModels near_;  ///< built in a scene of several models, or moving ones
   FrameFunction frame_ = nullptr;
+  FrameFunction unlimited_ = nullptr;
   bool sums_ = false;
-  double limit_n_ = std::numeric_limits<double>::infinity();
+  double limit_n_ = 0.0;  ///< 0: none
   double dt_s_ = 0.0;
   FrameTime time_;
   FrameCounters counters_;

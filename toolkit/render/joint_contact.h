@@ -11,7 +11,6 @@
 
 #include "toolkit/core/tolerances.h"
 #include "toolkit/geometry/half_spaces.h"
-#include "toolkit/render/force_limit.h"
 #include "toolkit/render/model_pose.h"
 #include "toolkit/render/renderer.h"
 #include "toolkit/render/surface_response.h"
@@ -129,7 +128,7 @@ Vec3 constrain_jointly(const Vec3& hip_mm, std::span<Touch> touches, PlanesNear&
 /// The sum of what the touches answer; the god object that of the strongest, moved by what all of them move
 /// it aside. respond(touch): its SurfaceAnswer, local. Touch as above, with std::int32_t model.
 template <class Touch, class Respond>
-void add_up(std::span<Touch> touches, Respond&& respond, double force_limit_n, Frame& frame) noexcept {
+void add_up(std::span<Touch> touches, Respond&& respond, Frame& frame) noexcept {
   Vec3 force = Vec3::Zero(), aside = Vec3::Zero();
   double strongest = -1.0;
   Vec3 god_object = frame.god_object_mm;
@@ -148,7 +147,7 @@ void add_up(std::span<Touch> touches, Respond&& respond, double force_limit_n, F
   }
   frame.contact = true;
   frame.god_object_mm = god_object + aside;
-  frame.force_n = held_to_limit(force, force_limit_n);
+  frame.force_n = force;
 }
 
 }  // namespace palpate::render

@@ -88,7 +88,7 @@ double felt_stiffness(const surface::Surface& s) {
   return s.stiffness_n_per_mm * (1.0 - s.deformation);
 }
 
-/// Frames in contact with a stage less those without, feature_costs; they say what to expect, nothing rests
+/// Frames in contact with a stage less those without, feature_cost; they say what to expect, nothing rests
 /// on them.
 constexpr double kFrictionUs = 0.05, kVariedUs = 0.02, kTextureUs = 0.11;
 
@@ -110,13 +110,18 @@ Decision left_out_of(const char* name) {
 
 }  // namespace
 
+bool varies(const surface::Surface& surface) noexcept {
+  const surface::PointProperties* const p = surface.per_point.get();
+  return p != nullptr && (p->varies_stiffness() || p->varies_friction());
+}
+
 Result<SurfaceDecision> decide_surface(const ModelInput& model) {
   Result<SurfaceDecision> decided = decide_uniform(model.surface);
   if (!decided || model.surface.per_point == nullptr) return decided;
   const surface::PointProperties& p = *model.surface.per_point;
   const std::size_t n = model.cloud->size();
   PALPATE_TRY(check_lengths(p, n));
-  if (!p.varies_stiffness() && !p.varies_friction()) return decided;
+  if (!varies(model.surface)) return decided;
   decided->features |= kVaried;
   decided->largest_stiffness_n_per_mm = 0.0;
   bool rubs = false;

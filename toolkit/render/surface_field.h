@@ -39,6 +39,9 @@ struct SurfaceDecision {
   surface::Texture texture;
 };
 
+/// Whether any property differs from point to point: arrays that are there and empty say nothing.
+[[nodiscard]] bool varies(const surface::Surface& surface) noexcept;
+
 /// Values that make no sense (stiffness not above 0, deformation outside [0, 1), dynamic friction above
 /// static, arrays of another length) are an Error. O(n) where properties differ from point to point, else
 /// O(1).

@@ -104,12 +104,19 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
   Status prepare_model(const ModelInput& input, const PrepareContext& context, PrepareReport& report) {
     if (input.cloud->empty()) return no_points();
     auto made = std::make_unique<StarModel>();
-    PALPATE_TRY(prepare_geometry(input, context, *made, report));
+    std::shared_ptr<StarGeometry> own;  // nobody else's, and not in the store
+    PALPATE_TRY(prepare_geometry(input, context, *made, own, report));
     const stars::StarMesh& mesh = made->geometry->mesh;
     made->placed = ModelPose(input, mesh.origin_mm());
     Result<SurfaceField> field = build_surface_field(input, mesh.order(), report);
     if (!field) return std::move(field).error();
     made->surface = *std::move(field);
+    if (own != nullptr) {
+      // Which of the cloud's points stands where: nobody will ask.
+      report.bytes -= own->bytes();
+      own->mesh.drop_order();
+      report.bytes += own->bytes();
+    }
     blend(mesh, made->surface, report);
     report.bytes += made->surface.bytes();
     if (made->moving != nullptr) prepare_giving_way(input, context, *made, report);
@@ -122,13 +129,13 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
 
   /// From the store where there is one, but where points may move: those are nobody else's.
   Status prepare_geometry(const ModelInput& input, const PrepareContext& context, StarModel& made,
-                          PrepareReport& report) const {
+                          std::shared_ptr<StarGeometry>& own, PrepareReport& report) const {
     if (is_moving(input)) {
       made.geometry = made.moving = build_geometry(*input.cloud, 0, true, false, context, report);
       return Done{};
     }
     const int levels = levels_of(input);
-    const bool varied = input.surface.per_point != nullptr;
+    const bool varied = varies(input.surface);
     Result<std::shared_ptr<const StarGeometry>> geometry = held_or_made<StarGeometry>(
         context, report,
         [&] {
@@ -136,8 +143,10 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
                              varied, levels);
         },
         [&](PrepareReport& to) -> Result<std::shared_ptr<const StarGeometry>> {
-          return std::shared_ptr<const StarGeometry>(
-              build_geometry(*input.cloud, levels, varied, true, context, to));
+          std::shared_ptr<StarGeometry> built =
+              build_geometry(*input.cloud, levels, varied, true, context, to);
+          if (context.store == nullptr) own = built;
+          return std::shared_ptr<const StarGeometry>(std::move(built));
         });
     if (!geometry) return std::move(geometry).error();
     made.geometry = *std::move(geometry);

@@ -25,6 +25,7 @@ struct SmoothDecision {
   double spacing_mm = 0.0;
   double noise_mm = 0.0;
   double voxel_mm = 0.0;
+  std::uint64_t cubes = 0;  ///< of a brick's size, that the surface goes through, reckoned: as many bricks
   SurfaceDecision surface;
 };
 
@@ -41,6 +42,7 @@ struct SmoothSurface {
   BrickGrid grid;
   double spacing_mm = 0.0;
   double noise_mm = 0.0;
+  std::uint64_t cubes = 0;  ///< SmoothDecision::cubes
   std::size_t patches = 0;
   std::size_t left_out = 0;  ///< points that stand alone
 };
@@ -57,7 +59,7 @@ struct SmoothBody {
   LargeVector<CornerProperties> corners;  ///< a brick each where properties vary, else empty
 
   [[nodiscard]] SmoothDecision decided() const {
-    return {smooth->spacing_mm, smooth->noise_mm, smooth->grid.voxel_mm, surface};
+    return {smooth->spacing_mm, smooth->noise_mm, smooth->grid.voxel_mm, smooth->cubes, surface};
   }
 };
 

@@ -1,0 +1,171 @@
+// What the plan expects against what comes of it, over points of every kind: random, uneven, noisy, raster,
+// closed and open, many and few, large and small.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include "tests/in_folder.h"
+#include "tests/toolkit/renderers/scenes.h"
+#include "toolkit/plan/plan.h"
+#include "toolkit/renderers/toolkit_renderers.h"
+
+namespace palpate::plan {
+namespace {
+
+/// Of what is held.
+constexpr double kShare = 0.25;
+/// Below so much the fixed parts count: a table's least size, one brick.
+constexpr double kFewBytes = 8192.0;
+
+const char* const kScenes[] = {
+    "sinusoid:points=4225",
+    "sinusoid:points=2601:sampling=random:seed=3",
+    "sinusoid:points=4000:sampling=random:noise=0.1:seed=4",
+    "sinusoid:points=4000:sampling=random:noise=0.4:seed=5",
+    "sinusoid:points=4000:sampling=random:density=30:seed=6",
+    "torus:points=4000:sampling=random:density=100:seed=7",
+    "torus:points=6000:sampling=random:noise=0.2:seed=8",
+    "sphere:points=2000:sampling=random:seed=9",
+    "sphere:points=5000:scale=1000",
+    "sphere:points=5000:scale=0.0001",
+    "slab:points=4000:sampling=random:seed=10",
+    "shells:points=4000",
+    "wedge:points=4000:sampling=random:seed=11",
+    "bowl:points=4000",
+    "rounded-box:points=5000:sampling=random:seed=12",
+    "relief:points=4000:sampling=random:seed=13",
+    "plane:points=4000:sampling=random:outliers=0.01:seed=14",
+};
+
+/// As a hand would go over it.
+std::string path_on(const render::SceneInput& scene) {
+  const double size = scene.models[0].cloud->box_mm().extent_mm().norm();
+  return fmt::format("exploration:frames=600:depth_mm={0}:clearance_mm={1}:slowest_mm_s={2}:fastest_mm_s={2}",
+                     size / 100.0, size / 300.0, size / 5.0);
+}
+
+TEST(Bytes, AreExpectedWithinAQuarter) {
+  const Machine machine{"some", {{1.0, 1.0}}, false};
+  render::Registry registry;
+  render::register_toolkit_renderers(registry);
+  int checked = 0;
+  for (const char* scene_text : kScenes) {
+    const render::SceneInput scene = render::generated(scene_text).input;
+    for (const char* name : {"cloud", "cloud:refine=1", "cloud:surface=vertices", "cloud:partition=octree",
+                             "cloud:box=per-vertex", "cloud-smooth", "cloud-smooth:voxel=1", "cloud-literal",
+                             "heightfield", "heightfield-literal"}) {
+      SCOPED_TRACE(std::string(scene_text) + " " + name);
+      const NamedOptions named = parse_named_options(name).value();
+      const auto renderer = registry.make(named.name, named.options).value();
+      Result<Plan> decided = make_plan(scene, named, registry, {1, nullptr});
+      const Result<render::PrepareReport> report = renderer->prepare(scene, {1, nullptr});
+      ASSERT_EQ(decided.ok(), report.ok());
+      if (!decided) continue;  // no height field
+      expect_on(*decided, scene, registry, path_on(scene), machine);
+      ASSERT_GT(decided->decided.bytes, 0u);
+      const auto said = static_cast<double>(decided->decided.bytes),
+                 held = static_cast<double>(report->bytes);
+      EXPECT_LE(std::abs(said - held), std::max(kShare * held, kFewBytes))
+          << said << " said, " << held << " held";
+      ++checked;
+    }
+  }
+  EXPECT_GT(checked, 7 * static_cast<int>(std::size(kScenes)) - 1);
+}
+
+TEST(Bytes, PropertiesThatVaryAreExpectedToo) {
+  render::Registry registry;
+  render::register_toolkit_renderers(registry);
+  render::SceneInput scene = render::generated("sinusoid:points=10201").input;
+  auto properties = std::make_shared<surface::PointProperties>();
+  for (const float x : scene.models[0].cloud->x_mm) properties->deformation.push_back(x > 0.0f ? 0.5f : 0.0f);
+  scene.models[0].surface.per_point = properties;
+  for (const char* name :
+       {"cloud", "cloud:surface=vertices", "cloud-smooth", "cloud-literal", "heightfield"}) {
+    SCOPED_TRACE(name);
+    const NamedOptions named = parse_named_options(name).value();
+    const auto renderer = registry.make(named.name, named.options).value();
+    const auto said = static_cast<double>(renderer->decide(scene, {1, nullptr}).value().bytes);
+    const auto held = static_cast<double>(renderer->prepare(scene, {1, nullptr}).value().bytes);
+    EXPECT_LE(std::abs(said - held), kShare * held) << said << " said, " << held << " held";
+  }
+}
+
+TEST(Precision, IsPickedFromExtentOverSpacing) {
+  render::Registry registry;
+  render::register_toolkit_renderers(registry);
+  for (const char* name : {"cloud", "cloud-smooth", "cloud:surface=vertices"}) {
+    const NamedOptions named = parse_named_options(name).value();
+    render::SceneInput scene = render::generated("sphere:points=2000").input;
+    const Plan fine = make_plan(scene, named, registry, {1, nullptr}).value();
+    EXPECT_TRUE(fine.warnings.empty()) << name;
+    int said = 0;
+    for (const render::Decision& d : fine.decided.models[0].decisions) said += d.about == "coordinates";
+    EXPECT_EQ(said, 1) << name;
+    // The same points with two of them 2^24 spacings away.
+    cloud::Cloud far = *scene.models[0].cloud;
+    far.x_mm.push_back(1e9f);
+    far.y_mm.push_back(0.0f);
+    far.z_mm.push_back(0.0f);
+    far.raster.reset();
+    scene.models[0].cloud = std::make_shared<const cloud::Cloud>(std::move(far));
+    const Plan coarse = make_plan(scene, named, registry, {1, nullptr}).value();
+    EXPECT_EQ(coarse.warnings.size(), 1u) << name;
+  }
+}
+
+class MachineTest : public InFolder {};
+
+TEST_F(MachineTest, IsMeasuredOnceAndReadAgain) {
+  ::setenv("XDG_CACHE_HOME", in("cache").c_str(), 1);
+  const Machine first = this_machine_measured("1", false, nullptr);
+  const Machine again = this_machine_measured("1", false, nullptr);
+  EXPECT_FALSE(first.from_cache);
+  EXPECT_TRUE(again.from_cache);
+  ASSERT_EQ(first.reads.size(), again.reads.size());
+  for (std::size_t i = 0; i < first.reads.size(); ++i) EXPECT_EQ(first.reads[i].ns, again.reads[i].ns);
+  EXPECT_FALSE(this_machine_measured("2", false, nullptr).from_cache) << "another version";
+  // A file that somebody has written over is not believed.
+  for (const auto& file : std::filesystem::directory_iterator(in("cache/palpate")))
+    std::ofstream(file.path()) << "palpate-machine-1\n" << first.cpu << "\n16384 -3\nnan nan\n";
+  EXPECT_FALSE(this_machine_measured("1", false, nullptr).from_cache);
+}
+
+TEST(Machine, ReadsBetweenSizesLieBetweenThem) {
+  Machine machine;
+  EXPECT_EQ(machine.read_ns(1e6), 0.0);
+  machine.reads = {{1024.0, 1.0}, {4096.0, 3.0}, {16384.0, 9.0}};
+  EXPECT_EQ(machine.read_ns(10.0), 1.0);
+  EXPECT_NEAR(machine.read_ns(2048.0), 2.0, 1e-12);
+  EXPECT_NEAR(machine.read_ns(8192.0), 6.0, 1e-12);
+  EXPECT_EQ(machine.read_ns(1e9), 9.0);
+}
+
+TEST(Pilot, StepsCutOutsOfTheScene) {
+  render::Registry registry;
+  render::register_toolkit_renderers(registry);
+  const render::SceneInput scene = render::generated("torus:points=20000:sampling=random:seed=2").input;
+  Plan plan = make_plan(scene, parse_named_options("cloud").value(), registry, {1, nullptr}).value();
+  const std::optional<double> before = plan.decided.frame_us;
+  Machine machine;
+  machine.reads = {{1.0, 1.0}, {1e9, 1e4}};  // a machine whose memory is slow
+  const std::string path =
+      "exploration:frames=3000:depth_mm=0.7:clearance_mm=0.14:slowest_mm_s=5.8:fastest_mm_s=29";
+  expect_on(plan, scene, registry, path, machine);
+  ASSERT_TRUE(plan.cost.has_value());
+  EXPECT_EQ(plan.cost->pilots, kPilots);
+  EXPECT_GT(plan.cost->warm_us, 0.0);
+  EXPECT_GT(plan.cost->miss_us, 0.0) << "the whole is larger than its cut-outs";
+  EXPECT_NE(plan.decided.frame_us, before);
+  // Nothing is felt where the probe stays away: the plan says what it said.
+  Plan other = make_plan(scene, parse_named_options("cloud").value(), registry, {1, nullptr}).value();
+  expect_on(other, scene, registry, "no-such-path", machine);
+  EXPECT_FALSE(other.cost.has_value());
+  EXPECT_EQ(other.decided.frame_us, before);
+}
+
+}  // namespace
+}  // namespace palpate::plan
