@@ -98,7 +98,8 @@ class CloudSmooth final : public BoxedShellRenderer<SmoothModel> {
   // Measured, what to expect (see kExpectedOn): a torus of a million points at random.
   static constexpr double kFrameUs = 0.25, kMsPerMillion = 2300.0;
 
-  explicit CloudSmooth(const Options& options) : BoxedShellRenderer(options) {}
+  explicit CloudSmooth(const Options& options, const SmoothWithout& without = {})
+      : BoxedShellRenderer(options), without_(without) {}
 
   Description describe() const override {
     return {"cloud-smooth", "a smooth surface near the points, through their noise",
@@ -111,7 +112,9 @@ class CloudSmooth final : public BoxedShellRenderer<SmoothModel> {
   }
 
  private:
-  [[nodiscard]] SmoothBuild build() const { return {options_.number("detail"), options_.number("voxel")}; }
+  [[nodiscard]] SmoothBuild build() const {
+    return {options_.number("detail"), options_.number("voxel"), without_};
+  }
 
   Result<ModelDecisions> decide_model(const ModelInput& input, const PrepareContext& context) const override {
     const Result<SmoothDecision> decided = decide_smooth(input, build(), context);
@@ -136,9 +139,15 @@ class CloudSmooth final : public BoxedShellRenderer<SmoothModel> {
     }
     return Done{};
   }
+
+  SmoothWithout without_;
 };
 
 }  // namespace
+
+std::unique_ptr<HapticRenderer> make_cloud_smooth(const Options& options, const SmoothWithout& without) {
+  return std::make_unique<CloudSmooth>(options, without);
+}
 
 RendererInfo cloud_smooth_info() {
   RendererInfo info;

@@ -29,13 +29,12 @@ constexpr std::int32_t kLeastGain = 8 * 17;  ///< agreements around each of the 
 class Mender {
  public:
   explicit Mender(Draft& draft) : draft_(draft), area_(draft.size()), slot_(draft.size(), kNoPoint) {
-    draft.rough.assign(draft.size(), 0);
     chunks(draft.size(), [&](std::uint32_t i) { area_[i] = area_of(i); });
   }
 
   void run() {
     Points looked_at = all_places();
-    lay_out_rough();
+    if (!draft_.without.flat) lay_out_rough();
     for (const double steepest : kSteepest) {
       doubtful_ = those(looked_at, [&](std::uint32_t i) { return is_doubtful(i); });
       if (doubtful_.empty()) return;
