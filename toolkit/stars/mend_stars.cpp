@@ -140,10 +140,12 @@ class Mender {
       draft_.rough[i] = static_cast<std::uint8_t>(sum(around, i) >= kLeastGain);
     });
     for (std::size_t r = 0; r < rough.size(); ++r) {
-      if (draft_.rough[rough[r]] != 0)
+      if (draft_.rough[rough[r]] != 0) {
         draft_.normal[rough[r]] = normal[r];
-      else
+        draft_.crossed[rough[r]] = 0;  // what lay on both sides was noise
+      } else {
         draft_.star[rough[r]] = former[r];
+      }
     }
     agree_again(changed);
   }
