@@ -30,6 +30,7 @@ class BallWalk {
   [[nodiscard]] const Vec3& proxy() const noexcept { return at_; }
   /// Balls that carry it at rest, 0 to 3.
   [[nodiscard]] int carried_by() const noexcept { return carried_by_; }
+  [[nodiscard]] double reach_mm() const noexcept { return near_.reach_mm(); }
   [[nodiscard]] std::uint64_t moves() const noexcept { return moves_; }
 
  private:

@@ -11,9 +11,10 @@
 
 namespace palpate::baselines {
 
-/// Points around a proxy that are kept at hand, at most. Where more are in reach (clumps far denser than the
-/// cloud), a proxy stays where it is and the frame says that its bound was hit.
-inline constexpr std::size_t kMaxNear = 8192;
+/// Points around a proxy that are kept at hand, at most. Clouds that are denser in places are thinned
+/// (thinned.h); where points moved so close that more are in reach all the same, a proxy stays where it is
+/// and the frame says that its bound was hit.
+inline constexpr std::size_t kMaxNear = 16384;
 /// Straight flights are searched in pieces of so many cells, at most so many pieces a frame.
 inline constexpr double kPieceCells = 8.0;
 inline constexpr int kMaxPieces = 64;
@@ -40,7 +41,7 @@ class NearPoints {
     if (fetched_ && (at - fetched_at_).squaredNorm() <= stride_ * stride_) return true;
     count_ = 0;
     bool room = true;
-    points_->within(at, reach_ * most_ + 2.0 * stride_, [&](std::uint32_t place, double sq) {
+    points_->within(at, reach_mm(), [&](std::uint32_t place, double sq) {
       if (!scale_.empty()) {
         const double scale = static_cast<double>(scale_[place]), own = reach_ * scale + 2.0 * stride_;
         if (sq > own * own) return;
@@ -60,6 +61,8 @@ class NearPoints {
   [[nodiscard]] std::span<const double> scales() const noexcept {
     return {scale_at_hand_.data(), scale_.empty() ? 0 : count_};
   }
+  /// How far from the place where fetch() is called it looks.
+  [[nodiscard]] double reach_mm() const noexcept { return reach_ * most_ + 2.0 * stride_; }
   static constexpr std::size_t bytes_for(bool scaled) noexcept {
     return kMaxNear * (sizeof(Vec3) + (scaled ? sizeof(double) : 0));
   }

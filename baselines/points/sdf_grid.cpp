@@ -2,15 +2,19 @@
 
 #include <fmt/format.h>
 #include <openvdb/openvdb.h>
-#include <openvdb/tools/Morphology.h>
 #include <openvdb/tree/ValueAccessor.h>
 
 #include <algorithm>
+#include <array>
+#include <atomic>
 #include <cmath>
+#include <limits>
+#include <memory>
 #include <utility>
 #include <vector>
 
 #include "toolkit/core/parallel.h"
+#include "toolkit/core/try.h"
 
 namespace palpate::baselines {
 namespace {
@@ -22,10 +26,10 @@ using SdfLeaf = SdfTree::LeafNodeType;
 constexpr double kLeafBytes = sizeof(SdfLeaf) + SdfLeaf::SIZE * sizeof(float);
 /// Voxels of an axis, at most: coordinates and their sums stay whole in 32 bits.
 constexpr double kMostVoxels = 1073741824.0;  // 2^30
-/// Points after which the memory is looked at anew while leaves are made.
-constexpr std::size_t kPointsPerLook = 4096;
-constexpr std::size_t kLeavesPerChunk = 4;
-/// Weights below exp(-kSdfCutoff^2) = 1e-4 of the nearest point's are left out.
+constexpr std::size_t kLeavesPerChunk = 16;
+/// The planes of points so many widths further than the nearest have no weight any more. That weight is
+/// (1 - s / c^2)^(c^2 - 2), s the excess of the squared distance in widths: over a plane as wide as the
+/// Gaussian exp(-s) (the mean of s is 1), but it ends, smoothly, and takes products alone.
 constexpr double kSdfCutoff = 3.0;
 /// The least step through what is not known, in voxels: corners of cells are crossed, not circled.
 constexpr double kLeastStep = 0.25;
@@ -46,40 +50,112 @@ Error band_too_large(const SdfOptions& options) {
                0};
 }
 
-/// The signed distance to the planes of the points around a place.
-class PlaneDistance {
+/// A point and its plane, outside known.
+struct Plane {
+  Vec3 at, outward;  ///< zero where the point has no plane
+  double distance_sq = 0.0;
+};
+using Planes = std::vector<Plane>;
+
+/// Fills leaves with the signed distances to the planes of the points around. What a leaf can see is gathered
+/// once, then what its eighths can see of that, and theirs again: a voxel looks at some fifty points,
+/// whatever their number and the size of voxels.
+class LeafFiller {
  public:
-  PlaneDistance(const PointGrid& points, const SphereTree& tree, const SdfOptions& options)
-      : points_(points), tree_(tree), options_(options) {
-    // The corners of the outermost voxels are as far from a point as the band's cube reaches.
-    most_mm_ = kSdfDiagonal * (options.band + 1) * options.voxel_mm;
+  LeafFiller(const PointGrid& points, const SphereTree& tree, const SdfOptions& options)
+      : points_(points),
+        tree_(tree),
+        options_(options),
+        cut_sq_(kSdfCutoff * kSdfCutoff * options.width_mm * options.width_mm) {
+    // Corners of every cell that holds a place within the band.
+    reach_mm_ = (options.band + kSdfDiagonal) * options.voxel_mm;
   }
 
-  /// False where no point is near, or the place is past a border.
-  bool operator()(const Vec3& at, float& distance) const {
-    const std::uint32_t nearest = tree_.nearest(at, most_mm_);
-    if (nearest == kNoPlace) return false;
-    const surface::SurfacePoint& first = points_.points[nearest];
-    const Vec3 like = outward(first), to = at - first.at();
-    if (like == Vec3::Zero()) return false;
-    const double nearest_sq = to.squaredNorm(), height = like.dot(to);
-    if (nearest_sq - height * height > options_.beside_mm * options_.beside_mm) return false;
-    const double width_sq = options_.width_mm * options_.width_mm;
-    double weights = 0.0, sum = 0.0;
-    tree_.within(at, std::sqrt(nearest_sq + kSdfCutoff * kSdfCutoff * width_sq),
-                 [&](std::uint32_t place, double sq) {
-                   const Vec3 normal = outward(points_.points[place]);
-                   // The other face of something thin has no say here.
-                   if (!(normal.dot(like) > 0.0)) return;
-                   const double weight = std::exp((nearest_sq - sq) / width_sq);
-                   weights += weight;
-                   sum += weight * normal.dot(at - points_.points[place].at());
-                 });
-    distance = static_cast<float>(weights > 0.0 ? sum / weights : height);
-    return true;
+  /// Null where nothing is known in the leaf at `origin`. Of the places in order: nothing depends on threads.
+  std::unique_ptr<SdfLeaf> operator()(const openvdb::Coord& origin) {
+    const double half = half_diagonal(SdfLeaf::DIM), own = std::sqrt(reach_mm_ * reach_mm_ + cut_sq_);
+    const Vec3 centre = middle(origin, SdfLeaf::DIM);
+    Planes& seen = seen_[0];
+    seen.clear();
+    tree_.within(centre, (half + own) * kRounded, [&](std::uint32_t place, double) {
+      const surface::SurfacePoint& point = points_.points[place];
+      seen.push_back({point.at(), outward(point)});
+    });
+    leaf_ = std::make_unique<SdfLeaf>(origin, 0.0F, false);
+    fill(origin, SdfLeaf::DIM, 0);
+    return leaf_->isEmpty() ? nullptr : std::move(leaf_);
   }
 
  private:
+  static constexpr int kHalvings = 2;  // of a leaf's edge of 8, to blocks of 2
+  static constexpr double kRounded = 1.0 + 1e-9;
+
+  [[nodiscard]] Vec3 at(const openvdb::Coord& voxel) const {
+    return Vec3(voxel.x(), voxel.y(), voxel.z()) * options_.voxel_mm;
+  }
+  [[nodiscard]] Vec3 middle(const openvdb::Coord& low, int edge) const {
+    return at(low) + Vec3::Constant(0.5 * (edge - 1) * options_.voxel_mm);
+  }
+  [[nodiscard]] double half_diagonal(int edge) const {
+    return 0.5 * kSdfDiagonal * (edge - 1) * options_.voxel_mm;
+  }
+
+  /// A block of a leaf, of which what can be seen is in seen_[halved].
+  void fill(const openvdb::Coord& low, int edge, std::size_t halved) {
+    Planes& all = seen_[halved];
+    const Vec3 centre = middle(low, edge);
+    double nearest_sq = std::numeric_limits<double>::infinity();
+    for (Plane& plane : all) {
+      plane.distance_sq = (plane.at - centre).squaredNorm();
+      nearest_sq = std::min(nearest_sq, plane.distance_sq);
+    }
+    const double half = half_diagonal(edge), nearest = std::sqrt(nearest_sq);
+    if (!(nearest <= (reach_mm_ + half) * kRounded)) return;
+    // Seen from a voxel of the block the nearest point is at most so far, and from there what has a weight.
+    const double far = nearest + half, all_of = (std::sqrt(far * far + cut_sq_) + half) * kRounded;
+    Planes& seen = seen_[halved + 1];
+    seen.clear();
+    for (const Plane& plane : all)
+      if (plane.distance_sq <= all_of * all_of) seen.push_back(plane);
+    const bool last = halved == kHalvings;
+    const int part = last ? 1 : edge / 2;
+    for (int k = 0; k < 8; ++k) {
+      const openvdb::Coord next = low.offsetBy(part * (k & 1), part * (k >> 1 & 1), part * (k >> 2 & 1));
+      float value = 0.0F;
+      if (!last)
+        fill(next, part, halved + 1);
+      else if (distance(at(next), seen, value))
+        leaf_->setValueOn(next, value);
+    }
+  }
+
+  /// False where no point is near, or the place is past a border.
+  bool distance(const Vec3& at, Planes& seen, float& distance) const {
+    const Plane* nearest = nullptr;
+    double nearest_sq = std::numeric_limits<double>::infinity();
+    for (Plane& plane : seen) {
+      plane.distance_sq = (plane.at - at).squaredNorm();
+      if (!(plane.distance_sq < nearest_sq)) continue;
+      nearest_sq = plane.distance_sq;
+      nearest = &plane;
+    }
+    if (!(nearest_sq <= reach_mm_ * reach_mm_) || nearest->outward == Vec3::Zero()) return false;
+    const Vec3 like = nearest->outward;
+    const double height = like.dot(at - nearest->at);
+    if (nearest_sq - height * height > options_.beside_mm * options_.beside_mm) return false;
+    double weights = 0.0, sum = 0.0;
+    for (const Plane& plane : seen) {
+      const double left = 1.0 - (plane.distance_sq - nearest_sq) / cut_sq_;
+      // The other face of something thin has no say here.
+      if (!(left > 0.0) || !(plane.outward.dot(like) > 0.0)) continue;
+      const double cube = left * left * left, weight = cube * cube * left;  // to the seventh
+      weights += weight;
+      sum += weight * plane.outward.dot(at - plane.at);
+    }
+    distance = static_cast<float>(sum / weights);
+    return true;
+  }
+
   [[nodiscard]] Vec3 outward(const surface::SurfacePoint& point) const {
     if (point.normal == surface::kNoNormal) return Vec3::Zero();
     return surface::decode_normal(point.normal) *
@@ -88,8 +164,48 @@ class PlaneDistance {
   const PointGrid& points_;
   const SphereTree& tree_;
   const SdfOptions& options_;
-  double most_mm_ = 0.0;
+  double cut_sq_, reach_mm_ = 0.0;
+  std::array<Planes, kHalvings + 2> seen_;
+  std::unique_ptr<SdfLeaf> leaf_;
 };
+
+/// The origins of all leaves within `rings` leaves of one that holds a point, in order. An Error where they
+/// alone would need the memory.
+Result<std::vector<openvdb::Coord>> leaves_around(const PointGrid& points, const SdfOptions& options,
+                                                  int rings) {
+  std::vector<openvdb::Coord> leaves;
+  const auto once_each = [&] {
+    std::sort(leaves.begin(), leaves.end());
+    leaves.erase(std::unique(leaves.begin(), leaves.end()), leaves.end());
+  };
+  for (const surface::SurfacePoint& point : points.points) {
+    const Vec3 voxels = point.at() / options.voxel_mm;
+    if (!(voxels.cwiseAbs().maxCoeff() < kMostVoxels))
+      return Error{
+          fmt::format("voxels of {:.4g} mm are too small for a model of this size", options.voxel_mm),
+          "make the voxels larger (option voxel or voxel_mm)",
+          {},
+          0};
+    openvdb::Coord leaf = voxel_of(voxels);
+    leaf &= ~static_cast<int>(SdfLeaf::DIM - 1);  // its origin
+    if (leaves.empty() || leaves.back() != leaf) leaves.push_back(leaf);
+  }
+  once_each();
+  const auto most = static_cast<double>(options.most_bytes) / sizeof(openvdb::Coord);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    if (static_cast<double>(leaves.size()) * (2 * rings + 1) > most) return band_too_large(options);
+    const std::size_t before = leaves.size();
+    for (std::size_t i = 0; i < before; ++i)
+      for (int ring = -rings; ring <= rings; ++ring) {
+        if (ring == 0) continue;
+        openvdb::Coord next = leaves[i];
+        next[axis] += ring * static_cast<int>(SdfLeaf::DIM);
+        leaves.push_back(next);
+      }
+    once_each();
+  }
+  return leaves;
+}
 
 }  // namespace
 
@@ -111,46 +227,21 @@ Result<SdfGrid> SdfGrid::build(const PointGrid& points, const SphereTree& tree, 
   made.per_voxel_ = 1.0 / options.voxel_mm;
   made.band_ = std::make_unique<Band>();
   SdfTree& band = made.band_->tree;
-  const auto too_large = [&] {
-    return static_cast<double>(band.leafCount()) * kLeafBytes > static_cast<double>(options.most_bytes);
-  };
-  {
-    openvdb::tree::ValueAccessor<SdfTree, false> write(band);
-    std::size_t since = 0;
-    for (const surface::SurfacePoint& point : points.points) {
-      const Vec3 voxels = point.at() * made.per_voxel_;
-      if (!(voxels.cwiseAbs().maxCoeff() < kMostVoxels))
-        return Error{fmt::format("voxels of {:.4g} mm are too small for a model of this size", made.voxel_),
-                     "make the voxels larger (option voxel or voxel_mm)",
-                     {},
-                     0};
-      write.setValueOn(voxel_of(voxels), 0.0F);
-      if (++since < kPointsPerLook) continue;
-      since = 0;
-      if (too_large()) return band_too_large(options);
-    }
-  }
-  // A sample belongs to the low corner of a voxel: the high ones are a voxel further.
-  for (int ring = 0; ring <= options.band; ++ring) {
-    if (too_large()) return band_too_large(options);
-    openvdb::tools::dilateActiveValues(band, 1, openvdb::tools::NN_FACE_EDGE_VERTEX,
-                                       openvdb::tools::EXPAND_TILES);
-  }
-  if (too_large()) return band_too_large(options);
-  std::vector<SdfLeaf*> leaves;
-  band.getNodes(leaves);
-  const PlaneDistance distance(points, tree, options);
+  const int rings = static_cast<int>(std::ceil((options.band + kSdfDiagonal) / SdfLeaf::DIM));
+  PALPATE_ASSIGN(const std::vector<openvdb::Coord> origins, leaves_around(points, options, rings));
+  std::vector<std::unique_ptr<SdfLeaf>> leaves(origins.size());
+  const auto most_leaves = static_cast<std::size_t>(static_cast<double>(options.most_bytes) / kLeafBytes);
+  std::atomic<std::size_t> filled{0};
   parallel_chunks(leaves.size(), kLeavesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      for (auto voxel = leaves[i]->beginValueOn(); voxel; ++voxel) {
-        const openvdb::Coord at = voxel.getCoord();
-        float value = 0.0F;
-        if (distance(Vec3(at.x(), at.y(), at.z()) * options.voxel_mm, value))
-          voxel.setValue(value);
-        else
-          voxel.setValueOff();
-      }
+    LeafFiller fill(points, tree, options);
+    for (std::size_t i = begin; i < end && filled <= most_leaves; ++i) {
+      leaves[i] = fill(origins[i]);
+      if (leaves[i] != nullptr) ++filled;
+    }
   });
+  if (filled > most_leaves) return band_too_large(options);
+  for (std::unique_ptr<SdfLeaf>& leaf : leaves)
+    if (leaf != nullptr) band.addLeaf(leaf.release());
   openvdb::CoordBBox box;
   if (band.evalActiveVoxelBoundingBox(box)) {
     made.box_.add(Vec3(box.min().x(), box.min().y(), box.min().z()) * made.voxel_);

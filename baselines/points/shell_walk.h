@@ -85,13 +85,14 @@ class ShellWalk {
     return answer;
   }
   [[nodiscard]] std::size_t bytes() const noexcept { return near_.bytes(); }
+  [[nodiscard]] double reach_mm() const noexcept { return near_.reach_mm(); }
 
  private:
   /// What the points around a place say.
   struct Around {
     Vec3 normal = Vec3::Zero();  ///< away from the points, unit; zero without points within r3
     double height = 0.0;         ///< over the points' weighted mean, along the normal
-    double nearest = 0.0;        ///< distance; infinite without points
+    double nearest = 0.0;        ///< distance over the point's scale; infinite without points
     double scale = 1.0;          ///< of the shells here
   };
   [[nodiscard]] Around look(const Vec3& at) const noexcept;
@@ -115,11 +116,14 @@ typename ShellWalk<Grid>::Around ShellWalk<Grid>::look(const Vec3& at) const noe
   double weights = 0.0, nearest_sq = std::numeric_limits<double>::infinity();
   Vec3 directions = Vec3::Zero(), away = Vec3::Zero();
   const double scale = scale_at(at), r3 = shells_.r3 * scale, r3_sq = r3 * r3;
-  for (const Vec3& point : near_.all()) {
-    const Vec3 d = at - point;
+  const std::span<const Vec3> points = near_.all();
+  const std::span<const double> scales = near_.scales();
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Vec3 d = at - points[i];
     const double sq = d.squaredNorm();
+    // Each point in its own measure, as flights meet its ball.
+    nearest_sq = std::min(nearest_sq, scales.empty() ? sq : sq / (scales[i] * scales[i]));
     if (sq > r3_sq) continue;
-    nearest_sq = std::min(nearest_sq, sq);
     if (!(sq > 0.0)) continue;
     const double fall = 1.0 - sq / r3_sq;
     const double weight = shells_.tapered ? fall * fall : 1.0;
@@ -173,14 +177,14 @@ bool ShellWalk<Grid>::walk(const Vec3& h, render::FrameCounters& counters) noexc
     const Vec3 pull = h - at_;
     const double inwards = around_.normal.dot(pull);
     const double scale = around_.scale, stride = kShellStep * shells_.r1 * scale;
-    if (around_.nearest < shells_.r1 * scale) {
+    if (around_.nearest < shells_.r1) {
       // Entrenched: out along the normal. A normal of nothing (amid points) has no way out.
       touching_ = true;
       if (around_.normal == Vec3::Zero()) return true;
-      at_ += around_.normal * std::min(kept_off() * scale - around_.nearest, stride);
+      at_ += around_.normal * std::min((kept_off() - around_.nearest) * scale, stride);
       continue;
     }
-    if (around_.nearest > shells_.r2 * scale || inwards >= 0.0) {
+    if (around_.nearest > shells_.r2 || inwards >= 0.0) {
       // Free, or leaving. Where nothing is in the way the HIP is reached.
       const Flight flight = fly_to(h);
       const bool moved = flight.at != at_;

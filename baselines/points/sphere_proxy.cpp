@@ -8,6 +8,7 @@
 #include "baselines/points/ball_walk.h"
 #include "baselines/points/gaps.h"
 #include "baselines/points/rival.h"
+#include "baselines/points/thinned.h"
 #include "toolkit/render/prepare_phases.h"
 
 namespace palpate::baselines {
@@ -95,6 +96,12 @@ Status SphereProxy::prepare(SphereProxy& model, const render::ModelInput& input,
   phases.begin("grid");
   model.points_ = build_point_grid(*input.cloud, kCellRadii * model.radius_mm_, context.threads);
   model.walk_ = std::make_unique<BallWalk>(model.points_, model.radius_mm_);
+  const auto& grid = model.points_.grid;
+  if (may_be_too_many(grid.max_points_per_cell(), grid.cell_mm(), model.walk_->reach_mm())) {
+    const Thinned thin = thinned_to_reach(input.cloud, model.radius_mm_, model.walk_->reach_mm(), report);
+    if (thin.cell_mm > 0.0)
+      model.points_ = build_point_grid(*thin.cloud, kCellRadii * model.radius_mm_, context.threads);
+  }
   phases.end();
   report.bytes += model.points_.bytes() + NearPoints<partition::UniformGrid>::bytes_for(false);
   report.notes.push_back(fmt::format("radius {:.4g} mm, cell {:.4g} mm, at most {} points a cell",

@@ -10,6 +10,7 @@
 #include "baselines/points/gaps.h"
 #include "baselines/points/rival.h"
 #include "baselines/points/shell_walk.h"
+#include "baselines/points/thinned.h"
 #include "toolkit/partition/dynamic_grid.h"
 #include "toolkit/render/prepare_phases.h"
 
@@ -125,6 +126,13 @@ Status StreamProxy::prepare(StreamProxy& model, const render::ModelInput& input,
   grid.cell_mm = model.shells_.r3;
   model.points_ = build_points_in<Grid>(*input.cloud, grid, context.threads);
   model.walk_ = std::make_unique<ShellWalk<Grid>>(model.points_, model.shells_);
+  // Points that are moved from outside all stay.
+  const double reach = model.walk_->reach_mm();
+  if (input.moves == nullptr &&
+      may_be_too_many(model.points_.grid.statistics().max_points, model.points_.cell_mm(), reach)) {
+    const Thinned thin = thinned_to_reach(input.cloud, model.shells_.r1, reach, report);
+    if (thin.cell_mm > 0.0) model.points_ = build_points_in<Grid>(*thin.cloud, grid, context.threads);
+  }
   if (input.moves != nullptr) {
     model.moves_ = input.moves->subscribe();
     model.original_ = input.cloud;

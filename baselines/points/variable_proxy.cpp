@@ -24,6 +24,8 @@ constexpr double kTouchRadii = 4.0 / 3.0, kNormalRadii = 2.0;
 /// The largest local spacing, in units of what closes 99 % of the gaps: with radii of 1.5 it closes gaps
 /// nearly twice as wide; what is lonelier is an outlier, or stands at a border.
 constexpr double kMostClosing = 1.25;
+/// A radius of 1.5 spacings closes even gaps (4/3 spacings) down to this share of it: means may take as much.
+constexpr double kStillCloses = kEvenGap / 1.5;
 /// Means over neighbours: local spacings then differ from one point to the next by some percent.
 constexpr int kSmoothings = 3;
 
@@ -102,12 +104,13 @@ Status VariableProxy::decide(VariableProxy& model, const render::ModelInput& inp
 }
 
 /// The local spacing of every point over the mean one, by the cloud's index: the farthest neighbour's
-/// distance, of those around the largest, so that a point beside a gap knows of it; and means of those, so
-/// that radii change slowly.
+/// distance, or that of a point that it is a neighbour of: where the density steps, the last of the dense
+/// points have dense neighbours alone, and only the sparse ones beyond the gap know of it. Then means, so
+/// that radii change slowly, but never so small that a gap opens.
 std::vector<float> local_scales(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& table,
                                 double spacing_mm, double least, double most, int threads) {
   const std::size_t n = cloud.size();
-  std::vector<float> own(n), largest(n), mean(n);
+  std::vector<float> own(n), mean(n);
   const auto each = [&](std::vector<float>& out, const auto& value) {
     parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) out[i] = static_cast<float>(value(i));
@@ -120,20 +123,20 @@ std::vector<float> local_scales(const cloud::Cloud& cloud, const neighbourhood::
     const double scale = std::sqrt(most_sq) / (kEighthSpacings * spacing_mm);
     return std::clamp(scale > 0.0 ? scale : 1.0, least, most);  // alone, or in a pile: the mean
   });
-  each(largest, [&](std::size_t i) {
-    float found = own[i];
-    for (const std::uint32_t other : table.of[i]) found = std::max(found, own[other]);
-    return found;
-  });
+  std::vector<float> largest = own;
+  for (std::size_t i = 0; i < n; ++i)
+    for (const std::uint32_t other : table.of[i]) largest[other] = std::max(largest[other], own[i]);
+  std::vector<float> smooth = largest;
   for (int round = 0; round < kSmoothings; ++round) {
     each(mean, [&](std::size_t i) {
-      double sum = static_cast<double>(largest[i]);
-      for (const std::uint32_t other : table.of[i]) sum += static_cast<double>(largest[other]);
-      return sum / static_cast<double>(table.of[i].size() + 1);
+      double sum = static_cast<double>(smooth[i]);
+      for (const std::uint32_t other : table.of[i]) sum += static_cast<double>(smooth[other]);
+      return std::max(kStillCloses * static_cast<double>(largest[i]),
+                      sum / static_cast<double>(table.of[i].size() + 1));
     });
-    largest.swap(mean);
+    smooth.swap(mean);
   }
-  return largest;
+  return smooth;
 }
 
 Status VariableProxy::prepare(VariableProxy& model, const render::ModelInput& input,

@@ -18,6 +18,8 @@
   DO(score)                     \
   DO(reproduce)                 \
   DO(behaviours)                \
+  DO(hunt)                      \
+  DO(stress)                    \
   DO(fetch)
 
 namespace palpate::experiments {

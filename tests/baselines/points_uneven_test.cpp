@@ -214,6 +214,57 @@ TEST(SdfGodobject, RefusesWhatItCannotHoldWithARemedy) {
   }
 }
 
+class InAClump : public testing::TestWithParam<std::string> {};
+
+TEST_P(InAClump, NoMoreThanIsAtHandIsInReach) {
+  // A plate, and 40,000 of its points within 1 mm: all of them are in a proxy's reach at once.
+  std::vector<Vec3> points = height_points(41, 0.5, [](double, double) { return 0.0; });
+  const std::size_t even = points.size();
+  Random random(11);
+  for (int i = 0; i < 40000; ++i)
+    points.push_back(Vec3{random.uniform(-0.5, 0.5), random.uniform(-0.5, 0.5), 0.0});
+  const Prepared probe = prepare(model_of(cloud_of(points)), GetParam());
+  probe.renderer->restart({-4, 0, 2});
+  probe.glide({-4, 0, 2}, {-4, 0, -0.5}, 0.05);
+  // The mean direction of stream-proxy leans away from a clump beside it, so that its steps may be used up
+  // there; balls know no density.
+  const bool balls = GetParam().starts_with("sphere");
+  render::Frame frame;
+  for (int i = 0; i <= 160; ++i) {
+    const Vec3 hip(-4.0 + 0.05 * i, 0.01 * i, -0.5);
+    frame = probe.to(hip);
+    ASSERT_TRUE(frame.contact) << hip.x();
+    if (balls) {
+      ASSERT_EQ(frame.status, render::FrameStatus::kOk) << hip.x();
+    }
+    EXPECT_NEAR(frame.force_n.z(), 0.5 * kStiffness, (balls ? 0.1 : 0.3) * kStiffness) << hip.x();
+  }
+  EXPECT_NEAR(frame.god_object_mm.x(), 4.0, 0.1) << "it has not stopped on the way";
+  ASSERT_FALSE(probe.report.notes.empty());
+  const auto thinned = [](const std::string& note) {
+    return note.find("one point each") != std::string::npos;
+  };
+  EXPECT_TRUE(std::any_of(probe.report.notes.begin(), probe.report.notes.end(), thinned));
+  points.resize(even);
+  const Prepared whole = prepare(model_of(cloud_of(points)), GetParam());
+  EXPECT_TRUE(std::none_of(whole.report.notes.begin(), whole.report.notes.end(), thinned));
+}
+
+INSTANTIATE_TEST_SUITE_P(Points, InAClump,
+                         testing::Values("sphere-proxy:radius_mm=2", "stream-proxy:spacing_mm=0.5"),
+                         [](const auto& rival) {
+                           return rival.index == 0 ? "sphere_proxy" : "stream_proxy";
+                         });
+
+TEST(VariableProxy, NothingFallsThroughAStepOfDensity) {
+  // Where each side of the step knew of itself alone, the last dense radii left a gap: 995 frames were
+  // missed.
+  const Uneven set = uneven("sinusoid:sampling=blue:density=40:points=40000:seed=3", 1.0);
+  const Score found = score(set, "variable-proxy", 0.9);
+  EXPECT_EQ(found.missed, 0);
+  EXPECT_GT(found.contacts, 1500);
+}
+
 TEST(VariableProxy, RadiiFollowTheDensity) {
   // One half 16 times as dense: a proxy of one radius for all must be as large as the sparse half needs.
   const Uneven set = uneven("plane:extent_mm=40:sampling=blue:density=16:points=20000:seed=3", 1.0);

@@ -33,7 +33,9 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"behaviours", {"study", "run", "report", "session", "behaviours"}},
     {"tables", {"study", "run", "data", "report", "session", "behaviours", "tables"}},
     {"trade", {"study", "run", "data", "report", "session", "trade"}},
-    {"command", {"study", "run", "data", "report", "session", "behaviours", "tables", "trade", "command"}},
+    {"hunt", {"study", "run", "session", "hunt"}},
+    {"command",
+     {"study", "run", "data", "report", "session", "behaviours", "tables", "trade", "hunt", "command"}},
     {"benchmarks", {"benchmarks"}},
 };
 

@@ -151,6 +151,12 @@ Decision neighbours_decision(const cloud::Cloud& cloud, const PointModelOptions&
   return {"neighbours", decision.neighbours, "the order of the points says nothing about neighbours"};
 }
 
+/// Why a cell is larger than it was asked for.
+const char* fewer_cells(const PointModelOptions& options, const PointDecision& decision) {
+  const double asked = options.cell_per_resolution * decision.resolution_mm;
+  return decision.cell_mm > asked ? ", as far as a box reaches: a frame looks at no more of finer ones" : "";
+}
+
 Decision partition_decision(const PointModelOptions& options, const PointDecision& decision) {
   const bool given = decision.partition != PartitionKind::kGrid;
   const std::string name = std::string(decision.moving ? "moving " : "") + name_of(decision.partition);
@@ -160,7 +166,7 @@ Decision partition_decision(const PointModelOptions& options, const PointDecisio
   return {"partition", name,
           fmt::format("cells of {:.3g} mm, {:.3g} resolutions{}; memory follows the occupied ones",
                       decision.cell_mm, decision.cell_mm / decision.resolution_mm,
-                      options.cell_per_resolution > 0.0 ? ""
+                      options.cell_per_resolution > 0.0 ? fewer_cells(options, decision)
                                                         : ", five times the median local resolution where "
                                                           "that is between half and five of them")};
 }
@@ -243,6 +249,11 @@ Result<PointSurvey> survey_points(const cloud::Cloud& cloud, const PointModelOpt
                                     : largest_half_box(cloud, found.neighbours, decided.box, context.threads);
   if (options.swept_sphere)
     decided.sphere_mm = options.sphere_mm > 0.0 ? options.sphere_mm : decided.largest_half_box_mm.maxCoeff();
+  // A frame looks at every cell within a box of its segment: finer ones would be more than it may. (Who makes
+  // no promise takes them as they are given.)
+  if (options.normals && decided.partition == PartitionKind::kGrid)
+    decided.cell_mm =
+        std::max(decided.cell_mm, decided.largest_half_box_mm.maxCoeff() + std::max(decided.sphere_mm, 0.0));
   decided.moving = options.moving;
   decided.spare_points = options.spare_points;
   decided.rounding_mm = cloud.box_mm().extent_mm().maxCoeff() * kUnitRoundoffFloat * 0.5;

@@ -190,12 +190,13 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
 
   static void note(const stars::StarCounts& counts, std::uint64_t points, PrepareReport& report) {
     report.notes.push_back(fmt::format(
-        "{} triangles in {} pieces, {} of them closed; of {} points {:.3g} % agree with all around them; {} "
+        "{} triangles in {} pieces, {} of them closed and {} closed but for holes; of {} points {:.3g} % "
+        "agree with all around them; {} "
         "triangles by "
         "vote, {} in small gaps, {} torn; {} points doubled, {} without a triangle, {} at borders and gaps",
-        counts.triangles, counts.pieces, counts.closed_pieces, points,
-        100.0 * share(counts.agreed_points, points), counts.voted, counts.filled, counts.torn, counts.welded,
-        counts.unused, counts.open_points));
+        counts.triangles, counts.pieces, counts.closed_pieces - counts.pieces_with_holes,
+        counts.pieces_with_holes, points, 100.0 * share(counts.agreed_points, points), counts.voted,
+        counts.filled, counts.torn, counts.welded, counts.unused, counts.open_points));
     if (const double open = share(counts.open_points + counts.unused, points); open > kDoubtfulShare)
       report.warnings.push_back(
           fmt::format("{:.0f} % of the points lie at gaps: they are too noisy, or too few, for facets "

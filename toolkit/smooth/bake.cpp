@@ -315,14 +315,14 @@ class Baker {
   struct Piece {
     std::uint64_t cells = 0, beyond = 0, bricks = 0, seen = 0;
     std::uint16_t number = 0;
-    std::vector<SurfacePart> parts;
+    std::vector<geometry::SurfacePart> parts;
     /// What chance left out is no border.
     [[nodiscard]] bool closed() const {
       const double chance = kChanceShare * static_cast<double>(cells);
       return static_cast<double>(beyond) <= std::max(chance, double{kChanceCells});
     }
   };
-  static SurfacePart part_of(const Made& one) {
+  static geometry::SurfacePart part_of(const Made& one) {
     const BrickGrid::Coordinate c = coordinate_of(one.code);
     const Vec3 middle = (Vec3(c[0], c[1], c[2]) + Vec3::Constant(0.5)) * kBrickCells +
                         one.places / std::popcount(one.brick.mask);
@@ -345,7 +345,7 @@ class Baker {
       ClosedPiece closed;
       if (!piece.closed()) {
         if (without_.enclosure) continue;
-        closed.outer_side = outer_side(piece.parts);
+        closed.outer_side = geometry::outer_side(piece.parts);
         if (closed.outer_side == 0.0f) continue;
         closed.parts = std::move(piece.parts);
       }

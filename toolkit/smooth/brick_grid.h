@@ -10,7 +10,7 @@
 #include "toolkit/core/large_pages.h"
 #include "toolkit/core/vec.h"
 #include "toolkit/geometry/aabb.h"
-#include "toolkit/smooth/enclosure.h"
+#include "toolkit/geometry/enclosure.h"
 #include "toolkit/smooth/smooth_points.h"
 
 namespace palpate::render {
@@ -139,7 +139,7 @@ struct ClosedPiece {
   std::array<Eigen::Vector3f, kPieceSamples> samples;
   /// Of one with holes the sign of the distance outside, and its surface brick by brick; else 0 and none.
   float outer_side = 0.0f;
-  std::vector<SurfacePart> parts;
+  std::vector<geometry::SurfacePart> parts;
 };
 
 /// All bricks of a model. Immutable and shared; local mm.
@@ -159,7 +159,7 @@ struct BrickGrid {
     std::size_t parts = 0;
     for (const ClosedPiece& piece : closed_pieces) parts += piece.parts.capacity();
     return table.bytes() + first.capacity() * sizeof(std::uint32_t) + bricks.capacity() * sizeof(Brick) +
-           closed_pieces.capacity() * sizeof(ClosedPiece) + parts * sizeof(SurfacePart);
+           closed_pieces.capacity() * sizeof(ClosedPiece) + parts * sizeof(geometry::SurfacePart);
   }
   /// Of every brick. O(bricks).
   [[nodiscard]] std::vector<Coordinate> cubes_of_bricks() const;

@@ -328,6 +328,9 @@ bool SmoothContact::find_entry(const Vec3& h, int& values, FrameCounters& counte
           god_ = from + way * at;
           moved_ = Vec3::Zero();
           cube_ = cube;
+          // Which sheet goes on across a wall is told by it: it must not be that of an earlier contact.
+          const Jet jet = spline_jet(grid_->bricks[brick_], place_in(cube, god_));
+          normal_ = jet.gradient.cast<double>().normalized();
           return true;
         }
         return values <= 0;

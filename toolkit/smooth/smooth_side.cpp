@@ -35,15 +35,15 @@ bool SmoothContact::is_on(const Vec3& h, std::uint16_t piece) const noexcept {
 /// it takes of all directions decides, but for places that are too near for that, which are in front of what
 /// is nearest to them.
 float SmoothContact::side_by_share(const Vec3& h, const ClosedPiece& closed, std::uint16_t piece) noexcept {
-  const double share = std::abs(share_around(closed.parts, h));
+  const double share = std::abs(geometry::share_around(closed.parts, h));
   const float far = share > kInside ? -closed.outer_side : closed.outer_side;
   if (std::abs(share - kInside) > kClearlyInside - kInside || is_far(h)) return far;
   std::array<double, kPieceSamples> nearest_sq;
   nearest_sq.fill(std::numeric_limits<double>::infinity());
-  std::array<const SurfacePart*, kPieceSamples> nearest{};
-  for (const SurfacePart& part : closed.parts) {
+  std::array<const geometry::SurfacePart*, kPieceSamples> nearest{};
+  for (const geometry::SurfacePart& part : closed.parts) {
     double sq = (part.middle.cast<double>() - h).squaredNorm();
-    const SurfacePart* here = &part;
+    const geometry::SurfacePart* here = &part;
     for (std::size_t k = 0; k < kPieceSamples; ++k)
       if (sq < nearest_sq[k]) {
         std::swap(sq, nearest_sq[k]);
@@ -52,7 +52,7 @@ float SmoothContact::side_by_share(const Vec3& h, const ClosedPiece& closed, std
   }
   if (is_on(h, piece)) return closed.outer_side;
   float sum = 0.0f;
-  for (const SurfacePart* part : nearest)
+  for (const geometry::SurfacePart* part : nearest)
     if (part != nullptr) sum += side_seen(h, part->middle.cast<double>(), piece);
   return sum > 0.0f ? 1.0f : sum < 0.0f ? -1.0f : far;
 }

@@ -116,6 +116,7 @@ class StarRefiner {
     StarMesh made;
     made.origin_mm_ = mesh_.origin_mm();
     made.counts_ = mesh_.counts();
+    made.has_holes_ = mesh_.has_holes_;
     made.order_.resize(n);
     for (std::uint32_t place = 0; place < n; ++place)
       made.order_[place] = mesh_.order()[parent(order[place])];

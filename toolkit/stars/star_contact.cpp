@@ -47,18 +47,37 @@ void StarContact::reset(const Vec3& h) noexcept {
   for (double& angle : free_side_) angle = std::abs(angle) > kInsideShare * kAllAround ? -1.0 : 1.0;
 }
 
+bool StarContact::go_on(const Vec3& to, bool all, const Hit& hit) noexcept {
+  if (all) {
+    way_share_ = std::min(1.0, 2.0 * way_share_);
+    return true;
+  }
+  bound_hit_ = true;
+  if (way_share_ > kLeastWayShare) {
+    way_share_ *= 0.5;
+    return false;
+  }
+  // More lies here than a frame may look at however short the way is: what was found counts.
+  if (hit.place[0] == kNoPlace) from_ = to;
+  return hit.place[0] != kNoPlace;
+}
+
 bool StarContact::update_slowly(const Vec3& h, StarCounters& counters) noexcept {
   const Stand* left = nullptr;
   for (int flight = 0; flight < kMaxFlights; ++flight) {
     if (!contact_) {
       Hit hit;
-      const bool all = first_entry(from_, h, left, counters, hit);
+      const bool whole = way_share_ == 1.0;
+      const Vec3 to = whole ? h : Vec3(from_ + way_share_ * (h - from_));
+      const bool all = first_entry(from_, to, left, counters, hit);
+      if (!(all && whole) && !go_on(to, all, hit)) [[unlikely]]
+        return false;
       if (hit.place[0] == kNoPlace) {
-        if (all) from_ = h;
-        bound_hit_ = !all;
+        bound_hit_ = !whole;
+        from_ = to;
         return false;
       }
-      stand_.foot.point = from_ + hit.fraction * (h - from_);
+      stand_.foot.point = from_ + hit.fraction * (to - from_);
       stand_on(hit);
     }
     if (others_count_ > 0 ? hold_together(h, counters) : follow_alone(h, counters)) return true;
@@ -75,13 +94,24 @@ bool StarContact::update_slowly(const Vec3& h, StarCounters& counters) noexcept 
 void StarContact::stand_on(const Hit& hit) noexcept {
   stand_.facet = Facet(*mesh_, hit.place[0], hit.place[1], hit.place[2]);
   side_ = hit.side;
-  const Trend trend = trend_around(*mesh_, stand_.facet, false);
-  if (!mesh_->is_closed(hit.place[0]) && trend.share > kTrendShare &&
-      trend.normal.dot(stand_.facet.area_normal()) < 0.0)
-    side_ = -side_;  // a facet that is turned over
+  if (is_turned_over(stand_.facet)) side_ = -side_;
   framed_ = false;
   others_count_ = 0;
   contact_ = true;
+}
+
+/// Only a whole piece has none: all around it triangles agree on what is outside.
+bool StarContact::is_turned_over(const Facet& facet) const noexcept {
+  const std::uint32_t place = facet.place[0];
+  if (mesh_->is_closed(place) && !mesh_->has_holes(mesh_->closed_piece(place))) return false;
+  const Trend trend = trend_around(*mesh_, facet, false);
+  return trend.share > kTrendShare && trend.normal.dot(facet.area_normal()) < 0.0;
+}
+
+bool StarContact::is_free(std::uint32_t a, std::uint32_t b, std::uint32_t c, double side) const noexcept {
+  if (!mesh_->is_closed(a)) return true;
+  const double free = free_side_[mesh_->closed_piece(a)];
+  return (is_turned_over(Facet(*mesh_, a, b, c)) ? -side : side) == free;
 }
 
 bool StarContact::cross(const Vec3& h, FacetFrame::Weights weights, StarCounters& counters) noexcept {
@@ -239,7 +269,7 @@ bool StarContact::first_entry(const Vec3& from, const Vec3& to, const Stand* lef
   const auto look = [&](std::uint32_t block) noexcept {
     pierce_block(*mesh_, *tree_, block, way, hit, tested,
                  [&](std::uint32_t a, std::uint32_t b, std::uint32_t c, double side) noexcept {
-                   return !(left != nullptr && shares(*left, a, b, c)) && is_free(a, side);
+                   return !(left != nullptr && shares(*left, a, b, c)) && is_free(a, b, c, side);
                  });
   };
   bool all = true;
@@ -277,7 +307,7 @@ void StarContact::point_moved(std::uint32_t place, const Vec3& from, const Vec3&
     const bool out = before >= 0.0 && behind < 0.0 && at_b >= 0.0 && at_c <= 0.0;
     const double side = in ? 1.0 : -1.0;
     if (!in && !out) continue;
-    if (!is_free(place, side)) continue;
+    if (!is_free(place, b, c, side)) continue;
     Hit hit;
     hit.place = corner;
     hit.side = side;

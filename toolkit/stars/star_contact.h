@@ -20,6 +20,9 @@ inline constexpr std::uint32_t kMaxTested = 8192;
 inline constexpr int kMaxCrossed = 16;
 /// Times a frame may leave one sheet and meet another; the rest is done in the next.
 inline constexpr int kMaxFlights = 4;
+/// Where a frame cannot look at all that lies around the HIP's way, the next one takes half of it: this share
+/// at least, a facet's width on the longest way through a model of a million points.
+inline constexpr double kLeastWayShare = 0x1p-10;
 /// A gap of so many edges is bridged, the middle one of the facet at its border: a void in random points is
 /// two spacings wide, and a hole in noise little more.
 inline constexpr double kGapEdges = 4.0;
@@ -59,6 +62,7 @@ class StarContact {
     contact_ = false;
     others_count_ = 0;
     from_ = h;
+    way_share_ = 1.0;
     forget_blocks();
   }
   /// The HIP is now at h. True in contact: pull() leads to the god object.
@@ -119,15 +123,19 @@ class StarContact {
     for (std::uint32_t k = 0; k < ring.size; ++k) mesh_->prefetch(ring.of[k]);
   }
   /// Both sides of an open piece can be touched, of a closed one that where the replay began.
-  [[nodiscard]] bool is_free(std::uint32_t place, double side) const noexcept {
-    return !mesh_->is_closed(place) || free_side_[mesh_->closed_piece(place)] == side;
-  }
+  [[nodiscard]] bool is_free(std::uint32_t a, std::uint32_t b, std::uint32_t c, double side) const noexcept;
+  /// The facets around it face the other way.
+  [[nodiscard]] bool is_turned_over(const Facet& facet) const noexcept;
   /// Another sheet may go through the facet.
   [[nodiscard]] bool is_crossed(const Facet& facet) const noexcept {
     return mesh_->is_crossed(facet.place[0]) || mesh_->is_crossed(facet.place[1]) ||
            mesh_->is_crossed(facet.place[2]);
   }
   bool update_slowly(const Vec3& h, StarCounters& counters) noexcept;
+  /// A free HIP's way up to there was looked at, `all` of it or what a frame may, and it was a part of the
+  /// way or will be: whether the hit, or that there is none, stands. The part is halved until it is little
+  /// enough, so that a HIP that jumped far is caught up with.
+  bool go_on(const Vec3& to, bool all, const Hit& hit) noexcept;
   /// Follows the sheet. False where h is free of it.
   bool follow(const Vec3& h, StarCounters& counters) noexcept;
   /// Follows the sheet, and looks whether the god object went through another on its way: then both hold it.
@@ -173,6 +181,7 @@ class StarContact {
   std::array<Held, kMaxHeld - 1> others_;  ///< what holds besides stand_
   std::uint32_t others_count_ = 0;
   Vec3 from_ = Vec3::Zero();  ///< free up to here
+  double way_share_ = 1.0;    ///< of the way from there, looked at in one frame
 
   // Blocks that meet the cube of half edge near_reach_ around near_at_: two nodes' worth of boxes.
   Vec3 near_at_ = Vec3::Zero();

@@ -88,7 +88,7 @@ bool StarContact::meet_other(const Vec3& from, const Vec3& to, StarCounters& cou
   const Way way{from, to, FloatBox::around(around)};
   std::uint32_t tested = 0;
   const auto takes = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c, double side) noexcept {
-    if (!is_free(a, side)) return false;
+    if (!is_free(a, b, c, side)) return false;
     const Vec3 normal = Facet(*mesh_, a, b, c).area_normal();
     if (is_part(stand_.facet, normal)) return false;
     return std::none_of(others_.begin(), others_.begin() + others_count_,

@@ -78,7 +78,11 @@ class StarMeshBuilder {
     StarCounts& counts = mesh_.counts_;
     std::vector<std::uint32_t> closed_number(pieces_.closed.size(), kNoPlace);
     for (std::size_t p = 0; p < pieces_.closed.size(); ++p)
-      if (pieces_.closed[p] != 0) closed_number[p] = static_cast<std::uint32_t>(counts.closed_pieces++);
+      if (pieces_.closed[p] != Enclosure::kOpen) {
+        closed_number[p] = static_cast<std::uint32_t>(counts.closed_pieces++);
+        mesh_.has_holes_.push_back(pieces_.closed[p] == Enclosure::kWithHoles);
+        counts.pieces_with_holes += mesh_.has_holes_.back();
+      }
     StarMeshStore::fill(
         mesh_, draft_.point, [this](std::uint32_t i) -> const Star& { return draft_.star[i]; },
         [&](std::uint32_t i) { return pieces_.of[i] == kNoPoint ? kNoPlace : closed_number[pieces_.of[i]]; },
@@ -101,7 +105,8 @@ StarMesh StarMesh::build(const cloud::Cloud& cloud, int threads, const OnStep& o
 
 std::size_t StarMesh::bytes() const noexcept {
   return points_.capacity() * sizeof(StarPoint) + rings_.capacity() * sizeof(rings_[0]) +
-         (long_rings_.capacity() + closed_piece_of_.capacity() + order_.capacity()) * sizeof(std::uint32_t);
+         (long_rings_.capacity() + closed_piece_of_.capacity() + order_.capacity()) * sizeof(std::uint32_t) +
+         has_holes_.capacity();
 }
 
 geometry::TriangleMesh StarMesh::as_mesh() const {

@@ -65,7 +65,9 @@ struct StarCounts {
   std::uint64_t welded = 0;         ///< points that stand where another does
   std::uint64_t unused = 0;         ///< other points without a triangle
   std::uint64_t open_points = 0;    ///< at borders and holes
-  std::uint64_t pieces = 0, closed_pieces = 0;
+  std::uint64_t pieces = 0;
+  std::uint64_t closed_pieces = 0;      ///< that enclose a volume, and are felt from one side
+  std::uint64_t pieces_with_holes = 0;  ///< those of them that have borders
 };
 
 /// Called with the name of each step of a build before it begins.
@@ -90,7 +92,7 @@ class StarMesh {
       return {row, size, info >> kOpenShift & kOpenMask};
     return {long_rings_.data() + row[0], row[1], row[2]};
   }
-  /// On a piece that encloses a volume.
+  /// On a piece that encloses a volume, if need be but for holes.
   [[nodiscard]] bool is_closed(std::uint32_t place) const noexcept {
     return (points_[place].info & kClosed) != 0;
   }
@@ -102,6 +104,8 @@ class StarMesh {
   [[nodiscard]] std::uint32_t closed_piece(std::uint32_t place) const noexcept {
     return closed_piece_of_.empty() ? 0 : closed_piece_of_[place];
   }
+  /// Of a closed piece: it has borders, and maybe facets that are turned over.
+  [[nodiscard]] bool has_holes(std::uint32_t piece) const noexcept { return has_holes_[piece] != 0; }
   /// Whether the triangle's box does not meet this one.
   [[nodiscard]] bool triangle_misses(std::uint32_t a, std::uint32_t b, std::uint32_t c,
                                      const FloatBox& box) const noexcept {
@@ -148,6 +152,7 @@ class StarMesh {
   LargeVector<std::array<std::uint32_t, kShortRing>> rings_;
   std::vector<std::uint32_t> long_rings_;
   LargeVector<std::uint32_t> closed_piece_of_;
+  std::vector<std::uint8_t> has_holes_;  ///< by closed piece
   std::vector<std::uint32_t> order_;
   StarCounts counts_;
 };

@@ -5,9 +5,16 @@
 #include <utility>
 
 #include "toolkit/core/parallel.h"
+#include "toolkit/geometry/enclosure.h"
 
 namespace palpate::stars {
 namespace {
+
+/// Points of a part: many enough that a million points take no time, few enough that a small piece has the 16
+/// parts that it is judged by.
+constexpr int kPointsPerPart = 16;
+/// The newest parts, in which a point's piece is looked for: more sheets are seldom in one place.
+constexpr std::size_t kPartsOpen = 4;
 
 /// Sets of points with, for each, whether it runs the other way around than its set's first.
 class Sides {
@@ -100,6 +107,7 @@ class Turner {
   Pieces run() {
     join_all();
     number_pieces();
+    find_enclosing();
     turn_outward();
     return std::move(pieces_);
   }
@@ -171,13 +179,63 @@ class Turner {
       if ((state[i] & kHasSectors) == 0) continue;
       if (piece_of_root[root] == kNoPoint) {
         piece_of_root[root] = static_cast<std::uint32_t>(pieces_.closed.size());
-        pieces_.closed.push_back(1);
+        pieces_.closed.push_back(Enclosure::kWhole);
       }
       pieces_.of[i] = piece_of_root[root];
-      if ((state[i] & kHasBorder) != 0) pieces_.closed[pieces_.of[i]] = 0;
+      if ((state[i] & kHasBorder) != 0) pieces_.closed[pieces_.of[i]] = Enclosure::kOpen;
     }
     chunks([&](std::size_t, std::uint32_t i) {
       if (pieces_.of[i] != kNoPoint && sides_.settled(i).turned != 0) reverse(draft_.star[i]);
+    });
+  }
+
+  /// What is seen from afar of the open pieces, for each piece some points at a time. Points that follow each
+  /// other are near to each other.
+  [[nodiscard]] std::vector<std::vector<geometry::SurfacePart>> open_parts() {
+    struct Part {
+      std::uint32_t piece;
+      int points;
+      Vec3 area, sum;
+    };
+    std::vector<std::vector<Part>> found(chunk_count());
+    chunks([&](std::size_t chunk, std::uint32_t i) {
+      const std::uint32_t piece = pieces_.of[i];
+      if (piece == kNoPoint || pieces_.closed[piece] == Enclosure::kWhole) return;
+      const Vec3 p = draft_.at(i);
+      Vec3 area = Vec3::Zero();
+      for_triangles(draft_, i, [&](std::uint32_t, std::uint32_t b, std::uint32_t c) {
+        area += 0.5 * (draft_.at(b) - p).cross(draft_.at(c) - p);
+      });
+      std::vector<Part>& parts = found[chunk];
+      const std::size_t looked = std::min(parts.size(), kPartsOpen);
+      const auto part =
+          std::find_if(parts.end() - static_cast<std::ptrdiff_t>(looked), parts.end(),
+                       [&](const Part& one) { return one.piece == piece && one.points < kPointsPerPart; });
+      if (part == parts.end())
+        parts.push_back({piece, 1, area, p});
+      else
+        *part = {piece, part->points + 1, part->area + area, part->sum + p};
+    });
+    std::vector<std::vector<geometry::SurfacePart>> of_piece(pieces_.closed.size());
+    for (const std::vector<Part>& parts : found)
+      for (const Part& part : parts)
+        of_piece[part.piece].push_back({(part.sum / part.points).cast<float>(), part.area.cast<float>()});
+    return of_piece;
+  }
+
+  /// A scan is seldom without holes. What encloses a volume all the same is felt from outside: a probe that
+  /// got through a hole, or was let go by a wall, must not be held by the backs of other walls when it comes
+  /// out.
+  void find_enclosing() {
+    const std::vector<std::vector<geometry::SurfacePart>> parts = open_parts();
+    inward_.assign(parts.size(), 0);
+    parallel_chunks(parts.size(), 1, draft_.threads, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t piece = begin; piece < end; ++piece) {
+        const float side = geometry::outer_side(parts[piece]);
+        if (side == 0.0f) continue;
+        pieces_.closed[piece] = Enclosure::kWithHoles;
+        inward_[piece] = side < 0.0f ? 1 : 0;
+      }
     });
   }
 
@@ -189,7 +247,7 @@ class Turner {
     std::vector<std::vector<Share>> parts(chunk_count());
     chunks([&](std::size_t chunk, std::uint32_t i) {
       const std::uint32_t piece = pieces_.of[i];
-      if (piece == kNoPoint || pieces_.closed[piece] == 0) return;
+      if (piece == kNoPoint || pieces_.closed[piece] != Enclosure::kWhole) return;
       auto& shares = parts[chunk];
       if (shares.empty() || shares.back().piece != piece) shares.push_back({piece, 0.0});
       for_triangles(draft_, i, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
@@ -199,14 +257,17 @@ class Turner {
     std::vector<double> volume(pieces_.closed.size(), 0.0);
     for (const auto& shares : parts)
       for (const Share& share : shares) volume[share.piece] += share.volume;
+    for (std::size_t piece = 0; piece < volume.size(); ++piece)
+      if (volume[piece] < 0.0) inward_[piece] = 1;
     chunks([&](std::size_t, std::uint32_t i) {
-      if (pieces_.of[i] != kNoPoint && volume[pieces_.of[i]] < 0.0) reverse(draft_.star[i]);
+      if (pieces_.of[i] != kNoPoint && inward_[pieces_.of[i]] != 0) reverse(draft_.star[i]);
     });
   }
 
   Draft& draft_;
   Sides sides_;
   Pieces pieces_;
+  std::vector<std::uint8_t> inward_;  ///< by piece: its stars are to be turned
 };
 
 }  // namespace

@@ -10,16 +10,19 @@
 
 namespace palpate::stars {
 
+/// Whether a piece encloses a volume, and is felt from one side.
+enum class Enclosure : std::uint8_t { kOpen, kWithHoles, kWhole };
+
 struct Pieces {
-  std::vector<std::uint32_t> of;     ///< by point; kNoPoint where it has no triangle
-  std::vector<std::uint8_t> closed;  ///< by piece: it encloses a volume
+  std::vector<std::uint32_t> of;  ///< by point; kNoPoint where it has no triangle
+  std::vector<Enclosure> closed;  ///< by piece
   /// Corners of the triangles left out where sides would not agree.
   std::vector<std::array<std::uint32_t, 3>> torn;
 };
 
-/// Turns the stars so that neighbours run the same way around; of closed pieces, counter-clockwise seen from
-/// outside. Every sector must be agreed. O(n), parallel but for what lies across chunks of points or is in
-/// doubt; the same for any number of threads.
+/// Turns the stars so that neighbours run the same way around; of pieces that enclose a volume, but for holes
+/// or wholly, counter-clockwise seen from outside. Every sector must be agreed. O(n), parallel but for what
+/// lies across chunks of points or is in doubt; the same for any number of threads.
 Pieces turn_stars(Draft& draft);
 
 /// In noise, of turned stars: triangles that face away from the planes around. A probe that moves along is

@@ -2,10 +2,12 @@
 #include <gtest/gtest.h>
 
 #include "tests/toolkit/smooth/smooth_scenes.h"
-#include "toolkit/smooth/enclosure.h"
+#include "toolkit/geometry/enclosure.h"
 
 namespace palpate::render {
 namespace {
+
+using geometry::outer_side, geometry::share_around, geometry::SurfacePart;
 
 constexpr double kBall = 12.0;
 

@@ -109,6 +109,28 @@ TEST(StarContact, OnlyDescendsAndStaysTheNearestNearby) {
   }
 }
 
+// Around a jump across the model lies more than a frame may look at: the next frames look at parts of it,
+// until the HIP is caught up with.
+TEST(StarContact, CatchesUpWithAJump) {
+  Felt felt(random_torus(400000, 0.0, 31));
+  StarCounters counters;
+  felt.contact.reset(felt.local(Vec3(-50, -50, -20)));
+  EXPECT_FALSE(felt.contact.update(felt.local(Vec3(50, 50, 20)), counters));
+  EXPECT_TRUE(felt.contact.bound_hit());
+  const auto rest = [&](const Vec3& at) {
+    for (int i = 0; i < 200; ++i) {
+      const bool held = felt.contact.update(felt.local(at), counters);
+      if (!felt.contact.bound_hit()) return held;
+    }
+    ADD_FAILURE() << "not caught up with in 200 frames";
+    return false;
+  };
+  EXPECT_FALSE(rest(Vec3(50, 50, 20)));
+  // Into the tube and out of it again, across everything.
+  EXPECT_TRUE(rest(Vec3(-30, 0, 0)));
+  EXPECT_FALSE(rest(Vec3(-30, 0, 12)));
+}
+
 TEST(StarContact, LetsGoBesideASheet) {
   std::vector<Vec3> sheet;
   Random random(27);

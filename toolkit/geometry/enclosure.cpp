@@ -1,4 +1,4 @@
-#include "toolkit/smooth/enclosure.h"
+#include "toolkit/geometry/enclosure.h"
 
 #include <algorithm>
 #include <array>
@@ -6,13 +6,11 @@
 #include <cstddef>
 #include <numbers>
 
-#include "toolkit/smooth/brick_grid.h"
-
-namespace palpate::render {
+namespace palpate::geometry {
 namespace {
 
-/// A part is a brick's, and no smaller: nearer than half its edge it is not a point.
-constexpr double kSoftSq = 0.25 * kBrickCells * kBrickCells;
+/// A part is no point where it is nearer than half its width, the root of its area.
+constexpr double kSoftShare = 0.25;
 /// Places of the surface that are asked what they see, and parts that are enough to tell.
 constexpr std::size_t kPlaces = 64, kFewestParts = 16;
 /// From a place of a closed surface the rest of it takes half of all directions. An open half of a ball takes
@@ -25,8 +23,9 @@ double share_around(std::span<const SurfacePart> parts, const Vec3& at) noexcept
   double sum = 0.0;
   for (const SurfacePart& part : parts) {
     const Vec3 d = part.middle.cast<double>() - at;
-    const double sq = d.squaredNorm() + kSoftSq;
-    sum += part.area.cast<double>().dot(d) / (sq * std::sqrt(sq));
+    const Vec3 area = part.area.cast<double>();
+    const double sq = d.squaredNorm() + kSoftShare * area.norm();
+    if (sq > 0.0) sum += area.dot(d) / (sq * std::sqrt(sq));
   }
   return sum / (4.0 * std::numbers::pi);
 }
@@ -42,4 +41,4 @@ float outer_side(std::span<const SurfacePart> parts) noexcept {
   return *middle > kEnclosing ? 1.0f : *middle < -kEnclosing ? -1.0f : 0.0f;
 }
 
-}  // namespace palpate::render
+}  // namespace palpate::geometry

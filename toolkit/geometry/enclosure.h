@@ -8,9 +8,9 @@
 
 #include "toolkit/core/vec.h"
 
-namespace palpate::render {
+namespace palpate::geometry {
 
-/// A small part of an oriented surface, as seen from afar. Voxels; `area` along the normal.
+/// A small part of an oriented surface, as seen from afar. mm, or any other unit; `area` along the normal.
 struct SurfacePart {
   Eigen::Vector3f middle = Eigen::Vector3f::Zero();
   Eigen::Vector3f area = Eigen::Vector3f::Zero();
@@ -18,7 +18,7 @@ struct SurfacePart {
 
 /// Of all directions from `at` the share in which the parts are seen from where their normals point away:
 /// about 1 within a closed surface with normals outwards, 0 outside of it, -1 and 0 with normals inwards.
-/// Parts nearer than half a brick count less, so a place nearer than that to the surface is told about
+/// Parts nearer than half their width count less, so a place nearer than that to the surface is told about
 /// correctly only to a half. O(parts).
 [[nodiscard]] double share_around(std::span<const SurfacePart> parts, const Vec3& at) noexcept;
 
@@ -27,4 +27,4 @@ struct SurfacePart {
 /// threads. O(parts).
 [[nodiscard]] float outer_side(std::span<const SurfacePart> parts) noexcept;
 
-}  // namespace palpate::render
+}  // namespace palpate::geometry

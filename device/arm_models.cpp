@@ -1,0 +1,75 @@
+#include "device/arm_models.h"
+
+namespace palpate::device {
+namespace {
+
+// Where a maker tells no damping, it is assumed: the least that makes the stiffness which the device's
+// software advises passive at 1 kHz, b = K T / 2 (Colgate and Schenkel). Friction, where none is told, the
+// least that does so with the encoder, f = K step / 2 (Abbott and Okamura).
+constexpr double damping_for(double advised_n_per_mm) {
+  constexpr double kAdvisedAtS = 1e-3;
+  return 0.5 * advised_n_per_mm * kAdvisedAtS;
+}
+constexpr double friction_for(double advised_n_per_mm, double encoder_mm) {
+  return 0.5 * advised_n_per_mm * encoder_mm;
+}
+// Assumed for all: current loops of small motors reach about a kilohertz, 1 / (2 pi 1000 Hz).
+constexpr double kLagS = 0.16e-3;
+
+ArmOptions arm(const char* name, double mass_kg, double damping, double friction_n, double encoder_mm,
+               double force_max_n, double workspace_mm) {
+  ArmOptions options;
+  options.name = name;
+  options.mass_kg = mass_kg;
+  options.damping_n_s_per_mm = damping;
+  options.friction_n = friction_n;
+  options.encoder_mm = encoder_mm;
+  options.force_max_n = force_max_n;
+  options.lag_s = kLagS;
+  options.workspace_mm = workspace_mm;
+  return options;
+}
+
+Hand hand(const char* name, double mass_kg, double damping, double stiffness) {
+  Hand held;
+  held.name = name;
+  held.mass_kg = mass_kg;
+  held.damping_n_s_per_mm = damping;
+  held.stiffness_n_per_mm = stiffness;
+  return held;
+}
+
+}  // namespace
+
+const std::vector<ArmOptions>& arm_models() {
+  static const std::vector<ArmOptions> kModels = {
+      // Phantom Omni: mass 45 g, friction up to 0.26 N (0.1 N is the smaller of two published values, and the
+      // harder case), 450 dpi, 3.3 N: the maker's data sheet. Damping 0.3 N s/m assumed.
+      arm("omni", 0.045, 0.0003, 0.1, 0.055, 3.3, 100.0),
+      // Touch: the same arm with another board; CHAI3D advises 0.4 N/mm, 0.055 mm, 3.3 N.
+      arm("touch", 0.045, damping_for(0.4), 0.1, 0.055, 3.3, 75.0),
+      // Novint Falcon: 0.0635 mm, 8 N and 3 N/mm advised by CHAI3D. Mass 0.3 kg assumed.
+      arm("falcon", 0.3, damping_for(3.0), friction_for(3.0, 0.0635), 0.0635, 8.0, 40.0),
+      // omega.3: below 0.01 mm, 12 N, 5 N/mm advised by CHAI3D. Mass 0.2 kg assumed.
+      arm("omega3", 0.2, damping_for(5.0), friction_for(5.0, 0.01), 0.01, 12.0, 75.0)};
+  return kModels;
+}
+
+const std::vector<Hand>& hand_models() {
+  static const std::vector<Hand> kHands = {
+      hand("released", 0.0, 0.0, 0.0),
+      // A choice between the published finger and arm: a light stylus grip.
+      hand("hand", 0.15, 0.0045, 0.4),
+      // Finger, extension, about 6 N: Hajian and Howe 1997.
+      hand("finger", 0.006, 0.0057, 0.7),
+      // Whole arm: Yokokohji and Yoshikawa 1994.
+      hand("arm", 2.0, 0.002, 0.01)};
+  return kHands;
+}
+
+const AdmittanceOptions& admittance_model() {
+  static const AdmittanceOptions kModel;
+  return kModel;
+}
+
+}  // namespace palpate::device

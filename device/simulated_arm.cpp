@@ -1,0 +1,248 @@
+#include "device/simulated_arm.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace palpate::device {
+namespace {
+
+// Friction's direction and the goal's velocity are held so long: a hand turns by less than a degree in it.
+constexpr double kSubStepsPerPeriod = 16.0;
+// Reversals within a sub-step. More is chatter about rest, which is rest.
+constexpr int kMostStops = 8;
+constexpr int kHalvings = 40;  // of a sub-step, until a stop is found: 1e-12 of it
+// What is left of a velocity beside the part that stopped: roundings of it.
+constexpr double kStoppedShare = 1e-9;
+// Shorter than this the motor is faster than anything here shows, and steps would be for nothing.
+constexpr double kLeastLagS = 1e-6;
+
+/// The integral of v^2 over a step, by Simpson's rule on the cubic that has these ends.
+double squared_speed_integral(const Motion& from, const Motion& to, double h_s) noexcept {
+  const Vec3 middle = 1.5 / h_s * (to.x_mm - from.x_mm) - 0.25 * (from.v_mm_s + to.v_mm_s);
+  return h_s / 6.0 * (from.v_mm_s.squaredNorm() + 4.0 * middle.squaredNorm() + to.v_mm_s.squaredNorm());
+}
+
+}  // namespace
+
+SimulatedArm::SimulatedArm(const ArmOptions& options, const Hand& hand, const HandScript& script,
+                           const Clock& clock)
+    : options_(options), hand_(hand), script_(script), clock_(clock), in_flight_(kMostInFlight) {}
+
+Status SimulatedArm::open() {
+  struct Named {
+    const char* name;
+    double value;
+    bool zero_is_right;
+  };
+  for (const Named& named :
+       std::array<Named, 13>{{{"mass_kg", options_.mass_kg, false},
+                              {"damping_n_s_per_mm", options_.damping_n_s_per_mm, true},
+                              {"friction_n", options_.friction_n, true},
+                              {"encoder_mm", options_.encoder_mm, true},
+                              {"force_max_n", options_.force_max_n, false},
+                              {"force_step_n", options_.force_step_n, true},
+                              {"lag_s", options_.lag_s, true},
+                              {"delay_s", options_.delay_s, true},
+                              {"period_s", options_.period_s, false},
+                              {"workspace_mm", options_.workspace_mm, false},
+                              {"the hand's mass_kg", hand_.mass_kg, true},
+                              {"the hand's damping_n_s_per_mm", hand_.damping_n_s_per_mm, true},
+                              {"the hand's stiffness_n_per_mm", hand_.stiffness_n_per_mm, true}}}) {
+    if (std::isfinite(named.value) && (named.value > 0.0 || (named.zero_is_right && named.value == 0.0)))
+      continue;
+    return Error{std::string(named.name) + " is " + std::to_string(named.value),
+                 named.zero_is_right ? "give a finite number, 0 or above" : "give a finite number above 0",
+                 name(), 0};
+  }
+  if (options_.lag_s > 0.0 && options_.lag_s < kLeastLagS)
+    return Error{"lag_s is below a microsecond", "give 0 for a motor without lag", name(), 0};
+  if (options_.delay_s > options_.period_s * static_cast<double>(kMostInFlight - 1))
+    return Error{"delay_s is more than " + std::to_string(kMostInFlight - 1) + " periods",
+                 "give a shorter delay", name(), 0};
+  open_ = true;
+  opened_s_ = clock_.now_s();
+  now_s_ = 0.0;
+  last_read_s_ = -1.0;
+  const Goal goal = script_.at(0.0);
+  motion_ = {goal.position_mm, Vec3::Zero(), Vec3::Zero()};
+  command_n_.setZero();
+  first_ = waiting_ = 0;
+  ledger_ = {};
+  hold(true);
+  return Done{};
+}
+
+void SimulatedArm::close() noexcept {
+  open_ = false;
+  command_n_.setZero();
+  motion_.motor_n.setZero();
+  waiting_ = 0;
+}
+
+DeviceLimits SimulatedArm::limits() const noexcept {
+  const Vec3 half = Vec3::Constant(options_.workspace_mm);
+  return {options_.force_max_n, {-half, half}, options_.encoder_mm, 1.0 / options_.period_s};
+}
+
+void SimulatedArm::hold(bool held) noexcept {
+  held_ = held;
+  const Hand hand = held ? hand_ : Hand{};
+  plant_ = {options_.mass_kg + hand.mass_kg, options_.damping_n_s_per_mm + hand.damping_n_s_per_mm,
+            hand.stiffness_n_per_mm, options_.lag_s};
+}
+
+DeviceState SimulatedArm::read() noexcept {
+  DeviceState state;
+  if (!open_) {
+    state.status = ReadStatus::kLost;
+    return state;
+  }
+  const double t_s = clock_.now_s() - opened_s_;
+  advance_to(t_s);
+  state.position_mm = motion_.x_mm;
+  if (options_.encoder_mm > 0.0)
+    for (int a = 0; a < 3; ++a)
+      state.position_mm[a] = options_.encoder_mm * std::round(motion_.x_mm[a] / options_.encoder_mm);
+  state.status = t_s == last_read_s_ ? ReadStatus::kNothingNew : ReadStatus::kFresh;
+  last_read_s_ = t_s;
+  return state;
+}
+
+Vec3 SimulatedArm::as_motor(const Vec3& force_n) const noexcept {
+  Vec3 motor = force_n;
+  const double size = motor.norm();
+  if (size > options_.force_max_n) motor *= options_.force_max_n / size;
+  if (options_.force_step_n > 0.0)
+    for (int a = 0; a < 3; ++a)
+      motor[a] = options_.force_step_n * std::round(motor[a] / options_.force_step_n);
+  return motor;
+}
+
+void SimulatedArm::send(GovernedForce force) noexcept {
+  if (!open_) return;
+  const Command command{now_s_ + options_.delay_s, as_motor(force.newtons())};
+  if (options_.delay_s == 0.0 || waiting_ == kMostInFlight) {
+    command_n_ = command.force_n;
+    return;
+  }
+  in_flight_[(first_ + waiting_++) % kMostInFlight] = command;
+}
+
+void SimulatedArm::advance_to(double t_s) noexcept {
+  while (waiting_ > 0 && in_flight_[first_].due_s <= t_s) {
+    advance_by(in_flight_[first_].due_s - now_s_);
+    command_n_ = in_flight_[first_].force_n;
+    first_ = (first_ + 1) % kMostInFlight;
+    --waiting_;
+  }
+  advance_by(t_s - now_s_);
+}
+
+void SimulatedArm::advance_by(double dt_s) noexcept {
+  if (!(dt_s > 0.0)) return;
+  if (held_ && now_s_ < script_.release_s && now_s_ + dt_s > script_.release_s) {
+    const double before_s = script_.release_s - now_s_;
+    advance_by(before_s);
+    hold(false);
+    advance_by(dt_s - before_s);
+    return;
+  }
+  if (held_ && now_s_ >= script_.release_s) hold(false);
+  const double steps = std::max(1.0, std::ceil(dt_s * kSubStepsPerPeriod / options_.period_s));
+  const double h_s = dt_s / steps, from_s = now_s_;
+  for (double i = 0.0; i < steps; ++i) {
+    now_s_ = from_s + i * h_s;
+    if (held_ && hand_.guides)
+      guided_step(h_s);
+    else
+      sub_step(h_s);
+  }
+  now_s_ = from_s + dt_s;
+}
+
+void SimulatedArm::account(const Motion& to, double h_s, const Vec3& friction_n) noexcept {
+  if (!(h_s > 0.0)) return;
+  const Vec3 way_mm = to.x_mm - motion_.x_mm;
+  ledger_.motors += 0.5 * (motion_.motor_n + to.motor_n).dot(way_mm);
+  ledger_.friction -= friction_n.dot(way_mm);
+  ledger_.damping += options_.damping_n_s_per_mm * squared_speed_integral(motion_, to, h_s);
+  motion_ = to;
+}
+
+/// The device is where the hand means it to be.
+void SimulatedArm::guided_step(double h_s) noexcept {
+  Motion to = moved({1.0, 0.0, 0.0, options_.lag_s}, motion_, {command_n_, {}, {}, {}}, h_s);
+  to.x_mm = script_.at(now_s_ + h_s).position_mm;
+  to.v_mm_s = (to.x_mm - motion_.x_mm) / h_s;
+  motion_.v_mm_s = to.v_mm_s;
+  if (options_.lag_s == 0.0) motion_.motor_n = command_n_;
+  const double speed = safe_length(to.v_mm_s);
+  account(to, h_s, speed > 0.0 ? Vec3(-options_.friction_n / speed * to.v_mm_s) : Vec3(Vec3::Zero()));
+}
+
+void SimulatedArm::sub_step(double h_s) noexcept {
+  Drive drive{command_n_, motion_.x_mm, Vec3::Zero(), Vec3::Zero()};
+  if (held_) {
+    const Goal goal = script_.at(now_s_), next = script_.at(now_s_ + h_s);
+    drive.goal_mm = goal.position_mm;
+    drive.goal_mm_s = (next.position_mm - goal.position_mm) / h_s;
+    drive.steady_n = hand_.push_n + hand_.damping_n_s_per_mm * drive.goal_mm_s;
+  }
+  if (options_.lag_s == 0.0) motion_.motor_n = command_n_;
+  double left_s = h_s;
+  for (int stop = 0; left_s > 0.0; ++stop) {
+    if (stop == kMostStops) motion_.v_mm_s.setZero();
+    const double taken_s = slide(left_s, drive);
+    drive.goal_mm += taken_s * drive.goal_mm_s;
+    left_s = stop == kMostStops || taken_s >= left_s ? 0.0 : left_s - taken_s;
+  }
+}
+
+/// Moves on with friction against the motion, as far as the direction stays: how long that was. At rest it
+/// stays for all of `h_s` where friction holds it.
+double SimulatedArm::slide(double h_s, const Drive& drive) noexcept {
+  Drive driven = drive;
+  const bool rests = motion_.v_mm_s == Vec3::Zero();
+  Vec3 direction = motion_.v_mm_s;
+  if (options_.friction_n > 0.0) {
+    if (rests)
+      direction =
+          motion_.motor_n + drive.steady_n + plant_.stiffness_n_per_mm * (drive.goal_mm - motion_.x_mm);
+    const double size = direction.norm();
+    if (rests && size <= options_.friction_n) {
+      Motion to = moved({1.0, 0.0, 0.0, options_.lag_s}, motion_, {command_n_, {}, {}, {}}, h_s);
+      to.x_mm = motion_.x_mm;
+      to.v_mm_s.setZero();
+      account(to, h_s, Vec3::Zero());
+      return h_s;
+    }
+    direction /= size;
+    driven.steady_n -= options_.friction_n * direction;
+  }
+  const Vec3 friction_n = driven.steady_n - drive.steady_n;
+  const Motion to = moved(plant_, motion_, driven, h_s);
+  if (options_.friction_n == 0.0 || rests || to.v_mm_s.dot(direction) > 0.0) {
+    account(to, h_s, friction_n);
+    return h_s;
+  }
+  double low = 0.0, high = h_s;
+  for (int i = 0; i < kHalvings; ++i) {
+    const double middle = 0.5 * (low + high);
+    (moved(plant_, motion_, driven, middle).v_mm_s.dot(direction) > 0.0 ? low : high) = middle;
+  }
+  const double before = motion_.v_mm_s.norm();
+  Motion stopped = moved(plant_, motion_, driven, high);
+  stopped.v_mm_s -= direction.dot(stopped.v_mm_s) * direction;
+  if (stopped.v_mm_s.norm() <= kStoppedShare * before) stopped.v_mm_s.setZero();
+  account(stopped, high, friction_n);
+  return high;
+}
+
+EnergyLedger SimulatedArm::energy() const noexcept {
+  EnergyLedger now = ledger_;
+  now.kinetic = 0.5 * options_.mass_kg * kNS2PerMmPerKg * motion_.v_mm_s.squaredNorm();
+  return now;
+}
+
+}  // namespace palpate::device

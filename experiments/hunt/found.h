@@ -1,0 +1,58 @@
+// What the hunt has found so far, and how it is written: cases that replay alone, a document.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "experiments/hunt/trial.h"
+#include "experiments/run/arguments.h"
+#include "experiments/study/output_folder.h"
+
+namespace palpate::experiments {
+
+/// The worst of one renderer towards one goal.
+struct Found {
+  double score = 0.0;
+  std::uint64_t trial = 0;  ///< its number: the seed of the hunt and it give the quarry again
+  std::size_t frame = 0;
+  Quarry quarry;
+};
+struct Fault {
+  std::string what;
+  std::uint64_t trial = 0;
+  Quarry quarry;
+};
+struct Quest {
+  RendererRequest renderer;
+  std::array<std::optional<Found>, kGoals> worst;
+  std::vector<Fault> faults;  ///< the first kMostFaults
+  std::uint64_t trials = 0, refused = 0, bound_hits = 0, faulty = 0;
+};
+inline constexpr std::size_t kMostFaults = 5;
+
+struct HuntState {
+  std::uint64_t next_trial = 0;
+  double spent_s = 0.0;
+  std::vector<Quest> quests;
+};
+[[nodiscard]] std::string to_text(const HuntState& state);
+/// False where the text is not of these quests.
+[[nodiscard]] bool from_text(const std::string& text, HuntState& state);
+
+/// The renderer with the quarry's options.
+[[nodiscard]] NamedOptions renderer_of(const Quest& quest, const Quarry& quarry);
+
+/// NAME.ply, NAME.csv and NAME.toml: `palpate replay NAME.toml --path NAME.csv` feels it alone.
+[[nodiscard]] Status write_case(const OutputFolder& folder, const std::string& name, const Quarry& quarry,
+                                const NamedOptions& renderer);
+/// What shows a case alone.
+[[nodiscard]] std::string command_of(const OutputFolder& folder, const std::string& name);
+
+/// Writes all cases, and the document that names them.
+[[nodiscard]] Result<std::string> write_found(const OutputFolder& folder, const HuntState& state,
+                                              std::uint64_t seed);
+
+}  // namespace palpate::experiments

@@ -1,0 +1,246 @@
+#include "experiments/hunt/trial.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "toolkit/cloud/generate.h"
+#include "toolkit/core/try.h"
+#include "toolkit/render/renderer.h"
+#include "toolkit/trace/replay.h"
+
+namespace palpate::experiments {
+namespace {
+
+constexpr double kStiffness = 0.5;  // N/mm, as usual
+constexpr double kPeriodS = 1e-3;
+/// Below this share of the spacing a move says nothing of a jump.
+constexpr double kLeastMove = 1e-4;
+/// Clear of a surface: so many spacings, and with noise so many of its lengths. Facets and fits are within
+/// the sagitta of an edge and the boxes of vertices within a resolution; a stroke is not worth arguing about.
+constexpr double kClearSpacings = 4.0, kClearNoise = 6.0;
+/// Sideways in an open surface, so far that no border is near.
+constexpr double kWithin = 0.75;
+/// What a count stands for, instructions: a move looks at a facet and those beside it, a test at one.
+constexpr double kPerStep = 150.0, kPerTest = 60.0, kPerCell = 60.0;
+
+bool is_open(const std::string& shape) {
+  return shape == "sinusoid" || shape == "plane" || shape == "saddle" || shape == "relief" ||
+         shape == "wedge" || shape == "bowl";
+}
+
+std::size_t index_of(double share, std::size_t size) {
+  return std::min(static_cast<std::size_t>(share * static_cast<double>(size)), size - 1);
+}
+
+void edit(std::vector<Vec3>& points, const PointEdit& change, double spacing_mm) {
+  if (points.empty()) return;
+  const std::size_t i = index_of(change.which, points.size());
+  switch (change.kind) {
+    case PointEdit::Kind::kMove:
+      points[i] += spacing_mm * change.by;
+      break;
+    case PointEdit::Kind::kDouble:
+      points.push_back(points[i] + spacing_mm * change.by);
+      break;
+    case PointEdit::Kind::kDrop:
+      points.erase(points.begin() + static_cast<std::ptrdiff_t>(i));
+      break;
+    case PointEdit::Kind::kOnto:
+      points[i] = points[index_of(change.other, points.size())];
+      break;
+  }
+}
+
+Vec3 place_of(const Waypoint& to, const cloud::Cloud& cloud, const geometry::Aabb& box, double spacing_mm) {
+  if (to.kind == Waypoint::Kind::kFree)
+    return box.centre_mm() + (0.5 * box.extent_mm().cwiseMax(spacing_mm)).cwiseProduct(to.at);
+  const Vec3 p = cloud.point_mm(index_of(to.which, cloud.size()));
+  const Vec3 from = to.kind == Waypoint::Kind::kAtPoint
+                        ? p
+                        : Vec3(0.5 * (p + cloud.point_mm(index_of(to.other, cloud.size()))));
+  return from + spacing_mm * to.at;
+}
+
+trace::ProbePath path_of(const Quarry& quarry, const cloud::Cloud& cloud, double spacing_mm) {
+  const geometry::Aabb box = cloud.box_mm();
+  constexpr double kAbove = 1.5;
+  const Vec3 start = box.centre_mm() + Vec3{0.0, 0.0, kAbove * box.extent_mm().norm() + 4.0 * spacing_mm};
+  trace::ProbePath path;
+  path.name = "hunted";
+  Vec3 at = start;
+  const auto add = [&](const Vec3& p) {
+    path.t_s.push_back(kPeriodS * static_cast<double>(path.size()));
+    path.hip_mm.push_back(p);
+  };
+  const auto go = [&](const Vec3& to, int frames) {
+    for (int k = 1; k <= frames && path.size() < kMostFrames; ++k)
+      add(k == frames ? to : Vec3(at + (to - at) * (static_cast<double>(k) / frames)));
+    at = to;
+  };
+  add(start);
+  for (const Waypoint& to : quarry.way) go(place_of(to, cloud, box, spacing_mm), to.frames);
+  constexpr int kBack = 20, kRest = 30;
+  for (int k = 0; k < kBack + kRest; ++k)
+    add(k >= kBack ? start : Vec3(at + (start - at) * (static_cast<double>(k + 1) / kBack)));
+  return path;
+}
+
+void keep_worst(Worst& worst, double score, std::size_t frame) {
+  if (score > worst.score) worst = {score, frame};
+}
+
+/// What every frame promises; empty where it keeps it.
+std::string broken(const render::Frame& frame) {
+  if (!is_finite(frame.force_n)) return "the force is not finite";
+  if (!is_finite(frame.god_object_mm)) return "the god object is not finite";
+  if (frame.status == render::FrameStatus::kNonFinite) return "a finite HIP is called non-finite";
+  if (!frame.contact && frame.force_n != Vec3::Zero()) return "a force without contact";
+  return {};
+}
+
+/// The path has kept to the middle of an open surface from `k` on back.
+bool within(const HuntScene& scene, const Vec3& h) {
+  const geometry::Aabb box = scene.input.models[0].cloud->box_mm();
+  const Vec3 off = (h - box.centre_mm()).cwiseAbs(), half = 0.5 * kWithin * box.extent_mm();
+  return off.x() <= half.x() && off.y() <= half.y();
+}
+
+/// `doubtful`: preparation warned of the answers.
+void judge(const HuntScene& scene, bool doubtful, const std::vector<render::Frame>& frames, Trial& trial) {
+  const auto& h = scene.path.hip_mm;
+  // The first frame's HIP is free where it stands.
+  Vec3 god_before = h[0];
+  double made = 0.0, stored = 0.0;
+  std::size_t made_most_at = 0, stuck = 0, stuck_at = 0;
+  double made_most = 0.0, way = 0.0;  // the HIP's way since it was free
+  const double friction = scene.input.models[0].surface.friction.static_coefficient;
+  const bool frictionless = friction == 0.0;
+  const double cone = std::sqrt(1.0 + friction * friction);  // the pull, and what friction adds to it
+  bool known = scene.surface != nullptr && !doubtful;
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    const render::Frame& f = frames[k];
+    if (trial.fault.empty()) {
+      const std::string what = broken(f);
+      if (!what.empty()) trial.fault = fmt::format("frame {}: {}", k, what);
+    }
+    trial.bound_hits += f.status == render::FrameStatus::kBoundHit;
+    known = known && (!scene.open || within(scene, h[k]));
+    // A god object only descends: whatever it ends farther from the HIP than it would be had it stayed is
+    // energy that nobody put in.
+    const double now = 0.5 * kStiffness * (h[k] - f.god_object_mm).squaredNorm();
+    const double gained = now - 0.5 * kStiffness * (h[k] - god_before).squaredNorm();
+    stored = std::max(stored, now);
+    // With friction it is held to an anchor, and the sum of squares is no potential.
+    if (frictionless && f.contact && gained > 0.0) {
+      made += gained;
+      if (gained > made_most) {
+        made_most = gained;
+        made_most_at = k;
+      }
+    }
+    god_before = f.contact ? f.god_object_mm : h[k];
+    if (k > 0) way += (h[k] - h[k - 1]).norm();
+    if (!f.contact) {
+      way = 0.0;
+      continue;
+    }
+    if (way > kLeastMove * scene.spacing_mm)
+      keep_worst(trial.worst[static_cast<std::size_t>(Goal::kForce)],
+                 f.force_n.norm() / (cone * kStiffness * way), k);
+    if (k > 0 && frames[k - 1].contact) {
+      const double move = (h[k] - h[k - 1]).norm();
+      if (move > kLeastMove * scene.spacing_mm)
+        keep_worst(trial.worst[static_cast<std::size_t>(Goal::kJump)],
+                   (f.force_n - frames[k - 1].force_n).norm() / (kStiffness * move), k);
+    }
+    if (known && scene.surface->signed_distance_mm(h[k] - scene.offset_mm) > scene.clear_mm) {
+      ++stuck;
+      stuck_at = k;
+    }
+  }
+  if (trial.fault.empty() && frames.back().status == render::FrameStatus::kBoundHit)
+    trial.fault = "what was left for the next frame is not done after 30 frames of rest";
+  if (stored > 0.0)
+    keep_worst(trial.worst[static_cast<std::size_t>(Goal::kEnergy)], made / stored, made_most_at);
+  keep_worst(trial.worst[static_cast<std::size_t>(Goal::kStick)], static_cast<double>(stuck), stuck_at);
+}
+
+}  // namespace
+
+const GoalInfo& info_of(Goal goal) {
+  static constexpr std::array<GoalInfo, kGoals> kInfos = {{
+      {"work", "counted steps of one frame, weighed as instructions"},
+      {"force", "force over cone times stiffness times the HIP's way since it was free: at most 1"},
+      {"stick", "frames in contact while the formula has the HIP clear outside"},
+      {"jump", "change of force over stiffness times move, within contact"},
+      {"energy", "energy made by the god object over the largest stored: 0 where it only descends"},
+  }};
+  return kInfos[static_cast<std::size_t>(goal)];
+}
+
+Result<HuntScene> make_scene(const Quarry& quarry) {
+  PALPATE_ASSIGN(const NamedOptions named, parse_named_options(quarry.model_text()));
+  PALPATE_ASSIGN(const cloud::GeneratedModel made, cloud::generate(named));
+  HuntScene scene;
+  scene.spacing_mm = made.nominal_spacing_mm;
+  const double size = made.cloud.box_mm().extent_mm().norm();
+  scene.offset_mm = Vec3::Constant(quarry.offset * size);
+  std::vector<Vec3> points;
+  for (std::size_t i = 0; i < made.cloud.size(); ++i) points.push_back(made.cloud.point_mm(i));
+  for (const PointEdit& change : quarry.edits) edit(points, change, scene.spacing_mm);
+  for (Vec3& p : points) p += scene.offset_mm;
+  PALPATE_ASSIGN(cloud::Cloud built, cloud::build_cloud(points, cloud::NonFinite::kRefuse));
+  // Once more from what it stores, which is what a file of it holds.
+  for (std::size_t i = 0; i < points.size(); ++i) points[i] = built.point_mm(i);
+  PALPATE_ASSIGN(built, cloud::build_cloud(points, cloud::NonFinite::kRefuse));
+  if (quarry.edits.empty()) built.raster = made.cloud.raster;
+  render::ModelInput model;
+  model.name = "hunted";
+  model.cloud = std::make_shared<const cloud::Cloud>(std::move(built));
+  model.surface.stiffness_n_per_mm = kStiffness;
+  model.surface.friction = {quarry.friction, quarry.friction};
+  scene.path = path_of(quarry, *model.cloud, scene.spacing_mm);
+  // Stored coordinates are off by what their floats round.
+  constexpr double kFewPoints = 300.0;
+  // What is thinner than the points are apart is told by nobody.
+  constexpr double kThinnest = 4.0, kSlabMm = 1.0, kShellsMm = 0.6;
+  const double thickness_mm = quarry.scale * (quarry.shape == "slab"     ? kSlabMm
+                                              : quarry.shape == "shells" ? kShellsMm
+                                                                         : size);
+  const bool judged = thickness_mm > kThinnest * scene.spacing_mm && quarry.edits.empty() &&
+                      !(quarry.outliers > 0.0) && quarry.shape != "bowl" &&
+                      static_cast<double>(quarry.points) >= kFewPoints;
+  if (judged) scene.surface = made.surface;
+  scene.open = is_open(quarry.shape);
+  scene.clear_mm = scene.spacing_mm * (kClearSpacings + kClearNoise * quarry.noise);
+  scene.input.models.push_back(std::move(model));
+  return scene;
+}
+
+Result<Trial> try_scene(const HuntScene& scene, render::HapticRenderer& renderer) {
+  PALPATE_ASSIGN(const render::PrepareReport prepared, renderer.prepare(scene.input, {1, nullptr}));
+  Trial trial;
+  PALPATE_ASSIGN(const trace::ForceTrace first, trace::replay(renderer, scene.path));
+  // Once more frame by frame, as replay() does it: a restart forgets everything, and what a frame counts is
+  // its work.
+  trace::ForceTrace again;
+  renderer.restart(scene.path.hip_mm[0], scene.path.t_s[0] - kPeriodS);
+  render::FrameCounters before = renderer.counters();
+  for (std::size_t k = 0; k < scene.path.size(); ++k) {
+    again.frames.push_back(renderer.step(scene.path.hip_mm[k], scene.path.t_s[k]));
+    const render::FrameCounters now = renderer.counters();
+    const double work = kPerStep * static_cast<double>(now.walk_steps - before.walk_steps) +
+                        kPerTest * static_cast<double>(now.box_tests - before.box_tests) +
+                        kPerCell * static_cast<double>(now.cells_visited - before.cells_visited);
+    keep_worst(trial.worst[static_cast<std::size_t>(Goal::kWork)], work, k);
+    before = now;
+  }
+  if (trace::trace_hash(first) != trace::trace_hash(again))
+    trial.fault = "a second replay answers otherwise than the first";
+  judge(scene, !prepared.warnings.empty(), first.frames, trial);
+  return trial;
+}
+
+}  // namespace palpate::experiments

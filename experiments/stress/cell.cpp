@@ -1,0 +1,242 @@
+#include "experiments/stress/cell.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <ctime>
+#include <exception>
+
+#include "toolkit/core/numbers.h"
+#include "toolkit/core/tolerances.h"
+
+namespace palpate::experiments {
+namespace {
+
+using render::Frame;
+
+// Less than this share of the frames in which a force is due may be without one: those at the ends of a
+// contact.
+constexpr double kMissedShare = 0.01;
+// Passes of which a frame's shortest time counts: the machine interrupts one, hardly three.
+constexpr int kTimedPasses = 3;
+// Scaling a force to the limit: a square root, a division, a product for each axis, and the norm taken of it
+// here.
+constexpr int kLimitOperations = 12;
+
+double thread_seconds() noexcept {
+  timespec now{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+/// One pass over the path.
+struct Pass {
+  trace::ForceTrace trace;
+  std::vector<double> frame_s;
+};
+Pass pass_of(render::HapticRenderer& renderer, const trace::ProbePath& path) {
+  Pass pass;
+  pass.trace.frames.resize(path.size());
+  pass.frame_s.resize(path.size());
+  const double first_s = path.size() > 1 ? path.t_s[1] - path.t_s[0] : 1e-3;
+  renderer.restart(path.hip_mm.front(), path.t_s.front() - first_s);
+  for (std::size_t i = 0; i < path.size(); ++i) {
+    const double begun = thread_seconds();
+    pass.trace.frames[i] = renderer.step(path.hip_mm[i], path.t_s[i]);
+    pass.frame_s[i] = thread_seconds() - begun;
+  }
+  return pass;
+}
+
+struct Prepared {
+  std::unique_ptr<render::HapticRenderer> renderer;
+  std::string refused;  ///< why there is none
+};
+Prepared prepare(const StressSetup& setup, const RendererRequest& request, const render::Registry& registry) {
+  Prepared prepared;
+  const render::RendererInfo& info = *registry.find(request.name);
+  if (const Status able = registry.check_supports(info, setup.scene); !able) {
+    prepared.refused = able.error().message();
+    return prepared;
+  }
+  Options options = request.options;
+  for (const auto& [key, value] : setup.options.all()) options.set(key, value);
+  auto made = registry.make(request.name, options);
+  if (!made) {
+    prepared.refused = made.error().message();
+    return prepared;
+  }
+  if (const auto ready = (*made)->prepare(setup.scene, {setup.threads, nullptr, nullptr}); !ready)
+    prepared.refused = ready.error().message();
+  else
+    prepared.renderer = *std::move(made);
+  return prepared;
+}
+
+/// Has an option of each of these names.
+bool has_options(const render::RendererInfo& info, const Options& options) {
+  return std::all_of(options.all().begin(), options.all().end(), [&](const auto& one) {
+    return std::any_of(info.options.begin(), info.options.end(),
+                       [&](const OptionSpec& spec) { return spec.key == one.first; });
+  });
+}
+
+std::string place_text(const trace::ProbePath& path, std::size_t i) {
+  const Vec3& h = path.hip_mm[i];
+  return fmt::format("frame {}, HIP ({:g}, {:g}, {:g}) mm", i, h.x(), h.y(), h.z());
+}
+
+/// The frames that break a rule, counted; the first one is told.
+class Breaches {
+ public:
+  Breaches(const StressSetup& setup, StressCell& cell) : setup_(setup), cell_(cell) {}
+  template <class Broken>
+  void look(const char* check, const char* what, double allowed, const Broken& broken) {
+    if (cell_.status == CellStatus::kFailed) return;
+    std::size_t count = 0, first = 0;
+    for (std::size_t i = 0; i < setup_.path.size(); ++i)
+      if (broken(i) && count++ == 0) first = i;
+    if (static_cast<double>(count) <= allowed) return;
+    cell_.status = CellStatus::kFailed;
+    cell_.check = check;
+    cell_.cause = fmt::format("{} in {} of {} frames, first {}", what, count, setup_.path.size(),
+                              place_text(setup_.path, first));
+  }
+
+ private:
+  const StressSetup& setup_;
+  StressCell& cell_;
+};
+
+void judge_frames(const StressSetup& setup, const std::vector<Frame>& frames, StressCell& cell) {
+  Breaches breaches(setup, cell);
+  const std::vector<Vec3>& hips = setup.path.hip_mm;
+  breaches.look("finite", "a force or god object that is not finite", 0, [&](std::size_t i) {
+    return !is_finite(frames[i].force_n) || (is_finite(hips[i]) && !is_finite(frames[i].god_object_mm));
+  });
+  breaches.look("finite", "a HIP that is no place is answered with a force, or without saying so", 0,
+                [&](std::size_t i) {
+                  return !is_finite(hips[i]) && (frames[i].status != render::FrameStatus::kNonFinite ||
+                                                 frames[i].force_n != Vec3::Zero() || frames[i].contact);
+                });
+  const double limit = setup.scene.force_limit_n * (1.0 + gamma(kLimitOperations));
+  breaches.look("limit", "a force above the limit", 0,
+                [&](std::size_t i) { return frames[i].force_n.stableNorm() > limit; });
+  breaches.look("free", "contact or force while the HIP is free", 0, [&](std::size_t i) {
+    return setup.due[i] == Due::kFree && (frames[i].contact || frames[i].force_n != Vec3::Zero());
+  });
+  const auto inside = std::count(setup.due.begin(), setup.due.end(), Due::kInside);
+  breaches.look(
+      "felt", "no force where there must be one", kMissedShare * static_cast<double>(inside),
+      [&](std::size_t i) { return setup.due[i] == Due::kInside && frames[i].force_n == Vec3::Zero(); });
+  for (const Frame& frame : frames) {
+    cell.contact_frames += frame.contact;
+    cell.bound_hits += frame.status == render::FrameStatus::kBoundHit;
+    cell.largest_force_n = std::max(cell.largest_force_n, frame.force_n.stableNorm());
+  }
+}
+
+/// A replay must repeat itself; a frame must end within the tick.
+void judge_passes(const StressSetup& setup, render::HapticRenderer& renderer, Pass& first, StressCell& cell) {
+  std::vector<double> least = first.frame_s;
+  for (int pass = 1; pass < kTimedPasses; ++pass) {
+    if (pass > 1 && *std::max_element(least.begin(), least.end()) <= setup.tick_s) break;
+    const Pass next = pass_of(renderer, setup.path);
+    if (trace_hash(next.trace) != cell.trace_hash && cell.status == CellStatus::kOk) {
+      cell.status = CellStatus::kFailed;
+      cell.check = "replay";
+      cell.cause = "a second replay of the same path gives other forces";
+    }
+    for (std::size_t i = 0; i < least.size(); ++i) least[i] = std::min(least[i], next.frame_s[i]);
+  }
+  const auto worst = std::max_element(least.begin(), least.end());
+  if (*worst <= setup.tick_s || cell.status != CellStatus::kOk) return;
+  const std::string bound = renderer.describe().work_bound;
+  const bool stated = bound.starts_with("unbounded");
+  cell.status = stated ? CellStatus::kLimit : CellStatus::kFailed;
+  cell.check = "bounded";
+  cell.cause =
+      fmt::format("a frame of {} of processor time, {}; its bound says: {}", duration_text(1e3 * *worst),
+                  place_text(setup.path, static_cast<std::size_t>(worst - least.begin())), bound);
+}
+
+void judge_twin(const StressSetup& setup, const RendererRequest& request, const render::Registry& registry,
+                const std::vector<Frame>& frames, StressCell& cell) {
+  const Prepared twin = prepare(*setup.twin, request, registry);
+  if (!twin.renderer) return;  // refused at unit scale: there is nothing to compare with
+  const Pass unit = pass_of(*twin.renderer, setup.twin->path);
+  cell.twin_bound_n = setup.twin_bound_n;
+  std::size_t beyond = 0, first = 0;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const double difference = (frames[i].force_n - unit.trace.frames[i].force_n).norm();
+    cell.twin_difference_n = std::max(cell.twin_difference_n, difference);
+    if (!(difference <= setup.twin_bound_n) && beyond++ == 0) first = i;
+  }
+  if (beyond == 0 || cell.status != CellStatus::kOk) return;
+  cell.status = CellStatus::kFailed;
+  cell.check = "twin";
+  cell.cause = fmt::format(
+      "{} of {} forces differ from the twin's by more than rounding allows ({} N), by up to {} N, first {}",
+      beyond, frames.size(), short_number(setup.twin_bound_n), short_number(cell.twin_difference_n),
+      place_text(setup.path, first));
+}
+
+void fill_cell(const StressCase& one, const RendererRequest& request, const render::Registry& registry,
+               StressCell& cell) {
+  const Result<StressSetup> setup = one.make();
+  if (!setup) {
+    cell.status = CellStatus::kLimit;
+    cell.cause = "no model is made: " + setup.error().message();
+    return;
+  }
+  if (!has_options(*registry.find(request.name), setup->options)) {
+    cell.cause = "it has no such option";
+    return;
+  }
+  const Prepared prepared = prepare(*setup, request, registry);
+  if (!prepared.renderer) {
+    cell.status = CellStatus::kLimit;
+    cell.cause = prepared.refused;
+    return;
+  }
+  cell.status = CellStatus::kOk;
+  Pass first = pass_of(*prepared.renderer, setup->path);
+  cell.frames = first.trace.frames.size();
+  cell.trace_hash = trace_hash(first.trace);
+  judge_frames(*setup, first.trace.frames, cell);
+  judge_passes(*setup, *prepared.renderer, first, cell);
+  if (setup->twin) judge_twin(*setup, request, registry, first.trace.frames, cell);
+}
+
+}  // namespace
+
+const char* name_of(CellStatus status) noexcept {
+  switch (status) {
+    case CellStatus::kOk:
+      return "ok";
+    case CellStatus::kLimit:
+      return "limit";
+    case CellStatus::kFailed:
+      return "failed";
+    case CellStatus::kSkipped:
+      return "skipped";
+  }
+  return "";
+}
+
+StressCell run_cell(const StressCase& one, const RendererRequest& request, const render::Registry& registry) {
+  StressCell cell;
+  cell.renderer = request.label;
+  cell.name = one.name;
+  try {
+    fill_cell(one, request, registry, cell);
+  } catch (const std::exception& error) {
+    cell.status = CellStatus::kFailed;
+    cell.check = "crash";
+    cell.cause = fmt::format("an exception left it: {}", error.what());
+  }
+  return cell;
+}
+
+}  // namespace palpate::experiments

@@ -1,0 +1,127 @@
+// Scale, offset, number of points, threads.
+#include <fmt/format.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "experiments/stress/setups.h"
+#include "toolkit/core/try.h"
+
+namespace palpate::experiments {
+namespace {
+
+// A hundredth of the spacing off the grid: no two distances are equal, and it is a height field still.
+constexpr const char* kWave =
+    "sinusoid:extent_mm=30:amplitude_mm=1:wavelength_mm=20:spacing_mm=0.5:jitter=0.01";
+constexpr const char* kStone = "pebble:extent_mm=20:points=6000:finest=0.6:slope=0.1:jitter=0.01";
+
+using Unit = std::shared_ptr<const StressSetup>;
+
+Result<Unit> unit_of(const char* generator) {
+  PALPATE_ASSIGN(StressSetup setup, setup_of_generator(generator));
+  const auto surface = setup.scene.models.front().analytic;
+  weave(setup, *surface, 5.0, 0.8, 3.0, 0.2, 600);
+  return Unit(std::make_shared<const StressSetup>(std::move(setup)));
+}
+
+std::function<Result<StressSetup>()> stretched_by(const char* generator, const Stretch& by) {
+  return [generator, by]() -> Result<StressSetup> {
+    PALPATE_ASSIGN(const Unit unit, unit_of(generator));
+    return stretched(unit, by);
+  };
+}
+
+void add_scales(std::vector<StressCase>& cases) {
+  struct Scale {
+    const char* name;
+    double factor;
+    const char* text;
+    bool quick;
+  };
+  for (const Scale& s : {Scale{"scale-unit", 1.0, "A wave at unit scale, the twin of the others.", true},
+                         {"scale-2^-20", 0x1p-20, "A millionth, as a power of two: exact.", true},
+                         {"scale-2^20", 0x1p20, "A million times, as a power of two: exact.", true},
+                         {"scale-1e-6", 1e-6, "A millionth: every coordinate is rounded anew.", true},
+                         {"scale-1e-3", 1e-3, "A thousandth.", false},
+                         {"scale-1e3", 1e3, "A thousand times.", false},
+                         {"scale-1e6", 1e6, "A million times: a wave of 30 km.", true}}) {
+    cases.push_back(
+        {s.name, "scale", s.text, s.quick, false, stretched_by(kWave, {s.factor, Vec3::Zero(), {}})});
+  }
+  cases.push_back({"scale-closed-2^-20", "scale", "A closed pebble at a millionth, as a power of two.", false,
+                   false, stretched_by(kStone, {0x1p-20, Vec3::Zero(), {}})});
+  cases.push_back({"scale-closed-1e6", "scale", "A closed pebble a million times as large.", false, false,
+                   stretched_by(kStone, {1e6, Vec3::Zero(), {}})});
+  cases.push_back({"scale-denormal", "scale", "All coordinates below the normal numbers of single precision.",
+                   true, false, []() -> Result<StressSetup> {
+                     PALPATE_ASSIGN(const Unit unit, unit_of(kWave));
+                     PALPATE_ASSIGN(StressSetup setup, stretched(unit, {0x1p-140, Vec3::Zero(), {}}));
+                     setup.twin = nullptr;  // the points themselves lose their digits
+                     for (Due& due : setup.due) due = due == Due::kInside ? Due::kAny : due;
+                     return setup;
+                   }});
+}
+
+void add_offsets(std::vector<StressCase>& cases) {
+  struct Offset {
+    const char *name, *text;
+    double mm;
+    bool quick;
+  };
+  for (const Offset& o : {Offset{"1e3", "a metre", 1e3, false},
+                          {"1e6", "a kilometre", 1e6, true},
+                          {"1e9", "a thousand kilometres", 1e9, true}}) {
+    const Vec3 by = o.mm * Vec3(1.0, -0.7, 0.4);
+    cases.push_back({fmt::format("offset-{}", o.name), "offset",
+                     fmt::format("The points {} from the origin of their file.", o.text), o.quick, false,
+                     stretched_by(kWave, {1.0, by, {}})});
+    geometry::RigidTransform pose;
+    pose.translation_mm = by;
+    cases.push_back({fmt::format("placed-{}", o.name), "offset",
+                     fmt::format("The model placed {} from the origin of the world.", o.text), false, false,
+                     stretched_by(kWave, {1.0, Vec3::Zero(), pose})});
+  }
+  geometry::RigidTransform turned;
+  turned.translation_mm = 1e9 * Vec3(-0.3, 1.0, 0.2);
+  turned.rotation = Eigen::Quaterniond(Eigen::AngleAxisd(1.1, Vec3(1, 2, 3).normalized()));
+  cases.push_back({"turned-1e9", "offset", "Placed a thousand kilometres away and turned.", false, false,
+                   [turned]() -> Result<StressSetup> {
+                     PALPATE_ASSIGN(const Unit unit, unit_of(kStone));
+                     PALPATE_ASSIGN(StressSetup setup, stretched(unit, {1.0, Vec3::Zero(), turned}));
+                     setup.twin = nullptr;  // forces are turned
+                     return setup;
+                   }});
+  cases.push_back({"offset-closed-1e9", "offset",
+                   "A closed pebble a thousand kilometres from the origin of its file.", true, false,
+                   stretched_by(kStone, {1.0, 1e9 * Vec3(0.5, 1.0, -0.25), {}})});
+}
+
+Result<StressSetup> many_points(const char* generator) {
+  PALPATE_ASSIGN(StressSetup setup, setup_of_generator(generator));
+  const auto surface = setup.scene.models.front().analytic;
+  weave(setup, *surface, 3.0, 1.0, 1.5, 0.2, 1000);
+  return setup;
+}
+
+}  // namespace
+
+void add_number_cases(std::vector<StressCase>& cases) {
+  add_scales(cases);
+  add_offsets(cases);
+  cases.push_back({"points-10k", "points", "10,201 points of table 7's surface.", false, false,
+                   [] { return many_points("sinusoid:points=10201"); }});
+  cases.push_back({"points-1m", "points", "A million points.", false, false,
+                   [] { return many_points("sinusoid:points=1002001"); }});
+  cases.push_back({"points-10m", "points", "Ten million points.", false, true,
+                   [] { return many_points("sinusoid:points=10004569"); }});
+  cases.push_back({"threads", "points", "Prepared with four threads, against one: the same bits.", true,
+                   false, []() -> Result<StressSetup> {
+                     PALPATE_ASSIGN(const Unit unit, unit_of(kStone));
+                     StressSetup setup = *unit;
+                     setup.threads = 4;
+                     setup.twin = unit;
+                     return setup;
+                   }});
+}
+
+}  // namespace palpate::experiments

@@ -1,0 +1,184 @@
+#include "experiments/stress/setups.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "toolkit/cloud/generate.h"
+#include "toolkit/core/tolerances.h"
+#include "toolkit/core/try.h"
+
+namespace palpate::experiments {
+namespace {
+
+StressSetup setup_of(render::ModelInput model) {
+  model.surface.stiffness_n_per_mm = kStressStiffness;
+  StressSetup setup;
+  setup.scene.force_limit_n = kStressLimitN;
+  setup.scene.models.push_back(std::move(model));
+  return setup;
+}
+
+/// The points of a cloud, scaled and moved; a double holds the product of a stored coordinate and a power of
+/// two.
+std::vector<Vec3> moved_points(const cloud::Cloud& cloud, const Stretch& stretch) {
+  std::vector<Vec3> points(cloud.size());
+  for (std::size_t i = 0; i < points.size(); ++i)
+    points[i] = stretch.scale * cloud.point_mm(i) + stretch.offset_mm;
+  return points;
+}
+
+std::shared_ptr<const geometry::TriangleMesh> moved_mesh(const geometry::TriangleMesh& mesh,
+                                                         const Stretch& stretch) {
+  auto moved = std::make_shared<geometry::TriangleMesh>(mesh);
+  for (Vec3& vertex : moved->vertices_mm) vertex = stretch.scale * vertex + stretch.offset_mm;
+  return moved;
+}
+
+/// How far a point or the HIP of the stretched scene stands from where exact arithmetic would have it, at
+/// unit scale. Each is rounded when it is formed (u times its size), a point again when it is stored (half
+/// the extent times the unit roundoff of float, at the unit and at the stretched scale), the HIP again when
+/// it is brought into the model's frame (a rotation of nine products and a translation: gamma(6) of its
+/// size).
+double placement_error(const cloud::Cloud& cloud, const Stretch& stretch) {
+  const geometry::Aabb box = cloud.box_mm();
+  const double reach = std::max(box.low_mm.cwiseAbs().maxCoeff(), box.high_mm.cwiseAbs().maxCoeff());
+  const double size = stretch.scale * reach + stretch.offset_mm.norm() + stretch.pose.translation_mm.norm();
+  constexpr int kOperations = 12;  // forming it, into the world and back
+  const double rounded = std::sqrt(3.0) * gamma(kOperations) * size / stretch.scale;
+  const double stored = std::sqrt(3.0) * 2.0 * kUnitRoundoffFloat * 0.5 * box.extent_mm().maxCoeff();
+  return rounded + stored;
+}
+
+bool is_power_of_two(double value) {
+  int exponent = 0;
+  return std::frexp(value, &exponent) == 0.5;
+}
+
+}  // namespace
+
+Result<StressSetup> setup_of_points(const std::vector<Vec3>& points, const std::string& name) {
+  render::ModelInput model;
+  model.name = name;
+  PALPATE_ASSIGN(cloud::Cloud cloud, cloud::build_cloud(points, cloud::NonFinite::kRefuse));
+  model.cloud = std::make_shared<const cloud::Cloud>(std::move(cloud));
+  return setup_of(std::move(model));
+}
+
+Result<StressSetup> setup_of_generator(const std::string& generator) {
+  PALPATE_ASSIGN(const NamedOptions spec, parse_named_options(generator));
+  PALPATE_ASSIGN(cloud::GeneratedModel made, cloud::generate(spec));
+  render::ModelInput model;
+  model.name = generator;
+  model.cloud = std::make_shared<const cloud::Cloud>(std::move(made.cloud));
+  model.original_mesh = made.original_mesh;
+  model.analytic = made.surface;
+  return setup_of(std::move(model));
+}
+
+Way& Way::to(const Vec3& place, int steps, const std::function<Due(const Vec3&)>& due) {
+  const Vec3 from = at_;
+  for (int i = 1; i <= steps; ++i) {
+    at_ = i == steps ? place : Vec3(from + (static_cast<double>(i) / steps) * (place - from));
+    path_.t_s.push_back(now_s_);
+    path_.hip_mm.push_back(at_);
+    due_.push_back(due(at_));
+    now_s_ += dt_s_;
+  }
+  return *this;
+}
+
+Way& Way::to(const Vec3& place, int steps, Due due) {
+  return to(place, steps, [due](const Vec3&) { return due; });
+}
+
+Way& Way::stay(int frames, Due due) {
+  for (int i = 0; i < frames; ++i) to(at_, 1, due);
+  return *this;
+}
+
+void Way::put_into(StressSetup& setup) && {
+  setup.path = std::move(path_);
+  setup.path.name = "stress";
+  setup.due = std::move(due_);
+}
+
+void weave(StressSetup& setup, const geometry::AnalyticSurface& surface, double out_mm, double deep_mm,
+           double clear_mm, double felt_mm, int frames) {
+  constexpr double kPi = std::numbers::pi;
+  constexpr int kTimes = 3;
+  const double middle = 0.5 * (out_mm - deep_mm), half = 0.5 * (out_mm + deep_mm);
+  setup.path = {};
+  setup.due.clear();
+  setup.path.name = "stress";
+  for (int k = 0; k <= frames; ++k) {
+    const double along = static_cast<double>(k) / frames;
+    const geometry::SurfacePoint at = surface.at(0.5 + 0.2 * std::sin(2.0 * kPi * along + 0.3),
+                                                 0.5 + 0.2 * std::cos(2.0 * kPi * std::numbers::phi * along));
+    const double height = middle + half * std::cos(2.0 * kPi * kTimes * along);
+    const Vec3 hip = at.point_mm + height * at.normal;
+    setup.path.t_s.push_back(1e-3 * k);
+    setup.path.hip_mm.push_back(hip);
+    const double distance = surface.signed_distance_mm(hip);
+    setup.due.push_back(distance > clear_mm ? Due::kFree : distance < -felt_mm ? Due::kInside : Due::kAny);
+  }
+}
+
+void dip(StressSetup& setup, const Dip& d) {
+  const Vec3 out(0, 0, d.out_mm), deep(0, 0, -d.deep_mm);
+  const double floor = d.from.z();
+  const auto due = [&](const Vec3& p) {
+    const double height = p.z() - floor;
+    return height > d.clear_mm ? Due::kFree : height < -d.felt_mm ? Due::kInside : Due::kAny;
+  };
+  Way way(d.from + out);
+  way.to(d.from + deep, d.frames, due).to(d.to + deep, d.frames, due).to(d.to + out, d.frames, due);
+  way.stay(3, d.out_mm > d.clear_mm ? Due::kFree : Due::kAny);
+  std::move(way).put_into(setup);
+}
+
+Result<StressSetup> stretched(const std::shared_ptr<const StressSetup>& unit, const Stretch& stretch) {
+  StressSetup setup = *unit;
+  render::ModelInput& model = setup.scene.models.front();
+  const cloud::Cloud& cloud = *model.cloud;
+  const std::string generator = model.name;
+  PALPATE_ASSIGN(cloud::Cloud moved,
+                 cloud::build_cloud(moved_points(cloud, stretch), cloud::NonFinite::kRefuse));
+  moved.raster = cloud.raster;
+  const double error = placement_error(cloud, stretch);
+  if (model.original_mesh) model.original_mesh = moved_mesh(*model.original_mesh, stretch);
+  const bool only_scaled = stretch.offset_mm == Vec3::Zero();
+  if (model.analytic && stretch.scale != 1.0) {
+    model.analytic = nullptr;
+    PALPATE_ASSIGN(NamedOptions spec, parse_named_options(generator));
+    spec.options.set("scale", fmt::format("{}", stretch.scale));
+    PALPATE_ASSIGN(const cloud::GeneratedModel made, cloud::generate(spec));
+    model.analytic = made.surface;
+  }
+  if (!only_scaled) model.analytic = nullptr;
+  model.cloud = std::make_shared<const cloud::Cloud>(std::move(moved));
+  model.world_from_model = stretch.pose;
+  model.surface.stiffness_n_per_mm = unit->scene.models.front().surface.stiffness_n_per_mm / stretch.scale;
+  double deepest = 0.0;
+  for (Vec3& hip : setup.path.hip_mm) hip = stretch.pose * Vec3(stretch.scale * hip + stretch.offset_mm);
+  for (std::size_t i = 0; i < setup.due.size(); ++i)
+    if (setup.due[i] != Due::kFree && unit->scene.models.front().analytic)
+      deepest =
+          std::max(deepest, -unit->scene.models.front().analytic->signed_distance_mm(unit->path.hip_mm[i]));
+  setup.twin = unit;
+  const bool exact = is_power_of_two(stretch.scale) && only_scaled && stretch.pose.is_identity();
+  if (exact) return setup;
+  // A facet whose corners are each `error` off their place moves by as much and turns by up to twice that
+  // over its least height, which the sampling keeps above a quarter of the spacing; the foot of a HIP at
+  // depth d goes with it: error (1 + 2 d / height), and the HIP itself is as far off its place.
+  const double spacing =
+      std::sqrt(cloud.box_mm().extent_mm().head<2>().prod() / static_cast<double>(cloud.size()));
+  constexpr double kLeastHeight = 0.25;
+  setup.twin_bound_n = unit->scene.models.front().surface.stiffness_n_per_mm * error *
+                       (2.0 + 2.0 * deepest / (kLeastHeight * spacing));
+  return setup;
+}
+
+}  // namespace palpate::experiments

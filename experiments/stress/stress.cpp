@@ -1,0 +1,184 @@
+#include "experiments/stress/stress.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+
+#include "experiments/session/run_key.h"
+#include "experiments/session/terminal.h"
+#include "experiments/stress/apart.h"
+#include "experiments/stress/matrix.h"
+#include "toolkit/core/clock.h"
+#include "toolkit/core/try.h"
+
+namespace palpate::experiments {
+namespace {
+
+bool names_it(const StressCase& one, const std::string& word) {
+  return one.name == word || one.group == word;
+}
+
+Result<std::vector<StressCase>> chosen_cases(const StressArguments& arguments) {
+  std::vector<StressCase> all = stress_cases();
+  const std::vector<std::string> words =
+      arguments.cases.empty() ? std::vector<std::string>() : split_list(arguments.cases);
+  for (const std::string& word : words)
+    if (std::none_of(all.begin(), all.end(), [&](const StressCase& one) { return names_it(one, word); })) {
+      std::string known, group;
+      for (const StressCase& one : all) {
+        if (one.group != group) known += (group.empty() ? "" : ", ") + (group = one.group) + " (";
+        known += one.name + (&one == &all.back() || (&one + 1)->group != group ? ")" : " ");
+      }
+      return Error{
+          fmt::format("there is no case '{}'", word), "choose cases or whole groups from " + known, {}, 0};
+    }
+  std::erase_if(all, [&](const StressCase& one) {
+    const bool named =
+        std::any_of(words.begin(), words.end(), [&](const std::string& w) { return names_it(one, w); });
+    return (!words.empty() && !named) || (arguments.quick && !one.quick);
+  });
+  if (all.empty())
+    return Error{"none of these cases is of the short set", "leave out --quick, or name others", {}, 0};
+  return all;
+}
+
+Result<std::vector<RendererRequest>> chosen_renderers(const std::string& text,
+                                                      const render::Registry& registry) {
+  if (!text.empty()) return parse_renderers(text, registry);
+  std::vector<RendererRequest> requests;
+  for (const render::RendererInfo& info : registry.all()) requests.push_back({info.name, info.name, {}, {}});
+  return requests;
+}
+
+std::string row_text(const std::vector<StressCell>& row) {
+  std::string text;
+  for (const StressCell& cell : row) text += to_line(cell) + "\n";
+  return text;
+}
+bool row_of(const std::string& text, std::size_t cells, std::vector<StressCell>& row) {
+  row.clear();
+  for (const std::string& line : split_list(text, '\n'))
+    if (!line.empty() && !from_line(line, row.emplace_back())) return false;
+  return row.size() == cells;
+}
+
+/// Runs the rows and keeps each that is complete.
+class StressRun {
+ public:
+  StressRun(const StressArguments& arguments, const render::Registry& registry, const OutputFolder& folder,
+            StressMatrix& matrix, ProgressBar& progress)
+      : arguments_(arguments), registry_(registry), folder_(folder), matrix_(matrix), progress_(progress) {
+    limits_.seconds = arguments.cell_s;
+    for (const StressCase& one : matrix.cases)
+      if (!one.full || arguments.full) run_.push_back(one);
+  }
+
+  Status all() {
+    for (std::size_t r = 0; r < matrix_.renderers.size(); ++r) {
+      const RendererRequest& request = matrix_.renderers[r];
+      progress_.set_prefix(fmt::format("[{}/{}] ", r + 1, matrix_.renderers.size()));
+      std::vector<StressCell> row;
+      const bool kept = folder_.take_over(request.label, key_of(request), [&](const std::string& text) {
+        return row_of(text, run_.size(), row);
+      });
+      if (!kept && !spent()) {
+        row.clear();
+        run_row(request, r, row);
+        if (row.size() == run_.size())
+          PALPATE_TRY(folder_.keep(request.label, key_of(request), row_text(row)));
+      }
+      matrix_.cells.push_back(spread(request, row));
+    }
+    progress_.set_prefix("");
+    return Done{};
+  }
+
+ private:
+  [[nodiscard]] bool spent() const {
+    return arguments_.budget_s > 0.0 && watch_.ms() > 1e3 * arguments_.budget_s;
+  }
+
+  void run_row(const RendererRequest& request, std::size_t r, std::vector<StressCell>& row) {
+    const auto say = [&] {
+      if (row.size() == run_.size()) return;
+      const double done =
+          static_cast<double>(r) + static_cast<double>(row.size()) / static_cast<double>(run_.size());
+      progress_.report(fmt::format("{} at the extremes", request.label),
+                       done / static_cast<double>(matrix_.renderers.size()));
+    };
+    say();
+    run_row_apart(run_, request, registry_, limits_, [&](StressCell&& cell) {
+      row.push_back(std::move(cell));
+      say();
+      return !spent();
+    });
+  }
+
+  /// The row with the cells that were not run.
+  std::vector<StressCell> spread(const RendererRequest& request, const std::vector<StressCell>& row) const {
+    std::vector<StressCell> cells;
+    for (const StressCase& one : matrix_.cases) {
+      const auto at =
+          std::find_if(row.begin(), row.end(), [&](const StressCell& c) { return c.name == one.name; });
+      StressCell skipped;
+      skipped.renderer = request.label;
+      skipped.name = one.name;
+      skipped.cause = one.full && !arguments_.full ? "only with --full" : "the budget was spent";
+      cells.push_back(at != row.end() ? *at : skipped);
+    }
+    return cells;
+  }
+
+  const StressArguments& arguments_;
+  const render::Registry& registry_;
+  const OutputFolder& folder_;
+  StressMatrix& matrix_;
+  ProgressBar& progress_;
+  CellLimits limits_;
+  std::vector<StressCase> run_;  ///< those that are run
+  Stopwatch watch_;
+};
+
+Status write_results(const StressMatrix& matrix, const OutputFolder& folder) {
+  PALPATE_TRY(folder.write(kStressFile, stress_json(matrix)));
+  PALPATE_TRY(folder.write("stress.svg", stress_picture(matrix)));
+  PALPATE_TRY(write_page(stress_page(matrix), folder));
+  return folder.complete();
+}
+
+}  // namespace
+
+int run_stress(const StressArguments& arguments, Context& context) {
+  const render::Registry registry = all_renderers();
+  StressMatrix matrix;
+  Result<std::vector<RendererRequest>> renderers = chosen_renderers(arguments.renderers, registry);
+  if (!renderers) return fail(renderers.error(), kExitBadInput);
+  matrix.renderers = *std::move(renderers);
+  for (const RendererRequest& request : matrix.renderers)
+    matrix.roles.push_back(registry.find(request.name)->role);
+  Result<std::vector<StressCase>> cases = chosen_cases(arguments);
+  if (!cases) return fail(cases.error(), kExitBadInput);
+  matrix.cases = *std::move(cases);
+  matrix.head = new_head(context.command_line);
+  const Result<OutputFolder> folder = OutputFolder::open(arguments.out);
+  if (!folder) return fail(folder.error(), kExitBadInput, &context.progress);
+  RunKey key;
+  key.add(arguments.cases).add(arguments.cell_s);
+  key.add(static_cast<std::uint64_t>(arguments.full)).add(static_cast<std::uint64_t>(arguments.quick));
+  if (const Status begun = begin_run(*folder, key.word(), context); !begun)
+    return fail(begun.error(), kExitFellShort, &context.progress);
+  Status done = StressRun(arguments, registry, *folder, matrix, context.progress).all();
+  if (done) done = write_results(matrix, *folder);
+  context.progress.clear();
+  if (!done) return fail(done.error(), kExitFellShort);
+  if (arguments.json)
+    fmt::print("{}", stress_json(matrix));
+  else
+    fmt::print("{}\n{}\nreport: {}\n", to_text(stress_table(matrix), terminal_columns(STDOUT_FILENO)),
+               to_text(stress_summary(matrix), terminal_columns(STDOUT_FILENO)),
+               std::filesystem::absolute(folder->file("report.html")).string());
+  return failures(matrix, render::Role::kOurs) > 0 ? kExitFellShort : kExitOk;
+}
+
+}  // namespace palpate::experiments

@@ -1,0 +1,224 @@
+// Simulated loops against what is known of them: exact limits of linear loops, and what the worst hand can
+// take out of a passive one.
+#include "device/loop_theory.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+
+#include "tests/device/rig.h"
+
+namespace palpate::device {
+namespace {
+
+constexpr double kWithin = 0.10;  // of theory
+
+/// A linear loop from a place 0.1 mm off: does it grow? Measured between the first and the last tenth.
+bool grows(const ArmOptions& arm, const Hand& hand, double stiffness, double wall_damping = 0.0) {
+  VirtualClock clock;
+  const HandScript script = resting_at(Vec3(0, 0, 0.1));
+  SimulatedArm device(arm, hand, script, clock);
+  SpringPlane spring(stiffness, true);
+  spring.difference_n_per_mm = wall_damping / arm.period_s;
+  // The hand's own spring rests at the starting place: the loop swings about a place between.
+  const LoopRun run = run_loop(spring, device, clock, bare_loop(arm.period_s, 8.0)).value();
+  if (run.fault != Fault::kNone) return true;
+  const auto size = [&](std::size_t from, std::size_t to) {
+    double low = 1e300, high = -1e300;
+    for (std::size_t i = from; i < to; ++i) {
+      low = std::min(low, run.hip.hip_mm[i].z());
+      high = std::max(high, run.hip.hip_mm[i].z());
+    }
+    return high - low;
+  };
+  const std::size_t n = run.hip.size();
+  // From the middle on, when what dies fast has died.
+  return size(n - n / 10, n) > size(n / 2, n / 2 + n / 10);
+}
+
+double simulated_limit(const ArmOptions& arm, const Hand& hand, double low, double high,
+                       double damping = 0.0) {
+  EXPECT_FALSE(grows(arm, hand, low, damping)) << low;
+  EXPECT_TRUE(grows(arm, hand, high, damping)) << high;
+  while (high > 1.005 * low) {
+    const double middle = std::sqrt(low * high);
+    (grows(arm, hand, middle, damping) ? high : low) = middle;
+  }
+  return std::sqrt(low * high);
+}
+
+ArmOptions linear_arm(double mass_kg, double damping, double period_s) {
+  ArmOptions arm;
+  arm.mass_kg = mass_kg;
+  arm.damping_n_s_per_mm = damping;
+  arm.period_s = period_s;
+  arm.force_max_n = 1e6;
+  return arm;
+}
+
+/// The limit of a mass and a damper under a sampled spring, by hand: the period's map has trace 1 + e + a K
+/// and determinant e + b K of exponentials; the circle is left where a pole reaches it.
+double closed_form_limit(double mass_kg, double damping, double period_s) {
+  const double m = mass_kg * 1e-3, r = damping / m, e = std::exp(-r * period_s);
+  const double push_v = (1 - e) / damping, push_x = period_s / damping - m / (damping * damping) * (1 - e);
+  const double gain_x = (1 - e) / r;  // of the velocity, on the position
+  const auto radius = [&](double k) {
+    // [x; v] -> [1 - k push_x, gain_x; -k push_v, e]
+    const std::complex<double> trace = 1 - k * push_x + e, det = (1 - k * push_x) * e + k * push_v * gain_x;
+    const std::complex<double> root = std::sqrt(trace * trace - 4.0 * det);
+    return std::max(std::abs(0.5 * (trace + root)), std::abs(0.5 * (trace - root)));
+  };
+  double low = 1e-3, high = 1e3;
+  while (high > low * (1 + 1e-9)) (radius(std::sqrt(low * high)) > 1 ? high : low) = std::sqrt(low * high);
+  return low;
+}
+
+TEST(LoopTheory, EigenvaluesAgreeWithTheClosedForm) {
+  for (const double m : {0.045, 0.2, 2.0})
+    for (const double b : {0.0001, 0.0003, 0.002})
+      for (const double t : {0.000125, 0.001, 0.002}) {
+        const double exact = closed_form_limit(m, b, t);
+        EXPECT_NEAR(linear_stiffness_n_per_mm({{m, b, 0, 0}, t, 0, 0}), exact, 1e-5 * exact) << m << " " << b;
+      }
+  // A device of 45 g and 0.3 N s/m at 1 kHz: 2 b/T, and a third of it with a sample of delay.
+  EXPECT_NEAR(linear_stiffness_n_per_mm({{0.045, 0.0003, 0, 0}, 0.001, 0, 0}), 0.6, 0.006);
+  EXPECT_NEAR(linear_stiffness_n_per_mm({{0.045, 0.0003, 0, 0}, 0.001, 0.001, 0}), 0.2, 0.002);
+}
+
+TEST(LoopTheory, TheSimulationLosesItsStabilityWhereTheEigenvaluesSay) {
+  struct Case {
+    double mass, damping, period, delay, lag, wall;
+    Hand hand;
+  };
+  Hand grip;
+  grip.mass_kg = 0.15;
+  grip.damping_n_s_per_mm = 0.0045;
+  grip.stiffness_n_per_mm = 0.4;
+  for (const Case& c : {Case{0.045, 0.0003, 0.001, 0.0, 0.0, 0.0, {}},
+                        {0.045, 0.0003, 0.001, 0.001, 0.0, 0.0, {}},
+                        {0.045, 0.0003, 0.001, 0.0024, 0.0, 0.0, {}},
+                        {0.045, 0.0003, 0.00025, 0.0, 0.00016, 0.0, {}},
+                        {0.045, 0.0003, 0.001, 0.0, 0.0, 0.0002, {}},
+                        {0.3, 0.0015, 0.0005, 0.0004, 0.00016, 0.001, {}},
+                        {0.045, 0.0003, 0.001, 0.0, 0.00016, 0.0, grip},
+                        {0.045, 0.0003, 0.001, 0.004, 0.0, 0.0, grip}}) {
+    ArmOptions arm = linear_arm(c.mass, c.damping, c.period);
+    arm.delay_s = c.delay;
+    arm.lag_s = c.lag;
+    const Plant plant{c.mass + c.hand.mass_kg, c.damping + c.hand.damping_n_s_per_mm,
+                      c.hand.stiffness_n_per_mm, c.lag};
+    const double theory = linear_stiffness_n_per_mm({plant, c.period, c.delay, c.wall});
+    const double found = simulated_limit(arm, c.hand, 0.7 * theory, 1.4 * theory, c.wall);
+    EXPECT_NEAR(found, theory, 0.02 * theory) << c.mass << " " << c.delay << " " << c.lag << " " << c.wall;
+  }
+}
+
+TEST(LoopTheory, AHeavyFreeMassIsTheWorstHandOfASpringAndReachesColgatesBound) {
+  // Of all undamped masses and springs in the hand.
+  const double b = 0.0003, t = 0.001;
+  double worst = 1e300;
+  Plant worst_plant;
+  for (double mass = 0.045; mass < 1.0; mass *= 1.5)
+    for (double swing = 0.0; swing < 1.0; swing += 0.05) {  // of pi / T
+      const double omega = swing * std::acos(-1.0) / t;
+      const Plant plant{mass, b, mass * 1e-3 * omega * omega, 0.0};
+      const double limit = linear_stiffness_n_per_mm({plant, t, 0.0, 0.0});
+      if (limit < worst) {
+        worst = limit;
+        worst_plant = plant;
+      }
+    }
+  const double theory = passive_stiffness_n_per_mm(b, 0.0, 0.0, 0.0, t);
+  EXPECT_NEAR(worst, theory, kWithin * theory);
+  EXPECT_EQ(worst_plant.stiffness_n_per_mm, 0.0);
+  Hand hand;
+  hand.mass_kg = worst_plant.mass_kg - 0.045;
+  EXPECT_NEAR(simulated_limit(linear_arm(0.045, b, t), hand, 0.8 * theory, 1.25 * theory), theory,
+              kWithin * theory);
+}
+
+TEST(LoopTheory, DelayLowersTheLimitOfSlowSwingsAsItsFormulaSays) {
+  for (const double delay : {0.0, 0.001, 0.0025, 0.004})
+    for (const double wall : {0.0, 0.0002}) {
+      const double theory = delayed_stiffness_n_per_mm(0.0003, wall, 0.001, delay);
+      // A mass with which swings are slow against delay and samples, the formula's assumption, and still fast
+      // enough to be seen to grow.
+      ArmOptions arm = linear_arm(0.2, 0.0003, 0.001);
+      arm.delay_s = delay;
+      EXPECT_NEAR(simulated_limit(arm, {}, 0.7 * theory, 1.4 * theory, wall), theory, kWithin * theory)
+          << delay << " " << wall;
+    }
+}
+
+/// What a hand takes out that swings as fast as the samples, mJ in so many cycles: it goes `way_mm` deeper in
+/// one period and comes back in the next.
+double shaken_mj(const ArmOptions& arm, SpringPlane& spring, double top_mm, double way_mm, int cycles) {
+  std::vector<double> t_s;
+  std::vector<Vec3> goal_mm;
+  for (int i = 0; i <= 2 * cycles; ++i) {
+    t_s.push_back(i * arm.period_s);
+    goal_mm.emplace_back(0, 0, i % 2 == 0 ? top_mm : top_mm - way_mm);
+  }
+  const HandScript script =
+      HandScript::create("shake", std::move(t_s), std::move(goal_mm), HandScript::Between::kStraight).value();
+  VirtualClock clock;
+  Hand guide;
+  guide.guides = true;
+  SimulatedArm device(arm, guide, script, clock);
+  const LoopRun run =
+      run_loop(spring, device, clock, bare_loop(arm.period_s, (2 * cycles + 0.5) * arm.period_s)).value();
+  EXPECT_EQ(run.fault, Fault::kNone);
+  EnergyLedger energy = run.energy;
+  energy.kinetic = 0.0;  // of the last leg's speed: the hand takes it back
+  return -energy.hand();
+}
+
+/// In a cycle, once the loop is under way.
+double taken_mj(const ArmOptions& arm, double stiffness, double wall_damping, double top_mm, double way_mm) {
+  SpringPlane spring(stiffness);
+  spring.difference_n_per_mm = wall_damping / arm.period_s;
+  constexpr int kBegun = 2, kCycles = 8;
+  return (shaken_mj(arm, spring, top_mm, way_mm, kBegun + kCycles) -
+          shaken_mj(arm, spring, top_mm, way_mm, kBegun)) /
+         kCycles;
+}
+
+/// Whether any of these hands takes energy out: they swing about every place within a step of the encoder,
+/// by every way from a hundredth of a step to eighty: where the samples bind, friction counts
+/// the less the longer the way.
+bool active(const ArmOptions& arm, double stiffness, double wall_damping) {
+  const double step = arm.encoder_mm > 0.0 ? arm.encoder_mm : 0.05;
+  const double most = std::min(80.0 * step, 4500.0 * arm.period_s);  // the governor stops what is faster
+  for (double way = 0.01 * step; way < most; way *= 1.6)
+    for (int place = 0; place < 8; ++place) {
+      // About a border between two steps, and off it by eighths of the way.
+      const double top = -20.5 * step + way * (place + 0.5) / 8.0;
+      if (taken_mj(arm, stiffness, wall_damping, top, way) > 0.0) return true;
+    }
+  return false;
+}
+
+TEST(LoopTheory, TheWorstHandTakesEnergyOutFromTheBoundOnAndNotBelow) {
+  struct Case {
+    double damping, wall, friction, encoder, period;
+  };
+  for (const Case& c : {Case{0.0003, 0.0, 0.0, 0.0, 0.001},  // Colgate
+                        {0.0003, 0.0, 0.0, 0.0, 0.00025},
+                        {0.0003, 0.0001, 0.0, 0.0, 0.001},
+                        {0.002, 0.0012, 0.0, 0.0, 0.0005},
+                        {0.01, 0.0, 0.1, 0.055, 0.001},       // the encoder binds: 2f/step = 3.6
+                        {0.0003, 0.0, 0.1, 0.055, 0.001},     // the samples bind: 2b/T = 0.6
+                        {0.002, 0.0, 0.11, 0.055, 0.001}}) {  // 4 and 4
+    ArmOptions arm = linear_arm(0.045, c.damping, c.period);
+    arm.friction_n = c.friction;
+    arm.encoder_mm = c.encoder;
+    const double theory = passive_stiffness_n_per_mm(c.damping, c.wall, c.friction, c.encoder, c.period);
+    EXPECT_FALSE(active(arm, (1.0 - kWithin) * theory, c.wall)) << theory;
+    EXPECT_TRUE(active(arm, (1.0 + kWithin) * theory, c.wall)) << theory;
+  }
+}
+
+}  // namespace
+}  // namespace palpate::device

@@ -1,0 +1,58 @@
+// A spring of known stiffness under a simulated hand.
+#pragma once
+
+#include "device/closed_loop.h"
+#include "device/simulated_arm.h"
+
+namespace palpate::device {
+
+/// A plane z = 0 with a spring. Pushes only, or, bilateral, pulls too: a linear loop.
+class SpringPlane final : public render::HapticRenderer {
+ public:
+  explicit SpringPlane(double stiffness, bool bilateral = false)
+      : stiffness_n_per_mm(stiffness), bilateral_(bilateral) {}
+  Result<render::Decisions> decide(const render::SceneInput&, const render::PrepareContext&) const override {
+    return render::Decisions{};
+  }
+  Result<render::PrepareReport> prepare(const render::SceneInput&, const render::PrepareContext&) override {
+    return render::PrepareReport{};
+  }
+  void restart(const Vec3& hip_mm, double) noexcept override { before_mm_ = hip_mm.z(); }
+  void let_go(const Vec3&) noexcept override {}
+  render::Frame step(const Vec3& hip_mm, double) noexcept override {
+    render::Frame frame;
+    frame.god_object_mm = hip_mm;
+    if (bilateral_ || hip_mm.z() < 0.0) {
+      frame.contact = true;
+      frame.god_object_mm.z() = 0.0;
+      frame.force_n.z() = -stiffness_n_per_mm * hip_mm.z() - difference_n_per_mm * (hip_mm.z() - before_mm_);
+    }
+    before_mm_ = hip_mm.z();
+    return frame;
+  }
+  render::FrameCounters counters() const noexcept override { return {}; }
+  render::Description describe() const override { return {"spring", "", "", "constant", {}}; }
+
+  double stiffness_n_per_mm;
+  double difference_n_per_mm = 0.0;  ///< B / T of a wall with damping
+
+ private:
+  bool bilateral_;
+  double before_mm_ = 0.0;
+};
+
+/// No slew limit to speak of, no soft start: what theory is about.
+inline LoopOptions bare_loop(double period_s, double duration_s) {
+  LoopOptions options;
+  options.period_s = period_s;
+  options.duration_s = duration_s;
+  options.slew_n_per_s = 1e12;
+  options.soft_start_s = 1e-9;
+  return options;
+}
+
+inline HandScript resting_at(const Vec3& place_mm) {
+  return HandScript::create("rest", {0.0}, {place_mm}, HandScript::Between::kStraight).value();
+}
+
+}  // namespace palpate::device
