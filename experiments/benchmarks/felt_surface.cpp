@@ -3,7 +3,8 @@
 //
 //   felt_surface [--sets a,b] [--renderers list] [--frames N] [--closed-paths N] [--quick] [--threads N]
 //                [--prepare-limit-s S] [--json FILE] [--commit ID] [--list]
-//   felt_surface --slice FILE.svg [--sets edge|hole|thin|noise] [--renderers list]
+//   felt_surface --ablate [--sets a,b] [--quick] [--json FILE] ..: cloud and cloud-smooth with each step left
+//   out felt_surface --slice FILE.svg [--sets edge|hole|thin|noise] [--renderers list]
 //
 // Renderers as the palpate command takes them; label=NAME among the options names their rows.
 #include <fmt/format.h>
@@ -12,11 +13,13 @@
 #include <cstdio>
 #include <ctime>
 #include <exception>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "baselines/register.h"
+#include "experiments/benchmarks/felt_surface/ablation.h"
 #include "experiments/benchmarks/felt_surface/slice.h"
 #include "experiments/benchmarks/felt_surface/trial.h"
 #include "toolkit/core/atomic_file.h"
@@ -37,7 +40,7 @@ struct Arguments {
   std::vector<std::string> sets;
   std::vector<Tried> renderers;
   std::size_t frames = 0;  ///< 0: as usual
-  bool quick = false, list = false;
+  bool quick = false, list = false, ablate = false;
   std::string json, slice, commit = "not noted", started_utc;
   TrialOptions trial;
 };
@@ -105,7 +108,7 @@ nlohmann::ordered_json json_of(const Row& row) {
                                  {"status", row.failed.empty() ? "ok" : "failed"}};
   if (!row.failed.empty()) {
     json["reason"] = row.failed;
-    json["summary"] = json["times"] = "fails";
+    json["summary"] = json["times"] = json["errors"] = "fails";
     return json;
   }
   const metrics::Accuracy& a = row.accuracy;
@@ -135,6 +138,9 @@ nlohmann::ordered_json json_of(const Row& row) {
   json["summary"] = fmt::format("{} / {} / {} / {}", number(a.force_rms_percent), a.excess_jumps.value_or(0),
                                 a.missed_contact_frames + a.false_contact_frames, number(row.energy_percent));
   json["times"] = fmt::format("{:.3g} / {:.3g} / {:.3g}", row.contact_ns, row.all_ns, row.prepare_ms);
+  json["prepare_cpu_ms"] = row.prepare_cpu_ms;
+  json["errors"] = fmt::format("{} / {} / {} / {}", number(a.force_rms_percent), a.missed_contact_frames,
+                               a.false_contact_frames, a.excess_jumps.value_or(0));
   json["trace_hash"] = row.trace_hash;
   json["warnings"] = row.warnings;
   return json;
@@ -151,16 +157,26 @@ nlohmann::ordered_json json_of(const Row& row) {
                                      {"stiffness_n_per_mm", kStiffness},
                                      {"closed_paths", arguments.trial.loops},
                                      {"sets", sets}};
-  for (const Row& row : rows) document["rows"].push_back(json_of(row));
+  std::map<std::string, double> prepared;  // over all sets
+  for (const Row& row : rows) {
+    document["rows"].push_back(json_of(row));
+    prepared[row.renderer] += row.prepare_cpu_ms;
+  }
+  for (const auto& [renderer, ms] : prepared)
+    document["renderers"].push_back({{"label", renderer}, {"prepare_cpu_ms", ms}});
   return write_file(arguments.json, document.dump(1) + '\n');
 }
 
 [[nodiscard]] Status read(int argc, char** argv, Arguments& arguments) {
-  std::string renderers = "cloud,mesh-godobject:mesh=advancing-front,mls-proxy";
+  std::string renderers;
   for (int i = 1; i < argc; ++i) {
     const std::string key = argv[i];
     if (key == "--quick") {
       arguments.quick = true;
+      continue;
+    }
+    if (key == "--ablate") {
+      arguments.ablate = true;
       continue;
     }
     if (key == "--list") {
@@ -195,9 +211,17 @@ nlohmann::ordered_json json_of(const Row& row) {
       return Error{key + " is not known", "see the head of felt_surface.cpp", {}, 0};
     }
   }
+  if (renderers.empty())
+    renderers =
+        arguments.ablate ? ablated_renderers() : "cloud,mesh-godobject:mesh=advancing-front,mls-proxy";
   PALPATE_ASSIGN(arguments.renderers, read_tried(renderers));
   if (arguments.frames == 0) arguments.frames = arguments.quick ? kQuickFrames : kFrames;
   if (!arguments.slice.empty()) return Done{};
+  if (arguments.ablate) {
+    arguments.trial.loops = 0;
+    arguments.trial.timed_passes = 1;
+    if (arguments.sets.empty()) arguments.sets = ablation_sets();
+  }
   if (arguments.sets.empty())
     for (const DataSet& set : data_sets()) arguments.sets.push_back(set.name);
   for (const std::string& name : arguments.sets)
@@ -217,6 +241,7 @@ int run(Arguments& arguments) {
   render::Registry registry;
   render::register_toolkit_renderers(registry);
   baselines::register_baseline_renderers(registry);
+  add_ablations(registry);
   if (!arguments.slice.empty()) {
     const std::string name = arguments.sets.empty() ? "edge" : arguments.sets.front();
     const Status drawn = draw_slice(name, arguments.renderers, registry, arguments.slice);

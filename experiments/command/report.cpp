@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <array>
+
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
 #include "experiments/report/page.h"
@@ -22,15 +24,21 @@ void declare_report(const Declaration& declare, ReportArguments& a) {
                "them from what reproduce or felt_surface wrote there first");
 }
 
-/// The run that the pages show, and the trial of the felt surface, which writes one document of its own.
+/// The run that the pages show, and what the felt surface writes: one document of its own each, by which its
+/// folder is known.
 constexpr const char* kShownRun = "one-run.json";
-constexpr const char* kShownTrial = "surface.json";
-constexpr const char* kTrialFile = "felt_surface.json";
+struct Shown {
+  const char *written, *shown;
+};
+constexpr std::array<Shown, 2> kTrials = {
+    {{"felt_surface.json", "surface.json"}, {"ablation.json", "ablation.json"}}};
 
 int write_docs(const ReportArguments& arguments) {
   if (!arguments.folder.empty()) {
-    const bool trial = std::filesystem::exists(std::filesystem::path(arguments.folder) / kTrialFile);
-    const char* const shown = trial ? kShownTrial : kShownRun;
+    const char* shown = kShownRun;
+    for (const Shown& trial : kTrials)
+      if (std::filesystem::exists(std::filesystem::path(arguments.folder) / trial.written))
+        shown = trial.shown;
     if (const Status taken = take_page_figures(arguments.docs, shown, arguments.folder); !taken)
       return fail(taken.error(), kExitBadInput);
   }

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -66,6 +67,32 @@ TEST_F(FeltSurface, ScoresAndSaysWhyNot) {
   EXPECT_EQ(row("border/cloud")["contact_frames"].get<int>() > 0,
             row("border/cloud")["free_force_n"].get<double>() > 0.0);
   EXPECT_NE(done.out.find("failed: "), std::string::npos);
+}
+
+// Each step that is left out is a row, and those that such points need are missed.
+TEST_F(FeltSurface, LeavesStepsOut) {
+  const std::string file = (folder_ / "ablation.json").string();
+  std::map<std::string, double> rms, free_force;
+  const auto read = [&](const ProcessOutcome& done) {
+    EXPECT_EQ(done.exit_code, 0) << done.err;
+    const auto document = nlohmann::json::parse(text_of(file));
+    for (const auto& row : document["rows"]) {
+      EXPECT_EQ(row["status"], "ok") << row["label"];
+      rms[row["label"]] = row["force_rms_percent"];
+      free_force[row["label"]] = row["free_force_n"];
+    }
+    return document["renderers"].size();
+  };
+  EXPECT_EQ(read(run({"--ablate", "--quick", "--sets", "c5k", "--frames", "500", "--json", file})), 26u);
+  EXPECT_EQ(rms.size(), 26u);
+  EXPECT_NEAR(rms["c5k/cloud-plain"], rms["c5k/cloud"], 0.1);
+  EXPECT_LT(rms["c5k/cloud-refined"], 0.7 * rms["c5k/cloud"]);
+  EXPECT_GT(rms["c5k/cloud-smooth-without-sharpening"], 2.0 * rms["c5k/cloud-smooth"]);
+  // A mouth is open only where borders are known.
+  read(run({"--quick", "--sets", "mouth", "--closed-paths", "0", "--json", file, "--renderers",
+            "cloud,cloud-without-borders,cloud-smooth,cloud-smooth-without-borders"}));
+  EXPECT_GT(free_force["mouth/cloud-without-borders"], 4.0 * free_force["mouth/cloud"]);
+  EXPECT_GT(free_force["mouth/cloud-smooth-without-borders"], 4.0 * free_force["mouth/cloud-smooth"]);
 }
 
 TEST_F(FeltSurface, DrawsASlice) {

@@ -31,7 +31,8 @@ double share(std::uint64_t part, std::uint64_t all) noexcept {
 
 class CloudOnStars final : public EditableShellRenderer<StarModel> {
  public:
-  explicit CloudOnStars(const Options& options) : EditableShellRenderer(options) {}
+  CloudOnStars(const Options& options, const stars::StarsWithout& without)
+      : EditableShellRenderer(options), without_(without) {}
 
   Description describe() const override {
     return {
@@ -131,20 +132,21 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
   Status prepare_geometry(const ModelInput& input, const PrepareContext& context, StarModel& made,
                           std::shared_ptr<StarGeometry>& own, PrepareReport& report) const {
     if (is_moving(input)) {
-      made.geometry = made.moving = build_geometry(*input.cloud, 0, true, false, context, report);
+      made.geometry = made.moving = build_geometry(*input.cloud, 0, true, false, without_, context, report);
       return Done{};
     }
     const int levels = levels_of(input);
     const bool varied = varies(input.surface);
     Result<std::shared_ptr<const StarGeometry>> geometry = held_or_made<StarGeometry>(
-        context, report,
+        without_ == stars::StarsWithout{} ? context : PrepareContext{context.threads, context.progress},
+        report,
         [&] {
           return fmt::format("stars {:016x} {} {} {}", cloud::content_hash(*input.cloud), input.cloud->size(),
                              varied, levels);
         },
         [&](PrepareReport& to) -> Result<std::shared_ptr<const StarGeometry>> {
           std::shared_ptr<StarGeometry> built =
-              build_geometry(*input.cloud, levels, varied, true, context, to);
+              build_geometry(*input.cloud, levels, varied, true, without_, context, to);
           if (context.store == nullptr) own = built;
           return std::shared_ptr<const StarGeometry>(std::move(built));
         });
@@ -154,16 +156,17 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
   }
 
   static std::shared_ptr<StarGeometry> build_geometry(const cloud::Cloud& cloud, int levels, bool keep_order,
-                                                      bool with_tree, const PrepareContext& context,
-                                                      PrepareReport& report) {
+                                                      bool with_tree, const stars::StarsWithout& without,
+                                                      const PrepareContext& context, PrepareReport& report) {
     auto made = std::make_shared<StarGeometry>();
     PreparePhases phases(report, context);
     bool running = false;
-    made->mesh = stars::StarMesh::build(cloud, context.threads, [&](std::string_view step) {
+    const auto on_step = [&](std::string_view step) {
       if (running) phases.end();
       phases.begin(std::string(step));
       running = true;
-    });
+    };
+    made->mesh = stars::StarMesh::build(cloud, context.threads, on_step, without);
     phases.end();
     if (levels > 0) {
       phases.begin("refine");
@@ -233,12 +236,15 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
       report.notes.push_back(
           fmt::format("stiffness blended over {:.3g} mm: {} points made softer", blend_mm, softer));
   }
+
+  stars::StarsWithout without_;
 };
 
 }  // namespace
 
-std::unique_ptr<HapticRenderer> make_cloud_on_stars(const Options& options) {
-  return std::make_unique<CloudOnStars>(options);
+std::unique_ptr<HapticRenderer> make_cloud_on_stars(const Options& options,
+                                                    const stars::StarsWithout& without) {
+  return std::make_unique<CloudOnStars>(options, without);
 }
 
 }  // namespace palpate::render

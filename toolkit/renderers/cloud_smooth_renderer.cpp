@@ -101,7 +101,8 @@ class CloudSmooth final : public BoxedShellRenderer<SmoothModel> {
   // Measured, what to expect (see kExpectedOn): a torus of a million points at random.
   static constexpr double kFrameUs = 0.25, kMsPerMillion = 2300.0;
 
-  explicit CloudSmooth(const Options& options) : BoxedShellRenderer(options) {}
+  explicit CloudSmooth(const Options& options, const SmoothWithout& without = {})
+      : BoxedShellRenderer(options), without_(without) {}
 
   Description describe() const override {
     return {"cloud-smooth", "a smooth surface near the points, through their noise",
@@ -114,7 +115,9 @@ class CloudSmooth final : public BoxedShellRenderer<SmoothModel> {
   }
 
  private:
-  [[nodiscard]] SmoothBuild build() const { return {options_.number("detail"), options_.number("voxel")}; }
+  [[nodiscard]] SmoothBuild build() const {
+    return {options_.number("detail"), options_.number("voxel"), without_};
+  }
 
   [[nodiscard]] int walk_steps() const { return static_cast<int>(options_.integer("walk_steps")); }
 
@@ -141,9 +144,15 @@ class CloudSmooth final : public BoxedShellRenderer<SmoothModel> {
     }
     return Done{};
   }
+
+  SmoothWithout without_;
 };
 
 }  // namespace
+
+std::unique_ptr<HapticRenderer> make_cloud_smooth(const Options& options, const SmoothWithout& without) {
+  return std::make_unique<CloudSmooth>(options, without);
+}
 
 RendererInfo cloud_smooth_info() {
   RendererInfo info;

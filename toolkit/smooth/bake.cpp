@@ -66,10 +66,11 @@ struct Pair {
 class Baker {
  public:
   Baker(const SmoothPoints& points, const std::vector<Patch>& patches, const PatchLinks& links,
-        BrickGrid& grid)
+        const SmoothWithout& without, BrickGrid& grid)
       : points_(points),
         patches_(patches),
         links_(links),
+        without_(without),
         grid_(grid),
         brick_mm_(kBrickCells * grid.voxel_mm) {}
 
@@ -83,7 +84,7 @@ class Baker {
     const std::size_t chunks = (count + kBrickGrain - 1) / kBrickGrain;
     std::vector<std::vector<Made>> made(chunks);
     parallel_chunks(count, kBrickGrain, threads, [&](std::size_t begin, std::size_t end) {
-      Scratch scratch;
+      Scratch scratch(without_);
       const std::size_t chunk = begin / kBrickGrain;
       for (std::size_t c = begin; c < end; ++c)
         bake_cube(std::span<const Pair>(pairs_).subspan(cubes[c], cubes[c + 1] - cubes[c]), scratch,
@@ -109,6 +110,7 @@ class Baker {
     double reach_sq;
   };
   struct Scratch {
+    explicit Scratch(const SmoothWithout& without) : faces(without.sheets), blend(without) {}
     std::vector<std::uint32_t> members;  ///< patches of the cube
     CubeFaces faces;
     std::vector<std::uint32_t> order;  ///< of one sheet's patches, face by face
@@ -212,7 +214,7 @@ class Baker {
     for (const Pair& pair : pairs) s.members.push_back(pair.patch);
     const BrickGrid::Coordinate c = coordinate_of(pairs.front().code);
     const Vec3 middle = grid_.low_mm + Vec3(c[0] + 0.5, c[1] + 0.5, c[2] + 0.5) * brick_mm_;
-    s.faces.part(s.members, patches_, links_, middle);
+    s.faces.part(s.members, patches_, links_, middle, kHalfNodes * grid_.voxel_mm);
     for (std::uint32_t sheet = 0; sheet < pairs.size(); ++sheet) {
       if (s.faces.sheet(sheet) != sheet) continue;
       bool through = false;
@@ -264,7 +266,7 @@ class Baker {
       const Vec3 foot = (Vec3(at.cell[0] - 1.5, at.cell[1] - 1.5, at.cell[2] - 1.5) -
                          n * (static_cast<double>(jet.value) / slope)) *
                         grid_.voxel_mm;
-      if (!vouched_for(pairs, middle + foot, s)) {
+      if (!without_.borders && !vouched_for(pairs, middle + foot, s)) {
         if (!gathered) gather_near(middle, spacing, s);
         gathered = true;
         if (!points_around(s.near, foot, n)) {
@@ -342,6 +344,7 @@ class Baker {
       if (piece.cells == 0 || grid_.closed_pieces.size() == kMostPieces) continue;
       ClosedPiece closed;
       if (!piece.closed()) {
+        if (without_.enclosure) continue;
         closed.outer_side = geometry::outer_side(piece.parts);
         if (closed.outer_side == 0.0f) continue;
         closed.parts = std::move(piece.parts);
@@ -395,6 +398,7 @@ class Baker {
   const SmoothPoints& points_;
   const std::vector<Patch>& patches_;
   const PatchLinks& links_;
+  const SmoothWithout& without_;
   BrickGrid& grid_;
   double brick_mm_;
   std::vector<Pair> pairs_;
@@ -411,7 +415,7 @@ std::vector<BrickGrid::Coordinate> BrickGrid::cubes_of_bricks() const {
 }
 
 BrickGrid bake_bricks(const SmoothPoints& points, const std::vector<Patch>& patches, const PatchLinks& links,
-                      double voxel_mm, int threads) {
+                      double voxel_mm, int threads, const SmoothWithout& without) {
   BrickGrid grid;
   const double brick_mm = kBrickCells * voxel_mm;
   grid.voxel_mm = voxel_mm;
@@ -421,7 +425,7 @@ BrickGrid bake_bricks(const SmoothPoints& points, const std::vector<Patch>& patc
   const double bricks = (grid.box_mm.high_mm - grid.low_mm).maxCoeff() / brick_mm + 2.0;
   grid.last_brick = std::min<std::int64_t>(static_cast<std::int64_t>(bricks),
                                            (std::int64_t{1} << partition::kMortonBits) - 1);
-  Baker(points, patches, links, grid).run(threads);
+  Baker(points, patches, links, without, grid).run(threads);
   return grid;
 }
 

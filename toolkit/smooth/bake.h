@@ -10,6 +10,7 @@ namespace palpate::render {
 
 /// The same for any number of threads. O(patches x bricks near each).
 [[nodiscard]] BrickGrid bake_bricks(const SmoothPoints& points, const std::vector<Patch>& patches,
-                                    const PatchLinks& links, double voxel_mm, int threads);
+                                    const PatchLinks& links, double voxel_mm, int threads,
+                                    const SmoothWithout& without = {});
 
 }  // namespace palpate::render

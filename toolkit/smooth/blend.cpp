@@ -48,7 +48,25 @@ void NodeBlend::clear() {
 }
 
 void NodeBlend::add(const Patch& patch, const Vec3& middle, double per_voxel) {
-  add_to_rows(in_brick(patch, middle, per_voxel), sums_);
+  RowPatch row = in_brick(patch, middle, per_voxel);
+  if (without_.sharpening) row.sharpen = 0.0f;
+  if (without_.blend)
+    take_most(row);
+  else
+    add_to_rows(row, sums_);
+}
+
+void NodeBlend::take_most(const RowPatch& patch) {
+  RowSums one{};
+  add_to_rows(patch, one);
+  for (std::size_t i = 0; i < one.weight.size(); ++i) {
+    if (!(one.weight[i] > sums_.weight[i])) continue;
+    sums_.weight[i] = one.weight[i];
+    sums_.distance[i] = one.distance[i];
+    sums_.x[i] = one.x[i];
+    sums_.y[i] = one.y[i];
+    sums_.z[i] = one.z[i];
+  }
 }
 
 void NodeBlend::read_sums(Values& to) const {
@@ -65,7 +83,8 @@ void NodeBlend::read_sums(Values& to) const {
 }
 
 /// What the spline makes of the kink of two faces at a node, each gone on from there along its gradient.
-float NodeBlend::blurred_crease(const Values& a, const Values& b, std::size_t i, bool greater) {
+float NodeBlend::blurred_crease(const Values& a, const Values& b, std::size_t i, bool greater) const {
+  if (without_.sharpening) return 0.0f;
   const auto joined = [&](float x, float y) { return (x > y) == greater ? x : y; };
   const float fa = a.distance[i], fb = b.distance[i], here = joined(fa, fb);
   const auto along = [&](float ga, float gb) {
@@ -74,7 +93,7 @@ float NodeBlend::blurred_crease(const Values& a, const Values& b, std::size_t i,
   return kBlur * (along(a.x[i], b.x[i]) + along(a.y[i], b.y[i]) + along(a.z[i], b.z[i]));
 }
 
-void NodeBlend::join(Values& with, const Values& other, bool greater) {
+void NodeBlend::join(Values& with, const Values& other, bool greater) const {
   for (std::size_t i = 0; i < kBrickCoefficients; ++i) {
     if (other.known[i] == 0) continue;
     const bool both = with.known[i] != 0;

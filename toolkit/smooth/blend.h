@@ -13,6 +13,7 @@ namespace palpate::render {
 
 class NodeBlend {
  public:
+  explicit NodeBlend(const SmoothWithout& without = {}) : without_(without) {}
   void clear();
   /// `middle`: of the brick, local mm.
   void add(const Patch& patch, const Vec3& middle, double per_voxel);
@@ -30,10 +31,14 @@ class NodeBlend {
     std::array<std::uint8_t, kBrickCoefficients> known;
   };
   void read_sums(Values& to) const;
-  static float blurred_crease(const Values& a, const Values& b, std::size_t i, bool greater);
-  static void join(Values& with, const Values& other, bool greater);
+  [[nodiscard]] float blurred_crease(const Values& a, const Values& b, std::size_t i, bool greater) const;
+  void join(Values& with, const Values& other, bool greater) const;
   void fill();
 
+  /// Without blending: where a patch counts more than those before it, it counts alone.
+  void take_most(const RowPatch& patch);
+
+  SmoothWithout without_;
   RowSums sums_;
   Values face_, ridge_, values_;
   int faces_ = 0, ridges_ = 0;

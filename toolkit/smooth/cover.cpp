@@ -74,7 +74,7 @@ class ChunkCover {
       if (state_[i] == kOpen && !seed(i, true, out)) state_[i] = kDeferred;
     for (std::size_t i = 0; i < state_.size(); ++i) {
       if (state_[i] != kDeferred) continue;
-      if (left_together(i) && (seed(i, false, out) || finish(i, out))) continue;
+      if ((rule_.without.strays || left_together(i)) && (seed(i, false, out) || finish(i, out))) continue;
       ++left_out;
     }
   }
@@ -90,7 +90,7 @@ class ChunkCover {
 
   /// The fits of growing radius about a point, as long as they agree: how many.
   std::size_t grow(const Vec3& at, double spacing, std::array<QuadricFit, kSizes>& fits) {
-    const FitRule fit_rule{rule_.noise, true};
+    const FitRule fit_rule{rule_.noise, !rule_.without.robust};
     double radius = ball_.radius;
     for (std::size_t k = 0; k < kSizes; ++k) {
       if (k > 0) {
@@ -103,11 +103,14 @@ class ChunkCover {
       if (!fitted && k > 0) return k;
       if (k == 0) {
         if (!fitted) fits[0].sigma = std::numeric_limits<double>::infinity();
-        if (!fitted || unexplained(fits[0], kOnSpacings * spacing))
+        if (!rule_.without.separation && (!fitted || unexplained(fits[0], kOnSpacings * spacing)))
           mixed_ = separate_sheets(ball_, spacing, rule_.noise, fits[0]);
         if (!fitted && !mixed_) return 0;
         if (!mixed_) try_core(fits[0], spacing);
         if (fits[0].centre_weight < kOwnWeight || unexplained(fits[0], kMixedSpacings * spacing)) return 0;
+        if (rule_.without.growth) return 1;
+      } else if (rule_.without.agreement) {
+        if (k == kEnough) return k + 1;
       } else if (!agrees(fits, k, spacing)) {
         return k;
       }
@@ -150,8 +153,8 @@ class ChunkCover {
   void try_core(QuadricFit& first, double spacing) {
     if (!unexplained(first, kOnSpacings * spacing)) return;
     QuadricFit other;
-    if (fit_quadric(ball_, {rule_.noise, true, kCoreShare}, nullptr, other) && other.sigma < first.sigma &&
-        other.centre_weight >= kOwnWeight)
+    if (fit_quadric(ball_, {rule_.noise, !rule_.without.robust, kCoreShare}, nullptr, other) &&
+        other.sigma < first.sigma && other.centre_weight >= kOwnWeight)
       first = other;
   }
 
@@ -209,7 +212,7 @@ class ChunkCover {
     patch.slope_error = fit.slope_error;
     patch.points = fit.points;
     const double error = kTrusted * spacing / std::max(fit.value_error, kTrusted * spacing);
-    patch.trust = error * error;
+    patch.trust = rule_.without.trust ? 1.0 : error * error;
     patch.sure = sure;
     patch.filled = Filled(ball_.away.size());
     fill(patch, off);
@@ -264,7 +267,8 @@ class ChunkCover {
     ball_.gather(points_, at, kLeftRadius * spacing);
     if (!fit_quadric(ball_, {rule_.noise, false}, nullptr, fit) || fit.sigma > kScattered * ball_.radius)
       return false;
-    if (unexplained(fit, kOnSpacings * spacing)) mixed_ = separate_sheets(ball_, spacing, rule_.noise, fit);
+    if (!rule_.without.separation && unexplained(fit, kOnSpacings * spacing))
+      mixed_ = separate_sheets(ball_, spacing, rule_.noise, fit);
     add(fit, spacing, false, out);
     state_[i] = kDone;
     return true;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "toolkit/smooth/quadric.h"
+#include "toolkit/smooth/smooth_without.h"
 #include "toolkit/smooth/surround.h"
 
 namespace palpate::render {
@@ -26,6 +27,7 @@ struct Patch {
 struct CoverRule {
   double detail = 2.0;  ///< standard errors before a deviation is shape
   double noise = 0.0;   ///< of a point, mm
+  SmoothWithout without{};
 };
 
 struct Cover {

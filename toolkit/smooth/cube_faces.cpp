@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <tuple>
 #include <utility>
@@ -18,6 +19,10 @@ constexpr double kSameSpacings = 0.4, kSameSigmas = 3.0, kSameFacing = 0.9;
 /// torn.
 constexpr int kMuchMore = 4;
 constexpr int kSameFootSteps = 2;
+/// A place of a patch is hidden where the sheet passes it by a spacing, what a crease in noise is off by, or
+/// by so many standard deviations, and a face where more than this share of its places are.
+constexpr double kHiddenSpacings = 1.0, kHidden = 0.25;
+constexpr std::uint32_t kNoMember = 0xffffffffu;
 
 std::uint32_t root_of(std::vector<std::uint32_t>& root, std::uint32_t i) {
   while (root[i] != i) i = root[i] = root[root[i]];
@@ -61,7 +66,7 @@ void CubeFaces::join_same(std::span<const std::uint32_t> members, const std::vec
 }
 
 void CubeFaces::part(std::span<const std::uint32_t> members, const std::vector<Patch>& patches,
-                     const PatchLinks& links, const Vec3& middle) {
+                     const PatchLinks& links, const Vec3& middle, double half) {
   sheet_.resize(members.size());
   std::iota(sheet_.begin(), sheet_.end(), 0u);
   face_ = sheet_;
@@ -89,6 +94,7 @@ void CubeFaces::part(std::span<const std::uint32_t> members, const std::vector<P
   }
   join_faces();
   join_same(members, patches, links, middle);
+  for (std::uint32_t i = 1; i < members.size() && all_one_; ++i) join(sheet_, 0, i);
   for (std::uint32_t i = 0; i < members.size(); ++i) {
     sheet_[i] = root_of(sheet_, i);
     face_[i] = root_of(face_, i);
@@ -97,6 +103,95 @@ void CubeFaces::part(std::span<const std::uint32_t> members, const std::vector<P
   settle_small(members, patches);
   body_ = face_;
   if (!creases_.empty()) part_bodies();
+  if (!all_one_) part_hidden(members, patches, middle, half);
+}
+
+double CubeFaces::joined_distance(std::uint32_t sheet, std::span<const std::uint32_t> members,
+                                  const std::vector<Patch>& patches, const Vec3& at) {
+  weights_.assign(members.size(), 0.0);
+  sums_.assign(members.size(), 0.0);
+  for (std::uint32_t i = 0; i < members.size(); ++i) {
+    if (sheet_[i] != sheet) continue;
+    const Patch& p = patches[members[i]];
+    const Vec3 d = at - p.quadric.at;
+    const double along = d.dot(p.quadric.n);
+    const double rest = patch_weight((d.squaredNorm() - along * along) / (p.support * p.support));
+    if (!(rest > 0.0)) continue;
+    const double off = p.quadric.residual(at), near = p.spacing * p.spacing + off * off;
+    const double weight = p.trust * rest / (near * near);
+    weights_[face_[i]] += weight;
+    sums_[face_[i]] += weight * off;
+  }
+  double least = std::numeric_limits<double>::infinity();
+  for (const Face& body : faces_) {
+    if (body.sheet != sheet) continue;
+    double most = -std::numeric_limits<double>::infinity();
+    for (const Face& face : faces_)
+      if (face.sheet == sheet && face.body == body.body && weights_[face.name] > 0.0)
+        most = std::max(most, sums_[face.name] / weights_[face.name]);
+    if (std::isfinite(most)) least = std::min(least, most);
+  }
+  return least;
+}
+
+double CubeFaces::hidden_share(const Face& face, std::span<const std::uint32_t> members,
+                               const std::vector<Patch>& patches, const Vec3& middle, double half) {
+  double all = 0.0, hidden = 0.0;
+  for (std::uint32_t i = 0; i < members.size(); ++i) {
+    if (face_[i] != face.name) continue;
+    const Patch& p = patches[members[i]];
+    if ((p.quadric.at - middle).cwiseAbs().maxCoeff() > half) continue;
+    all += p.points;
+    const double off = std::abs(joined_distance(face.sheet, members, patches, p.quadric.at));
+    if (off > std::max(kHiddenSpacings * p.spacing, kSameSigmas * p.sigma)) hidden += p.points;
+  }
+  return all > 0.0 ? hidden / all : 0.0;
+}
+
+void CubeFaces::find_faces() {
+  faces_.clear();
+  for (std::uint32_t i = 0; i < face_.size(); ++i)
+    if (std::none_of(faces_.begin(), faces_.end(), [&](const Face& f) { return f.name == face_[i]; }))
+      faces_.push_back({face_[i], sheet_[i], body_[i]});
+}
+
+void CubeFaces::part_hidden(std::span<const std::uint32_t> members, const std::vector<Patch>& patches,
+                            const Vec3& middle, double half) {
+  find_faces();
+  for (std::size_t rounds = faces_.size(); rounds > 1; --rounds) {
+    const Face* worst = nullptr;
+    double most = kHidden;
+    for (const Face& face : faces_) {
+      const bool alone = std::none_of(faces_.begin(), faces_.end(), [&](const Face& other) {
+        return other.name != face.name && other.sheet == face.sheet;
+      });
+      if (alone) continue;
+      const double share = hidden_share(face, members, patches, middle, half);
+      if (!(share > most)) continue;
+      most = share;
+      worst = &face;
+    }
+    if (worst == nullptr) return;
+    take_out(*worst);
+    find_faces();
+  }
+}
+
+/// A sheet is named by a member of its own.
+void CubeFaces::take_out(const Face& face) {
+  const std::uint32_t name = face.name, sheet = face.sheet;
+  std::uint32_t first = kNoMember, own = kNoMember;
+  for (std::uint32_t i = 0; i < face_.size(); ++i) {
+    if (face_[i] == name)
+      own = std::min(own, i);
+    else if (sheet_[i] == sheet)
+      first = std::min(first, i);
+  }
+  for (std::uint32_t i = 0; i < face_.size(); ++i)
+    if (face_[i] == name)
+      sheet_[i] = own;
+    else if (sheet_[i] == sheet)
+      sheet_[i] = first;
 }
 
 void CubeFaces::join_faces() {

@@ -14,10 +14,12 @@ namespace palpate::render {
 /// Scratch that is used again from cube to cube. Belongs to one thread.
 class CubeFaces {
  public:
-  /// `members`: the cube's patches, ascending; `middle`: of the cube. O(links of the patches), and
-  /// O(members^2) where they are not all linked.
+  /// `all_one`: every patch of a cube is of one sheet.
+  explicit CubeFaces(bool all_one = false) : all_one_(all_one) {}
+  /// `members`: the cube's patches, ascending; `middle`: of the cube; `half`: of its edge. O(links of the
+  /// patches), and O(members^2) where they are not all linked, or make several faces.
   void part(std::span<const std::uint32_t> members, const std::vector<Patch>& patches,
-            const PatchLinks& links, const Vec3& middle);
+            const PatchLinks& links, const Vec3& middle, double half);
   /// Of a member: the first of its sheet; what is told apart by face and body.
   [[nodiscard]] std::uint32_t sheet(std::size_t i) const noexcept { return sheet_[i]; }
   [[nodiscard]] std::uint32_t face(std::size_t i) const noexcept { return face_[i]; }
@@ -28,6 +30,9 @@ class CubeFaces {
     std::uint32_t a, b;
     Turn turn;
     int points;  ///< the lesser of both patches'
+  };
+  struct Face {
+    std::uint32_t name, sheet, body;
   };
   struct Doubtful {
     std::uint32_t patch, sure;
@@ -46,12 +51,27 @@ class CubeFaces {
   void settle_small(std::span<const std::uint32_t> members, const std::vector<Patch>& patches);
   /// Faces that meet in ridges more than in valleys are of one body there; bodies stand beside each other.
   void part_bodies();
+  /// A crease holds where it is, and decides for the whole cube: a face that would be hidden where its own
+  /// points are becomes a sheet of its own.
+  void part_hidden(std::span<const std::uint32_t> members, const std::vector<Patch>& patches,
+                   const Vec3& middle, double half);
+  void take_out(const Face& face);
+  void find_faces();
+  /// Of the places of a face in the cube, weighed by their points, the share at which the sheet is elsewhere.
+  [[nodiscard]] double hidden_share(const Face& face, std::span<const std::uint32_t> members,
+                                    const std::vector<Patch>& patches, const Vec3& middle, double half);
+  /// Of the sheet's faces at a place, as the bricks join them.
+  [[nodiscard]] double joined_distance(std::uint32_t sheet, std::span<const std::uint32_t> members,
+                                       const std::vector<Patch>& patches, const Vec3& at);
 
+  bool all_one_;
   std::vector<std::uint32_t> sheet_, face_, body_;
   std::vector<Crease> creases_, goes_on_;
   std::vector<Doubtful> doubtful_;
   std::vector<int> weight_;  ///< points of each face
   std::vector<std::uint8_t> creased_;
+  std::vector<Face> faces_;             ///< of the cube
+  std::vector<double> weights_, sums_;  ///< by face
 };
 
 }  // namespace palpate::render

@@ -229,11 +229,12 @@ void drop_strays(std::vector<Patch>& patches, std::vector<Link>& links, Sides& s
 
 }  // namespace
 
-PatchLinks link_patches(const SmoothPoints& points, double noise, std::vector<Patch>& patches, int threads) {
+PatchLinks link_patches(const SmoothPoints& points, double noise, std::vector<Patch>& patches, int threads,
+                        const SmoothWithout& without) {
   std::vector<Link> links = find_links(patches, threads);
   Sides sides(patches.size());
   orient(patches, links, sides);
-  drop_strays(patches, links, sides);
+  if (!without.strays) drop_strays(patches, links, sides);
   PatchLinks out;
   out.sheet.resize(patches.size());
   for (std::uint32_t i = 0; i < patches.size(); ++i) out.sheet[i] = sides.root(i).first;
@@ -244,7 +245,7 @@ PatchLinks link_patches(const SmoothPoints& points, double noise, std::vector<Pa
     for (std::size_t i = begin; i < end; ++i) {
       const Patch &a = patches[links[i].a], &b = patches[links[i].b];
       stands[i] = agreement(a, b) > 0.0;
-      if (stands[i] != 0 && a.sure && b.sure) turn[i] = turn_between(points, noise, a, b);
+      if (stands[i] != 0 && !without.creases && a.sure && b.sure) turn[i] = turn_between(points, noise, a, b);
       if (turn[i] == Turn::kUnclear) stands[i] = 0;
     }
   });

@@ -258,10 +258,12 @@ bool SmoothContact::update_slowly(const Vec3& h, FrameCounters& counters) noexce
           bound_hit_ = true;
           return true;
         case Stay::kPastBorder:
+          // Another sheet may lie between its border and the HIP. From a little behind its own, that is not
+          // met again.
+          tested_to_ = god_ - normal_ * (static_cast<double>(side_) * kClearOf);
           contact_ = false;
-          tested_to_ = h;
           clear_ = -1.0;
-          return false;
+          break;
         case Stay::kOut:
           // Its way out of the surface is still to be tested, from a place that is clear of it.
           if (!find_clear(h, tested_to_)) {

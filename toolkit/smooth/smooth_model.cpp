@@ -110,14 +110,15 @@ Result<std::shared_ptr<const SmoothSurface>> build_surface(const cloud::Cloud& c
   phases.begin("patches");
   Cover cover;
   if (measured.spacing_mm > 0.0)
-    cover = cover_points(points, {build.detail, measured.noise_mm}, context.threads);
-  part_folded(points, measured.noise_mm, cover.patches, context.threads);
+    cover = cover_points(points, {build.detail, measured.noise_mm, build.without}, context.threads);
+  if (!build.without.folds) part_folded(points, measured.noise_mm, cover.patches, context.threads);
   phases.end();
   phases.begin("sheets");
-  const PatchLinks links = link_patches(points, measured.noise_mm, cover.patches, context.threads);
+  const PatchLinks links =
+      link_patches(points, measured.noise_mm, cover.patches, context.threads, build.without);
   phases.end();
   phases.begin("bricks");
-  out->grid = bake_bricks(points, cover.patches, links, measured.voxel_mm, context.threads);
+  out->grid = bake_bricks(points, cover.patches, links, measured.voxel_mm, context.threads, build.without);
   phases.end();
   out->patches = cover.patches.size();
   out->left_out = cover.left_out;
@@ -276,9 +277,11 @@ Result<SmoothBody> build_smooth_body(const ModelInput& input, const SmoothBuild&
                                      const PrepareContext& context, PrepareReport& report) {
   const cloud::Cloud& cloud = *input.cloud;
   SmoothBody body;
+  // The store's key names the options alone.
+  const bool whole = build.without == SmoothWithout{};
   PALPATE_ASSIGN(body.smooth,
                  held_or_made<SmoothSurface>(
-                     context, report,
+                     whole ? context : PrepareContext{context.threads, context.progress}, report,
                      [&] {
                        return fmt::format("smooth {:016x} {} {} {}", cloud::content_hash(cloud), cloud.size(),
                                           build.detail, build.voxel_spacings);

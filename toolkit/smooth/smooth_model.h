@@ -11,6 +11,7 @@
 #include "toolkit/render/model_pose.h"
 #include "toolkit/render/surface_field.h"
 #include "toolkit/smooth/brick_grid.h"
+#include "toolkit/smooth/smooth_without.h"
 
 namespace palpate::render {
 
@@ -18,6 +19,7 @@ namespace palpate::render {
 struct SmoothBuild {
   double detail = 2.0;           ///< standard errors before a deviation counts as shape
   double voxel_spacings = 1.75;  ///< edge of a cell, in spacings
+  SmoothWithout without{};       ///< for ablation
 };
 
 /// What is decided from the points before anything is built.

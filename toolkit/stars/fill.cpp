@@ -112,6 +112,10 @@ class Filler {
 
   FillReport run() {
     FillReport report;
+    if (draft_.without.filling) {
+      write_stars();
+      return report;
+    }
     report.voted = take_voted();
     report.filled = fill_loops(true);
     report.filled += fill_loops(false);
@@ -269,7 +273,9 @@ class Filler {
     while (at != start) {
       rough += draft_.rough[at];
       // Half of its points in noise: it is a hole in noise.
-      const std::size_t most = 2 * rough > loop.size() ? kMaxRoughLoop : kMaxLoop;
+      const std::size_t most = draft_.without.borders    ? draft_.size()
+                               : 2 * rough > loop.size() ? kMaxRoughLoop
+                                                         : kMaxLoop;
       if (loop.size() >= most || !has_link(at) || link(at).chains() != 1) return {};
       loop.push_back(at);
       const std::uint32_t next = link(at).other_end(from);
@@ -294,7 +300,7 @@ class Filler {
     return filled;
   }
   [[nodiscard]] double reach_sq(std::uint32_t i) const noexcept {
-    return kReachPerBall * kReachPerBall * ball_sq(draft_, i);
+    return reach_per_ball(draft_) * reach_per_ball(draft_) * ball_sq(draft_, i);
   }
   /// Ears of the loop, the roundest first.
   std::size_t fill(std::vector<std::uint32_t> loop, bool flat) {

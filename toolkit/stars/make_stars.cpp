@@ -351,7 +351,7 @@ void find_near(Draft& draft, const std::vector<std::uint8_t>& doubled) {
 Star lay_out(const Draft& draft, std::uint32_t point, const Layout& layout,
              std::span<const std::uint32_t> more, std::uint8_t* crossed) {
   const double around_sq = ball_sq(draft, point);
-  const double reach = kReachPerBall * std::sqrt(around_sq);
+  const double reach = reach_per_ball(draft) * std::sqrt(around_sq);
   if (!(reach > 0.0) || layout.normal == Vec3::Zero()) return {};
   FlatNeighbours flat(draft, point, layout);
   FlatCell cell;
@@ -389,13 +389,15 @@ void make_stars(Draft& draft) {
   const std::size_t n = draft.size();
   draft.star.resize(n);
   draft.crossed.assign(n, 0);
+  draft.rough.assign(n, 0);
+  const bool apart = !draft.without.crossings;
   parallel_chunks(n, kStarsPerChunk, draft.threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t k = begin; k < end; ++k) {
       const auto i = static_cast<std::uint32_t>(k);
       draft.star[i] = {};
       if (draft.welded[i] == 0)
         draft.star[i] =
-            lay_out(draft, i, {draft.normal[i].cast<double>(), kFirstSteepest, true}, {}, &draft.crossed[i]);
+            lay_out(draft, i, {draft.normal[i].cast<double>(), kFirstSteepest, apart}, {}, &draft.crossed[i]);
     }
   });
   parallel_chunks(n, kStarsPerChunk, draft.threads, [&](std::size_t begin, std::size_t end) {

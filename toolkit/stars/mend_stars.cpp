@@ -29,13 +29,12 @@ constexpr std::int32_t kLeastGain = 8 * 17;  ///< agreements around each of the 
 class Mender {
  public:
   explicit Mender(Draft& draft) : draft_(draft), area_(draft.size()), slot_(draft.size(), kNoPoint) {
-    draft.rough.assign(draft.size(), 0);
     chunks(draft.size(), [&](std::uint32_t i) { area_[i] = area_of(i); });
   }
 
   void run() {
     Points looked_at = all_places();
-    lay_out_rough();
+    if (!draft_.without.flat) lay_out_rough();
     for (const double steepest : kSteepest) {
       doubtful_ = those(looked_at, [&](std::uint32_t i) { return is_doubtful(i); });
       if (doubtful_.empty()) return;
@@ -141,10 +140,12 @@ class Mender {
       draft_.rough[i] = static_cast<std::uint8_t>(sum(around, i) >= kLeastGain);
     });
     for (std::size_t r = 0; r < rough.size(); ++r) {
-      if (draft_.rough[rough[r]] != 0)
+      if (draft_.rough[rough[r]] != 0) {
         draft_.normal[rough[r]] = normal[r];
-      else
+        draft_.crossed[rough[r]] = 0;  // what lay on both sides was noise
+      } else {
         draft_.star[rough[r]] = former[r];
+      }
     }
     agree_again(changed);
   }

@@ -18,7 +18,7 @@ constexpr int kTornRounds = 3;
 
 class StarMeshBuilder {
  public:
-  StarMeshBuilder(const cloud::Cloud& cloud, int threads, const OnStep& on_step)
+  StarMeshBuilder(const cloud::Cloud& cloud, int threads, const OnStep& on_step, const StarsWithout& without)
       : threads_(threads), on_step_(on_step) {
     step("sort");
     Places places = sort_places(cloud, threads);
@@ -27,6 +27,7 @@ class StarMeshBuilder {
     doubled_ = std::move(places.doubled);
     draft_.point = std::move(places.point);
     draft_.threads = threads;
+    draft_.without = without;
   }
 
   StarMesh build() {
@@ -36,7 +37,7 @@ class StarMeshBuilder {
     step("stars");
     make_stars(draft_);
     step("mend");
-    mend_stars(draft_);
+    if (!draft_.without.mending) mend_stars(draft_);
     step("fill");
     for (std::size_t i = 0; i < draft_.size(); ++i) {
       counts.agreed_points += draft_.star[i].closed_and_agreed();
@@ -47,7 +48,7 @@ class StarMeshBuilder {
     counts.filled = filled.filled;
     step("sides");
     pieces_ = turn_stars(draft_);
-    for (int round = 0; round < kTornRounds; ++round) {
+    for (int round = 0; round < kTornRounds && !draft_.without.remaking; ++round) {
       std::vector<std::array<std::uint32_t, 3>> wrong = overhanging(draft_);
       wrong.insert(wrong.end(), pieces_.torn.begin(), pieces_.torn.end());
       if (wrong.empty()) break;
@@ -97,8 +98,9 @@ class StarMeshBuilder {
   StarMesh mesh_;
 };
 
-StarMesh StarMesh::build(const cloud::Cloud& cloud, int threads, const OnStep& on_step) {
-  return StarMeshBuilder(cloud, threads, on_step).build();
+StarMesh StarMesh::build(const cloud::Cloud& cloud, int threads, const OnStep& on_step,
+                         const StarsWithout& without) {
+  return StarMeshBuilder(cloud, threads, on_step, without).build();
 }
 
 std::size_t StarMesh::bytes() const noexcept {

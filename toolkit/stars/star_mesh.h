@@ -19,6 +19,7 @@
 #include "toolkit/core/vec.h"
 #include "toolkit/geometry/triangle_mesh.h"
 #include "toolkit/stars/float_box.h"
+#include "toolkit/stars/stars_without.h"
 
 namespace palpate::stars {
 
@@ -78,7 +79,8 @@ class StarMesh {
  public:
   /// Parallel; the same for any number of threads and any order of the points. O(n) for clouds of bounded
   /// density variation.
-  static StarMesh build(const cloud::Cloud& cloud, int threads, const OnStep& on_step = {});
+  static StarMesh build(const cloud::Cloud& cloud, int threads, const OnStep& on_step = {},
+                        const StarsWithout& without = {});
 
   [[nodiscard]] std::uint32_t size() const noexcept { return static_cast<std::uint32_t>(points_.size()); }
   [[nodiscard]] const Vec3& origin_mm() const noexcept { return origin_mm_; }

@@ -114,6 +114,61 @@ trace::ProbePath ridge_path(double half, std::size_t frames) {
   return path;
 }
 
+constexpr double kCornerHalfMm = 12.0;
+constexpr std::size_t kCornerPoints = 60'000, kQuickCornerPoints = 15'000;
+constexpr int kCornerStrokes = 200;
+
+/// A floor, z = 0, and a wall, x = 0, at random; they share no point. The wall goes on below the floor by a
+/// share of its half.
+cloud::Cloud corner_points(double below, std::size_t count) {
+  Random random(kSeed);
+  const double wall = 0.5 * (1.0 + below);  // its area as a part of the floor's
+  std::vector<Vec3> points;
+  while (points.size() < count) {
+    const bool on_wall = random.uniform() * (1.0 + wall) < wall;
+    const double a = random.uniform(-1.0, 1.0), b = random.uniform(-1.0, 1.0),
+                 c = random.uniform(-below, 1.0);
+    points.push_back(kCornerHalfMm * (on_wall ? Vec3{0.0, a, c} : Vec3{b, a, 0.0}));
+  }
+  return cloud::build_cloud(points, cloud::NonFinite::kDrop).value();
+}
+
+/// From the quarter between floor and wall into their corner, along it, and out the way it came.
+trace::ProbePath corner_path() {
+  constexpr double kAlongMm = 1.0;
+  Random random(kSeed);
+  trace::ProbePath path;
+  path.name = "corner";
+  add_point(path, {kClearanceMm, 0.0, kClearanceMm});
+  for (int stroke = 0; stroke < kCornerStrokes; ++stroke) {
+    const double y = random.uniform(-0.7, 0.7) * kCornerHalfMm,
+                 y_end = y + random.uniform(-kAlongMm, kAlongMm);
+    const double x = random.uniform(0.1, 1.0) * kDepthMm, z = random.uniform(0.1, 1.0) * kDepthMm;
+    go_to(path, {kClearanceMm, y, kClearanceMm});
+    go_to(path, {-x, y, -z});
+    go_to(path, {-x, y_end, -z});
+    go_to(path, {kClearanceMm, y_end, kClearanceMm});
+  }
+  return path;
+}
+
+/// Held by both: never behind either.
+trace::ReferenceTrace corner_reference(const trace::ProbePath& path) {
+  trace::ReferenceTrace reference;
+  reference.name = "corner";
+  reference.exactness = "a quarter space";
+  for (const Vec3& hip : path.hip_mm) {
+    trace::TruthFrame frame;
+    frame.frame.god_object_mm = Vec3{std::max(hip.x(), 0.0), hip.y(), std::max(hip.z(), 0.0)};
+    frame.frame.force_n = kStiffness * (frame.frame.god_object_mm - hip);
+    frame.frame.contact = frame.frame.god_object_mm != hip;
+    frame.frame.model = frame.frame.contact ? 0 : -1;
+    frame.signed_distance_mm = std::min(hip.x(), hip.z());
+    reference.frames.push_back(frame);
+  }
+  return reference;
+}
+
 /// Nothing is there to be touched; distances are to the square |x|, |y| <= half at z = 0.
 trace::ReferenceTrace free_reference(const trace::ProbePath& path, double half) {
   trace::ReferenceTrace reference;
@@ -272,6 +327,11 @@ Result<Ground> make_ground(const DataSet& set, bool quick, std::size_t frames, P
       PALPATE_ASSIGN(cloud::Cloud raw, read_raw(set.raw, frame, quick, progress));
       add_model(ground, set.name, std::move(raw));
     }
+  } else if (set.stroke == Stroke::kCorner) {
+    const double below = read_number(set.generate, {0.0, 1.0}).value();
+    add_model(ground, set.name, corner_points(below, quick ? kQuickCornerPoints : kCornerPoints));
+    ground.path = corner_path();
+    ground.reference = corner_reference(ground.path);
   } else {
     PALPATE_ASSIGN(cloud::GeneratedModel made,
                    cloud::generate(parse_named_options(quick ? set.quick : set.generate).value()));
@@ -280,8 +340,8 @@ Result<Ground> make_ground(const DataSet& set, bool quick, std::size_t frames, P
   }
   const neighbourhood::NeighbourTable nearest = neighbourhood::exact_knn(ground.points(), 0);
   ground.spacing_mm = neighbourhood::describe_spacing(ground.points(), nearest).nearest_mm.p50;
-  PALPATE_TRY(set.is_scan ? add_scan_truth(ground, frames, progress)
-                          : add_formula_truth(ground, set, frames));
+  if (set.is_scan) PALPATE_TRY(add_scan_truth(ground, frames, progress));
+  if (ground.surface != nullptr) PALPATE_TRY(add_formula_truth(ground, set, frames));
   PALPATE_TRY(metrics::fill_local_resolution(ground.reference, ground.path, ground.points(), nearest, {}));
   find_caught(ground);
   return ground;

@@ -73,6 +73,22 @@ std::vector<DataSet> height_field_sets() {
 std::vector<DataSet> all_sets() {
   std::vector<DataSet> all = round_sets();
   for (DataSet& set : height_field_sets()) all.push_back(std::move(set));
+  all.push_back({"cross",
+                 "two sheets at random that cross, pressed into their corner",
+                 "1",
+                 "1",
+                 Stroke::kCorner,
+                 false,
+                 0.0,
+                 {}});
+  all.push_back({"tee",
+                 "a wall at random that stands on a floor, pressed into the corner",
+                 "0",
+                 "0",
+                 Stroke::kCorner,
+                 false,
+                 0.0,
+                 {}});
   const std::string bunny = "stanford/bun_zipper.ply.xz", dragon = "stanford/dragon_vrip_res2.ply.gz";
   const auto scan = [](std::string name, std::string about, const std::string& file, double noise) {
     return DataSet{std::move(name), std::move(about), file, file, Stroke::kWeave, true, noise, {}};

@@ -14,13 +14,16 @@ enum class Stroke {
   kRidge,   ///< pressed beside a ridge and slid along and down one face, and across it near its tip; deeper
             ///< across, a HIP is caught behind a face, and a hair's breadth decides for how long
   kBorder,  ///< passes beside the border of a sheet, below its plane
+  kCorner,  ///< is pressed into the corner of two sheets that share no point, slides along it, and leaves
 };
 
 struct DataSet {
   std::string name;
-  std::string about;     ///< for a person
-  std::string generate;  ///< a generator with its options; of scans: the file under PALPATE_DATA
-  std::string quick;     ///< the same with fewer points
+  std::string about;  ///< for a person
+  /// A generator with its options; of scans the file under PALPATE_DATA; of two sheets how far, in shares of
+  /// the floor's half, the wall goes on below it.
+  std::string generate;
+  std::string quick;  ///< the same with fewer points
   Stroke stroke = Stroke::kWeave;
   bool is_scan = false;  ///< points off the vertices of a scan's own mesh, which is the truth
   double noise = 0.0;    ///< of scans, in spacings

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <ctime>
 #include <limits>
 
 #include "toolkit/cloud/statistics.h"
@@ -11,9 +12,6 @@
 
 namespace palpate::felt {
 namespace {
-
-/// The machine is shared: the fastest pass is that which was least disturbed.
-constexpr int kPasses = 3;
 
 class TimeLimit final : public Progress {
  public:
@@ -121,8 +119,10 @@ void look_at_free_frames(const Ground& ground, const trace::ForceTrace& trace, R
   PALPATE_ASSIGN(const std::unique_ptr<render::HapticRenderer> renderer,
                  registry.make(named.name, named.options));
   TimeLimit limit(options.prepare_limit_s);
+  const std::clock_t began = std::clock();
   PALPATE_ASSIGN(const render::PrepareReport prepared,
                  renderer->prepare(ground.scene, {options.threads, &limit}));
+  row.prepare_cpu_ms = 1e3 * static_cast<double>(std::clock() - began) / CLOCKS_PER_SEC;
   row.prepare_ms = prepared.total_ms;
   row.bytes_per_point = static_cast<double>(prepared.bytes) / static_cast<double>(row.points);
   row.warnings = prepared.warnings;
@@ -142,7 +142,7 @@ void look_at_free_frames(const Ground& ground, const trace::ForceTrace& trace, R
   look_at_errors(ground, replayed.trace, row);
   look_at_free_frames(ground, replayed.trace, row);
   row.contact_ns = row.all_ns = std::numeric_limits<double>::infinity();
-  for (int pass = 0; pass < kPasses; ++pass) {
+  for (int pass = 0; pass < options.timed_passes; ++pass) {
     row.contact_ns = std::min(row.contact_ns, contact_pass(*renderer, ground));
     row.all_ns = std::min(row.all_ns, whole_pass(*renderer, ground.path));
   }

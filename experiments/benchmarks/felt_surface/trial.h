@@ -39,6 +39,7 @@ struct Row {
   double contact_ns = 0.0, all_ns = 0.0;
   std::optional<double> p999_us;
   double prepare_ms = 0.0, bytes_per_point = 0.0;
+  double prepare_cpu_ms = 0.0;  ///< processor time of all threads, which other load leaves alone
   std::uint64_t bound_hits = 0;
   std::string trace_hash;
   std::vector<std::string> warnings;
@@ -46,6 +47,8 @@ struct Row {
 
 struct TrialOptions {
   std::size_t loops = 100;
+  /// The machine is shared: the fastest pass is that which was least disturbed.
+  int timed_passes = 3;
   int threads = 0;
   double prepare_limit_s = 0.0;  ///< 0 = none
 };

@@ -158,5 +158,27 @@ TEST(CloudSmoothUneven, ACornerHolds) {
   }
 }
 
+// A piece of another sheet over a floor, as of a scan that was put a little off: past its border the floor
+// holds.
+TEST(CloudSmoothUneven, BelowASheetThatEndsTheNextOneHolds) {
+  Random random(6);
+  std::vector<Vec3> points;
+  for (int i = 0; i < 20000; ++i)
+    points.push_back(Vec3{random.uniform(-10.0, 10.0), random.uniform(-10.0, 10.0), 0.0});
+  for (int i = 0; i < 10000; ++i)
+    points.push_back(Vec3{random.uniform(-10.0, 0.0), random.uniform(-10.0, 10.0), 0.8});
+  test::Stepped renderer = prepared(cloud_of(points), "cloud-smooth", 2);
+  for (const double y : {-6.0, -1.0, 3.0}) {
+    renderer->restart(Vec3(-3.0, y, 1.5));
+    Frame frame;
+    for (int k = 0; k <= 100; ++k) frame = renderer->step(Vec3(-3.0, y, 1.5 - 0.02 * k), 0.001);
+    ASSERT_TRUE(frame.contact);
+    ASSERT_NEAR(frame.god_object_mm.z(), 0.8, 0.01) << "the upper sheet";
+    for (int k = 0; k <= 150; ++k) frame = renderer->step(Vec3(-3.0 + 0.04 * k, y, -0.5), 0.001);
+    EXPECT_TRUE(frame.contact);
+    EXPECT_NEAR(frame.god_object_mm.z(), 0.0, 0.01) << "the floor";
+  }
+}
+
 }  // namespace
 }  // namespace palpate::render

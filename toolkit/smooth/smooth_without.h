@@ -1,0 +1,25 @@
+// Steps of the making of a smooth surface that can be left out, to measure what each is worth. Nobody feels
+// such a surface otherwise: the renderer has no option for it.
+#pragma once
+
+namespace palpate::render {
+
+struct SmoothWithout {
+  bool robust = false;      ///< every point of a ball counts in a fit, however far off
+  bool agreement = false;   ///< fits grow to 6.2 spacings whether they agree with smaller ones or not
+  bool growth = false;      ///< fits keep their first radius, 2.2 spacings
+  bool separation = false;  ///< another sheet's points in a ball have their say
+  bool folds = false;       ///< patches over a crease stay
+  bool strays = false;      ///< what stands alone is surface, too
+  bool creases = false;     ///< no ridges and valleys: all is blended
+  bool sheets = false;      ///< all patches of a cube are one sheet
+  bool trust = false;       ///< patches count alike, however well they are known
+  bool blend = false;       ///< at each node the patch that counts most, alone
+  bool sharpening = false;  ///< what the spline blurs stays blurred
+  bool borders = false;     ///< surface where no points are around
+  bool enclosure = false;   ///< closed pieces with holes are felt from both sides
+
+  friend bool operator==(const SmoothWithout&, const SmoothWithout&) = default;
+};
+
+}  // namespace palpate::render
