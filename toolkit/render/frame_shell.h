@@ -60,8 +60,7 @@ concept LocalModel = requires(Model& model, const Vec3& h, const SurfaceContact&
 /// holds 1.8e308) over the square of a cell could not be formed any more.
 inline constexpr double kFarthestHipMm = 1e150;
 [[nodiscard]] inline bool is_place(const Vec3& hip_mm) noexcept {
-  return std::abs(hip_mm.x()) <= kFarthestHipMm && std::abs(hip_mm.y()) <= kFarthestHipMm &&
-         std::abs(hip_mm.z()) <= kFarthestHipMm;
+  return std::abs(hip_mm.x()) + std::abs(hip_mm.y()) + std::abs(hip_mm.z()) <= kFarthestHipMm;
 }
 
 /// Times that the models near are looked at again from where the others hold the proxy's body.

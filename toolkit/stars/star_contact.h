@@ -93,7 +93,8 @@ class StarContact {
       from_ = h;
       return false;
     }
-    return update_slowly(h, counters);
+    // A HIP exactly on the surface is met, so that the next frame knows its side, and feels nothing yet.
+    return update_slowly(h, counters) && pull_ != Vec3::Zero();
   }
   /// A point of the mesh has gone from one place to another between two updates, and all others are where the
   /// mesh has them: a HIP that rests may be met by its triangles. After the last one: points_moved().
