@@ -49,9 +49,14 @@ constexpr std::array kReasons = {
     Reason{"cloud-smooth", "free", "plate-0.01mm",
            "The plate is thinner than its voxel: both faces are one sheet with either side free"},
     Reason{"cloud-smooth", "felt", "shells", "The wall is thinner than its voxel: both faces are one sheet"},
-    Reason{"cloud-smooth", "free", "vase",
-           "A ball with a mouth of 80 degrees counts as a closed body with a hole (enclosure.cpp): its inner "
-           "side is not felt"},
+    Reason{
+        "cloud", "", "vase",
+        "A ball with a mouth of 80 degrees counts as a closed body with a hole: its inner side is felt with "
+        "sides=both"},
+    Reason{
+        "cloud-smooth", "", "vase",
+        "A ball with a mouth of 80 degrees counts as a closed body with a hole: its inner side is felt with "
+        "sides=both"},
     Reason{"cloud-smooth", "free", "volume", "Points that fill a volume give a surface with no agreed side"},
 };
 

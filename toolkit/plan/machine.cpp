@@ -68,7 +68,7 @@ fs::path cache_file(const std::string& cpu, const std::string& version) {
   const fs::path folder = cache_folder();
   if (folder.empty()) return {};
   Hash64 hash;
-  for (const char c : cpu + "\n" + version) hash.byte(static_cast<std::uint8_t>(c));
+  hash.text(fmt::format("{}\n{}", cpu, version));
   return folder / fmt::format("machine-{}.txt", hash.hex());
 }
 

@@ -32,7 +32,9 @@ double share(std::uint64_t part, std::uint64_t all) noexcept {
 class CloudOnStars final : public EditableShellRenderer<StarModel> {
  public:
   CloudOnStars(const Options& options, const stars::StarsWithout& without)
-      : EditableShellRenderer(options), without_(without) {}
+      : EditableShellRenderer(options), without_(without) {
+    without_.enclosure = without_.enclosure || options.text("sides") == "both";
+  }
 
   Description describe() const override {
     return {
@@ -208,6 +210,11 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
         counts.triangles, counts.pieces, counts.closed_pieces - counts.pieces_with_holes,
         counts.pieces_with_holes, points, 100.0 * share(counts.agreed_points, points), counts.voted,
         counts.filled, counts.torn, counts.welded, counts.unused, counts.open_points));
+    if (counts.pieces_with_holes > 0)
+      report.notes.push_back(
+          fmt::format("{} closed but for holes: felt from the side where the replay begins; sides=both feels "
+                      "both, as of a vase",
+                      counts.pieces_with_holes));
     if (const double open = share(counts.open_points + counts.unused, points); open > kDoubtfulShare)
       report.warnings.push_back(
           fmt::format("{:.0f} % of the points lie at gaps: they are too noisy, or too few, for facets "

@@ -61,6 +61,15 @@ RendererInfo cloud_info() {
        "what is felt: triangles that the points agree on (stars), or a plane at every point; auto: stars, "
        "unless an option of the vertices is given",
        {"auto", "stars", "vertices"}});
+  info.options.push_back({"sides",
+                          OptionKind::kChoice,
+                          "auto",
+                          "of a piece that encloses a volume but for holes: the one where the replay begins "
+                          "is felt (auto), or both, as of a vase",
+                          {"auto", "both"},
+                          -1e300,
+                          1e300,
+                          {{"surface", {"auto", "stars"}}}});
   info.options.push_back({"refine",
                           OptionKind::kInteger,
                           "0",

@@ -102,7 +102,9 @@ class CloudSmooth final : public BoxedShellRenderer<SmoothModel> {
   static constexpr double kFrameUs = 0.25, kMsPerMillion = 2300.0;
 
   explicit CloudSmooth(const Options& options, const SmoothWithout& without = {})
-      : BoxedShellRenderer(options), without_(without) {}
+      : BoxedShellRenderer(options), without_(without) {
+    without_.enclosure = without_.enclosure || options.text("sides") == "both";
+  }
 
   Description describe() const override {
     return {"cloud-smooth", "a smooth surface near the points, through their noise",
@@ -178,6 +180,12 @@ RendererInfo cloud_smooth_info() {
        {},
        0.5,
        8.0},
+      {"sides",
+       OptionKind::kChoice,
+       "auto",
+       "of a piece that encloses a volume but for holes: the one where the replay begins is felt (auto), or "
+       "both, as of a vase",
+       {"auto", "both"}},
       {"walk_steps",
        OptionKind::kInteger,
        fmt::format("{}", kMaxNewtonSteps),

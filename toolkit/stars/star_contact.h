@@ -55,6 +55,9 @@ inline constexpr std::size_t kPackedBlocks = 4;
 /// coordinates.
 inline constexpr double kClearShare = 1.0 - 1e-6, kClearSlack = 16.0 * kUnitRoundoff;
 
+/// A foot is as exact as the coordinates that it is made of, but for some roundings.
+inline constexpr double kOnSurface = 4.0 * kUnitRoundoff;
+
 /// Sheets that hold a god object together: of three that cross, none adds a place where it may go.
 inline constexpr std::size_t kMaxHeld = 3;
 /// Times the facets are looked up again where the last solution lies, as for several models.
@@ -93,8 +96,7 @@ class StarContact {
       from_ = h;
       return false;
     }
-    // A HIP exactly on the surface is met, so that the next frame knows its side, and feels nothing yet.
-    return update_slowly(h, counters) && pull_ != Vec3::Zero();
+    return update_slowly(h, counters) && !is_on_surface(h);
   }
   /// A point of the mesh has gone from one place to another between two updates, and all others are where the
   /// mesh has them: a HIP that rests may be met by its triangles. After the last one: points_moved().
@@ -130,6 +132,11 @@ class StarContact {
   [[nodiscard]] std::span<const Held> others() const noexcept { return {others_.data(), others_count_}; }
 
  private:
+  /// Met, so that the next frame knows the HIP's side; the pull is no more than rounding, and nothing is
+  /// felt.
+  [[nodiscard]] bool is_on_surface(const Vec3& h) const noexcept {
+    return pull_.cwiseAbs().maxCoeff() <= kOnSurface * h.cwiseAbs().maxCoeff();
+  }
   void rest_inside(const Vec3& h, const FacetFrame::Weights& weights) noexcept {
     pull_ = frame_.normal() * -weights.height;
     stand_.foot = {h + pull_, weights.height * weights.height, Feature::kInside};

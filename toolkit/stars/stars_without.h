@@ -10,6 +10,7 @@ struct StarsWithout {
   bool flat = false;       ///< no flat stars in noise
   bool mending = false;    ///< stars stay as they were laid out at first
   bool filling = false;    ///< what not all three stars of a triangle have stays open
+  bool enclosure = false;  ///< pieces with holes are felt from both sides, whatever they enclose
   bool remaking = false;   ///< where sides do not agree nothing is made anew
 
   friend bool operator==(const StarsWithout&, const StarsWithout&) = default;

@@ -107,7 +107,8 @@ class Turner {
   Pieces run() {
     join_all();
     number_pieces();
-    find_enclosing();
+    inward_.assign(pieces_.closed.size(), 0);
+    if (!draft_.without.enclosure) find_enclosing();
     turn_outward();
     return std::move(pieces_);
   }
@@ -228,7 +229,6 @@ class Turner {
   /// out.
   void find_enclosing() {
     const std::vector<std::vector<geometry::SurfacePart>> parts = open_parts();
-    inward_.assign(parts.size(), 0);
     parallel_chunks(parts.size(), 1, draft_.threads, [&](std::size_t begin, std::size_t end) {
       for (std::size_t piece = begin; piece < end; ++piece) {
         const float side = geometry::outer_side(parts[piece]);

@@ -81,6 +81,19 @@ TEST(ClosedCloud, WithAHoleIsFeltFromInsideWhereTheHipStartsInside) {
   EXPECT_LT(frame.force_n.z(), 0.0);
 }
 
+// As of a vase: in by its mouth, and the wall is there; the same for the smooth surface.
+TEST(ClosedCloud, WithAHoleIsFeltFromBothSidesWhereThatIsAskedFor) {
+  for (const char* renderer : {"cloud:sides=both", "cloud-smooth:sides=both"}) {
+    const auto cloud = sphere(true, renderer);
+    const Vec3 before(kRadius + 10, 0, 0), middle(0, 0, 0), wall(0, 0.3, kRadius + 1);
+    cloud->restart(before);
+    EXPECT_FALSE(glide(cloud, before, middle).contact) << renderer;
+    const Frame frame = glide(cloud, middle, wall);
+    ASSERT_TRUE(frame.contact) << renderer;
+    EXPECT_LT(frame.force_n.z(), 0.0) << renderer;
+  }
+}
+
 TEST(ClosedCloud, ABowlIsFeltFromBothSides) {
   std::vector<Vec3> points = sphere_points(kRadius, Vec3::Zero(), false);
   std::erase_if(points, [](const Vec3& p) { return p.z() > 0.0; });
