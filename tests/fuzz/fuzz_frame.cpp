@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "toolkit/core/hash.h"
+#include "toolkit/render/frame_shell.h"
 #include "toolkit/render/registry.h"
 #include "toolkit/renderers/toolkit_renderers.h"
 
@@ -145,10 +146,10 @@ std::uint64_t played(render::HapticRenderer& renderer, const std::vector<Act>& a
     const render::Frame frame = renderer.step(act.hip, t_s);
     require_frame(is_finite(frame.force_n));
     require_frame(frame.force_n.norm() <= kLimitN * kLimitRounding);
-    require_frame((frame.status == render::FrameStatus::kNonFinite) == !is_finite(act.hip));
+    require_frame((frame.status == render::FrameStatus::kNonFinite) == !render::is_place(act.hip));
     require_frame(frame.contact || frame.force_n == Vec3::Zero());
     require_frame(frame.contact == (frame.model == 0));
-    if (is_finite(act.hip)) require_frame(is_finite(frame.god_object_mm));
+    if (render::is_place(act.hip)) require_frame(is_finite(frame.god_object_mm));
     hash.byte(static_cast<std::uint8_t>(frame.contact));
     for (int axis = 0; axis < 3; ++axis) hash.real(frame.force_n[axis]);
     for (int axis = 0; axis < 3; ++axis) hash.real(frame.god_object_mm[axis]);

@@ -68,7 +68,7 @@ fs::path cache_file(const std::string& cpu, const std::string& version) {
   const fs::path folder = cache_folder();
   if (folder.empty()) return {};
   Hash64 hash;
-  hash.text(fmt::format("{}\n{}", cpu, version));
+  for (const char c : fmt::format("{}\n{}", cpu, version)) hash.byte(static_cast<std::uint8_t>(c));
   return folder / fmt::format("machine-{}.txt", hash.hex());
 }
 
