@@ -5,27 +5,21 @@
 #include <cmath>
 #include <numbers>
 
+#include "device/option_check.h"
+#include "toolkit/core/try.h"
+
 namespace palpate::device {
 Status SimulatedAdmittance::open() {
-  struct Named {
-    const char* name;
-    double value;
-    bool zero_is_right;
-  };
-  for (const Named& named : std::array<Named, 7>{{{"mass_kg", options_.mass_kg, false},
-                                                  {"damping_n_s_per_mm", options_.damping_n_s_per_mm, true},
-                                                  {"bandwidth_hz", options_.bandwidth_hz, true},
+  const auto numbers =
+      std::to_array<CheckedNumber>({{"mass_kg", options_.mass_kg, false},
+                                    {"damping_n_s_per_mm", options_.damping_n_s_per_mm, true},
+                                    {"bandwidth_hz", options_.bandwidth_hz, true},
 
-                                                  {"force_max_n", options_.force_max_n, false},
-                                                  {"speed_max_mm_s", options_.speed_max_mm_s, false},
-                                                  {"period_s", options_.period_s, false},
-                                                  {"workspace_mm", options_.workspace_mm, false}}}) {
-    if (std::isfinite(named.value) && (named.value > 0.0 || (named.zero_is_right && named.value == 0.0)))
-      continue;
-    return Error{std::string(named.name) + " is " + std::to_string(named.value),
-                 named.zero_is_right ? "give a finite number, 0 or above" : "give a finite number above 0",
-                 name(), 0};
-  }
+                                    {"force_max_n", options_.force_max_n, false},
+                                    {"speed_max_mm_s", options_.speed_max_mm_s, false},
+                                    {"period_s", options_.period_s, false},
+                                    {"workspace_mm", options_.workspace_mm, false}});
+  PALPATE_TRY(check_numbers(numbers, name()));
   open_ = true;
   opened_s_ = clock_.now_s();
   now_s_ = last_sent_s_ = 0.0;

@@ -4,6 +4,9 @@
 #include <array>
 #include <cmath>
 
+#include "device/option_check.h"
+#include "toolkit/core/try.h"
+
 namespace palpate::device {
 namespace {
 
@@ -28,31 +31,21 @@ SimulatedArm::SimulatedArm(const ArmOptions& options, const Hand& hand, const Ha
     : options_(options), hand_(hand), script_(script), clock_(clock), in_flight_(kMostInFlight) {}
 
 Status SimulatedArm::open() {
-  struct Named {
-    const char* name;
-    double value;
-    bool zero_is_right;
-  };
-  for (const Named& named :
-       std::array<Named, 13>{{{"mass_kg", options_.mass_kg, false},
-                              {"damping_n_s_per_mm", options_.damping_n_s_per_mm, true},
-                              {"friction_n", options_.friction_n, true},
-                              {"encoder_mm", options_.encoder_mm, true},
-                              {"force_max_n", options_.force_max_n, false},
-                              {"force_step_n", options_.force_step_n, true},
-                              {"lag_s", options_.lag_s, true},
-                              {"delay_s", options_.delay_s, true},
-                              {"period_s", options_.period_s, false},
-                              {"workspace_mm", options_.workspace_mm, false},
-                              {"the hand's mass_kg", hand_.mass_kg, true},
-                              {"the hand's damping_n_s_per_mm", hand_.damping_n_s_per_mm, true},
-                              {"the hand's stiffness_n_per_mm", hand_.stiffness_n_per_mm, true}}}) {
-    if (std::isfinite(named.value) && (named.value > 0.0 || (named.zero_is_right && named.value == 0.0)))
-      continue;
-    return Error{std::string(named.name) + " is " + std::to_string(named.value),
-                 named.zero_is_right ? "give a finite number, 0 or above" : "give a finite number above 0",
-                 name(), 0};
-  }
+  const auto numbers =
+      std::to_array<CheckedNumber>({{"mass_kg", options_.mass_kg, false},
+                                    {"damping_n_s_per_mm", options_.damping_n_s_per_mm, true},
+                                    {"friction_n", options_.friction_n, true},
+                                    {"encoder_mm", options_.encoder_mm, true},
+                                    {"force_max_n", options_.force_max_n, false},
+                                    {"force_step_n", options_.force_step_n, true},
+                                    {"lag_s", options_.lag_s, true},
+                                    {"delay_s", options_.delay_s, true},
+                                    {"period_s", options_.period_s, false},
+                                    {"workspace_mm", options_.workspace_mm, false},
+                                    {"the hand's mass_kg", hand_.mass_kg, true},
+                                    {"the hand's damping_n_s_per_mm", hand_.damping_n_s_per_mm, true},
+                                    {"the hand's stiffness_n_per_mm", hand_.stiffness_n_per_mm, true}});
+  PALPATE_TRY(check_numbers(numbers, name()));
   if (options_.lag_s > 0.0 && options_.lag_s < kLeastLagS)
     return Error{"lag_s is below a microsecond", "give 0 for a motor without lag", name(), 0};
   if (options_.delay_s > options_.period_s * static_cast<double>(kMostInFlight - 1))

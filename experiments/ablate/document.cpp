@@ -110,8 +110,7 @@ Page ablate_page(const AblateDocument& document) {
 
 std::string to_json(const AblateDocument& document) {
   AblateJson json = {{"schema", kAblateSchema}};
-  const AblateJson head = AblateJson::parse(metrics::head_json(document.head));
-  for (const auto& [key, value] : head.items()) json[key] = value;
+  json.update(AblateJson::parse(metrics::head_json(document.head)));
   json["scene"] = document.scene;
   json["path"] = document.path;
   json["renderer"] = document.renderer;

@@ -1,19 +1,18 @@
-// The frames of every renderer of the toolkit on one fixed scene, each in a call of its own that callgrind
-// counts apart: see tests/experiments/frame_instructions_test.cpp. Renderers on Embree, CGAL or PCL are not
+// The frames of every renderer of the toolkit on one fixed scene, each between marks of its own for
+// callgrind: see tests/experiments/frame_instructions_test.cpp. Renderers on Embree, CGAL or PCL are not
 // among them, for these libraries choose their instructions by the processor.
 //
-//   frame_instructions        prints a line for each call, in their order: NAME FRAMES SUM
+//   frame_instructions        marks each as NAME FRAMES
 //   frame_instructions names  the names alone
 #include <fmt/format.h>
 
-#include <bit>
-#include <cstdint>
 #include <cstdio>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "toolkit/cloud/generate.h"
+#include "toolkit/core/instructions.h"
 #include "toolkit/render/registry.h"
 #include "toolkit/renderers/toolkit_renderers.h"
 #include "toolkit/trace/paths.h"
@@ -37,18 +36,6 @@ constexpr Counted kCounted[] = {
     {"cloud-literal", kRaster}, {"heightfield", kRaster},           {"heightfield-literal", kRaster},
 };
 
-}  // namespace
-
-/// What is counted: its name is what callgrind is told.
-extern "C" __attribute__((noinline)) double palpate_counted_frames(render::HapticRenderer& renderer,
-                                                                   const trace::ProbePath& path) {
-  double sum = 0.0;
-  for (std::size_t k = 0; k < path.size(); ++k) sum += renderer.step(path.hip_mm[k], path.t_s[k]).force_n.z();
-  return sum;
-}
-
-namespace {
-
 int count(const Counted& counted, const render::Registry& registry) {
   auto made = cloud::generate(parse_named_options(counted.scene).value());
   if (!made) return 1;
@@ -67,8 +54,10 @@ int count(const Counted& counted, const render::Registry& registry) {
   const auto path = trace::make_path(parse_named_options(kPath).value(), target);
   if (!path) return 1;
   (*renderer)->restart(path->hip_mm[0], -path->t_s[1]);
-  const double sum = palpate_counted_frames(**renderer, *path);
-  fmt::print("{} {} {:016x}\n", counted.name, path->size(), std::bit_cast<std::uint64_t>(sum));
+  render::HapticRenderer& counting = **renderer;
+  begin_counting();
+  for (std::size_t k = 0; k < path->size(); ++k) (void)counting.step(path->hip_mm[k], path->t_s[k]);
+  end_counting(fmt::format("{} {}", counted.name, path->size()).c_str());
   return 0;
 }
 

@@ -1,10 +1,9 @@
-// The longest frames that a renderer of ours can be brought to, each in a call of its own that callgrind
-// counts: see tests/experiments/worst_frames_test.cpp. Jumps across the model, strokes through it and drags
-// along it over points that no surface orders; of all frames those with the most counted steps are played
-// once more under the counter.
+// The longest frames that a renderer of ours can be brought to, each between marks of its own for
+// callgrind: see tests/experiments/worst_frames_test.cpp. Jumps across the model, strokes through it and
+// drags along it over points that no surface orders; of all frames those with the most counted steps are
+// played once more under the counter.
 //
-//   worst_frames [POINTS ...]   prints a line for each call, in their order: NAME SCENE POINTS FRAME BOUND
-//                               (default: 10000 300000)
+//   worst_frames [POINTS ...]   marks each as NAME SCENE POINTS FRAME BOUND (default: 10000 300000)
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -14,16 +13,8 @@
 #include <string>
 #include <vector>
 
-#if __has_include(<valgrind/callgrind.h>)
-#include <valgrind/callgrind.h>
-#else
-#define CALLGRIND_START_INSTRUMENTATION
-#define CALLGRIND_STOP_INSTRUMENTATION
-#define CALLGRIND_ZERO_STATS
-#define CALLGRIND_DUMP_STATS
-#endif
-
 #include "toolkit/cloud/generate.h"
+#include "toolkit/core/instructions.h"
 #include "toolkit/core/random.h"
 #include "toolkit/heightfield/heightfield_crossing.h"
 #include "toolkit/heightfield/heightfield_descent.h"
@@ -125,16 +116,6 @@ std::uint64_t work_of(const render::FrameCounters& c) {
   return 8 * c.walk_steps + c.box_tests + c.cells_visited;
 }
 
-}  // namespace
-
-/// What is counted: its name is what callgrind is told.
-extern "C" __attribute__((noinline)) double palpate_worst_frame(render::HapticRenderer& renderer,
-                                                                const Vec3& hip, double t_s) {
-  return renderer.step(hip, t_s).force_n.z();
-}
-
-namespace {
-
 struct Tried {
   std::size_t frame = 0;
   std::uint64_t work = 0;
@@ -178,12 +159,10 @@ int count(const std::string& name, const Stand& stand, const render::Registry& r
       (void)(*renderer)->step(path[k], t_s);
       continue;
     }
-    CALLGRIND_START_INSTRUMENTATION;
-    CALLGRIND_ZERO_STATS;
-    (void)palpate_worst_frame(**renderer, path[k], t_s);
-    CALLGRIND_DUMP_STATS;
-    CALLGRIND_STOP_INSTRUMENTATION;
-    fmt::print("{} {} {} {} {:.0f}\n", name, stand.scene, stand.cloud->size(), k, bound_of(name));
+    begin_counting();
+    (void)(*renderer)->step(path[k], t_s);
+    end_counting(
+        fmt::format("{} {} {} {} {:.0f}", name, stand.scene, stand.cloud->size(), k, bound_of(name)).c_str());
     ++next;
   }
   return 0;

@@ -157,17 +157,10 @@ std::string names_beside(const std::vector<std::vector<FrontPoint>>& fronts,
   return commands;
 }
 
-}  // namespace
-
-Chart kinds_chart(const std::string& name, const std::string& title, const std::string& cost,
-                  const std::vector<KindPoint>& points) {
+Chart cost_chart(const std::string& name, const std::string& title, const std::string& cost) {
   Chart chart;
   chart.name = name;
   chart.title = title;
-  chart.caption =
-      "Left is more accurate, down is cheaper; bars are 95 % intervals. Each line joins the settings of one "
-      "kind "
-      "that no other of its kind beats; the pale ones are beaten.";
   chart.x_label = "error of force, 95th percentile, % of the true force";
   chart.y_label = cost;
   chart.log_x = chart.log_y = true;
@@ -175,6 +168,18 @@ Chart kinds_chart(const std::string& name, const std::string& title, const std::
   chart.height = kFrontHeight;
   chart.wide = true;
   chart.nothing = "No setting was measured.";
+  return chart;
+}
+
+}  // namespace
+
+Chart kinds_chart(const std::string& name, const std::string& title, const std::string& cost,
+                  const std::vector<KindPoint>& points) {
+  Chart chart = cost_chart(name, title, cost);
+  chart.caption =
+      "Left is more accurate, down is cheaper; bars are 95 % intervals. Each line joins the settings of one "
+      "kind "
+      "that no other of its kind beats; the pale ones are beaten.";
   std::vector<std::vector<FrontPoint>> fronts;
   std::vector<Series> above;
   for (const KindLook& look : kKindLooks) {
@@ -214,19 +219,10 @@ std::vector<FrontPoint> numbered(std::vector<FrontPoint> points) {
 
 Chart front_chart(const std::string& name, const std::string& title, const std::string& cost,
                   std::vector<FrontPoint> points) {
-  Chart chart;
-  chart.name = name;
-  chart.title = title;
+  Chart chart = cost_chart(name, title, cost);
   chart.caption =
       "Left is more accurate, down is cheaper; thin bars are 95 % intervals. Numbers are those of the table: "
       "nothing measured is both more accurate and cheaper than these.";
-  chart.x_label = "error of force, 95th percentile, % of the true force";
-  chart.y_label = cost;
-  chart.log_x = chart.log_y = true;
-  chart.style = Chart::Style::kMarks;
-  chart.height = kFrontHeight;
-  chart.wide = true;
-  chart.nothing = "No setting was measured.";
   const std::vector<FrontPoint> front = numbered(points);
   chart.extra =
       "set bars 0\nset offsets graph 0.03, graph 0.05, graph 0.05, graph 0.05\n" + numbers_beside(front);

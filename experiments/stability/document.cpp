@@ -211,8 +211,7 @@ Page stability_page(const StabilityDocument& document, const OutputFolder& folde
 
 std::string to_json(const StabilityDocument& document) {
   StabilityJson json = {{"schema", kStabilitySchema}};
-  const StabilityJson head = StabilityJson::parse(metrics::head_json(document.head));
-  for (const auto& [key, value] : head.items()) json[key] = value;
+  json.update(StabilityJson::parse(metrics::head_json(document.head)));
   json["scene"] = document.scene;
   json["path"] = document.path;
   json["truth"] = document.truth;

@@ -151,8 +151,7 @@ std::string stress_picture(const StressMatrix& matrix) {
 
 std::string stress_json(const StressMatrix& matrix) {
   nlohmann::ordered_json json = {{"schema", kStressSchema}};
-  const auto head = nlohmann::ordered_json::parse(metrics::head_json(matrix.head));
-  for (const auto& [key, value] : head.items()) json[key] = value;
+  json.update(nlohmann::ordered_json::parse(metrics::head_json(matrix.head)));
   json["cases"] = nlohmann::ordered_json::array();
   for (const StressCase& one : matrix.cases)
     json["cases"].push_back({{"name", one.name}, {"group", one.group}, {"text", one.text}});

@@ -220,8 +220,7 @@ SweepJson rows_json(const SweepDocument& document) {
 
 std::string to_json(const SweepDocument& document) {
   SweepJson json = {{"schema", kSweepSchema}};
-  const SweepJson head = SweepJson::parse(metrics::head_json(document.head));
-  for (const auto& [key, value] : head.items()) json[key] = value;
+  json.update(SweepJson::parse(metrics::head_json(document.head)));
   json["scene"] = document.scene;
   json["path"] = document.path;
   json["truth"] = document.truth;

@@ -98,8 +98,7 @@ TuneJson limit_json(const std::optional<double>& limit) {
 std::string tune_json(const Sweep& sweep, const TuneLimits& limits, const std::vector<Tried>& tried,
                       std::size_t kept, const std::optional<Row>& nearest, Context& context) {
   TuneJson json = {{"schema", kTuneSchema}};
-  const TuneJson head = TuneJson::parse(metrics::head_json(new_head(context.command_line)));
-  for (const auto& [key, value] : head.items()) json[key] = value;
+  json.update(TuneJson::parse(metrics::head_json(new_head(context.command_line))));
   json["scene"] = sweep.document().scene;
   json["path"] = sweep.document().path;
   json["truth"] = sweep.document().truth;

@@ -8,11 +8,9 @@
 #include <fstream>
 #include <iostream>
 #include <map>
-#include <sstream>
 
-#include "tests/in_folder.h"
+#include "toolkit/core/instructions.h"
 #include "toolkit/core/options.h"
-#include "toolkit/core/process.h"
 
 namespace palpate::experiments {
 namespace {
@@ -50,41 +48,24 @@ Counts read_counts(const std::string& file) {
   return counts;
 }
 
-class FrameInstructions : public InFolder {
- protected:
-  /// One run of the program: each call of the counted function ends a part of what callgrind writes.
-  Counts count() {
-    const Result<ProcessOutcome> run =
-        run_process({"valgrind", "--tool=callgrind", "--callgrind-out-file=" + in("out"),
-                     "--toggle-collect=palpate_counted_frames", "--dump-after=palpate_counted_frames",
-                     PALPATE_FRAME_INSTRUCTIONS},
-                    {.time_limit_s = kCountLimitS});
-    Counts counts{compiler_name(), {}};
-    if (!run || run->exit_code != 0) {
-      ADD_FAILURE() << (run ? run->err : run.error().message());
-      return counts;
-    }
-    std::istringstream lines(run->out);
-    std::string name, sum;
-    double frames = 0.0;
-    for (int part = 1; lines >> name >> frames >> sum; ++part)
-      counts.by_renderer[name] = total(in(fmt::format("out.{}", part))) / frames;
+/// The program marks each renderer's frames as "NAME FRAMES".
+Counts count() {
+  Counts counts{compiler_name(), {}};
+  const auto parts = count_instructions({PALPATE_FRAME_INSTRUCTIONS}, {.time_limit_s = kCountLimitS});
+  if (!parts) {
+    ADD_FAILURE() << parts.error().message();
     return counts;
   }
-
- private:
-  static double total(const std::string& file) {
-    std::ifstream lines(file);
-    for (std::string line; std::getline(lines, line);)
-      for (const std::string key : {"totals: ", "summary: "})
-        if (line.starts_with(key)) return parse_number(line.substr(key.size())).value();
-    ADD_FAILURE() << file << " has no total";
-    return 0.0;
+  for (const auto& [part, instructions] : *parts) {
+    const std::size_t at = part.rfind(' ');
+    counts.by_renderer[part.substr(0, at)] =
+        static_cast<double>(instructions) / parse_number(part.substr(at + 1)).value();
   }
-};
+  return counts;
+}
 
-TEST_F(FrameInstructions, AreNoMoreThanTheFileSays) {
-  if (!program_exists("valgrind")) GTEST_SKIP() << "valgrind is not installed: apt-get install valgrind";
+TEST(FrameInstructions, AreNoMoreThanTheFileSays) {
+  if (const Status able = can_count(); !able) GTEST_SKIP() << able.error().message();
   if (!std::filesystem::exists(PALPATE_FRAME_INSTRUCTIONS)) GTEST_SKIP() << "built without the benchmarks";
 #ifndef NDEBUG
   GTEST_SKIP() << "the counts are those of release builds";

@@ -5,16 +5,13 @@
 
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <iostream>
 #include <map>
 #include <sstream>
 #include <string>
 #include <vector>
 
-#include "tests/in_folder.h"
-#include "toolkit/core/options.h"
-#include "toolkit/core/process.h"
+#include "toolkit/core/instructions.h"
 
 namespace palpate::experiments {
 namespace {
@@ -33,40 +30,28 @@ struct Counted {
   double points = 0.0, frame = 0.0, bound = 0.0, instructions = 0.0;
 };
 
-class WorstFrames : public InFolder {
- protected:
-  std::vector<Counted> count(const std::vector<std::string>& sizes, double limit_s) {
-    std::vector<std::string> command = {"valgrind", "--tool=callgrind", "--instr-atstart=no",
-                                        "--callgrind-out-file=" + in("out"), PALPATE_WORST_FRAMES};
-    command.insert(command.end(), sizes.begin(), sizes.end());
-    const Result<ProcessOutcome> run = run_process(command, {.time_limit_s = limit_s});
-    std::vector<Counted> all;
-    if (!run || run->exit_code != 0) {
-      ADD_FAILURE() << (run ? run->err : run.error().message());
-      return all;
-    }
-    std::istringstream lines(run->out);
-    Counted one;
-    for (int part = 1; lines >> one.renderer >> one.scene >> one.points >> one.frame >> one.bound; ++part) {
-      one.instructions = total(in(fmt::format("out.{}", part)));
-      all.push_back(one);
-    }
+/// The program marks each frame as "RENDERER SCENE POINTS FRAME BOUND".
+std::vector<Counted> count(const std::vector<std::string>& sizes, double limit_s) {
+  std::vector<std::string> command = {PALPATE_WORST_FRAMES};
+  command.insert(command.end(), sizes.begin(), sizes.end());
+  std::vector<Counted> all;
+  const auto parts = count_instructions(command, {.time_limit_s = limit_s});
+  if (!parts) {
+    ADD_FAILURE() << parts.error().message();
     return all;
   }
-
- private:
-  static double total(const std::string& file) {
-    std::ifstream lines(file);
-    for (std::string line; std::getline(lines, line);)
-      for (const std::string key : {"totals: ", "summary: "})
-        if (line.starts_with(key)) return parse_number(line.substr(key.size())).value();
-    ADD_FAILURE() << file << " has no total";
-    return 0.0;
+  for (const auto& [part, instructions] : *parts) {
+    std::istringstream words(part);
+    Counted one;
+    EXPECT_TRUE(words >> one.renderer >> one.scene >> one.points >> one.frame >> one.bound) << part;
+    one.instructions = static_cast<double>(instructions);
+    all.push_back(one);
   }
-};
+  return all;
+}
 
-TEST_F(WorstFrames, AreWithinTheWrittenBound) {
-  if (!program_exists("valgrind")) GTEST_SKIP() << "valgrind is not installed: apt-get install valgrind";
+TEST(WorstFrames, AreWithinTheWrittenBound) {
+  if (const Status able = can_count(); !able) GTEST_SKIP() << able.error().message();
   if (!std::filesystem::exists(PALPATE_WORST_FRAMES)) GTEST_SKIP() << "built without the benchmarks";
 #ifndef NDEBUG
   GTEST_SKIP() << "the counts are those of release builds";
