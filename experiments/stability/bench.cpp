@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "device/arm_models.h"
+#include "device/simulated/arm_models.h"
 #include "toolkit/core/words.h"
 
 namespace palpate::experiments {
@@ -68,7 +68,7 @@ Result<Bench> bench_of(const std::string& device, const std::string& hand) {
 
 Result<device::LoopRun> run_on(const Bench& bench, const device::HandScript& script,
                                render::HapticRenderer& renderer, const Vec3& origin_mm, double duration_s) {
-  device::VirtualClock clock;
+  VirtualClock clock;
   device::LoopOptions options;
   options.period_s = bench.period_s();
   options.jitter_s = bench.jitter_s;

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "device/closed_loop.h"
-#include "device/simulated_admittance.h"
-#include "device/simulated_arm.h"
+#include "device/simulated/closed_loop.h"
+#include "device/simulated/simulated_admittance.h"
+#include "device/simulated/simulated_arm.h"
 #include "experiments/run/stage.h"
 #include "toolkit/control/controlled_renderer.h"
 

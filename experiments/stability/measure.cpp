@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "device/arm_models.h"
-#include "device/loop_theory.h"
+#include "device/simulated/arm_models.h"
+#include "device/simulated/loop_theory.h"
 #include "toolkit/core/try.h"
 #include "toolkit/metrics/accuracy.h"
 #include "toolkit/metrics/closest_reference.h"

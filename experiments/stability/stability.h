@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "device/closed_loop.h"
+#include "device/simulated/closed_loop.h"
 #include "experiments/report/page.h"
 #include "experiments/session/study_run.h"
 

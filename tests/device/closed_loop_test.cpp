@@ -1,12 +1,12 @@
 // Hands, devices and walls in a loop.
-#include "device/closed_loop.h"
+#include "device/simulated/closed_loop.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "device/arm_models.h"
-#include "device/loop_theory.h"
+#include "device/simulated/arm_models.h"
+#include "device/simulated/loop_theory.h"
 #include "tests/device/rig.h"
 
 namespace palpate::device {

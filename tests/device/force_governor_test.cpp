@@ -1,5 +1,5 @@
 // The governor alone, on times given by hand.
-#include "device/force_governor.h"
+#include "device/interface/force_governor.h"
 
 #include <gtest/gtest.h>
 

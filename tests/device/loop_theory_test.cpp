@@ -1,6 +1,6 @@
 // Simulated loops against what is known of them: exact limits of linear loops, and what the worst hand can
 // take out of a passive one.
-#include "device/loop_theory.h"
+#include "device/simulated/loop_theory.h"
 
 #include <gtest/gtest.h>
 

@@ -1,8 +1,8 @@
 // A spring of known stiffness under a simulated hand.
 #pragma once
 
-#include "device/closed_loop.h"
-#include "device/simulated_arm.h"
+#include "device/simulated/closed_loop.h"
+#include "device/simulated/simulated_arm.h"
 
 namespace palpate::device {
 

@@ -1,5 +1,5 @@
 // Renderer, governor and simulated device together on a virtual clock.
-#include "device/servo.h"
+#include "device/servo/servo.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "device/simulated_device.h"
+#include "device/simulated/simulated_device.h"
 
 namespace palpate::device {
 namespace {

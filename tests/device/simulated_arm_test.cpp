@@ -1,12 +1,12 @@
 // The physics of the simulated devices against closed forms.
-#include "device/simulated_arm.h"
+#include "device/simulated/simulated_arm.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 
-#include "device/arm_models.h"
+#include "device/simulated/arm_models.h"
 #include "tests/device/rig.h"
 
 namespace palpate::device {

@@ -77,6 +77,9 @@ TEST(IncludeEdges, ForbiddenOnesAreFound) {
       {"toolkit/neighbourhood/a.cpp", "oneapi/tbb.h"},
       {"toolkit/cloud/a.cpp", "execution"},
       {"toolkit/cloud/a.cpp", "../core/vec.h"},
+      {"device/interface/a.h", "device/servo/b.h"},
+      {"device/record/a.cpp", "device/live/b.h"},
+      {"device/new_folder/a.cpp", "device/interface/b.h"},
       {"elsewhere/a.cpp", "toolkit/core/vec.h"},
   };
   for (const Edge& edge : edges)
@@ -99,6 +102,7 @@ TEST(IncludeEdges, AllowedOnesPass) {
       {"experiments/command/a.cpp", "experiments/report/page.h"},
       {"experiments/tables/a.cpp", "experiments/behaviours/matrix.h"},
       {"experiments/tables/a.cpp", "experiments/session/session.h"},
+      {"device/live/a.cpp", "device/record/b.h"},
       {"experiments/a.cpp", "device/loop.h"},
       {"experiments/a.cpp", "nlohmann/json.hpp"},
       {"tests/toolkit/renderers/a.cpp", "experiments/report.h"},

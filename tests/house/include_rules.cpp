@@ -37,9 +37,11 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"trade", {"study", "run", "data", "report", "session", "trade"}},
     {"hunt", {"study", "run", "session", "hunt"}},
     {"ablate", {"study", "run", "data", "report", "session", "ablate"}},
+    {"live", {"study", "run", "data", "report", "session", "live"}},
+    {"goals", {"study", "run", "data", "report", "session", "goals"}},
     {"command",
      {"study", "run", "data", "report", "session", "behaviours", "stress", "tables", "stability", "trade",
-      "hunt", "ablate", "command"}},
+      "hunt", "ablate", "live", "goals", "command"}},
     {"benchmarks", {"benchmarks"}},
 };
 
@@ -49,6 +51,9 @@ constexpr std::array kToolkitLine = {
     "points", "deformation", "smooth",  "heightfield", "renderers",     "control", "trace", "metrics",
     "io",     "pcd",         "voronoi", "dem",         "scene",         "plan",
 };
+
+// The same inside device.
+constexpr std::array kDeviceLine = {"interface", "servo", "simulated", "record", "live"};
 
 // Libraries that are slow to compile, carry a licence or bring half a distribution: where their headers may
 // stand in a source file, and where in a header as well.
@@ -98,9 +103,10 @@ std::string second_folder(const std::string& path) {
   return slash == std::string::npos ? std::string() : first_folder(path.substr(slash + 1));
 }
 
-int place_in_line(const std::string& module) {
-  const auto* at = std::find(kToolkitLine.begin(), kToolkitLine.end(), module);
-  return at == kToolkitLine.end() ? -1 : static_cast<int>(at - kToolkitLine.begin());
+template <std::size_t N>
+int place_in_line(const std::array<const char*, N>& line, const std::string& module) {
+  const auto* at = std::find(line.begin(), line.end(), module);
+  return at == line.end() ? -1 : static_cast<int>(at - line.begin());
 }
 
 bool starts_with_any(const std::string& file, const Folders& folders) {
@@ -108,13 +114,15 @@ bool starts_with_any(const std::string& file, const Folders& folders) {
                      [&](const std::string& f) { return file.starts_with(f); });
 }
 
-std::string forbidden_in_line(const std::string& from, const std::string& to) {
-  const int from_place = place_in_line(from);
-  const int to_place = place_in_line(to);
-  if (from_place < 0) return "toolkit/" + from + " has no place in the line of modules";
-  if (to_place < 0) return "toolkit/" + to + " has no place in the line of modules";
+template <std::size_t N>
+std::string forbidden_in_line(const std::array<const char*, N>& line, const std::string& top,
+                              const std::string& from, const std::string& to) {
+  const int from_place = place_in_line(line, from);
+  const int to_place = place_in_line(line, to);
+  if (from_place < 0) return top + "/" + from + " has no place in the line of modules";
+  if (to_place < 0) return top + "/" + to + " has no place in the line of modules";
   if (to_place > from_place)
-    return "toolkit/" + to + " comes after toolkit/" + from + " in the line of modules";
+    return top + "/" + to + " comes after " + top + "/" + from + " in the line of modules";
   return {};
 }
 
@@ -146,7 +154,10 @@ std::string forbidden(const std::string& file, const std::string& path) {
       if (room->second.count(second_folder(path)) == 0)
         return room->first + " may not include experiments/" + second_folder(path);
     }
-    if (from == "toolkit") return forbidden_in_line(second_folder(file), second_folder(path));
+    const std::string inner_from = second_folder(file);
+    const std::string inner_to = second_folder(path);
+    if (from == "toolkit") return forbidden_in_line(kToolkitLine, from, inner_from, inner_to);
+    if (from == "device" && to == "device") return forbidden_in_line(kDeviceLine, from, inner_from, inner_to);
     return {};
   }
   for (const Heavy& heavy : kHeavy) {

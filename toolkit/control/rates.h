@@ -8,21 +8,10 @@
 #include <string>
 #include <vector>
 
+#include "toolkit/core/clock.h"
 #include "toolkit/core/result.h"
 
 namespace palpate::control {
-
-/// Time that passes only when it is told to. Whole nanoseconds, so that nothing drifts.
-class VirtualClock {
- public:
-  [[nodiscard]] std::int64_t now_ns() const noexcept { return now_ns_; }
-  [[nodiscard]] double now_s() const noexcept { return static_cast<double>(now_ns_) / 1e9; }
-  /// Time never runs back: an earlier time is ignored.
-  void advance_to(std::int64_t t_ns) noexcept { now_ns_ = t_ns > now_ns_ ? t_ns : now_ns_; }
-
- private:
-  std::int64_t now_ns_ = 0;
-};
 
 /// Runs each task at its own rate, in the order of time; tasks due at the same time run in the order in which
 /// they were added. Run k of a task at f Hz is due at floor(k 10^9 / f) ns, from the start and not from the

@@ -15,7 +15,7 @@
 
 #include <cstdint>
 
-#include "device/device.h"
+#include "device/interface/device.h"
 #include "toolkit/core/result.h"
 
 namespace palpate::device {

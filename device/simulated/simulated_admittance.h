@@ -3,9 +3,9 @@
 // thesis, table 5). Behind the same interface as the impedance devices: a position out, a governed force in.
 #pragma once
 
-#include "device/clock.h"
-#include "device/motion.h"
-#include "device/simulated_plant.h"
+#include "device/simulated/motion.h"
+#include "device/simulated/simulated_plant.h"
+#include "toolkit/core/clock.h"
 
 namespace palpate::device {
 

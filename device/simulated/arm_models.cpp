@@ -1,4 +1,4 @@
-#include "device/arm_models.h"
+#include "device/simulated/arm_models.h"
 
 namespace palpate::device {
 namespace {

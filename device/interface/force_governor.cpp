@@ -1,4 +1,4 @@
-#include "device/force_governor.h"
+#include "device/interface/force_governor.h"
 
 #include <algorithm>
 #include <array>

@@ -1,10 +1,10 @@
-#include "device/simulated_arm.h"
+#include "device/simulated/simulated_arm.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 
-#include "device/option_check.h"
+#include "device/interface/option_check.h"
 #include "toolkit/core/try.h"
 
 namespace palpate::device {

@@ -5,9 +5,9 @@
 
 #include <vector>
 
-#include "device/clock.h"
-#include "device/motion.h"
-#include "device/simulated_plant.h"
+#include "device/simulated/motion.h"
+#include "device/simulated/simulated_plant.h"
+#include "toolkit/core/clock.h"
 
 namespace palpate::device {
 

@@ -1,4 +1,4 @@
-#include "device/hand_script.h"
+#include "device/simulated/hand_script.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "device/motion.h"
+#include "device/simulated/motion.h"
 
 #include <algorithm>
 #include <cmath>

@@ -5,9 +5,9 @@
 #include <cstdint>
 #include <optional>
 
-#include "device/clock.h"
-#include "device/device.h"
-#include "device/force_governor.h"
+#include "device/interface/device.h"
+#include "device/interface/force_governor.h"
+#include "toolkit/core/clock.h"
 #include "toolkit/geometry/rigid_transform.h"
 #include "toolkit/render/bring_up.h"
 #include "toolkit/render/renderer.h"
@@ -16,7 +16,11 @@ namespace palpate::device {
 
 /// What happened in a tick, for recordings.
 struct Tick {
-  double t_s = 0.0;
+  std::int64_t t_ns = 0;         ///< the servo's clock
+  double t_s = 0.0;              ///< the same in seconds, as the renderer got it
+  std::int64_t step_ns = 0;      ///< what the renderer took; 0 where it was not stepped
+  std::int64_t exchange_ns = 0;  ///< what reading and sending took: the exchange with the device
+  bool rearmed = false;          ///< the first tick after start or rearm
   DeviceState state;
   render::Frame frame;         ///< world frame; default where the renderer was not stepped
   Vec3 sent_n = Vec3::Zero();  ///< device frame
@@ -56,7 +60,8 @@ class Servo {
   Device& device_;
   const Clock& clock_;
   geometry::RigidTransform world_from_device_;
-  bool placed_ = false;  // the renderer knows where the HIP is
+  bool placed_ = false;   // the renderer knows where the HIP is
+  bool rearmed_ = false;  // and not ticked since
   render::BringUp bring_up_;
   std::optional<Vec3> last_free_mm_;  // where the HIP was last known to be free
 };

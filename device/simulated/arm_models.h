@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "device/simulated_admittance.h"
-#include "device/simulated_arm.h"
+#include "device/simulated/simulated_admittance.h"
+#include "device/simulated/simulated_arm.h"
 
 namespace palpate::device {
 

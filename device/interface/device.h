@@ -2,22 +2,41 @@
 // mm and N; conversions from counts and to motor commands happen below this interface.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <string>
 
-#include "device/governed_force.h"
+#include "device/interface/governed_force.h"
 #include "toolkit/core/result.h"
 #include "toolkit/core/vec.h"
 #include "toolkit/geometry/aabb.h"
 
 namespace palpate::device {
 
+/// Of what shape the places are that a device reaches; it fills its box.
+enum class WorkspaceShape : std::uint8_t {
+  kBox,
+  kEllipsoid,  ///< arms on a ball joint; with a cube for a box: a sphere
+  kCylinder,   ///< about the box's z axis, elliptic where the box is
+};
+
 /// What a device can do. All are properties of the device, none of the user.
 struct DeviceLimits {
-  double force_max_n = 0.0;     ///< continuous, in any direction
-  geometry::Aabb workspace_mm;  ///< device frame
-  double resolution_mm = 0.0;   ///< smallest step of position
-  double rate_hz = 0.0;         ///< frames the link carries in a second
+  double force_max_n = 0.0;             ///< continuous, in any direction
+  geometry::Aabb workspace_mm;          ///< device frame
+  double resolution_mm = 0.0;           ///< smallest step of position
+  double rate_hz = 0.0;                 ///< frames the link carries in a second
+  double stiffness_max_n_per_mm = 0.0;  ///< the stiffest wall it holds without swinging; 0: not known
+  double damping_max_n_s_per_mm = 0.0;  ///< the most damping that it can show; 0: not known
+  WorkspaceShape workspace_shape = WorkspaceShape::kBox;
+};
+
+/// A packet as it came over the link, for recordings.
+struct RawPacket {
+  static constexpr std::size_t kMost = 64;
+  std::array<std::uint8_t, kMost> bytes{};
+  std::uint8_t size = 0;  ///< 0: the device has none
 };
 
 enum class ReadStatus : std::uint8_t {
@@ -30,6 +49,9 @@ struct DeviceState {
   ReadStatus status = ReadStatus::kNothingNew;
   Vec3 position_mm = Vec3::Zero();  ///< as measured; may be anything, the governor checks
   std::uint32_t buttons = 0;        ///< one bit each
+  std::int64_t packet_ns = 0;       ///< when the newest packet came, on the servo's clock
+  bool homed = true;                ///< its zero is known; without it positions mean nothing
+  RawPacket raw{};
 };
 
 /// One device. Owned and used by one thread at a time (the servo thread between open and close).

@@ -1,4 +1,4 @@
-#include "device/servo.h"
+#include "device/servo/servo.h"
 
 #include <utility>
 
@@ -17,6 +17,7 @@ Status Servo::start(const std::optional<Vec3>& free_mm) {
 
 void Servo::rearm() noexcept {
   placed_ = false;
+  rearmed_ = true;
   bring_up_.abandon();
   governor_.arm(clock_.now_s());
 }
@@ -41,8 +42,11 @@ void Servo::place(const Vec3& hip_mm, double t_s) noexcept {
 
 Tick Servo::tick() noexcept {
   Tick tick;
+  tick.t_ns = clock_.now_ns();
   tick.t_s = clock_.now_s();
+  tick.rearmed = std::exchange(rearmed_, false);
   tick.state = device_.read();
+  const std::int64_t read_ns = clock_.now_ns();
   Vec3 wanted_n = Vec3::Zero();
   const bool usable = tick.state.status != ReadStatus::kLost && is_finite(tick.state.position_mm);
   if (governor_.armed() && usable) {
@@ -58,11 +62,14 @@ Tick Servo::tick() noexcept {
     else if (!tick.frame.contact)
       last_free_mm_ = hip_mm;
     wanted_n = world_from_device_.inverse().rotate(tick.frame.force_n);
+    tick.step_ns = clock_.now_ns() - read_ns;
   }
   GovernedForce governed = governor_.govern(tick.t_s, tick.state, wanted_n);
   tick.sent_n = governed.newtons();
   tick.fault = governor_.fault();
+  const std::int64_t send_ns = clock_.now_ns();
   device_.send(std::move(governed));
+  tick.exchange_ns = (read_ns - tick.t_ns) + (clock_.now_ns() - send_ns);
   return tick;
 }
 

@@ -1,8 +1,8 @@
 // What every simulated device with a hand on it has in common: where it truly is, and where the energy went.
 #pragma once
 
-#include "device/device.h"
-#include "device/hand_script.h"
+#include "device/interface/device.h"
+#include "device/simulated/hand_script.h"
 
 namespace palpate::device {
 

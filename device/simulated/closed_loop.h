@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "device/servo.h"
-#include "device/simulated_plant.h"
+#include "device/servo/servo.h"
+#include "device/simulated/simulated_plant.h"
 #include "toolkit/trace/trace.h"
 
 namespace palpate::device {

@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "device/clock.h"
-#include "device/device.h"
+#include "device/interface/device.h"
+#include "toolkit/core/clock.h"
 #include "toolkit/trace/trace.h"
 
 namespace palpate::device {

@@ -2,7 +2,7 @@
 // mm here.
 #pragma once
 
-#include "device/motion.h"
+#include "device/simulated/motion.h"
 
 namespace palpate::device {
 

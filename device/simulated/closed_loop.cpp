@@ -1,4 +1,4 @@
-#include "device/closed_loop.h"
+#include "device/simulated/closed_loop.h"
 
 #include <algorithm>
 #include <cmath>

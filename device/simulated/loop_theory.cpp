@@ -1,4 +1,4 @@
-#include "device/loop_theory.h"
+#include "device/simulated/loop_theory.h"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>

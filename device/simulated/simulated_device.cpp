@@ -1,4 +1,4 @@
-#include "device/simulated_device.h"
+#include "device/simulated/simulated_device.h"
 
 #include <limits>
 #include <utility>

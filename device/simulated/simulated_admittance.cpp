@@ -1,11 +1,11 @@
-#include "device/simulated_admittance.h"
+#include "device/simulated/simulated_admittance.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
 
-#include "device/option_check.h"
+#include "device/interface/option_check.h"
 #include "toolkit/core/try.h"
 
 namespace palpate::device {
