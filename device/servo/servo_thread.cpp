@@ -63,19 +63,21 @@ Status ServoThread::start() {
     return Error{"the servo thread was started before", "make another for another session", "", 0};
   started_ = true;
   process_ = std::make_unique<ProcessRealTime>(options_.scheduling, mode_);
-  if (Status opened = servo_.start(options_.free_mm); !opened) {
-    servo_.stop();
-    process_.reset();
-    return opened;
-  }
-  running_.store(true, std::memory_order_release);
-  // The program is told to stop: it may end only after the force was taken away.
+  // The program is told to stop: it may end only after the device was let go. Before the servo's own: that
+  // one, being newer, comes first and takes the force away at once.
   at_stop_ = AtStop([this]() -> std::string {
     request_stop();
     const std::int64_t until = monotonic_ns() + kStopWaitNs;
     while (running() && monotonic_ns() < until) sleep_until(monotonic_ns() + kStopLookNs);
     return running() ? "the servo did not end" : "";
   });
+  if (Status opened = servo_.start(options_.free_mm); !opened) {
+    servo_.stop();
+    at_stop_.drop();
+    process_.reset();
+    return opened;
+  }
+  running_.store(true, std::memory_order_release);
   std::promise<void> scheduled;
   std::future<void> ready = scheduled.get_future();
   try {
@@ -101,6 +103,7 @@ void ServoThread::stop() noexcept {
   if (!thread_.joinable()) return;
   request_stop();
   thread_.join();
+  servo_.stop();
   steal_at_end_ = steal_times(mode_.pinned_cpu);
   at_stop_.drop();
   process_.reset();
@@ -143,7 +146,7 @@ void ServoThread::run() noexcept {
     if (stopping_.load(std::memory_order_acquire)) break;
     loop_->tick();
   }
-  servo_.stop();
+  servo_.end();
   running_.store(false, std::memory_order_release);
 }
 

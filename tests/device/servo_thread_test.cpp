@@ -97,8 +97,7 @@ struct Bench {
       : path(std::move(played)), device(path, clock, sim_limits(), 100'000, std::move(faults)), plane(0.5) {
     GovernorOptions governed;
     governed.period_s = 1.0 / static_cast<double>(rate_hz);
-    governor.emplace(ForceGovernor::create(sim_limits(), governed).value());
-    servo.emplace(plane, *governor, device, clock, geometry::RigidTransform{});
+    servo.emplace(plane, governed, device, clock, geometry::RigidTransform{});
   }
   /// The last thing that the device heard.
   [[nodiscard]] bool let_go() const {
@@ -110,7 +109,6 @@ struct Bench {
   trace::ProbePath path;
   SimulatedDevice device;
   SpringPlane plane;
-  std::optional<ForceGovernor> governor;
   std::optional<Servo> servo;
 };
 
@@ -194,9 +192,9 @@ TEST(ServoLoop, AcceleratedItIsTheSameAsTheClosedLoop) {
   GovernorOptions governed;
   governed.user_limit_n = again.limits().force_max_n;
   governed.soft_start_s = options.soft_start_s;
-  governed.jump_mm = 5.0 + 2.0 * again.limits().resolution_mm;
-  auto governor = ForceGovernor::create(again.limits(), governed).value();
-  Servo servo(again_plane, governor, again, again_clock, {});
+  governed.jump_mm_per_s = 5000.0 + 2.0 * again.limits().resolution_mm / options.period_s;
+  governed.edge_share = governed.fade_from_mm_per_s = 0.0;
+  Servo servo(again_plane, governed, again, again_clock, {});
   Seen seen(expected.sent_n.size() + 10);
   const std::array<TickObserver*, 1> observers = {&seen};
   auto loop = ServoLoop::create(servo, again_clock, 1000, observers).value();
