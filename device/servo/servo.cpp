@@ -45,13 +45,17 @@ void Servo::rearm() noexcept {
 }
 
 void Servo::stop() noexcept {
+  end();
+  at_stop_.drop();
+}
+
+void Servo::end() noexcept {
   if (!started_) return;
   started_ = false;
   if (heart_ != nullptr) heart_->rest();
   governor_->disarm();
   device_.send(governor_->zero());
   device_.close();
-  at_stop_.drop();
 }
 
 /// The program ends in a moment, and this is not the servo's thread.
@@ -66,18 +70,19 @@ bool Servo::given_up() const noexcept {
   return halted_.load(std::memory_order_acquire) || (heart_ != nullptr && heart_->tripped());
 }
 
-/// The first good position after arming.
-void Servo::place(const Vec3& hip_mm, double t_s) noexcept {
+/// The first good position after arming. True where the renderer was restarted.
+bool Servo::place(const Vec3& hip_mm, double t_s) noexcept {
   placed_ = true;
   const double before_s = t_s - options_.period_s;
   if (last_free_mm_) {
     bring_up_.begin(renderer_, *last_free_mm_, before_s);
-    return;
+    return false;
   }
   if (heart_ != nullptr) heart_->rest();  // no force has been shown yet, and this may take long
   renderer_.restart(hip_mm, before_s);
   if (heart_ != nullptr) heart_->beat();
   governor_->arm(clock_.now_s());  // what the restart took is no lateness
+  return true;
 }
 
 /// Whether the renderer may see it. What was there before the first packet is no place.
@@ -108,7 +113,7 @@ Tick Servo::tick() noexcept {
   Vec3 wanted_n = Vec3::Zero();
   if (governor_->armed() && !given_up() && usable(tick.state)) {
     const Vec3 hip_mm = world_from_device_ * tick.state.position_mm;
-    if (!placed_) place(hip_mm, tick.t_s);
+    if (!placed_) tick.restarted = place(hip_mm, tick.t_s);
     if (bring_up_.pending()) {
       tick.frame = bring_up_.advance(renderer_, hip_mm, tick.t_s);
     } else {

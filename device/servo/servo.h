@@ -24,6 +24,9 @@ struct Tick {
   std::int64_t step_ns = 0;      ///< what the renderer took; 0 where it was not stepped
   std::int64_t exchange_ns = 0;  ///< what reading and sending took: the exchange with the device
   bool rearmed = false;          ///< the first tick after start or rearm
+  bool restarted = false;        ///< the renderer was restarted first, in O(points); step_ns holds that
+  std::int64_t due_ns = 0;       ///< when a loop wanted it to begin; 0: nobody did
+  std::uint64_t missed = 0;      ///< whole periods that the loop skipped, between due_ns and this tick
   DeviceState state;
   render::Frame frame;         ///< world frame; default where the renderer was not stepped
   Vec3 sent_n = Vec3::Zero();  ///< device frame
@@ -60,6 +63,9 @@ class Servo {
   void rearm() noexcept;
   /// Sends zero and closes the device. Twice is fine.
   void stop() noexcept;
+  /// The same for a thread that runs the ticks and does not own this: it never waits, not even for a program
+  /// that is being stopped. stop() is still to follow.
+  void end() noexcept;
 
   /// Null before start. Stays after stop, for its counters.
   [[nodiscard]] const ForceGovernor* governor() const noexcept { return governor_ ? &*governor_ : nullptr; }
@@ -69,7 +75,7 @@ class Servo {
   Tick tick() noexcept;
 
  private:
-  void place(const Vec3& hip_mm, double t_s) noexcept;
+  bool place(const Vec3& hip_mm, double t_s) noexcept;
   [[nodiscard]] bool usable(const DeviceState& state) const noexcept;
   [[nodiscard]] GovernedForce govern(const Tick& tick, const Vec3& wanted_n) noexcept;
   [[nodiscard]] bool given_up() const noexcept;
