@@ -22,6 +22,7 @@
   DO(behaviours)                \
   DO(hunt)                      \
   DO(stress)                    \
+  DO(devices)                   \
   DO(fetch)
 
 namespace palpate::experiments {

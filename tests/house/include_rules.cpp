@@ -53,7 +53,7 @@ constexpr std::array kToolkitLine = {
 };
 
 // The same inside device.
-constexpr std::array kDeviceLine = {"interface", "servo", "simulated", "record", "live"};
+constexpr std::array kDeviceLine = {"interface", "safety", "servo", "simulated", "record", "live"};
 
 // Libraries that are slow to compile, carry a licence or bring half a distribution: where their headers may
 // stand in a source file, and where in a header as well.
