@@ -33,11 +33,10 @@ class Bytes {
  private:
   template <class F>
   void add(std::size_t size, const F& write) {
-    const std::size_t at = bytes_.size();
-    bytes_.resize(at + size);
-    const std::span<std::byte> added = std::span<std::byte>(bytes_).subspan(at);
-    ByteWriter out(added);
+    std::vector<std::byte> more(size);
+    ByteWriter out{std::span<std::byte>(more)};
     write(out);
+    for (const std::byte byte : more) bytes_.push_back(byte);
   }
   std::vector<std::byte> bytes_;
 };

@@ -40,7 +40,7 @@ inline constexpr std::size_t kMostCalls = 40;
 struct RecordedTrack {
   std::uint16_t renderer = 0;  ///< index in the recording's table of renderers
   bool stepped = false;        ///< at least once
-  bool calls_lost = false;     ///< there were more than kMostCalls: it cannot be asked alike any more
+  bool calls_lost = false;     ///< more than kMostCalls, or not noted: it cannot be asked alike any more
   render::Frame frame;         ///< of the last step; default where it was not stepped
   std::int64_t step_ns = 0;    ///< what its calls took
   std::span<const RendererCall> calls{};  ///< all of them in order; whose memory: see who gives the tick
@@ -53,7 +53,7 @@ struct RecordedTick {
   std::int64_t t_ns = 0;         ///< the servo's clock
   double t_s = 0.0;              ///< the same in seconds, as the renderers got it, to the last bit
   std::int64_t dt_ns = 0;        ///< since the tick before, recorded or not; 0 in the first
-  std::int64_t late_ns = 0;      ///< after its deadline; 0 where nobody said
+  std::int64_t late_ns = 0;      ///< after it was due; 0 where no loop said when
   std::int64_t exchange_ns = 0;  ///< what reading and sending took
   bool rearmed = false;          ///< the first tick after start or rearm: a segment begins
   DeviceState state;             ///< position in the device frame, buttons, homing, raw packet

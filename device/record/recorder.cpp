@@ -235,6 +235,7 @@ void Recorder::took(const Tick& tick) noexcept {
   out.t_ns = tick.t_ns;
   out.t_s = tick.t_s;
   out.dt_ns = s.has_tick ? tick.t_ns - s.last_t_ns : 0;
+  out.late_ns = tick.due_ns > 0 ? tick.t_ns - tick.due_ns : 0;
   out.exchange_ns = tick.exchange_ns;
   out.rearmed = tick.rearmed;
   out.state = tick.state;

@@ -103,7 +103,7 @@ Result<bool> Recording::State::next_chunk() {
   PALPATE_ASSIGN(chunk, chunks.next());
   if (!chunk) {
     end.torn_bytes = chunks.torn_bytes();
-    end.torn_at = chunks.torn_at() - end.torn_bytes;
+    if (end.torn_bytes > 0) end.torn_at = chunks.torn_at() - end.torn_bytes;
     return false;
   }
   PALPATE_TRY(check_order());

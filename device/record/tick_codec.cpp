@@ -47,8 +47,10 @@ void encode_track(const RecordedTick& tick, const RecordedTrack& track, ByteWrit
   const bool force = track.stepped && !same_bits(track.frame.force_n, zero());
   const bool god_object = track.stepped && !same_bits(track.frame.god_object_mm, tick.hip_mm);
   const bool calls = !are_plain_calls(tick, track);
+  // An answer to nothing that is known.
+  const bool lost = track.calls_lost || (track.stepped && track.calls.empty());
   out.u16(track.renderer);
-  out.u8(static_cast<std::uint8_t>((track.stepped ? kStepped : 0) | (track.calls_lost ? kCallsLost : 0) |
+  out.u8(static_cast<std::uint8_t>((track.stepped ? kStepped : 0) | (lost ? kCallsLost : 0) |
                                    (track.stepped && track.frame.contact ? kContact : 0) |
                                    (force ? kForce : 0) | (god_object ? kGodObject : 0) |
                                    (calls ? kCalls : 0)));

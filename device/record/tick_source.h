@@ -15,8 +15,8 @@ class TickSource {
   TickSource& operator=(const TickSource&) = delete;
   virtual ~TickSource() = default;
 
-  /// In the servo thread, right after the tick. `out` holds already what `tick` says; tracks, hip_mm, late_ns
-  /// and what the mixer did are to be filled in. The calls of its tracks must stay until recorded().
+  /// In the servo thread, right after the tick. `out` holds already what `tick` says; tracks, hip_mm and
+  /// what the mixer did are to be filled in. The calls of its tracks must stay until recorded().
   virtual void fill(const Tick& tick, RecordedTick& out) noexcept = 0;
   /// The tick was taken: the next one begins.
   virtual void recorded() noexcept = 0;
