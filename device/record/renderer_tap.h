@@ -3,17 +3,22 @@
 #pragma once
 
 #include <array>
+#include <memory>
+#include <utility>
 
 #include "device/record/recorded_tick.h"
 #include "toolkit/core/clock.h"
 
 namespace palpate::device {
 
-/// Refers to renderer and clock. One thread, that of the frames. Costs two readings of the clock a step, and
-/// nothing is allocated.
+/// Refers to the clock, and to the renderer unless it is given it. One thread, that of the frames. Costs two
+/// readings of the clock a step, and nothing is allocated.
 class RendererTap final : public render::HapticRenderer {
  public:
   RendererTap(render::HapticRenderer& inner, const Clock& clock) noexcept : inner_(inner), clock_(clock) {}
+  /// Takes it; never null.
+  RendererTap(std::unique_ptr<render::HapticRenderer> inner, const Clock& clock) noexcept
+      : owned_(std::move(inner)), inner_(*owned_), clock_(clock) {}
 
   [[nodiscard]] Result<render::Decisions> decide(const render::SceneInput& scene,
                                                  const render::PrepareContext& context) const override {
@@ -68,6 +73,7 @@ class RendererTap final : public render::HapticRenderer {
       lost_ = true;
   }
 
+  std::unique_ptr<render::HapticRenderer> owned_;
   render::HapticRenderer& inner_;
   const Clock& clock_;
   std::array<RendererCall, kMostCalls> calls_{};

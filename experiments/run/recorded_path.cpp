@@ -1,6 +1,6 @@
 #include "experiments/run/recorded_path.h"
 
-#include <optional>
+#include <utility>
 
 #include "device/record/recording.h"
 #include "toolkit/core/input_file.h"
@@ -20,12 +20,13 @@ class WayOfCalls {
   void add(const device::RendererCall& call) {
     if (!is_finite(call.hip_mm)) return;
     if (call.kind == device::RendererCall::Kind::kLetGo) {
-      free_ = call.hip_mm;
+      free_mm_ = call.hip_mm;
+      let_go_ = true;
       return;
     }
-    if (free_) {
+    if (std::exchange(let_go_, false)) {
       const double before_s = path_.size() > 0 ? path_.t_s.back() : call.t_s - 2.0 * kBeforeS;
-      push(*std::exchange(free_, std::nullopt), 0.5 * (before_s + call.t_s));
+      push(free_mm_, 0.5 * (before_s + call.t_s));
     }
     push(call.hip_mm, call.t_s);
   }
@@ -37,7 +38,8 @@ class WayOfCalls {
     path_.hip_mm.push_back(hip_mm);
   }
   trace::ProbePath& path_;
-  std::optional<Vec3> free_;
+  Vec3 free_mm_ = Vec3::Zero();  // where it let go, and did not step since
+  bool let_go_ = false;
 };
 
 }  // namespace

@@ -1,5 +1,11 @@
 // Ticks as bytes and back; files as they are, cut at every byte, with every byte changed.
 #include "device/record/tick_codec.h"
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
 #include "tests/device/record_rig.h"
 
 namespace palpate::device {
@@ -71,6 +77,46 @@ TEST(RecordCodec, WhatIsNoTickIsRefused) {
     wrong[at] = std::byte{0xFF};
     EXPECT_FALSE(reads(wrong, 1)) << at;
   }
+}
+
+// What was found by fuzzing, and where fuzzing starts: an Error or ticks, never a crash. With
+// PALPATE_WRITE_CORPUS set to the folder it writes the first of them again.
+TEST(RecordCodec, TheCorpusIsReadOrRefused) {
+  const std::filesystem::path folder = PALPATE_CORPUS;
+  if (const char* const write_to = std::getenv("PALPATE_WRITE_CORPUS")) {
+    MemoryDisk disk;
+    RandomTicks source(kSeed);
+    RecorderOptions options;
+    options.chunk_s = 0.004;
+    ASSERT_TRUE(record(disk, source, 12, options));
+    const auto write = [&](const char* name, const std::vector<std::byte>& bytes) {
+      std::ofstream(std::filesystem::path(write_to) / name, std::ios::binary)
+          .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+    };
+    write("whole.palrec", disk.bytes);
+    write("torn.palrec", {disk.bytes.begin(), disk.bytes.end() - 100});
+    write("header_alone.palrec", {disk.bytes.begin(), disk.bytes.begin() + kFileHeadBytes});
+    std::vector<std::byte> damaged = disk.bytes;
+    damaged[damaged.size() / 2] ^= std::byte{1};
+    write("damaged.palrec", damaged);
+  }
+  int files = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    ++files;
+    std::ifstream file(entry.path(), std::ios::binary);
+    const std::string text{std::istreambuf_iterator<char>(file), {}};
+    const auto bytes = std::as_bytes(std::span<const char>(text));
+    Result<Recording> recording = open_bytes({bytes.begin(), bytes.end()});
+    const bool whole = entry.path().filename() == "whole.palrec";
+    EXPECT_TRUE(recording || !whole);
+    if (!recording) continue;
+    RecordedTick tick;
+    std::size_t ticks = 0;
+    Result<bool> more = recording->next(tick);
+    for (; more && *more; more = recording->next(tick)) ++ticks;
+    if (whole) EXPECT_EQ(ticks, 12u) << "a file of version 1 stays readable";
+  }
+  EXPECT_GE(files, 4);
 }
 
 TEST(RecordCodec, AnAnswerWhoseCallsNobodyNotedIsKeptAndSaysSo) {
