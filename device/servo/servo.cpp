@@ -28,16 +28,17 @@ void Servo::stop() noexcept {
   device_.close();
 }
 
-/// The first good position after arming.
-void Servo::place(const Vec3& hip_mm, double t_s) noexcept {
+/// The first good position after arming. True where the renderer was restarted.
+bool Servo::place(const Vec3& hip_mm, double t_s) noexcept {
   placed_ = true;
   const double before_s = t_s - governor_.options().period_s;
   if (last_free_mm_) {
     bring_up_.begin(renderer_, *last_free_mm_, before_s);
-    return;
+    return false;
   }
   renderer_.restart(hip_mm, before_s);
   governor_.arm(clock_.now_s());  // what the restart took is no lateness
+  return true;
 }
 
 Tick Servo::tick() noexcept {
@@ -51,7 +52,7 @@ Tick Servo::tick() noexcept {
   const bool usable = tick.state.status != ReadStatus::kLost && is_finite(tick.state.position_mm);
   if (governor_.armed() && usable) {
     const Vec3 hip_mm = world_from_device_ * tick.state.position_mm;
-    if (!placed_) place(hip_mm, tick.t_s);
+    if (!placed_) tick.restarted = place(hip_mm, tick.t_s);
     if (bring_up_.pending()) {
       tick.frame = bring_up_.advance(renderer_, hip_mm, tick.t_s);
     } else {

@@ -21,6 +21,9 @@ struct Tick {
   std::int64_t step_ns = 0;      ///< what the renderer took; 0 where it was not stepped
   std::int64_t exchange_ns = 0;  ///< what reading and sending took: the exchange with the device
   bool rearmed = false;          ///< the first tick after start or rearm
+  bool restarted = false;        ///< the renderer was restarted first, in O(points); step_ns holds that
+  std::int64_t due_ns = 0;       ///< when a loop wanted it to begin; 0: nobody did
+  std::uint64_t missed = 0;      ///< whole periods that the loop skipped, between due_ns and this tick
   DeviceState state;
   render::Frame frame;         ///< world frame; default where the renderer was not stepped
   Vec3 sent_n = Vec3::Zero();  ///< device frame
@@ -53,7 +56,7 @@ class Servo {
   Tick tick() noexcept;
 
  private:
-  void place(const Vec3& hip_mm, double t_s) noexcept;
+  bool place(const Vec3& hip_mm, double t_s) noexcept;
 
   render::HapticRenderer& renderer_;
   ForceGovernor& governor_;
