@@ -7,8 +7,8 @@
 
 #include "device/interface/device.h"
 #include "device/interface/force_governor.h"
+#include "device/servo/device_map.h"
 #include "toolkit/core/clock.h"
-#include "toolkit/geometry/rigid_transform.h"
 #include "toolkit/render/bring_up.h"
 #include "toolkit/render/renderer.h"
 
@@ -25,6 +25,7 @@ struct Tick {
   std::int64_t due_ns = 0;       ///< when a loop wanted it to begin; 0: nobody did
   std::uint64_t missed = 0;      ///< whole periods that the loop skipped, between due_ns and this tick
   DeviceState state;
+  Vec3 hip_mm = Vec3::Zero();  ///< world frame; default where the renderer was not stepped
   render::Frame frame;         ///< world frame; default where the renderer was not stepped
   Vec3 sent_n = Vec3::Zero();  ///< device frame
   Fault fault = Fault::kNone;  ///< latched
@@ -34,12 +35,8 @@ struct Tick {
 class Servo {
  public:
   Servo(render::HapticRenderer& renderer, ForceGovernor& governor, Device& device, const Clock& clock,
-        const geometry::RigidTransform& world_from_device)
-      : renderer_(renderer),
-        governor_(governor),
-        device_(device),
-        clock_(clock),
-        world_from_device_(world_from_device) {}
+        const DeviceMap& map)
+      : renderer_(renderer), governor_(governor), device_(device), clock_(clock), map_(map) {}
 
   /// Opens the device and arms the governor. The renderer is restarted at the first good position, which is
   /// taken to be free; that may take O(points), and the soft start begins after it. From `free_mm` (world), a
@@ -48,6 +45,10 @@ class Servo {
   /// After a fault: soft start again. The renderer lets go where the HIP was last free and is brought up from
   /// there to the next good position: dents, and the sides of closed surfaces, stay. O(models).
   void rearm() noexcept;
+  /// From the next tick on, in the thread that ticks. The HIP must not jump by it: that is the caller's to
+  /// see to, as a clutch does.
+  void remap(const DeviceMap& map) noexcept { map_ = map; }
+  [[nodiscard]] const DeviceMap& map() const noexcept { return map_; }
   /// Sends zero and closes the device.
   void stop() noexcept;
 
@@ -62,7 +63,7 @@ class Servo {
   ForceGovernor& governor_;
   Device& device_;
   const Clock& clock_;
-  geometry::RigidTransform world_from_device_;
+  DeviceMap map_;
   bool placed_ = false;   // the renderer knows where the HIP is
   bool rearmed_ = false;  // and not ticked since
   render::BringUp bring_up_;
