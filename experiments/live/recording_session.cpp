@@ -19,6 +19,8 @@
 #include "experiments/run/choices.h"
 #include "experiments/session/version.h"
 #include "toolkit/control/controlled_renderer.h"
+#include "toolkit/core/hash.h"
+#include "toolkit/core/input_file.h"
 #include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
 #include "toolkit/metrics/machine_info.h"
