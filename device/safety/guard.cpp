@@ -4,6 +4,7 @@
 #include <poll.h>
 #include <sched.h>
 #include <sys/mman.h>
+#include <sys/socket.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -29,8 +30,26 @@ constexpr double kNsPerSecond = 1e9, kMsPerSecond = 1e3;
 constexpr double kLooksPerLimit = 4.0;        // so that a stall is seen within a quarter more than the limit
 constexpr useconds_t kBetweenTriesUs = 1000;  // while the kernel still holds the device
 constexpr int kFirstFile = 3;                 // after the standard ones
+constexpr int kIgnored[] = {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE};
 
-/// Readable when this process is gone, whoever else holds its pipes. Below 0 where the kernel has none.
+/// Holds back what the guard will ignore: a signal sent while it is being made must not end it.
+class HeldBack {
+ public:
+  HeldBack() noexcept {
+    sigset_t held;
+    ::sigemptyset(&held);
+    for (const int number : kIgnored) ::sigaddset(&held, number);
+    ::pthread_sigmask(SIG_BLOCK, &held, &before_);
+  }
+  HeldBack(const HeldBack&) = delete;
+  HeldBack& operator=(const HeldBack&) = delete;
+  ~HeldBack() { ::pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
+
+ private:
+  sigset_t before_{};
+};
+
+/// Readable when this process is gone, whoever else holds its sockets. Below 0 where the kernel has none.
 int own_end() noexcept {
 #ifdef SYS_pidfd_open
   return static_cast<int>(::syscall(SYS_pidfd_open, ::getpid(), 0));
@@ -65,7 +84,7 @@ std::array<int, 2> keep_alone(std::array<int, 2> kept) noexcept {
 
 struct Watched {
   pid_t program;
-  std::array<int, 2> ends;  // its pipe, and its process
+  std::array<int, 2> ends;  // its socket, and its process
   const Heartbeat* heart;
   GuardOptions options;
 };
@@ -90,12 +109,14 @@ void wait_for_end(const Watched& watched) {
 
 [[noreturn]] void guard(const Watched& asked, const Guard::Zero& zero) {
   ::setsid();  // what is sent to the program's group does not reach it
-  for (const int number : {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE}) std::signal(number, SIG_IGN);
+  for (const int number : kIgnored) std::signal(number, SIG_IGN);
   Watched watched = asked;
   watched.ends = keep_alone(asked.ends);
   sched_param priority{};
   priority.sched_priority = Guard::kPriority;
   ::sched_setscheduler(0, SCHED_FIFO, &priority);  // where it is allowed
+  const char ready = 1;
+  ::send(watched.ends[0], &ready, 1, MSG_NOSIGNAL);
   wait_for_end(watched);
   const Stopwatch watch;
   while (!zero() && watch.ms() < watched.options.retry_s * kMsPerSecond) ::usleep(kBetweenTriesUs);
@@ -111,7 +132,7 @@ struct Guard::State {
   void* shared = MAP_FAILED;
   Heartbeat* heart = nullptr;
   pid_t process = -1;
-  int pipe = -1;
+  int socket = -1;
 };
 
 Guard::Guard(std::unique_ptr<State> state) noexcept : state_(std::move(state)) {}
@@ -143,11 +164,12 @@ Result<Guard> Guard::start(Zero zero, const GuardOptions& options) {
   if (state->shared == MAP_FAILED) return cannot("no shared memory");
   state->heart = new (state->shared) Heartbeat;
   std::array<int, 2> ends{};
-  if (::pipe2(ends.data(), O_CLOEXEC) != 0) return cannot("no pipe");
+  if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends.data()) != 0) return cannot("no socket");
   const int own = own_end();
   const pid_t program = ::getpid();
   {
     const auto hold = hold_stop();
+    const HeldBack held_back;
     state->process = ::fork();
     if (state->process == 0) {
       forget_stop_actions();
@@ -157,12 +179,19 @@ Result<Guard> Guard::start(Zero zero, const GuardOptions& options) {
   }
   ::close(ends[0]);
   if (own >= 0) ::close(own);
-  state->pipe = ends[1];
+  state->socket = ends[1];
   if (state->process < 0) {
     ::close(ends[1]);
     return cannot("it cannot be forked");
   }
-  return Guard(std::move(state));
+  Guard made(std::move(state));
+  char ready = 0;
+  ssize_t came = -1;
+  do {
+    came = ::recv(ends[1], &ready, 1, 0);
+  } while (came < 0 && errno == EINTR);
+  if (came != 1) return Error{"the guard process ended before it began", "look into the system's log", "", 0};
+  return made;
 }
 
 Heartbeat& Guard::heartbeat() noexcept {
@@ -181,8 +210,8 @@ bool Guard::alive() noexcept {
 }
 
 void Guard::stop() noexcept {
-  if (state_ == nullptr || state_->pipe < 0) return;
-  ::close(std::exchange(state_->pipe, -1));
+  if (state_ == nullptr || state_->socket < 0) return;
+  ::close(std::exchange(state_->socket, -1));
   if (state_->process < 0) return;
   while (::waitpid(state_->process, nullptr, 0) < 0 && errno == EINTR) {
   }

@@ -93,8 +93,9 @@ bool Servo::usable(const DeviceState& state) const noexcept {
 }
 
 GovernedForce Servo::govern(const Tick& tick, const Vec3& wanted_n) noexcept {
+  if (given_up()) governor_->latch(Fault::kStalled);  // who saw it first says what it was
   GovernedForce governed = governor_->govern(tick.t_s, tick.state, wanted_n);
-  // Asked as late as can be: the frame may have taken long.
+  // And as late as can be: the frame may have taken long.
   if (!given_up()) return governed;
   governor_->latch(Fault::kStalled);
   return governor_->zero();

@@ -195,7 +195,7 @@ const std::vector<TrialFault>& trial_faults() {
       on_link("short packets", Kind::kShort, Fault::kGarbled),
       on_link("garbled packets", Kind::kGarbled, Fault::kGarbled),
       on_link("late packets, 30 ms", Kind::kLate, Fault::kSilence),
-      on_link("lost packets, 99 of 100", Kind::kLost, Fault::kSilence),
+      on_link("lost packets, 999 of 1000", Kind::kLost, Fault::kSilence),
       on_link("duplicated packets", Kind::kDuplicated, Fault::kSilence),
       on_link("unplugged", Kind::kUnplugged, Fault::kLost),
       on_link("homing lost", Kind::kUnhomed, Fault::kHomingLost),

@@ -31,7 +31,7 @@ struct LinkFault {
   double start_s = 0.0;
   double duration_s = 0.0;
   double late_s = 0.030;
-  std::uint32_t of = 100;
+  std::uint32_t of = 1000;
   Vec3 jump_mm = Vec3{20.0, 0.0, 0.0};
 };
 
