@@ -16,6 +16,8 @@
   DO(tune)                      \
   DO(stability)                 \
   DO(ablate)                    \
+  DO(record)                    \
+  DO(export)                    \
   DO(report)                    \
   DO(score)                     \
   DO(reproduce)                 \

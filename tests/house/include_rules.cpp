@@ -73,6 +73,7 @@ const std::vector<Heavy> kHeavy = {
     {"embree", {"baselines/", "tests/baselines/", "experiments/benchmarks/"}, {"baselines/proximity/"}},
     {"openvdb/", {"baselines/points/"}, {}},
     {"vtk", {}, {}},
+    {"hdf5", {"experiments/live/", "tests/experiments/"}, {}},
     {"gdal", {"toolkit/dem/", "tests/toolkit/dem/"}, {}},
     {"cpl_", {"toolkit/dem/", "tests/toolkit/dem/"}, {}},
     {"ogr_", {"toolkit/dem/", "tests/toolkit/dem/"}, {}},
