@@ -27,7 +27,7 @@ namespace palpate::device {
 namespace {
 
 constexpr double kNsPerSecond = 1e9, kMsPerSecond = 1e3;
-constexpr double kLooksPerLimit = 4.0;        // so that a stall is seen within a quarter more than the limit
+constexpr double kLooksPerLimit = 10.0;       // a stall is seen two looks after the limit at most
 constexpr useconds_t kBetweenTriesUs = 1000;  // while the kernel still holds the device
 constexpr int kFirstFile = 3;                 // after the standard ones
 constexpr int kIgnored[] = {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE};

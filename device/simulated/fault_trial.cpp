@@ -199,7 +199,7 @@ const std::vector<TrialFault>& trial_faults() {
       on_link("duplicated packets", Kind::kDuplicated, Fault::kSilence),
       on_link("unplugged", Kind::kUnplugged, Fault::kLost),
       on_link("homing lost", Kind::kUnhomed, Fault::kHomingLost),
-      on_link("position jumps by 20 mm", Kind::kJump, Fault::kJump),
+      on_link("position jumps by 60 mm", Kind::kJump, Fault::kJump),
       {"renderer answers NaN", Where::kRenderer, 0, 1.0, false, Fault::kNonFiniteForce},
       {"renderer stuck for 60 ms", Where::kStuck, 0, 0.060, false, Fault::kStalled},
       {"servo not run for 60 ms", Where::kLate, 0, 0.060, false, Fault::kStalled},

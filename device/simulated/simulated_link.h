@@ -32,7 +32,7 @@ struct LinkFault {
   double duration_s = 0.0;
   double late_s = 0.030;
   std::uint32_t of = 1000;
-  Vec3 jump_mm = Vec3{20.0, 0.0, 0.0};
+  Vec3 jump_mm = Vec3{60.0, 0.0, 0.0};
 };
 
 struct SimulatedLinkOptions {

@@ -233,7 +233,7 @@ TEST(PacketDevice, SaysWhatIsWrong) {
   EXPECT_EQ(after(Kind::kLate, 40).status, ReadStatus::kFresh) << "late, but new";
   EXPECT_EQ(after(Kind::kUnplugged, 0).status, ReadStatus::kLost);
   EXPECT_FALSE(after(Kind::kUnhomed, 0).homed);
-  EXPECT_NEAR(after(Kind::kJump, 0).position_mm.x(), 21.0, 1e-9);
+  EXPECT_NEAR(after(Kind::kJump, 0).position_mm.x(), 61.0, 1e-9);
 }
 
 TEST(PacketDevice, TheSequenceMayWrap) {

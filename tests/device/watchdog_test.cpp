@@ -12,6 +12,8 @@
 #include <string>
 #include <thread>
 
+#include "device/safety/guard.h"
+#include "device/servo/scheduling.h"
 #include "device/servo/servo.h"
 #include "device/simulated/fault_trial.h"
 #include "device/simulated/packet_device.h"
@@ -22,6 +24,9 @@ namespace palpate::device {
 namespace {
 
 constexpr std::int64_t kMsNs = 1'000'000;
+
+// What scheduling.h says to users is what is asked for.
+static_assert(Watchdog::kPriority == kWatchdogPriority && Guard::kPriority == kGuardPriority);
 
 /// Counts what it is told to cut.
 class CutDevice final : public Device {
