@@ -237,7 +237,7 @@ void say_mapping(const geometry::Aabb& box, const device::DeviceMap& map, const 
         needed.maxCoeff(), reach.minCoeff()));
 }
 
-geometry::Aabb box_of(const render::SceneInput& scene) {
+geometry::Aabb scene_box(const render::SceneInput& scene) {
   geometry::Aabb box;
   for (const render::ModelInput& model : scene.models) {
     const geometry::Aabb own = model.cloud->box_mm();
@@ -260,7 +260,7 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
   MonotonicClock machine_clock;
   const Clock& clock = arguments.accelerated ? static_cast<const Clock&>(virtual_clock) : machine_clock;
   const trace::ProbePath& path = workshop.stage.path;
-  const geometry::Aabb box = box_of(workshop.stage.scene.input);
+  const geometry::Aabb box = scene_box(workshop.stage.scene.input);
   // Limits are known once a device stands there; where the hand goes, once they are.
   const device::HandScript nobody =
       device::HandScript::create("nobody", {0.0}, {Vec3::Zero()}, device::HandScript::Between::kStraight)
