@@ -1,7 +1,5 @@
 #include "device/live/mixer.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cassert>
 #include <limits>
@@ -15,7 +13,6 @@ namespace {
 // Back to every frame only where all together take a sixth less than what sent them to every second: a single
 // interrupted frame moves a mean by a 64th of a period, and must not turn it round.
 constexpr double kFullAgainShare = 5.0 / 6.0;
-constexpr double kNsPerS = 1e9;
 constexpr double kUnlimited = std::numeric_limits<double>::infinity();
 
 }  // namespace
@@ -66,7 +63,7 @@ Result<render::Decisions> Mixer::decide(const render::SceneInput& scene,
     if (!place.tracked.present()) continue;
     PALPATE_ASSIGN(render::Decisions one, place.tracked.renderer().decide(scene, context));
     for (render::Decision& decision : one.decisions) {
-      decision.about = fmt::format("{}: {}", place.tracked.renderer().describe().name, decision.about);
+      decision.about = place.tracked.renderer().describe().name + ": " + decision.about;
       all.decisions.push_back(std::move(decision));
     }
     for (render::ModelDecisions& model : one.models) all.models.push_back(std::move(model));
@@ -165,9 +162,9 @@ render::Frame Mixer::step(const Vec3& hip_mm, double t_s) noexcept {
 void Mixer::step_all(const Vec3& hip_mm, double t_s) noexcept {
   odd_frame_ = !odd_frame_;
   step_one(felt_, hip_mm, t_s);
-  if (to_ != kNobody) step_one(to_, hip_mm, t_s);
+  if (state_ == MixState::kFading) step_one(to_, hip_mm, t_s);
   for (std::size_t i = 0; i < places_.size(); ++i) {
-    if (i == felt_ || i == to_ || places_[i].leaving) continue;
+    if (i == felt_ || (state_ == MixState::kFading && i == to_) || places_[i].leaving) continue;
     const TrackedRenderer& one = places_[i].tracked;
     if (!one.healthy()) continue;
     const bool due = !half_rate_ || !one.ready() || (i % 2 == 1) == odd_frame_;
@@ -177,7 +174,7 @@ void Mixer::step_all(const Vec3& hip_mm, double t_s) noexcept {
 }
 
 void Mixer::step_one(std::size_t at, const Vec3& hip_mm, double t_s) noexcept {
-  const double period_ns = options_.period_s * kNsPerS;
+  const double period_ns = options_.period_s * kFrameNsPerS;
   const double spare_ns =
       at == felt_ ? kUnlimited : options_.budget_share * period_ns - places_[felt_].tracked.mean_ns();
   // On the way back from a renderer that is too slow nobody else is blamed for its time.
@@ -188,7 +185,7 @@ void Mixer::judge_load() noexcept {
   double all_ns = 0.0;
   for (const Place& place : places_)
     if (place.tracked.healthy() && !place.leaving) all_ns += place.tracked.mean_ns();
-  const double limit_ns = options_.load_share * options_.period_s * kNsPerS;
+  const double limit_ns = options_.load_share * options_.period_s * kFrameNsPerS;
   half_rate_ = all_ns > (half_rate_ ? kFullAgainShare * limit_ns : limit_ns);
 }
 
@@ -469,7 +466,7 @@ render::Description Mixer::describe() const {
     if (!place.tracked.present()) continue;
     const render::Description one = place.tracked.renderer().describe();
     d.summary += (d.summary.empty() ? "one of: " : ", ") + one.name;
-    d.work_bound += fmt::format("{}{}: {}", d.work_bound.empty() ? "" : "; ", one.name, one.work_bound);
+    d.work_bound += (d.work_bound.empty() ? "" : "; ") + one.name + ": " + one.work_bound;
   }
   d.work_bound += "; the mixer: some 300 instructions for each";
   return d;

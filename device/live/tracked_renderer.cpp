@@ -16,7 +16,6 @@ constexpr double kMeanFrames = 64.0;
 // misses in a row, or more than one in fifty for some time. One alone is the operating system's.
 constexpr int kDebtOfAMiss = 50;
 constexpr int kDebtMost = 3 * kDebtOfAMiss - 2;
-constexpr double kNsPerS = 1e9;
 
 }  // namespace
 
@@ -107,7 +106,7 @@ void TrackedRenderer::step(const Vec3& hip_mm, double t_s, const Clock& clock, d
 void TrackedRenderer::judge_time(double spare_ns, const SwitchOptions& options) noexcept {
   const double took_ns = static_cast<double>(step_ns_);
   // A frame that the operating system interrupted counts for a period at most.
-  const double counted_ns = std::min(took_ns, options.period_s * kNsPerS);
+  const double counted_ns = std::min(took_ns, options.period_s * kFrameNsPerS);
   mean_ns_ = timed_ ? mean_ns_ + (counted_ns - mean_ns_) / kMeanFrames : counted_ns;
   timed_ = true;
   debt_ = took_ns > spare_ns ? debt_ + kDebtOfAMiss : std::max(0, debt_ - 1);

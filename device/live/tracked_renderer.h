@@ -13,6 +13,9 @@
 
 namespace palpate::device {
 
+/// Times of frames are in ns, periods in s.
+inline constexpr double kFrameNsPerS = 1e9;
+
 /// Why a renderer is never faded to any more, until the next restart.
 enum class Disqualified : std::uint8_t {
   kNo,

@@ -11,8 +11,8 @@ namespace {
 
 // Waypoints of an exploration: a hand at 50 mm/s goes a quarter of a millimetre in between.
 constexpr double kGoalStepS = 5e-3;
-// A hand returns along the way it came: the path starts in free space, its end may lie in the model.
-constexpr int kForth = 1, kBack = -1;
+
+
 
 Result<device::HandScript> exploring(const trace::ProbePath& path, const device::DeviceMap& map,
                                      double seconds) {
@@ -26,14 +26,15 @@ Result<device::HandScript> exploring(const trace::ProbePath& path, const device:
       path.size() > 1 ? (path.t_s.back() - from_s) / static_cast<double>(path.size() - 1) : kGoalStepS;
   const double stride = kGoalStepS / step_s;
   double at = 0.0;
-  int direction = kForth;
+  // Back along the way it came: the path starts in free space, its end may lie in the model.
+  int direction = 1;
   const double last = static_cast<double>(path.size() - 1);
   for (std::size_t i = 0; i < points; ++i) {
     t_s.push_back(static_cast<double>(i) * kGoalStepS);
     goal_mm.push_back(map.device_mm(path.hip_mm[static_cast<std::size_t>(std::lround(at))]));
     at += direction * stride;
     if (at > last || at < 0.0) {
-      direction = at < 0.0 ? kForth : kBack;
+      direction = at < 0.0 ? 1 : -1;
       at = std::clamp(at, 0.0, last);
     }
   }
@@ -42,7 +43,7 @@ Result<device::HandScript> exploring(const trace::ProbePath& path, const device:
 }
 
 /// The deepest contact along the path, as the renderer feels it.
-Result<device::TaskPlace> place_of(const trace::ProbePath& path, render::HapticRenderer& renderer,
+Result<device::TaskPlace> touched_place(const trace::ProbePath& path, render::HapticRenderer& renderer,
                                    const device::DeviceMap& map) {
   PALPATE_ASSIGN(const trace::ForceTrace felt, trace::replay(renderer, path));
   double deepest_n = 0.0;
@@ -73,7 +74,7 @@ Result<device::HandScript> live_hand(const std::string& hand, const trace::Probe
                                      render::HapticRenderer& renderer, const device::DeviceMap& map,
                                      double seconds) {
   if (hand == "explore") return exploring(path, map, seconds);
-  PALPATE_ASSIGN(const device::TaskPlace place, place_of(path, renderer, map));
+  PALPATE_ASSIGN(const device::TaskPlace place, touched_place(path, renderer, map));
   const device::TaskSizes sizes;
   const device::HandScript once = hand == "press"   ? device::press(place, sizes)
                                   : hand == "slide" ? device::slide(place, sizes)

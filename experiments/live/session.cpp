@@ -16,7 +16,7 @@
 namespace palpate::experiments {
 namespace {
 
-constexpr double kNsPerS = 1e9, kMsPerS = 1e3;
+constexpr double kLiveNsPerS = 1e9, kLiveMsPerS = 1e3;
 // How often the main thread looks at keys, changes and the bar: a person sees no delay of it.
 constexpr std::chrono::milliseconds kLook{20};
 // A fault is shown for so long before it is armed again, where that is asked for.
@@ -148,7 +148,7 @@ device::SwitchOptions switch_options(const LiveArguments& arguments, const LiveP
   options.force_limit_n = force_limit_n;
   options.world_per_device = map.world_per_device;
   options.period_s = 1.0 / arguments.rate_hz;
-  options.fade_s = arguments.fade_ms / kMsPerS;
+  options.fade_s = arguments.fade_ms / kLiveMsPerS;
   return options;
 }
 
@@ -182,11 +182,11 @@ Status run_fast(Running& with, VirtualClock& clock) {
       device::ServoLoop::create(with.servo, clock, std::llround(with.arguments.rate_hz), with.observers));
   with.rearmer.of(*loop);
   const std::int64_t begun_ns = clock.now_ns();
-  const auto until_ns = begun_ns + std::llround(with.arguments.seconds * kNsPerS);
+  const auto until_ns = begun_ns + std::llround(with.arguments.seconds * kLiveNsPerS);
   std::uint64_t asked = 0;
   const auto report_every = static_cast<std::uint64_t>(with.arguments.rate_hz);  // a second of the session
   device::run_accelerated(*loop, clock, until_ns, [&] {
-    const double now_s = static_cast<double>(clock.now_ns() - begun_ns) / kNsPerS;
+    const double now_s = static_cast<double>(clock.now_ns() - begun_ns) / kLiveNsPerS;
     with.worker.work(now_s);
     if (asked++ % report_every == 0)
       with.progress.report("live, accelerated", now_s / with.arguments.seconds);
@@ -237,7 +237,7 @@ void say_mapping(const geometry::Aabb& box, const device::DeviceMap& map, const 
         needed.maxCoeff(), reach.minCoeff()));
 }
 
-geometry::Aabb box_of(const render::SceneInput& scene) {
+geometry::Aabb scene_box(const render::SceneInput& scene) {
   geometry::Aabb box;
   for (const render::ModelInput& model : scene.models) {
     const geometry::Aabb own = model.cloud->box_mm();
@@ -260,7 +260,7 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
   MonotonicClock machine_clock;
   const Clock& clock = arguments.accelerated ? static_cast<const Clock&>(virtual_clock) : machine_clock;
   const trace::ProbePath& path = workshop.stage.path;
-  const geometry::Aabb box = box_of(workshop.stage.scene.input);
+  const geometry::Aabb box = scene_box(workshop.stage.scene.input);
   // Limits are known once a device stands there; where the hand goes, once they are.
   const device::HandScript nobody =
       device::HandScript::create("nobody", {0.0}, {Vec3::Zero()}, device::HandScript::Between::kStraight)

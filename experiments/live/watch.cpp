@@ -1,6 +1,7 @@
 #include "experiments/live/watch.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace palpate::experiments {
 namespace {
@@ -11,6 +12,18 @@ using device::MixedFrame;
 /// Share of `index` in the force of a frame.
 double weight_of(const MixedFrame& frame, std::size_t index) {
   return index < frame.tracked.size() ? frame.tracked[index].weight : 0.0;
+}
+
+/// While a renderer of a lane is being replaced there are two: the one that is felt speaks, else the older.
+bool speaks_for_its_lane(const MixedFrame& frame, std::size_t index) {
+  if (index == frame.felt) return true;
+  const device::TrackedFrame& one = frame.tracked[index];
+  for (std::size_t i = 0; i < frame.tracked.size(); ++i) {
+    const device::TrackedFrame& other = frame.tracked[i];
+    if (i == index || !other.present || other.lane != one.lane) continue;
+    if (i == frame.felt || other.generation < one.generation) return false;
+  }
+  return true;
 }
 
 }  // namespace
@@ -53,10 +66,7 @@ void LiveWatch::watch_lanes(const MixedFrame& now) noexcept {
     if (!one.present || one.lane >= lanes_.size()) continue;
     Lane& lane = lanes_[one.lane];
     if (one.stepped) lane.step.count(one.step_ns);
-    // Of a lane whose renderer is being replaced, the one that is felt, else the older.
-    if (one.generation < lane.generation ||
-        (one.generation != lane.generation && lane.known && i != now.felt))
-      continue;
+    if (!speaks_for_its_lane(now, i)) continue;
     const bool same = lane.known && lane.generation == one.generation;
     if (lane.known && !same) ++lane.made;
     if (same && has_before_ && one.stepped)
@@ -93,6 +103,8 @@ void LiveWatch::watch_steps(const MixedFrame& now) noexcept {
 }
 
 void LiveWatch::note_decision(const device::Tick& tick, const MixedFrame& now) noexcept {
+  // A decision may come frames after what asked for it.
+  if (now.request.kind != device::SwitchRequest::Kind::kNone) source_ = now.request.source;
   if (now.decision == MixDecision::kNone) return;
   if (now.decision == MixDecision::kSwapped || now.decision == MixDecision::kFadeDone) ++switches_;
   if (now.decision == MixDecision::kFadeBegun) ++fades_;
@@ -104,7 +116,7 @@ void LiveWatch::note_decision(const device::Tick& tick, const MixedFrame& now) n
   }
   LiveDecision one;
   one.t_s = tick.t_s - begun_s_;
-  one.source = now.request.source;
+  one.source = source_;
   one.decision = now.decision;
   one.reason = now.reason;
   const bool switched = now.decision == MixDecision::kSwapped || now.decision == MixDecision::kFadeDone;

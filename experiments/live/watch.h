@@ -46,6 +46,7 @@ class LiveWatch final : public device::TickObserver {
   device::MixedFrame before_;
   bool has_before_ = false;
   bool faulted_ = false;
+  device::SwitchSource source_ = device::SwitchSource::kProgram;
   double begun_s_ = 0.0;
   bool begun_ = false;
   std::uint64_t ticks_ = 0, faults_ = 0, rearmed_ = 0, half_rate_ = 0;

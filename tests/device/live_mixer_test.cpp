@@ -83,6 +83,7 @@ TEST(Mixer, RefusesWithAReasonOrWaitsByChoice) {
   EXPECT_TRUE(waits.mixer.last().lift_off) << "after 5 s the hand is asked to lift off";
   EXPECT_EQ(waits.felt(), 0);
   // It leaves: over 1 mm from the last place of contact, for 150 ms.
+  waits.rest(-0.01, 1);
   waits.rest(0.5, 500);
   EXPECT_EQ(waits.felt(), 0) << "half a millimetre is not away";
   waits.rest(1.5, 160);
