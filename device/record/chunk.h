@@ -26,7 +26,7 @@ struct ChunkHead {
   std::uint64_t number = 0;  ///< counted from 0, in the order of the file
   std::uint32_t payload_bytes = 0;
   std::uint32_t ticks = 0;         ///< in a chunk of ticks
-  std::int64_t t_ns = 0;           ///< of the first tick; else when it was written
+  std::int64_t t_ns = 0;           ///< of the first tick; else 0
   std::uint64_t payload_hash = 0;  ///< FNV-1a, 64 bits
 };
 

@@ -5,6 +5,7 @@
 #include <array>
 #include <chrono>
 #include <condition_variable>
+#include <cstdio>
 #include <mutex>
 #include <optional>
 #include <thread>
@@ -186,7 +187,10 @@ Recorder::~Recorder() {
 Result<std::unique_ptr<Recorder>> Recorder::create(const std::string& path, const RecordingHeader& header,
                                                    TickSource& source, const RecorderOptions& options) {
   PALPATE_ASSIGN(std::unique_ptr<RecordingFile> file, make_recording_file(path, options.replace));
-  return create(std::move(file), header, source, options);
+  Result<std::unique_ptr<Recorder>> recorder = create(std::move(file), header, source, options);
+  // Without a header nobody could read it.
+  if (!recorder) std::remove(path.c_str());
+  return recorder;
 }
 
 Result<std::unique_ptr<Recorder>> Recorder::create(std::unique_ptr<RecordingFile> file,

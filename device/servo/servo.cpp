@@ -112,7 +112,8 @@ Tick Servo::tick() noexcept {
   const std::int64_t read_ns = clock_.now_ns();
   Vec3 wanted_n = Vec3::Zero();
   if (governor_->armed() && !given_up() && usable(tick.state)) {
-    const Vec3 hip_mm = world_from_device_ * tick.state.position_mm;
+    const Vec3 hip_mm = map_.world_mm(tick.state.position_mm);
+    tick.hip_mm = hip_mm;
     if (!placed_) tick.restarted = place(hip_mm, tick.t_s);
     if (bring_up_.pending()) {
       tick.frame = bring_up_.advance(renderer_, hip_mm, tick.t_s);
@@ -123,7 +124,7 @@ Tick Servo::tick() noexcept {
       tick.frame.force_n.setZero();  // of a place on the way
     else if (!tick.frame.contact)
       last_free_mm_ = hip_mm;
-    wanted_n = world_from_device_.inverse().rotate(tick.frame.force_n);
+    wanted_n = map_.device_n(tick.frame.force_n);
     tick.step_ns = clock_.now_ns() - read_ns;
   }
   GovernedForce governed = govern(tick, wanted_n);

@@ -9,9 +9,9 @@
 #include "device/interface/device.h"
 #include "device/interface/force_governor.h"
 #include "device/safety/heartbeat.h"
+#include "device/servo/device_map.h"
 #include "toolkit/core/at_stop.h"
 #include "toolkit/core/clock.h"
-#include "toolkit/geometry/rigid_transform.h"
 #include "toolkit/render/bring_up.h"
 #include "toolkit/render/renderer.h"
 
@@ -28,6 +28,7 @@ struct Tick {
   std::int64_t due_ns = 0;       ///< when a loop wanted it to begin; 0: nobody did
   std::uint64_t missed = 0;      ///< whole periods that the loop skipped, between due_ns and this tick
   DeviceState state;
+  Vec3 hip_mm = Vec3::Zero();  ///< world frame; default where the renderer was not stepped
   render::Frame frame;         ///< world frame; default where the renderer was not stepped
   Vec3 sent_n = Vec3::Zero();  ///< device frame
   Fault fault = Fault::kNone;  ///< latched
@@ -39,12 +40,12 @@ struct Tick {
 class Servo {
  public:
   Servo(render::HapticRenderer& renderer, const GovernorOptions& options, Device& device, const Clock& clock,
-        const geometry::RigidTransform& world_from_device)
+        const DeviceMap& map)
       : renderer_(renderer),
         options_(options),
         device_(device),
         clock_(clock),
-        world_from_device_(world_from_device) {}
+        map_(map) {}
   Servo(const Servo&) = delete;
   Servo& operator=(const Servo&) = delete;
   ~Servo() { stop(); }
@@ -61,6 +62,10 @@ class Servo {
   /// free and is brought up from there to the next good position: dents, and the sides of closed surfaces,
   /// stay. O(models).
   void rearm() noexcept;
+  /// From the next tick on, in the thread that ticks. The HIP must not jump by it: that is the caller's to
+  /// see to, as a clutch does.
+  void remap(const DeviceMap& map) noexcept { map_ = map; }
+  [[nodiscard]] const DeviceMap& map() const noexcept { return map_; }
   /// Sends zero and closes the device. Twice is fine.
   void stop() noexcept;
   /// The same for a thread that runs the ticks and does not own this: it never waits, not even for a program
@@ -85,7 +90,7 @@ class Servo {
   GovernorOptions options_;
   Device& device_;
   const Clock& clock_;
-  geometry::RigidTransform world_from_device_;
+  DeviceMap map_;
   std::optional<ForceGovernor> governor_;
   Heartbeat* heart_ = nullptr;
   bool started_ = false;

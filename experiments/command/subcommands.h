@@ -15,6 +15,7 @@
   DO(merge)                     \
   DO(tune)                      \
   DO(stability)                 \
+  DO(live)                      \
   DO(ablate)                    \
   DO(record)                    \
   DO(export)                    \

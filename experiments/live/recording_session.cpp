@@ -19,6 +19,8 @@
 #include "experiments/run/choices.h"
 #include "experiments/session/version.h"
 #include "toolkit/control/controlled_renderer.h"
+#include "toolkit/core/hash.h"
+#include "toolkit/core/input_file.h"
 #include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
 #include "toolkit/metrics/machine_info.h"
@@ -26,8 +28,6 @@
 namespace palpate::experiments {
 namespace {
 
-// A hand and a device at 5 m/s are out of control.
-constexpr double kJumpMmPerS = 5000.0;
 // A fault of a simulated device ends by itself: so long a person needs to let go and arm it again.
 constexpr std::int64_t kRearmAfterNs = 1'000'000'000;
 // The bar is drawn no oftener than somebody looks.
@@ -173,7 +173,6 @@ device::GovernorOptions governor_options(const RecordArguments& a, const device:
   device::GovernorOptions options;
   options.period_s = 1.0 / a.rate_hz;
   options.user_limit_n = limits.force_max_n;
-  options.jump_mm = kJumpMmPerS * options.period_s + 2.0 * limits.resolution_mm;
   return options;
 }
 
@@ -200,11 +199,9 @@ SessionReport report_of(device::Recorder& recorder, const SessionWatch& watch, s
 Result<SessionReport> run_virtual(const RecordArguments& a, Session& s, Context& context) {
   VirtualClock clock;
   device::SimulatedArm arm(s.arm, s.hand, *s.script, clock);
-  PALPATE_ASSIGN(device::ForceGovernor governor,
-                 device::ForceGovernor::create(arm.limits(), governor_options(a, arm.limits())));
   device::RendererTap tap(*s.renderer, clock);
   device::TapSource source({&tap}, s.world_from_device);
-  device::Servo servo(tap, governor, arm, clock, s.world_from_device);
+  device::Servo servo(tap, governor_options(a, arm.limits()), arm, clock, s.world_from_device);
   PALPATE_TRY(servo.start(s.stage.path.hip_mm.front()));
   s.header.device = arm.name();
   s.header.limits = arm.limits();
@@ -232,11 +229,9 @@ Result<SessionReport> run_virtual(const RecordArguments& a, Session& s, Context&
 Result<SessionReport> run_real(const RecordArguments& a, Session& s, Context& context) {
   const MonotonicClock clock;
   device::SimulatedArm arm(s.arm, s.hand, *s.script, clock);
-  PALPATE_ASSIGN(device::ForceGovernor governor,
-                 device::ForceGovernor::create(arm.limits(), governor_options(a, arm.limits())));
   device::RendererTap tap(*s.renderer, clock);
   device::TapSource source({&tap}, s.world_from_device);
-  device::Servo servo(tap, governor, arm, clock, s.world_from_device);
+  device::Servo servo(tap, governor_options(a, arm.limits()), arm, clock, s.world_from_device);
   s.header.device = arm.name();
   s.header.limits = arm.limits();
   s.header.clock_start_ns = clock.start_ns();

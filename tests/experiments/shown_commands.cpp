@@ -318,6 +318,16 @@ std::vector<std::string> made_small(const ShownCommand& command) {
     if (std::find(words.begin(), words.end(), "--accelerated") == words.end())
       words.push_back("--accelerated");
   }
+  if (words.size() > 1 && words[1] == "live") {
+    const auto seconds = std::find(words.begin(), words.end(), "--seconds");
+    if (seconds != words.end())
+      seconds[1] = "0.3";
+    else
+      words.insert(words.end(), {"--seconds", "0.3"});
+    // A machine that is busy with other tests may be late by more than the governor bears.
+    if (std::find(words.begin(), words.end(), "--accelerated") == words.end())
+      words.emplace_back("--accelerated");
+  }
   if (words.size() > 1 && (words[1] == "sweep" || words[1] == "tune"))
     words.insert(words.end(), {"--passes", "1"});
   if (words.size() > 1 && words[1] == "hunt") {
