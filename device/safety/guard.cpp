@@ -147,7 +147,7 @@ Guard::~Guard() {
   stop();
 }
 
-Result<Guard> Guard::start(Zero zero, const GuardOptions& options) {
+Result<Guard> Guard::start(const Zero& zero, const GuardOptions& options) {
 #if defined(__SANITIZE_THREAD__) || defined(PALPATE_STD_THREADS)
   return Error{"this build cannot be forked", "use one without ThreadSanitizer", "", 0};
 #endif

@@ -33,7 +33,7 @@ class Guard {
 
   /// An Error where the process cannot be forked (ThreadSanitizer forbids it), or for options that are not
   /// right.
-  [[nodiscard]] static Result<Guard> start(Zero zero, const GuardOptions& options = {});
+  [[nodiscard]] static Result<Guard> start(const Zero& zero, const GuardOptions& options = {});
   Guard(Guard&&) noexcept;
   Guard& operator=(Guard&&) noexcept;
   /// As stop().
