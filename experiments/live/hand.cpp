@@ -12,8 +12,6 @@ namespace {
 // Waypoints of an exploration: a hand at 50 mm/s goes a quarter of a millimetre in between.
 constexpr double kGoalStepS = 5e-3;
 
-
-
 Result<device::HandScript> exploring(const trace::ProbePath& path, const device::DeviceMap& map,
                                      double seconds) {
   const double from_s = path.t_s.front();
@@ -44,7 +42,7 @@ Result<device::HandScript> exploring(const trace::ProbePath& path, const device:
 
 /// The deepest contact along the path, as the renderer feels it.
 Result<device::TaskPlace> touched_place(const trace::ProbePath& path, render::HapticRenderer& renderer,
-                                   const device::DeviceMap& map) {
+                                        const device::DeviceMap& map) {
   PALPATE_ASSIGN(const trace::ForceTrace felt, trace::replay(renderer, path));
   double deepest_n = 0.0;
   device::TaskPlace place;
