@@ -55,6 +55,7 @@ class OpenSegment {
     current_.emplace();
     current_->start_ns = tick.t_ns;
     recorded_ = replayed_ = trace::FrameHash();
+    arrived_ = false;
   }
   [[nodiscard]] bool is_open() const { return current_.has_value(); }
   void add(const device::RecordedTick& tick, const device::RecordedTrack& track,
@@ -67,7 +68,11 @@ class OpenSegment {
       for (const device::RendererCall& call : track.calls)
         s.brought_up = s.brought_up || call.kind != device::RendererCall::Kind::kStep;
     if (!track.stepped) return;
-    if (s.frames == 0) s.starts_in_contact = track.frame.contact;
+    // On the way of a bring-up the renderer is not where the hand is yet.
+    if (!arrived_ && (track.calls.empty() || track.calls.back().hip_mm == tick.hip_mm)) {
+      arrived_ = true;
+      s.starts_in_contact = track.frame.contact;
+    }
     ++s.frames;
     if (track.frame.contact) ++s.contact_frames;
     recorded_.add(track.frame);
@@ -88,6 +93,7 @@ class OpenSegment {
 
  private:
   std::optional<SegmentReplay> current_;
+  bool arrived_ = false;  // the renderer is where the hand is
   trace::FrameHash recorded_, replayed_;
 };
 

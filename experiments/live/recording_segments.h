@@ -18,7 +18,7 @@ struct SegmentReplay {
   std::int64_t start_ns = 0, end_ns = 0;  ///< the servo's clock
   std::uint64_t frames = 0;               ///< ticks in which the renderer was stepped
   std::uint64_t contact_frames = 0;
-  bool starts_in_contact = false;            ///< where its first frame is, the bring-up over
+  bool starts_in_contact = false;            ///< its first frame where the hand is, a bring-up over
   bool brought_up = false;                   ///< the renderer let go or was restarted at its beginning
   bool faulted = false;                      ///< it ends with a fault
   bool whole = true;                         ///< no call of it is missing in the recording
