@@ -345,8 +345,10 @@ class Baker {
       ClosedPiece closed;
       if (!piece.closed()) {
         if (without_.enclosure) continue;
-        closed.outer_side = geometry::outer_side(piece.parts);
+        const double share = geometry::share_enclosed(piece.parts);
+        closed.outer_side = geometry::outer_side(share);
         if (closed.outer_side == 0.0f) continue;
+        grid_.least_enclosed = std::min(grid_.least_enclosed, std::abs(share));
         closed.parts = std::move(piece.parts);
       }
       grid_.closed_pieces.push_back(std::move(closed));
