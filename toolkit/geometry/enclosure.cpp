@@ -13,10 +13,9 @@ namespace {
 constexpr double kSoftShare = 0.25;
 /// Places of the surface that are asked what they see, and parts that are enough to tell.
 constexpr std::size_t kPlaces = 64, kFewestParts = 16;
-/// From a place of a closed surface the rest of it takes half of all directions, the whole. An open half of a
-/// ball takes half of that, a plane nothing: what takes more than three quarters is nearer to closed than to
-/// a half.
-constexpr double kWhole = 0.5, kEnclosing = 0.75;
+/// From a place of a closed surface the rest of it takes half of all directions. An open half of a ball takes
+/// half of that, a plane nothing: what takes more than three quarters is nearer to closed than to a half.
+constexpr double kEnclosing = 0.75 * 0.5;
 
 }  // namespace
 
@@ -31,19 +30,15 @@ double share_around(std::span<const SurfacePart> parts, const Vec3& at) noexcept
   return sum / (4.0 * std::numbers::pi);
 }
 
-double share_enclosed(std::span<const SurfacePart> parts) noexcept {
-  if (parts.size() < kFewestParts) return 0.0;
+float outer_side(std::span<const SurfacePart> parts) noexcept {
+  if (parts.size() < kFewestParts) return 0.0f;
   std::array<double, kPlaces> share{};
   for (std::size_t k = 0; k < kPlaces; ++k)
     share[k] = share_around(parts, parts[parts.size() * (2 * k + 1) / (2 * kPlaces)].middle.cast<double>());
   // The middle one: where faces are near to each other single places see too much or too little.
   const auto middle = share.begin() + kPlaces / 2;
   std::nth_element(share.begin(), middle, share.end());
-  return *middle / kWhole;
-}
-
-float outer_side(double share_enclosed) noexcept {
-  return share_enclosed > kEnclosing ? 1.0f : share_enclosed < -kEnclosing ? -1.0f : 0.0f;
+  return *middle > kEnclosing ? 1.0f : *middle < -kEnclosing ? -1.0f : 0.0f;
 }
 
 }  // namespace palpate::geometry

@@ -22,21 +22,9 @@ struct SurfacePart {
 /// correctly only to a half. O(parts).
 [[nodiscard]] double share_around(std::span<const SurfacePart> parts, const Vec3& at) noexcept;
 
-/// Of what its own places would see of a closed surface the share that they see of these parts, the middle
-/// one of 64 places: about 1 where they are closed and their normals point outwards, -1 inwards; 0 for a
-/// plane, or where they are too few to tell. What is missing of 1 is what holes and mouths take, but for some
-/// hundredths. The same for any number of threads. O(parts).
-[[nodiscard]] double share_enclosed(std::span<const SurfacePart> parts) noexcept;
-/// A piece whose holes take more than this share is more of a vase than of a body with holes that a scanner
-/// left: its user is told that it is felt from one side.
-inline constexpr double kWideMouthShare = 0.05;
-
 /// 1 where the parts enclose a volume but for holes and their normals point outwards, -1 where they point
 /// inwards; 0 where they are an open surface, or too thin or small to tell. The same for any number of
 /// threads. O(parts).
-[[nodiscard]] float outer_side(double share_enclosed) noexcept;
-[[nodiscard]] inline float outer_side(std::span<const SurfacePart> parts) noexcept {
-  return outer_side(share_enclosed(parts));
-}
+[[nodiscard]] float outer_side(std::span<const SurfacePart> parts) noexcept;
 
 }  // namespace palpate::geometry

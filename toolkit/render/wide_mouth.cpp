@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "toolkit/geometry/enclosure.h"
+#include "toolkit/geometry/mouth.h"
 
 namespace palpate::render {
 
@@ -10,9 +10,10 @@ std::optional<std::string> wide_mouth_warning(double least_enclosed) {
   const double mouth = 1.0 - least_enclosed;
   if (!(mouth > geometry::kWideMouthShare)) return std::nullopt;
   return fmt::format(
-      "A piece encloses a volume but for holes through which {:.0f} % of it is missing: it is felt from the "
-      "side on which a replay begins alone, and a probe that goes in by them feels nothing. If the inner side "
-      "is to be felt too, as of a vase, say sides=both.",
+      "A piece encloses a volume but for a mouth of {:.0f} % of its surface: it is felt from the side on "
+      "which a "
+      "replay begins alone, and a probe that goes in by the mouth feels nothing. If the inner side is to be "
+      "felt too, as of a vase, say sides=both.",
       100.0 * mouth);
 }
 

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "toolkit/core/parallel.h"
+#include "toolkit/geometry/mouth.h"
 #include "toolkit/smooth/blend.h"
 #include "toolkit/smooth/cube_faces.h"
 #include "toolkit/smooth/surround.h"
@@ -345,10 +346,9 @@ class Baker {
       ClosedPiece closed;
       if (!piece.closed()) {
         if (without_.enclosure) continue;
-        const double share = geometry::share_enclosed(piece.parts);
-        closed.outer_side = geometry::outer_side(share);
+        closed.outer_side = geometry::outer_side(piece.parts);
         if (closed.outer_side == 0.0f) continue;
-        grid_.least_enclosed = std::min(grid_.least_enclosed, std::abs(share));
+        grid_.least_enclosed = std::min(grid_.least_enclosed, 1.0 - geometry::mouth_share(piece.parts));
         closed.parts = std::move(piece.parts);
       }
       grid_.closed_pieces.push_back(std::move(closed));

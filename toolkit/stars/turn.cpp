@@ -2,12 +2,12 @@
 
 #include <Eigen/Geometry>  // cross products
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "toolkit/cloud/limits.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/geometry/enclosure.h"
+#include "toolkit/geometry/mouth.h"
 
 namespace palpate::stars {
 namespace {
@@ -231,19 +231,17 @@ class Turner {
   /// out.
   void find_enclosing() {
     const std::vector<std::vector<geometry::SurfacePart>> parts = open_parts();
-    std::vector<double> share(parts.size(), 0.0);
+    std::vector<double> mouth(parts.size(), 0.0);
     parallel_chunks(parts.size(), 1, draft_.threads, [&](std::size_t begin, std::size_t end) {
       for (std::size_t piece = begin; piece < end; ++piece) {
-        share[piece] = geometry::share_enclosed(parts[piece]);
-        const float side = geometry::outer_side(share[piece]);
+        const float side = geometry::outer_side(parts[piece]);
         if (side == 0.0f) continue;
         pieces_.closed[piece] = Enclosure::kWithHoles;
         inward_[piece] = side < 0.0f ? 1 : 0;
+        mouth[piece] = geometry::mouth_share(parts[piece]);
       }
     });
-    for (std::size_t piece = 0; piece < parts.size(); ++piece)
-      if (pieces_.closed[piece] == Enclosure::kWithHoles)
-        pieces_.least_enclosed = std::min(pieces_.least_enclosed, std::abs(share[piece]));
+    for (const double wide : mouth) pieces_.least_enclosed = std::min(pieces_.least_enclosed, 1.0 - wide);
   }
 
   void turn_outward() {
