@@ -435,13 +435,14 @@ void Mixer::show(double t_s) noexcept {
   mixed_.state = state_;
   mixed_.half_rate = half_rate_;
   for (std::size_t i = 0; i < places_.size(); ++i) {
-    const Place& place = places_[i];
+    Place& place = places_[i];
     TrackedFrame& shown = mixed_.tracked[i];
     shown.present = place.tracked.present();
     if (!shown.present) {
       shown = {};
       continue;
     }
+    shown.renderer = &place.tracked.renderer();
     shown.lane = place.lane;
     shown.generation = place.tracked.generation();
     shown.stepped = place.tracked.stepped();

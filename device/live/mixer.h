@@ -64,7 +64,10 @@ struct TrackedFrame {
   Disqualified disqualified = Disqualified::kNo;
   render::Frame frame;       ///< world frame
   std::int64_t step_ns = 0;  ///< 0: not stepped
-  double weight = 0.0;       ///< in the force that goes out; all of them together 1, or 0 where none is felt
+  /// Itself, for recorders that know what they gave to the mixer; null where there is none. Not to be
+  /// stepped.
+  render::HapticRenderer* renderer = nullptr;
+  double weight = 0.0;  ///< in the force that goes out; all of them together 1, or 0 where none is felt
 };
 
 /// What the mixer did in a frame: for recordings, reports and a window.

@@ -16,9 +16,11 @@ namespace palpate::device {
 class RendererTap final : public render::HapticRenderer {
  public:
   RendererTap(render::HapticRenderer& inner, const Clock& clock) noexcept : inner_(inner), clock_(clock) {}
-  /// Takes it; never null.
-  RendererTap(std::unique_ptr<render::HapticRenderer> inner, const Clock& clock) noexcept
-      : owned_(std::move(inner)), inner_(*owned_), clock_(clock) {}
+  /// Takes it; never null. `index`: its own in the recording's table.
+  RendererTap(std::unique_ptr<render::HapticRenderer> inner, const Clock& clock,
+              std::uint16_t index = 0) noexcept
+      : owned_(std::move(inner)), inner_(*owned_), clock_(clock), index_(index) {}
+  [[nodiscard]] std::uint16_t index() const noexcept { return index_; }
 
   [[nodiscard]] Result<render::Decisions> decide(const render::SceneInput& scene,
                                                  const render::PrepareContext& context) const override {
@@ -76,6 +78,7 @@ class RendererTap final : public render::HapticRenderer {
   std::unique_ptr<render::HapticRenderer> owned_;
   render::HapticRenderer& inner_;
   const Clock& clock_;
+  std::uint16_t index_ = 0;
   std::array<RendererCall, kMostCalls> calls_{};
   std::size_t count_ = 0;
   bool stepped_ = false, lost_ = false;

@@ -111,9 +111,10 @@ Tick Servo::tick() noexcept {
   if (heart_ != nullptr) heart_->beat();
   const std::int64_t read_ns = clock_.now_ns();
   Vec3 wanted_n = Vec3::Zero();
-  if (governor_->armed() && !given_up() && usable(tick.state)) {
-    const Vec3 hip_mm = map_.world_mm(tick.state.position_mm);
-    tick.hip_mm = hip_mm;
+  const bool placed_well = usable(tick.state);
+  if (placed_well) tick.hip_mm = map_.world_mm(tick.state.position_mm);
+  if (governor_->armed() && !given_up() && placed_well) {
+    const Vec3& hip_mm = tick.hip_mm;
     if (!placed_) tick.restarted = place(hip_mm, tick.t_s);
     if (bring_up_.pending()) {
       tick.frame = bring_up_.advance(renderer_, hip_mm, tick.t_s);

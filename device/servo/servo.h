@@ -28,7 +28,7 @@ struct Tick {
   std::int64_t due_ns = 0;       ///< when a loop wanted it to begin; 0: nobody did
   std::uint64_t missed = 0;      ///< whole periods that the loop skipped, between due_ns and this tick
   DeviceState state;
-  Vec3 hip_mm = Vec3::Zero();  ///< world frame; default where the renderer was not stepped
+  Vec3 hip_mm = Vec3::Zero();  ///< world frame; default where the device had no position that can be used
   render::Frame frame;         ///< world frame; default where the renderer was not stepped
   Vec3 sent_n = Vec3::Zero();  ///< device frame
   Fault fault = Fault::kNone;  ///< latched
@@ -41,11 +41,7 @@ class Servo {
  public:
   Servo(render::HapticRenderer& renderer, const GovernorOptions& options, Device& device, const Clock& clock,
         const DeviceMap& map)
-      : renderer_(renderer),
-        options_(options),
-        device_(device),
-        clock_(clock),
-        map_(map) {}
+      : renderer_(renderer), options_(options), device_(device), clock_(clock), map_(map) {}
   Servo(const Servo&) = delete;
   Servo& operator=(const Servo&) = delete;
   ~Servo() { stop(); }

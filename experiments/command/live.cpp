@@ -39,7 +39,8 @@ void declare_live(const Declaration& declare, LiveArguments& a) {
                "as fast as it goes, on a clock of its own: the same session every time");
   declare.flag("--headless", a.headless, "without a window, which this version has none of");
   declare.flag("--rearm", a.rearm, "arm again a second after a fault");
-  declare.text("--record", a.record, "a recording of the session");
+  declare.text("--record", a.record, "FILE.palrec: a recording of the session, every renderer of it");
+  declare.flag("--force", a.replace, "replace a recording of that name");
   declare.text("--path", run.path,
                "where the hand goes: a file or a generator, as `palpate compare` takes it (default: by the "
                "model's size)");

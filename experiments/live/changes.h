@@ -20,6 +20,8 @@ struct Workshop {
   int threads = 0;
   render::ModelStore store{};  ///< geometry is built once for all renderers, early and late
 
+  /// Whether passivity goes around all renderers together: a replay of one alone then answers otherwise.
+  [[nodiscard]] bool passivity_apart() const { return stage.scene.control.passivity.has_value(); }
   /// What goes around each renderer: coupling and filter. Passivity goes around the mixer.
   [[nodiscard]] control::ControlOptions around_each() const {
     control::ControlOptions options = stage.scene.control;

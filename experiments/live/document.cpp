@@ -64,6 +64,9 @@ Table session_table(const LiveDocument& document) {
   row("switches, of them by a fade", fmt::format("{}, {}", document.switches, document.fades));
   row("refused, waited", fmt::format("{}, {}", document.refused, document.waited));
   row("faults", count_text(document.faults));
+  if (!document.recording.file.empty())
+    row("recorded: ticks, of them lost", fmt::format("{}, {} ({})", document.recording.ticks,
+                                                     document.recording.lost, document.recording.file));
   row("largest step of the force, N", short_number(document.largest_step_n));
   row("of it more than renderers and fade explain, N", short_number(document.largest_excess_n));
   row("late, µs: p50, p99, p99.9, most",
@@ -200,6 +203,13 @@ std::string to_json(const LiveDocument& document) {
   json["decisions"] = LiveJson::array();
   for (const LiveDecision& d : document.decisions) json["decisions"].push_back(decision_json(d));
   json["decisions_lost"] = document.decisions_lost;
+  const LiveRecorded& recording = document.recording;
+  json["recording"] = recording.file.empty() ? LiveJson(nullptr)
+                                             : LiveJson{{"file", recording.file},
+                                                        {"ticks", recording.ticks},
+                                                        {"written", recording.written},
+                                                        {"lost", recording.lost},
+                                                        {"bytes", recording.bytes}};
   json["warnings"] = document.warnings;
   json["notes"] = document.notes;
   return json.dump(1, ' ', false, LiveJson::error_handler_t::replace) + "\n";

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "experiments/live/recording_session.h"
 #include "experiments/live/session.h"
 #include "experiments/report/tables.h"
 #include "experiments/run/choices.h"
@@ -71,13 +72,12 @@ int finish_live(const LiveDocument& document, const OutputFolder& folder, bool j
   return status;
 }
 
-/// Whole Hz, and what this version cannot do.
+/// Whole Hz, and where a recording is to be.
 Status check_live(const LiveArguments& arguments) {
   if (arguments.rate_hz != std::round(arguments.rate_hz))
     return Error{fmt::format("--rate {} is no whole number", arguments.rate_hz), "give whole Hz", {}, 0};
-  if (!arguments.record.empty())
-    return Error{"--record is not built into this version", "leave it out", arguments.record, 0};
-  return Done{};
+  return arguments.record.empty() ? Status(Done{})
+                                  : check_recording_file(arguments.record, arguments.replace);
 }
 
 /// The renderers where none was named: what compare would take.
@@ -116,7 +116,9 @@ int run_live(const LiveArguments& arguments, Context& context) {
   const Result<Stage> stage = set_up(checked->stage, all_readers(), context.progress);
   if (!stage) return fail(stage.error(), kExitBadInput, &context.progress);
   LiveDocument document;
-  const Result<LivePlan> plan = choose_and_plan(arguments, *checked, *stage, registry, document);
+  Result<LivePlan> plan = choose_and_plan(arguments, *checked, *stage, registry, document);
+  if (plan && !arguments.record.empty())
+    plan->header = recording_header(run.scene, checked->stage.scene, stage->scene, run.surface);
   if (!plan) return fail(plan.error(), kExitBadInput, &context.progress);
   if (const Status begun = begin_run(*folder, key_of_live(arguments, checked->stage), context); !begun)
     return fail(begun.error(), kExitFellShort, &context.progress);

@@ -23,6 +23,7 @@ struct LiveArguments {
   std::string mapping = "1:1", rule = "wait", changes, record;
   double seconds = 10.0, switch_every_s = 0.0, rate_hz = 1000.0, fade_ms = 150.0;
   bool headless = false, accelerated = false, rearm = false;
+  bool replace = false;  ///< a recording that is there
 };
 
 /// A decision of the mixer that a person would ask about.
@@ -56,6 +57,12 @@ struct LiveSample {
   std::vector<double> each_n;
 };
 
+/// Of the session's recording; no file: it was not asked for.
+struct LiveRecorded {
+  std::string file;
+  std::uint64_t ticks = 0, written = 0, lost = 0, bytes = 0;
+};
+
 struct LiveDocument {
   metrics::DocumentHead head;
   std::string scene, device, hand, grip, path, rule, scheduling;
@@ -71,6 +78,7 @@ struct LiveDocument {
   double steal_percent = 0.0;
   std::uint64_t resident_before_bytes = 0, resident_after_bytes = 0;
   std::uint64_t decisions_lost = 0;
+  LiveRecorded recording;
   std::vector<std::string> fault_names;
   std::vector<LiveDecision> decisions;
   std::vector<LiveRenderer> renderers;

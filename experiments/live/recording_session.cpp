@@ -56,19 +56,6 @@ Result<device::Hand> simulated_hand(const std::string& text) {
                did_you_mean(text, names, "choose from " + joined(names)), "", 0};
 }
 
-Status check_out(const RecordArguments& a) {
-  const std::filesystem::path path = a.out;
-  std::error_code code;
-  if (path.extension() != "." + std::string(device::kRecordingEnding))
-    return Error{"a recording's name ends in .palrec", "give --out FILE.palrec", a.out, 0};
-  if (!path.parent_path().empty() && !std::filesystem::is_directory(path.parent_path(), code))
-    return Error{"the folder for it is not there", "create the folder first", a.out, 0};
-  if (std::filesystem::exists(path, code) && !a.force)
-    return Error{"a file of this name is there already, and recordings are not replaced unasked",
-                 "give another name, or --force to replace it", a.out, 0};
-  return Done{};
-}
-
 /// Counts, and arms again after a fault.
 class SessionWatch final : public device::TickObserver {
  public:
@@ -127,18 +114,11 @@ std::string text_of_scene(const scene::SceneFile& scene) {
 }
 
 void fill_header(const RecordArguments& a, const scene::SceneFile& file, Session& s) {
-  device::RecordingHeader& header = s.header;
-  const metrics::MachineInfo machine = metrics::machine_info();
-  header.program = fmt::format("palpate {} ({})", version_text(), kCommit);
-  header.scene = a.scene;
-  header.scene_text = text_of_scene(file);
-  header.scene_hash = scene_hash(file, s.stage.scene, a.surface);
-  header.world_from_device = s.world_from_device;
-  header.mapping = "one to one";
-  header.rate_hz = a.rate_hz;
-  header.scheduling = a.accelerated ? "virtual clock" : "real time; what was granted stands in a note";
-  header.machine = fmt::format("{}, {} CPUs, {}", machine.cpu, machine.cores, machine.kernel);
-  header.started_utc = metrics::utc_now();
+  s.header = recording_header(a.scene, file, s.stage.scene, a.surface);
+  s.header.world_from_device = s.world_from_device;
+  s.header.mapping = "one to one";
+  s.header.rate_hz = a.rate_hz;
+  s.header.scheduling = a.accelerated ? "virtual clock" : "real time; what was granted stands in a note";
 }
 
 Result<Session> set_up_session(const RecordArguments& a, const CheckedRun& checked,
@@ -283,6 +263,32 @@ void print_report(const RecordArguments& a, const Session& s, const SessionRepor
 
 }  // namespace
 
+Status check_recording_file(const std::string& file, bool replace) {
+  const std::filesystem::path path = file;
+  std::error_code code;
+  if (path.extension() != "." + std::string(device::kRecordingEnding))
+    return Error{"a recording's name ends in .palrec", "give the name FILE.palrec", file, 0};
+  if (!path.parent_path().empty() && !std::filesystem::is_directory(path.parent_path(), code))
+    return Error{"the folder for it is not there", "create the folder first", file, 0};
+  if (std::filesystem::exists(path, code) && !replace)
+    return Error{"a file of this name is there already, and recordings are not replaced unasked",
+                 "give another name, or --force to replace it", file, 0};
+  return Done{};
+}
+
+device::RecordingHeader recording_header(const std::string& scene, const scene::SceneFile& file,
+                                         const scene::LoadedScene& loaded, const SurfaceArguments& surface) {
+  device::RecordingHeader header;
+  const metrics::MachineInfo machine = metrics::machine_info();
+  header.program = fmt::format("palpate {} ({})", version_text(), kCommit);
+  header.scene = scene;
+  header.scene_text = text_of_scene(file);
+  header.scene_hash = scene_hash(file, loaded, surface);
+  header.machine = fmt::format("{}, {} CPUs, {}", machine.cpu, machine.cores, machine.kernel);
+  header.started_utc = metrics::utc_now();
+  return header;
+}
+
 std::string scene_hash(const scene::SceneFile& file, const scene::LoadedScene& scene,
                        const SurfaceArguments& surface) {
   Hash64 hash;
@@ -341,7 +347,8 @@ int run_record(const RecordArguments& arguments, Context& context) {
   run.load = arguments.load;
   run.surface = arguments.surface;
   run.reference = "none";
-  if (const Status good = check_out(arguments); !good) return fail(good.error(), kExitBadInput);
+  if (const Status good = check_recording_file(arguments.out, arguments.force); !good)
+    return fail(good.error(), kExitBadInput);
   Result<CheckedRun> checked = check_run(run, registry, context.progress);
   if (!checked) return fail(checked.error(), kExitBadInput, &context.progress);
   // Generated paths have 1000 samples a second; the hand keeps moving to the end.

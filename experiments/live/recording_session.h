@@ -26,6 +26,14 @@ struct RecordArguments {
 };
 int run_record(const RecordArguments& arguments, Context& context);
 
+/// Whether a recording can be made there; `replace`: of a file that is there. Errors say what to do.
+[[nodiscard]] Status check_recording_file(const std::string& file, bool replace);
+
+/// What a recording says of program, machine and scene; device, mapping and time are the session's to add.
+[[nodiscard]] device::RecordingHeader recording_header(const std::string& scene, const scene::SceneFile& file,
+                                                       const scene::LoadedScene& loaded,
+                                                       const SurfaceArguments& surface);
+
 /// What decides what is felt, as one word: models, surfaces, control.
 [[nodiscard]] std::string scene_hash(const scene::SceneFile& file, const scene::LoadedScene& scene,
                                      const SurfaceArguments& surface);

@@ -11,6 +11,7 @@
 
 #include "experiments/live/hand.h"
 #include "experiments/live/keys.h"
+#include "experiments/live/live_recording.h"
 #include "toolkit/core/try.h"
 
 namespace palpate::experiments {
@@ -80,9 +81,15 @@ class Rearmer final : public device::TickObserver {
 /// Makes renderers while the session runs, hands them over, and destroys those that come back.
 class Worker {
  public:
+  /// `recording`: null where none is made.
   Worker(Workshop& workshop, const std::vector<LiveChange>& changes, device::Mixer& mixer,
-         const Vec3& free_mm)
-      : workshop_(workshop), changes_(changes), mixer_(mixer), free_mm_(free_mm) {}
+         const Vec3& free_mm, LiveRecording* recording, const Clock& clock)
+      : workshop_(workshop),
+        changes_(changes),
+        mixer_(mixer),
+        free_mm_(free_mm),
+        recording_(recording),
+        clock_(clock) {}
 
   /// What is due at `now_s` of the session; may take as long as a preparation. Never in the servo's thread,
   /// but for a virtual clock, which stands still meanwhile.
@@ -92,24 +99,32 @@ class Worker {
     if (pending_ && mixer_.offer(pending_, lane_)) return;
     if (pending_ || next_ == changes_.size() || now_s < changes_[next_].at_s) return;
     const LiveChange& change = changes_[next_++];
-    Result<MadeRenderer> made = make_live(workshop_, change.setting, no_progress());
+    Result<std::unique_ptr<render::HapticRenderer>> made = make(change.setting);
     if (!made) {
       failures_.push_back(fmt::format("The change of {} at {:g} s was not made: {}",
                                       change.setting.request.label, change.at_s, made.error().message()));
       return;
     }
-    made->renderer->restart(free_mm_, 0.0);
-    pending_ = std::move(made->renderer);
+    (*made)->restart(free_mm_, 0.0);
+    pending_ = *std::move(made);
     lane_ = static_cast<std::uint8_t>(change.lane);
     (void)mixer_.offer(pending_, lane_);
   }
   [[nodiscard]] const std::vector<std::string>& failures() const { return failures_; }
 
  private:
+  Result<std::unique_ptr<render::HapticRenderer>> make(const LiveSetting& setting) {
+    PALPATE_ASSIGN(MadeRenderer made, make_live(workshop_, setting, no_progress()));
+    if (recording_ == nullptr) return std::move(made.renderer);
+    return recording_->tracked(std::move(made.renderer), setting, workshop_.passivity_apart(), clock_);
+  }
+
   Workshop& workshop_;
   const std::vector<LiveChange>& changes_;
   device::Mixer& mixer_;
   Vec3 free_mm_;
+  LiveRecording* recording_;
+  const Clock& clock_;
   std::size_t next_ = 0;
   std::unique_ptr<render::HapticRenderer> pending_;
   std::uint8_t lane_ = 0;
@@ -172,6 +187,7 @@ struct Running {
   std::vector<device::TickObserver*> observers;
   Rearmer& rearmer;
   Worker& worker;
+  device::Recorder* recorder;  // null: none
   Progress& progress;
   LiveDocument& document;
 };
@@ -188,6 +204,7 @@ Status run_fast(Running& with, VirtualClock& clock) {
   device::run_accelerated(*loop, clock, until_ns, [&] {
     const double now_s = static_cast<double>(clock.now_ns() - begun_ns) / kLiveNsPerS;
     with.worker.work(now_s);
+    if (with.recorder != nullptr) with.recorder->wait_for_room();
     if (asked++ % report_every == 0)
       with.progress.report("live, accelerated", now_s / with.arguments.seconds);
     return true;
@@ -237,6 +254,29 @@ void say_mapping(const geometry::Aabb& box, const device::DeviceMap& map, const 
         needed.maxCoeff(), reach.minCoeff()));
 }
 
+device::RecordingHeader header_of(const LiveArguments& arguments, const LivePlan& plan,
+                                  const device::DeviceLimits& limits, const device::DeviceMap& map,
+                                  const Clock& clock) {
+  device::RecordingHeader header = plan.header;
+  header.device = "sim:" + plan.device.name;
+  header.limits = limits;
+  header.world_from_device = map.world_from_device;
+  header.scale = map.world_per_device;
+  header.mapping = arguments.mapping;
+  header.rate_hz = arguments.rate_hz;
+  header.scheduling = arguments.accelerated ? "virtual clock" : "real time";
+  header.clock_start_ns = arguments.accelerated ? 0 : monotonic_ns() - clock.now_ns();
+  return header;
+}
+
+/// What was lost is a warning: the session itself was felt.
+void end_recording(const std::string& file, device::Recorder& recorder, LiveDocument& document) {
+  if (!document.scheduling.empty()) (void)recorder.note("scheduling: " + document.scheduling);
+  if (const Status whole = recorder.finish(); !whole) document.warnings.push_back(whole.error().message());
+  const device::RecorderCounts counts = recorder.counts();
+  document.recording = {file, counts.ticks, counts.written, counts.lost, counts.bytes};
+}
+
 geometry::Aabb scene_box(const render::SceneInput& scene) {
   geometry::Aabb box;
   for (const render::ModelInput& model : scene.models) {
@@ -281,7 +321,15 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
   PALPATE_TRY(device::check(switching));
   auto owned_mixer = std::make_unique<device::Mixer>(switching, clock);
   device::Mixer& mixer = *owned_mixer;
-  for (MadeRenderer& one : made) mixer.add(std::move(one.renderer));
+  LiveRecording recording;
+  const bool recorded = !arguments.record.empty();
+  for (std::size_t i = 0; i < made.size(); ++i) {
+    if (recorded) {
+      PALPATE_ASSIGN(made[i].renderer, recording.tracked(std::move(made[i].renderer), plan.settings[i],
+                                                         workshop.passivity_apart(), clock));
+    }
+    mixer.add(std::move(made[i].renderer));
+  }
   control::ControlOptions around_all;
   around_all.passivity = workshop.stage.scene.control.passivity;
   const std::unique_ptr<render::HapticRenderer> felt = control::wrap(std::move(owned_mixer), around_all);
@@ -293,10 +341,17 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
   device::SwitchButton switch_button(mixer);
   device::ClutchButton clutch(servo, mixer);
   Rearmer rearmer(arguments.rearm);
-  Worker worker(workshop, plan.changes, mixer, free_mm);
-  // A recorder is one more observer: it stands first, so that it sees the tick before buttons move the map.
-  Running running{arguments, servo,  mixer,    {&watch, &timer, &switch_button, &clutch, &rearmer},
-                  rearmer,   worker, progress, document};
+  Worker worker(workshop, plan.changes, mixer, free_mm, recorded ? &recording : nullptr, clock);
+  Running running{arguments, servo,  mixer,   {&watch, &timer, &switch_button, &clutch, &rearmer},
+                  rearmer,   worker, nullptr, progress,
+                  document};
+  if (recorded) {
+    PALPATE_TRY(recording.open(arguments.record, arguments.replace,
+                               header_of(arguments, plan, limits, map, clock), mixer));
+    running.recorder = recording.recorder();
+    // First, so that it sees the tick before buttons move the map.
+    running.observers.insert(running.observers.begin(), running.recorder);
+  }
   document.resident_before_bytes = resident_bytes();
   if (arguments.accelerated) {
     PALPATE_TRY(servo.start(free_mm));
@@ -309,6 +364,7 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
   }
   document.resident_after_bytes = resident_bytes();
   watch.tell(document);
+  if (recorded) end_recording(arguments.record, *running.recorder, document);
   for (const std::string& failure : worker.failures()) document.warnings.push_back(failure);
   if (rearmer.faulted()) document.notes.emplace_back("The session ended with a fault latched.");
   return Done{};

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "device/live/triggers.h"
+#include "device/record/recording_header.h"
 #include "device/servo/servo_thread.h"
 #include "device/simulated/simulated_plant.h"
 #include "experiments/live/changes.h"
@@ -33,6 +34,7 @@ struct LivePlan {
   device::SwitchRule rule = device::SwitchRule::kContactElseWait;
   std::vector<LiveSetting> settings;
   std::vector<LiveChange> changes;
+  device::RecordingHeader header;  ///< what a recording says of program and scene, where one is asked for
 };
 /// Everything that can be wrong with the arguments but scene and folder.
 [[nodiscard]] Result<LivePlan> plan_live(const LiveArguments& arguments,
