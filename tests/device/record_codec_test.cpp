@@ -114,7 +114,9 @@ TEST(RecordCodec, TheCorpusIsReadOrRefused) {
     std::size_t ticks = 0;
     Result<bool> more = recording->next(tick);
     for (; more && *more; more = recording->next(tick)) ++ticks;
-    if (whole) EXPECT_EQ(ticks, 12u) << "a file of version 1 stays readable";
+    if (whole) {
+      EXPECT_EQ(ticks, 12u) << "a file of version 1 stays readable";
+    }
   }
   EXPECT_GE(files, 4);
 }
