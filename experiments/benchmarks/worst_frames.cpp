@@ -44,9 +44,9 @@ constexpr double kPerFrame = 5000.0;
 
 double bound_of(const std::string& name) {
   if (name == "cloud")
-    // A flight enters, looks around and bridges.
+    // A flight enters, bridges, and looks for a step of density beyond the gap.
     return kPerFrame + kPerMove * stars::kMaxFacetMoves * stars::kMaxFlights +
-           stars::kMaxFlights * 2.0 * (kPerNode * stars::kMaxNodes + kPerTriangle * stars::kMaxTested);
+           stars::kMaxFlights * 3.0 * (kPerNode * stars::kMaxNodes + kPerTriangle * stars::kMaxTested);
   if (name == "cloud-smooth")
     return kPerFrame + kPerNewton * render::kMaxNewtonSteps * render::kMaxSmoothSheets +
            kPerValue * render::kMaxSegmentValues +
