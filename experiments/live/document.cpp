@@ -203,6 +203,7 @@ std::string to_json(const LiveDocument& document) {
   json["decisions"] = LiveJson::array();
   for (const LiveDecision& d : document.decisions) json["decisions"].push_back(decision_json(d));
   json["decisions_lost"] = document.decisions_lost;
+  json["watchdog_trips"] = document.watchdog_trips;
   const LiveRecorded& recording = document.recording;
   json["recording"] = recording.file.empty() ? LiveJson(nullptr)
                                              : LiveJson{{"file", recording.file},

@@ -79,6 +79,7 @@ struct LiveDocument {
   std::uint64_t resident_before_bytes = 0, resident_after_bytes = 0;
   std::uint64_t decisions_lost = 0;
   LiveRecorded recording;
+  std::uint64_t watchdog_trips = 0;  ///< real time alone
   std::vector<std::string> fault_names;
   std::vector<LiveDecision> decisions;
   std::vector<LiveRenderer> renderers;

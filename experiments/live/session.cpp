@@ -9,9 +9,11 @@
 #include <fstream>
 #include <thread>
 
+#include "device/safety/watchdog.h"
 #include "experiments/live/hand.h"
 #include "experiments/live/keys.h"
 #include "experiments/live/live_recording.h"
+#include "experiments/live/moving_scene.h"
 #include "toolkit/core/try.h"
 
 namespace palpate::experiments {
@@ -182,6 +184,7 @@ bool act_on(char key, device::Mixer& mixer, device::ServoThread& thread) {
 /// The parts of a session that both ways of running it need.
 struct Running {
   const LiveArguments& arguments;
+  device::Device& device;
   device::Servo& servo;
   device::Mixer& mixer;
   std::vector<device::TickObserver*> observers;
@@ -190,6 +193,7 @@ struct Running {
   device::Recorder* recorder;  // null: none
   Progress& progress;
   LiveDocument& document;
+  device::Heartbeat heart{};
 };
 
 Status run_fast(Running& with, VirtualClock& clock) {
@@ -221,6 +225,9 @@ Status run_real(Running& with, const MonotonicClock& clock, const Vec3& free_mm)
   PALPATE_ASSIGN(std::unique_ptr<device::ServoThread> thread,
                  device::ServoThread::create(with.servo, clock, options, with.observers));
   with.rearmer.of(*thread);
+  with.servo.watched_by(&with.heart);
+  device::Watchdog watchdog(with.device, with.heart);
+  PALPATE_TRY(watchdog.start());
   PALPATE_TRY(thread->start());
   Keys keys;
   const double begun_s = clock.now_s();
@@ -235,6 +242,9 @@ Status run_real(Running& with, const MonotonicClock& clock, const Vec3& free_mm)
     if (now_s >= with.arguments.seconds) going_on = false;
   }
   thread->stop();
+  watchdog.stop();
+  with.servo.watched_by(nullptr);
+  with.document.watchdog_trips = watchdog.trips();
   with.document.loop = thread->histograms().statistics();
   with.document.scheduling = thread->mode().text();
   with.document.steal_percent = thread->steal_percent();
@@ -252,6 +262,8 @@ void say_mapping(const geometry::Aabb& box, const device::DeviceMap& map, const 
         "The scene needs {:.3g} mm of the device to each side, which reaches {:.3g}: parts of it can only be "
         "reached by the clutch. --mapping fitted brings all of it into the workspace.",
         needed.maxCoeff(), reach.minCoeff()));
+  if (const Status fits = device::surface_fits(limits, document.felt_stiffness_n_per_mm, 0.0); !fits)
+    document.warnings.push_back(fits.error().message());
 }
 
 device::RecordingHeader header_of(const LiveArguments& arguments, const LivePlan& plan,
@@ -332,7 +344,10 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
   }
   control::ControlOptions around_all;
   around_all.passivity = workshop.stage.scene.control.passivity;
-  const std::unique_ptr<render::HapticRenderer> felt = control::wrap(std::move(owned_mixer), around_all);
+  std::unique_ptr<render::HapticRenderer> felt = control::wrap(std::move(owned_mixer), around_all);
+  // Once for all renderers: they see the models at one place.
+  if (workshop.stage.scene.input.simulation)
+    felt = std::make_unique<MovingScene>(std::move(felt), *workshop.stage.scene.input.simulation);
   device::Servo servo(*felt, governed, *plant, clock, map);
 
   const Vec3 free_mm = map.world_mm(script.at(0.0).position_mm);
@@ -342,9 +357,8 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
   device::ClutchButton clutch(servo, mixer);
   Rearmer rearmer(arguments.rearm);
   Worker worker(workshop, plan.changes, mixer, free_mm, recorded ? &recording : nullptr, clock);
-  Running running{arguments, servo,  mixer,   {&watch, &timer, &switch_button, &clutch, &rearmer},
-                  rearmer,   worker, nullptr, progress,
-                  document};
+  Running running{arguments, *plant, servo,   mixer,    {&watch, &timer, &switch_button, &clutch, &rearmer},
+                  rearmer,   worker, nullptr, progress, document};
   if (recorded) {
     PALPATE_TRY(recording.open(arguments.record, arguments.replace,
                                header_of(arguments, plan, limits, map, clock), mixer));

@@ -64,6 +64,30 @@ TEST_F(Live, AChangeOfParametersTakesOverInTheSameLane) {
   EXPECT_LT(live["largest_excess_n"], 1e-12);
 }
 
+TEST_F(Live, ARecordingHoldsEveryRendererAndIsReplayedToTheBit) {
+  const ProcessOutcome run =
+      live("out", {"--seconds", "3", "--switch-every", "0.3", "--changes", "1:cloud:shading=none",
+                   "--accelerated", "--record", in("session.palrec")});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const json recording = document("out")["recording"];
+  EXPECT_EQ(recording["ticks"], 3001);
+  EXPECT_EQ(recording["written"], 3001);
+  EXPECT_EQ(recording["lost"], 0);
+  for (const std::string renderer : {"cloud", "cloud-smooth"}) {
+    const ProcessOutcome again = palpate_command({"replay", kSmallWaves, "--renderer", renderer, "--path",
+                                                  in("session.palrec"), "--out", in("again-" + renderer)});
+    ASSERT_EQ(again.exit_code, 0) << again.err;
+    const json segments = json::parse(file_text(in("again-" + renderer + "/segments.json")))["segments"];
+    ASSERT_FALSE(segments.empty());
+    for (const json& segment : segments) {
+      EXPECT_EQ(segment["same"], true) << renderer;
+      EXPECT_GT(segment["contact_frames"], 100) << renderer;
+    }
+  }
+  EXPECT_EQ(live("out", {"--seconds", "1", "--accelerated", "--record", in("session.palrec")}).exit_code, 2)
+      << "a recording is not replaced unasked";
+}
+
 TEST_F(Live, TheMappingIsStatedAsItIsFelt) {
   ASSERT_EQ(live("out", {"--seconds", "1", "--mapping", "2", "--accelerated"}).exit_code, 0);
   const json mapping = document("out")["mapping"];
@@ -76,7 +100,7 @@ TEST_F(Live, RunsInRealTime) {
   const ProcessOutcome run = live("out", {"--seconds", "1", "--switch-every", "0.2", "--rearm"});
   const json live = document("out");
   // Whatever the machine does: what was not ticked was counted.
-  EXPECT_NEAR(live["ticks"].get<double>() + live["late"].get<double>(), 1000.0, 200.0) << run.err;
+  EXPECT_GT(live["ticks"].get<double>() + live["late"].get<double>(), 900.0) << run.err;
   EXPECT_NE(live["scheduling"], "");
 }
 
@@ -94,7 +118,8 @@ TEST_F(Live, WhatIsWrongIsNamedAndNothingIsLeft) {
       {{"--changes", "1:clod:shading=none"}, "clod"},
       {{"--changes", "1:cloud:shadow=none"}, "shadow"},
       {{"--changes", "2:cloud:stiffness=0.8,1:cloud:stiffness=0.7"}, "before"},
-      {{"--record", "session.palrec"}, "--record"},
+      {{"--record", "session.txt"}, ".palrec"},
+      {{"--record", "no/such/folder/a.palrec"}, "folder"},
   };
   for (const auto& [arguments, named] : wrong) {
     const ProcessOutcome run = live("bad", arguments);
