@@ -61,7 +61,7 @@ Table session_table(const LiveDocument& document) {
   };
   row("ticks", count_text(document.ticks));
   row("periods missed", count_text(document.loop.missed));
-  row("switches, of them by a fade", fmt::format("{}, {}", document.switches, document.fades));
+  row("switches; fades begun", fmt::format("{}, {}", document.switches, document.fades));
   row("refused, waited", fmt::format("{}, {}", document.refused, document.waited));
   row("faults", count_text(document.faults));
   if (!document.recording.file.empty())

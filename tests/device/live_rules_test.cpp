@@ -173,8 +173,12 @@ TEST(Workspace, FitsTheBoxIntoTheShape) {
       const Vec3 there = map.device_mm(at);
       const double a = there.x() / 80.0, b = there.y() / 60.0, c = there.z() / 40.0;
       EXPECT_LE(std::abs(c), 1.0);
-      if (shape == WorkspaceShape::kEllipsoid) EXPECT_LE(a * a + b * b + c * c, 1.0);
-      if (shape == WorkspaceShape::kCylinder) EXPECT_LE(a * a + b * b, 1.0);
+      if (shape == WorkspaceShape::kEllipsoid) {
+        EXPECT_LE(a * a + b * b + c * c, 1.0);
+      }
+      if (shape == WorkspaceShape::kCylinder) {
+        EXPECT_LE(a * a + b * b, 1.0);
+      }
       EXPECT_LE(std::max(std::abs(a), std::abs(b)), 0.9 + 1e-12);
       EXPECT_LT((map.world_mm(there) - at).norm(), 1e-10);
     }

@@ -136,7 +136,7 @@ bool StarContact::bridge_step(const Vec3& h, double edge, StarCounters& counters
                               mesh_->for_triangles_of(place, offer);
                             return tested < kMaxTested;
                           });
-    bound_hit_ = bound_hit_ || !all;
+    // Nothing is left for the next frame to catch up with: what is not found so far ahead lets go.
     if (!all) break;
   }
   counters.tested += tested;

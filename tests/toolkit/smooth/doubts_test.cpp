@@ -33,12 +33,17 @@ TEST(PointDoubts, OfThinPlates) {
 TEST(PointDoubts, NoneOfSurfaces) {
   for (const char* text : {"sinusoid:points=10201", "sinusoid:points=10000:sampling=random:noise=0.2",
                            "sphere:points=5000", "sinusoid:points=10000:sampling=random:noise=0.5",
-                           "pebble:points=6000", "slab:points=20000:noise=0.15",
+                           "pebble:points=6000", "slab:points=20000:thickness_mm=5:noise=0.15",
                            "sinusoid:sampling=scan:points=20000:noise=0.1:dropout=0.05:flying=0.01:seed=1"}) {
     const PointDoubts d = doubts_of(generated(text));
     EXPECT_LT(d.layered, 0.02) << text;
     EXPECT_LT(d.scattered, 0.05) << text;
   }
+}
+
+// Two spacings apart and a third of one rough: as one sheet a hundredth of its contact is felt.
+TEST(PointDoubts, OfPlatesThatNoiseMakesOne) {
+  EXPECT_GT(doubts_of(generated("slab:points=20000:noise=0.15")).layered, 0.5);
 }
 
 TEST(PointDoubts, OfVolumes) {
