@@ -81,8 +81,6 @@ void record_with_faults(const Prepared& p, const std::string& file) {
                                   {Kind::kJump, 1.35, 0.05, Vec3{60.0, 0.0, 0.0}},
                                   {Kind::kNonFinitePosition, 2.25, 0.05, Vec3::Zero()}});
   device::GovernorOptions governing;
-  auto governor = device::ForceGovernor::create(limits, governing);
-  ASSERT_TRUE(governor);
   const auto renderer = fresh(p);
   device::RendererTap tap(*renderer, clock);
   device::TapSource source({&tap}, world_from_device);
@@ -93,7 +91,7 @@ void record_with_faults(const Prepared& p, const std::string& file) {
   const auto recorded = recorded_renderer(p.request, p.registry);
   ASSERT_TRUE(recorded);
   ASSERT_TRUE((*recorder)->add_renderer(*recorded));
-  device::Servo servo(tap, *governor, device, clock, world_from_device);
+  device::Servo servo(tap, governing, device, clock, world_from_device);
   ASSERT_TRUE(servo.start(p.stage.path.hip_mm.front()));
   int faulted = 0;
   for (std::size_t i = 0; i < path.size(); ++i) {
