@@ -3,12 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <ctime>
 #include <limits>
 #include <memory>
-#include <numeric>
 #include <utility>
 #include <vector>
 
+#include "toolkit/core/instructions.h"
 #include "toolkit/core/numbers.h"
 #include "toolkit/core/try.h"
 #include "toolkit/trace/passes.h"
@@ -18,64 +19,56 @@
 namespace palpate::plan {
 namespace {
 
-/// Timed passes along a cut-out; the fastest counts, what else ran on the machine is no renderer's.
-constexpr int kPilotPasses = 5;
+/// Timed passes; the fastest counts, what else ran on the machine is no renderer's.
+constexpr int kPilotPasses = 5, kColdPasses = 3;
 constexpr double kWarmUpS = 0.005;
-/// Reads that wait, one after the other, for each point that the god object comes to: the point, what is
-/// stored with it, and the way down to it where it is looked for. Measured: plan_check.
-constexpr double kReadsPerPlace = 1.5;
-constexpr double kNsPerUs = 1e3;
+constexpr double kNsPerUs = 1e3, kNsPerSecond = 1e9;
+constexpr double kLineBytes = 64.0;
+constexpr std::size_t kWordsALine = 64 / sizeof(std::uint64_t);
+/// Walked through before a cold pass: the largest that a read was measured in.
+constexpr std::size_t kEvictedWords = (std::size_t{1} << 26) / sizeof(std::uint64_t);
+/// Of several models the slowest is expected; as many as bound the time that this takes.
+constexpr std::size_t kMostModels = 4;
 
-/// The points nearest to one of them in the largest of the three distances: of a raster a whole rectangle.
-std::vector<std::uint32_t> around(const cloud::Cloud& cloud, std::size_t middle) {
-  std::vector<std::uint32_t> all(cloud.size());
-  std::iota(all.begin(), all.end(), 0u);
-  if (all.size() <= kWholePilotPoints) return all;
-  const Vec3 at = cloud.local_mm(middle);
-  std::vector<double> far(cloud.size());
-  for (std::size_t i = 0; i < far.size(); ++i) far[i] = (cloud.local_mm(i) - at).cwiseAbs().maxCoeff();
-  std::vector<double> sorted = far;
-  const auto nth = sorted.begin() + static_cast<std::ptrdiff_t>(kPilotPoints);
-  std::nth_element(sorted.begin(), nth, sorted.end());
-  std::erase_if(all, [&](std::uint32_t i) { return !(far[i] <= *nth); });
-  return all;
+double pilot_cpu_ns() {
+  timespec now{};
+  ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return kNsPerSecond * static_cast<double>(now.tv_sec) + static_cast<double>(now.tv_nsec);
 }
 
-std::vector<float> cut(const std::vector<float>& values, const std::vector<std::uint32_t>& of) {
-  std::vector<float> out;
-  if (values.empty()) return out;
-  out.reserve(of.size());
-  for (const std::uint32_t i : of) out.push_back(values[i]);
-  return out;
-}
+/// A piece with its renderer.
+struct Pilot {
+  trace::ProbePath path;
+  std::unique_ptr<render::HapticRenderer> renderer;
+  std::vector<trace::Stretch> stretches;
+  double contact_frames = 0.0;
+  double bytes = 0.0, bytes_said = 0.0;
 
-/// A part of a model, alone and at rest, with the model's surface.
-render::SceneInput cut_out(const render::SceneInput& scene, const render::ModelInput& whole,
-                           const std::vector<std::uint32_t>& of) {
-  auto part = std::make_shared<cloud::Cloud>();
-  const cloud::Cloud& all = *whole.cloud;
-  part->origin_mm = all.origin_mm;
-  part->x_mm = cut(all.x_mm, of);
-  part->y_mm = cut(all.y_mm, of);
-  part->z_mm = cut(all.z_mm, of);
-  if (of.size() == all.size()) part->raster = all.raster;
-  render::ModelInput model;
-  model.name = whole.name;
-  model.surface = whole.surface;
-  if (const surface::PointProperties* p = whole.surface.per_point.get()) {
-    auto cut_properties = std::make_shared<surface::PointProperties>();
-    cut_properties->stiffness_n_per_mm = cut(p->stiffness_n_per_mm, of);
-    cut_properties->static_friction = cut(p->static_friction, of);
-    cut_properties->dynamic_friction = cut(p->dynamic_friction, of);
-    cut_properties->deformation = cut(p->deformation, of);
-    model.surface.per_point = cut_properties;
+  void restart() const noexcept {
+    const double dt_s = path.size() > 1 ? path.t_s[1] - path.t_s[0] : kPilotDtS;
+    renderer->restart(path.hip_mm[0], path.t_s[0] - dt_s);
   }
-  model.cloud = part;
-  render::SceneInput out;
-  out.force_limit_n = scene.force_limit_n;
-  out.models.push_back(std::move(model));
-  return out;
-}
+  void step(std::size_t begin, std::size_t end) const noexcept {
+    for (std::size_t k = begin; k < end; ++k) (void)renderer->step(path.hip_mm[k], path.t_s[k]);
+  }
+  /// Time of the frames in contact.
+  [[nodiscard]] double fly_ns() const noexcept {
+    double ns = 0.0;
+    for (const trace::Stretch& stretch : stretches) {
+      if (!stretch.contact) {
+        step(stretch.begin, stretch.end);
+        continue;
+      }
+      const double start = pilot_cpu_ns();
+      step(stretch.begin, stretch.end);
+      ns += pilot_cpu_ns() - start;
+    }
+    return ns;
+  }
+
+ private:
+  static constexpr double kPilotDtS = 1e-3;  // a lone sample has no neighbour to take its step from
+};
 
 /// Boxes and cells go by the resolution of the whole cloud.
 Options options_for(const NamedOptions& renderer, const render::ModelDecisions& decided,
@@ -90,60 +83,142 @@ Options options_for(const NamedOptions& renderer, const render::ModelDecisions& 
   return registry.make(renderer.name, options).ok() ? options : renderer.options;
 }
 
-/// The mean of a model's cut-outs.
-Result<FrameCost> model_cost(const render::SceneInput& scene, std::size_t index, const NamedOptions& renderer,
-                             const render::Decisions& decided, double spacing_mm,
-                             const render::Registry& registry, const std::string& path,
-                             const Machine& machine) {
-  const render::ModelInput& model = scene.models[index];
-  const render::ModelDecisions& said = decided.models[index];
-  const std::size_t n = model.cloud->size(), wanted = n <= kWholePilotPoints ? 1 : kPilots;
-  const NamedOptions on_part{renderer.name, options_for(renderer, said, registry)};
-  FrameCost cost;
-  Flight mean;
-  Error last{"no cut-out", {}, {}, 0};
-  for (std::size_t k = 0; k < wanted; ++k) {
-    const std::size_t middle = n * (2 * k + 1) / (2 * wanted);
-    const Result<Flight> pilot =
-        fly(cut_out(scene, model, around(*model.cloud, middle)), on_part, registry, path, 1);
+Result<Pilot> prepared(CutOut piece, const NamedOptions& renderer, const render::Registry& registry) {
+  Pilot pilot;
+  pilot.path = std::move(piece.path);
+  PALPATE_ASSIGN(pilot.renderer, registry.make(renderer.name, renderer.options));
+  PALPATE_ASSIGN(const render::Decisions said, pilot.renderer->decide(piece.scene, {1, nullptr}));
+  PALPATE_ASSIGN(const render::PrepareReport report, pilot.renderer->prepare(piece.scene, {1, nullptr}));
+  pilot.bytes = static_cast<double>(report.bytes);
+  pilot.bytes_said = static_cast<double>(said.bytes);
+  PALPATE_ASSIGN(const trace::ForceTrace trace, trace::replay(*pilot.renderer, pilot.path));
+  pilot.stretches = trace::stretches_of(trace::contact_of(trace.frames));
+  for (const trace::Stretch& stretch : pilot.stretches)
+    if (stretch.contact) pilot.contact_frames += static_cast<double>(stretch.end - stretch.begin);
+  return pilot;
+}
+
+/// The pieces of a model, prepared, and how much longer the whole path is.
+struct Squadron {
+  std::vector<Pilot> pilots;
+  double frames = 0.0, path_frames = 0.0;
+  std::size_t points = 0;  ///< of all pieces
+};
+
+Result<Squadron> squadron_for(const Expected& expected, std::size_t index, const render::Registry& registry) {
+  const render::ModelInput& model = expected.scene.models[index];
+  trace::PathTarget target;
+  target.cloud = model.cloud.get();
+  target.surface = model.analytic.get();
+  target.box_mm = target.cloud->box_mm();
+  PALPATE_ASSIGN(const NamedOptions generator, parse_named_options(expected.path));
+  PALPATE_ASSIGN(const trace::ProbePath path, trace::make_path(generator, target));
+  PALPATE_ASSIGN(const NamedOptions made, parse_named_options(path.name.substr(0, path.name.find(' '))));
+  const auto number = [&](const char* key) {
+    return made.options.has(key) ? made.options.number(key) : 0.0;
+  };
+  Reach reach;
+  reach.felt_mm = std::max(number("depth_mm"), number("clearance_mm"));
+  reach.spacing_mm = expected.spacing_mm[index];
+  reach.heights = registry.find(expected.renderer.name)->geometry == render::Geometry::kHeights;
+  const NamedOptions on_piece{expected.renderer.name,
+                              options_for(expected.renderer, expected.decided.models[index], registry)};
+  const auto period = static_cast<std::size_t>(number("period_frames"));
+  const bool whole = model.cloud->size() <= kWholePilotPoints;
+  Squadron squadron;
+  squadron.path_frames = static_cast<double>(path.size());
+  Error last{"no piece", {}, {}, 0};
+  for (const Window& window : windows_of(path.size(), period, whole ? 1 : kPilots)) {
+    CutOut piece = cut_out(expected.scene, model, path, window.begin, window.end, reach);
+    const std::size_t points = piece.scene.models.front().cloud->size();
+    if (points == 0) continue;
+    Result<Pilot> pilot = prepared(std::move(piece), on_piece, registry);
     if (!pilot) {
       last = pilot.error();
       continue;
     }
-    ++cost.pilots;
-    mean.contact_us += pilot->contact_us * pilot->contact_frames;
-    mean.contact_frames += pilot->contact_frames;
-    mean.bytes += pilot->bytes;
-    mean.bytes_said += pilot->bytes_said;
-    mean.travel_mm += pilot->travel_mm;
+    squadron.points += points;
+    squadron.frames += static_cast<double>(pilot->path.size());
+    squadron.pilots.push_back(*std::move(pilot));
   }
-  if (cost.pilots == 0) return last;
-  const auto count = static_cast<double>(cost.pilots);
-  cost.bytes_share = {mean.bytes_said > 0.0 ? mean.bytes / mean.bytes_said : 1.0};
-  if (!(mean.contact_frames > 0.0)) return cost;
-  cost.warm_us = mean.contact_us / mean.contact_frames;
-  // Over a fine cloud the god object comes to a new point in every frame, over a coarse one seldom.
-  const double places = spacing_mm > 0.0 ? std::min(1.0, mean.travel_mm / count / spacing_mm) : 1.0;
-  const double waits_ns =
-      machine.read_ns(static_cast<double>(said.bytes)) - machine.read_ns(mean.bytes / count);
-  cost.miss_us = kReadsPerPlace * places * std::max(0.0, waits_ns) / kNsPerUs;
+  if (squadron.pilots.empty()) return last;
+  return squadron;
+}
+
+/// One pass over all pieces in turn, as different places of one model follow one another.
+double pass_ns(const std::vector<Pilot>& pilots, std::vector<std::uint64_t>* evicted) {
+  for (const Pilot& pilot : pilots) pilot.restart();
+  if (evicted != nullptr)
+    for (std::size_t i = 0; i < evicted->size(); i += kWordsALine) ++(*evicted)[i];
+  double ns = 0.0;
+  for (const Pilot& pilot : pilots) ns += pilot.fly_ns();
+  return ns;
+}
+
+double fastest_pass_ns(const std::vector<Pilot>& pilots, int passes, std::vector<std::uint64_t>* evicted) {
+  double fastest = std::numeric_limits<double>::max();
+  for (int pass = 0; pass < passes; ++pass) fastest = std::min(fastest, pass_ns(pilots, evicted));
+  return fastest;
+}
+
+/// From the cold pass follows how many lines are read for the first time; along the whole path they come to
+/// so many bytes, and each is waited for as a read in so many bytes waits.
+double waiting_ns(const Squadron& squadron, const Machine& machine, double cold_ns, double frames,
+                  double bytes) {
+  if (machine.reads.size() < 2 || !(cold_ns > 0.0)) return 0.0;
+  const double far_ns = machine.reads.back().ns, near_ns = machine.reads.front().ns;
+  if (!(far_ns > near_ns)) return 0.0;
+  const double lines_here = cold_ns / (far_ns - near_ns);
+  const double share = squadron.frames > 0.0 ? squadron.path_frames / squadron.frames : 1.0;
+  const double here = lines_here * kLineBytes;
+  const double all = std::max(here, std::min(here * share, bytes));
+  return lines_here / frames * std::max(0.0, machine.read_ns(all) - machine.read_ns(here));
+}
+
+Result<FrameCost> model_cost(const Expected& expected, std::size_t index, const render::Registry& registry,
+                             const Machine& machine) {
+  PALPATE_ASSIGN(const Squadron squadron, squadron_for(expected, index, registry));
+  FrameCost cost;
+  cost.pilots = squadron.pilots.size();
+  double frames = 0.0, bytes = 0.0, said = 0.0;
+  for (const Pilot& pilot : squadron.pilots) {
+    frames += pilot.contact_frames;
+    bytes += pilot.bytes;
+    said += pilot.bytes_said;
+  }
+  cost.bytes_share = {said > 0.0 ? bytes / said : 1.0};
+  if (!(frames > 0.0)) return cost;
+  const double warm_ns = fastest_pass_ns(squadron.pilots, kPilotPasses, nullptr);
+  std::vector<std::uint64_t> evicted(kEvictedWords, 1);
+  const double cold_ns = fastest_pass_ns(squadron.pilots, kColdPasses, &evicted) - warm_ns;
+  cost.warm_us = warm_ns / frames / kNsPerUs;
+  cost.miss_us = waiting_ns(squadron, machine, cold_ns, frames,
+                            static_cast<double>(expected.decided.models[index].bytes)) /
+                 kNsPerUs;
   cost.frame_us = cost.warm_us + cost.miss_us;
-  const std::size_t points = n <= kWholePilotPoints ? n : kPilotPoints;
   cost.reason = fmt::format(
-      "{} µs on {} cut-outs of {} points, {} µs of waiting for memory: {} reads at {:.2g} new points a frame",
-      short_number(cost.warm_us), cost.pilots, count_text(points), short_number(cost.miss_us), kReadsPerPlace,
-      places);
+      "{} µs over {} frames in contact on {} pieces of {} points together, where the probe will go; {} µs of "
+      "waiting for memory, from {} µs with cold caches",
+      short_number(cost.warm_us), count_text(static_cast<std::uint64_t>(frames)), cost.pilots,
+      count_text(squadron.points), short_number(cost.miss_us),
+      short_number((warm_ns + cold_ns) / frames / kNsPerUs));
   return cost;
 }
 
-}  // namespace
-
-Result<Flight> fly(const render::SceneInput& scene, const NamedOptions& renderer,
-                   const render::Registry& registry, const std::string& path_text, int threads) {
-  PALPATE_ASSIGN(const std::unique_ptr<render::HapticRenderer> made,
-                 registry.make(renderer.name, renderer.options));
-  PALPATE_ASSIGN(const render::Decisions said, made->decide(scene, {threads, nullptr}));
-  PALPATE_ASSIGN(const render::PrepareReport report, made->prepare(scene, {threads, nullptr}));
+/// A renderer prepared for the whole scene, with its path.
+struct Ready {
+  std::unique_ptr<render::HapticRenderer> renderer;
+  trace::ProbePath path;
+  double bytes = 0.0, bytes_said = 0.0;
+};
+Result<Ready> ready(const render::SceneInput& scene, const NamedOptions& renderer,
+                    const render::Registry& registry, const std::string& path_text, int threads) {
+  Ready out;
+  PALPATE_ASSIGN(out.renderer, registry.make(renderer.name, renderer.options));
+  PALPATE_ASSIGN(const render::Decisions said, out.renderer->decide(scene, {threads, nullptr}));
+  PALPATE_ASSIGN(const render::PrepareReport report, out.renderer->prepare(scene, {threads, nullptr}));
+  out.bytes = static_cast<double>(report.bytes);
+  out.bytes_said = static_cast<double>(said.bytes);
   trace::PathTarget target;
   const render::ModelInput& model = scene.models.front();
   target.cloud = model.cloud.get();
@@ -151,12 +226,21 @@ Result<Flight> fly(const render::SceneInput& scene, const NamedOptions& renderer
   target.world_from_model = model.world_from_model;
   target.box_mm = target.cloud->box_mm();
   PALPATE_ASSIGN(const NamedOptions generator, parse_named_options(path_text));
-  PALPATE_ASSIGN(const trace::ProbePath path, trace::make_path(generator, target));
-  PALPATE_ASSIGN(const trace::ForceTrace trace, trace::replay(*made, path, scene.simulation.get()));
+  PALPATE_ASSIGN(out.path, trace::make_path(generator, target));
+  return out;
+}
+
+}  // namespace
+
+Result<Flight> fly(const render::SceneInput& scene, const NamedOptions& renderer,
+                   const render::Registry& registry, const std::string& path_text, int threads) {
+  PALPATE_ASSIGN(const Ready flown, ready(scene, renderer, registry, path_text, threads));
+  PALPATE_ASSIGN(const trace::ForceTrace trace,
+                 trace::replay(*flown.renderer, flown.path, scene.simulation.get()));
   const std::vector<std::uint8_t> contact = trace::contact_of(trace.frames);
   const std::vector<trace::Stretch> stretches = trace::stretches_of(contact);
   std::vector<trace::StretchTime> times(stretches.size());
-  trace::Passes passes(*made, path, scene.simulation.get(), trace.frames);
+  trace::Passes passes(*flown.renderer, flown.path, scene.simulation.get(), trace.frames);
   passes.warm_up(kWarmUpS);
   double fastest_ns = std::numeric_limits<double>::max(), frames = 0.0;
   for (int pass = 0; pass < kPilotPasses; ++pass) {
@@ -170,32 +254,51 @@ Result<Flight> fly(const render::SceneInput& scene, const NamedOptions& renderer
     }
     fastest_ns = std::min(fastest_ns, ns);
   }
-  Flight pilot{frames > 0.0 ? fastest_ns / frames / kNsPerUs : 0.0, frames, static_cast<double>(report.bytes),
-               static_cast<double>(said.bytes), 0.0};
-  for (std::size_t k = 1; k < path.size(); ++k)
-    pilot.travel_mm += (path.hip_mm[k] - path.hip_mm[k - 1]).norm() / static_cast<double>(path.size() - 1);
-  return pilot;
+  return Flight{frames > 0.0 ? fastest_ns / frames / kNsPerUs : 0.0, frames, flown.bytes, flown.bytes_said};
 }
 
-Result<FrameCost> expect_frame(const render::SceneInput& scene, const NamedOptions& renderer,
-                               const render::Decisions& decided, std::span<const double> spacing_mm,
-                               const render::Registry& registry, const std::string& path,
+Result<FrameCost> expect_frame(const Expected& expected, const render::Registry& registry,
                                const Machine& machine) {
-  if (decided.models.size() != scene.models.size() || spacing_mm.size() != scene.models.size() ||
-      scene.models.empty())
+  const std::vector<render::ModelInput>& models = expected.scene.models;
+  if (expected.decided.models.size() != models.size() || expected.spacing_mm.size() != models.size() ||
+      models.empty())
     return Error{"the renderer decided for other models", {}, {}, 0};
-  // Of several models the slowest; as many as bound the time that this takes.
-  constexpr std::size_t kMostModels = 4;
   FrameCost slowest;
   std::vector<double> bytes_share;
-  for (std::size_t i = 0; i < std::min(scene.models.size(), kMostModels); ++i) {
-    PALPATE_ASSIGN(FrameCost cost,
-                   model_cost(scene, i, renderer, decided, spacing_mm[i], registry, path, machine));
+  for (std::size_t i = 0; i < std::min(models.size(), kMostModels); ++i) {
+    PALPATE_ASSIGN(FrameCost cost, model_cost(expected, i, registry, machine));
     bytes_share.push_back(cost.bytes_share.front());
     if (cost.frame_us > slowest.frame_us) slowest = std::move(cost);
   }
   slowest.bytes_share = std::move(bytes_share);
   return slowest;
+}
+
+Result<CountedFrames> step_marked(const Expected& expected, const render::Registry& registry, int threads) {
+  CountedFrames counted;
+  {
+    PALPATE_ASSIGN(const Squadron squadron, squadron_for(expected, 0, registry));
+    for (std::size_t k = 0; k < squadron.pilots.size(); ++k) {
+      const Pilot& pilot = squadron.pilots[k];
+      const std::string part = fmt::format("{} {}", kExpectedPart, k);
+      pilot.restart();
+      begin_counting();
+      pilot.step(0, pilot.path.size());
+      end_counting(part.c_str());
+      counted.expected += pilot.path.size();
+    }
+  }
+  PALPATE_ASSIGN(const Ready flown,
+                 ready(expected.scene, expected.renderer, registry, expected.path, threads));
+  PALPATE_TRY(trace::replay(*flown.renderer, flown.path));  // what is done once is done
+  const trace::ProbePath& path = flown.path;
+  flown.renderer->restart(path.hip_mm[0],
+                          path.t_s[0] - (path.size() > 1 ? path.t_s[1] - path.t_s[0] : 1e-3));
+  begin_counting();
+  for (std::size_t k = 0; k < path.size(); ++k) (void)flown.renderer->step(path.hip_mm[k], path.t_s[k]);
+  end_counting(kMeasuredPart);
+  counted.measured = path.size();
+  return counted;
 }
 
 }  // namespace palpate::plan

@@ -1,32 +1,31 @@
 // How long a frame of a scene will take on this machine, before the scene is prepared: the renderer is
-// prepared for small cut-outs of it and stepped there, which tells the instructions that such points,
-// surfaces and options ask for; what the whole waits for memory beyond that is reckoned from its bytes, its
-// spacing and the machine's reads.
+// prepared for pieces of it along the probe's very way and stepped there, which tells the instructions that
+// such points, surfaces and options ask for, in the places where the probe will be; and stepped there again
+// with cold caches, which tells what the whole waits for memory beyond that.
 #pragma once
 
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "toolkit/core/options.h"
 #include "toolkit/core/result.h"
+#include "toolkit/plan/cut_out.h"
 #include "toolkit/plan/machine.h"
 #include "toolkit/render/registry.h"
 
 namespace palpate::plan {
 
-/// Points of a cut-out, and how many are taken of a model.
-inline constexpr std::size_t kPilotPoints = 4096;
-inline constexpr std::size_t kPilots = 3;
-/// A model of no more points is its own cut-out: of a small one a part has other borders than the whole.
-inline constexpr std::size_t kWholePilotPoints = 4 * kPilotPoints;
+/// How many pieces are taken of a model.
+inline constexpr std::size_t kPilots = 12;
 
 struct FrameCost {
-  double frame_us = 0.0;  ///< mean frame in contact, the thread's own time; 0: no cut-out was felt
-  double warm_us = 0.0;   ///< of it: as measured on the cut-outs
-  double miss_us = 0.0;   ///< of it: waiting for memory that the cut-outs had in the cache
+  double frame_us = 0.0;  ///< mean frame in contact, the thread's own time; 0: no piece was felt
+  double warm_us = 0.0;   ///< of it: as measured on the pieces
+  double miss_us = 0.0;   ///< of it: waiting for memory that the pieces had in the cache
   std::size_t pilots = 0;
-  /// By model: what the cut-outs held in times of what had been said of them. Where bytes can only be
+  /// By model: what the pieces held in times of what had been said of them. Where bytes can only be
   /// reckoned from the points (bricks of a surface: of thin things two sheets go through one cube), the
   /// whole's are as far off.
   std::vector<double> bytes_share;
@@ -39,20 +38,35 @@ struct Flight {
   double contact_frames = 0.0;  ///< 0: nothing is felt
   double bytes = 0.0;           ///< held after preparation
   double bytes_said = 0.0;      ///< as the renderer had decided
-  double travel_mm = 0.0;       ///< of the HIP in one frame, the mean
 };
 /// `path`: a generator; it follows the first model, its formula where it has one. Errors: those of preparing
 /// and of the path.
 [[nodiscard]] Result<Flight> fly(const render::SceneInput& scene, const NamedOptions& renderer,
                                  const render::Registry& registry, const std::string& path, int threads);
 
-/// `path`: a generator for points ("exploration:depth_mm=..") that moves as the probe will. `decided`: by the
-/// renderer for the whole scene. `spacing_mm`: of each model's points. An Error where no cut-out can be
-/// prepared. Deterministic but for the times; some tens of milliseconds a cut-out.
-[[nodiscard]] Result<FrameCost> expect_frame(const render::SceneInput& scene, const NamedOptions& renderer,
-                                             const render::Decisions& decided,
-                                             std::span<const double> spacing_mm,
-                                             const render::Registry& registry, const std::string& path,
+/// What is expected of a scene: `decided` by the renderer for the whole of it, `spacing_mm` of each model's
+/// points, `path` a generator that moves as the probe will, on each model as if it stood alone.
+struct Expected {
+  const render::SceneInput& scene;
+  const NamedOptions& renderer;
+  const render::Decisions& decided;
+  std::span<const double> spacing_mm;
+  const std::string& path;
+};
+
+/// An Error where no piece can be prepared. Deterministic but for the times; up to a second.
+[[nodiscard]] Result<FrameCost> expect_frame(const Expected& expected, const render::Registry& registry,
                                              const Machine& machine);
+
+/// Instructions a frame, all frames, for comparison on a machine whose times are not to be had. Under
+/// callgrind the frames of the first model's pieces are counted as parts "expected ..", those of the whole as
+/// "measured"; answers how many frames stand in each.
+struct CountedFrames {
+  std::size_t expected = 0, measured = 0;
+};
+inline constexpr const char* kExpectedPart = "expected";
+inline constexpr const char* kMeasuredPart = "measured";
+[[nodiscard]] Result<CountedFrames> step_marked(const Expected& expected, const render::Registry& registry,
+                                                int threads);
 
 }  // namespace palpate::plan

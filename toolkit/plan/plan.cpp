@@ -129,7 +129,7 @@ Result<Plan> make_plan(const render::SceneInput& scene, const std::optional<Name
 void expect_on(Plan& plan, const render::SceneInput& scene, const render::Registry& registry,
                const std::string& path, Machine machine) {
   Result<FrameCost> cost =
-      expect_frame(scene, plan.renderer, plan.decided, plan.spacing_mm, registry, path, machine);
+      expect_frame({scene, plan.renderer, plan.decided, plan.spacing_mm, path}, registry, machine);
   if (!cost) return;
   plan.decided.bytes = 0;
   for (std::size_t i = 0; i < plan.decided.models.size(); ++i) {
