@@ -16,6 +16,7 @@
   DO(tune)                      \
   DO(stability)                 \
   DO(ablate)                    \
+  DO(goals)                     \
   DO(report)                    \
   DO(score)                     \
   DO(reproduce)                 \

@@ -43,7 +43,8 @@ std::string verdict_html(const Goal& goal) {
   const auto good = std::count_if(goal.findings.begin(), goal.findings.end(), kept);
   const Verdict verdict = verdict_of(goal);
   return fmt::format(
-      "<p class=\"verdict {}\"><strong>{}</strong>: {} of {} numbers are as asked. The numbers decide, nobody "
+      "<p class=\"verdict {}\"><strong>{}</strong>: {} of {} numbers are as asked. The numbers decide, "
+      "nobody "
       "else.</p>\n",
       class_of(verdict), name_of(verdict), good, goal.findings.size());
 }
@@ -64,8 +65,8 @@ Table findings_table(const Goal& goal) {
   table.title = "What decides";
   table.columns = {"measured", "value", "asked", "because", "mesh"};
   for (const Finding& finding : goal.findings) {
-    const std::string asked =
-        fmt::format("{} {}", finding.at_most ? "at most" : "at least", with_unit(finding.limit, finding.unit));
+    const std::string asked = fmt::format("{} {}", finding.at_most ? "at most" : "at least",
+                                          with_unit(finding.limit, finding.unit));
     table.rows.push_back(
         {{finding.about},
          {finding.value ? with_unit(*finding.value, finding.unit) : "not measured", false, !kept(finding)},
@@ -96,7 +97,8 @@ Page goal_page(const Goal& goal, const GoalsDocument& document) {
   Section section;
   section.id = goal.id;
   section.title = goal.title;
-  section.opening = verdict_html(goal) + "<p class=\"by\"><a href=\"report.html\">All goals</a></p>\n" + goal.picture;
+  section.opening =
+      verdict_html(goal) + "<p class=\"by\"><a href=\"report.html\">All goals</a></p>\n" + goal.picture;
   section.paragraphs.push_back("Section 1.4 of the thesis asks for it; in our own words: " + goal.words);
   section.paragraphs.insert(section.paragraphs.end(), goal.method.begin(), goal.method.end());
   section.tables.push_back(findings_table(goal));
@@ -116,12 +118,14 @@ Page goals_page(const GoalsDocument& document) {
   section.id = "goals";
   section.title = "Seven goals, each answered by a measurement";
   for (const Goal& goal : document.goals)
-    section.opening += fmt::format("<p class=\"verdict {0}\"><a href=\"{1}\">{2}</a>: <strong>{3}</strong></p>\n",
-                                   class_of(verdict_of(goal)), page_of(goal), html_escaped(goal.title),
-                                   name_of(verdict_of(goal)));
+    section.opening += fmt::format(
+        "<p class=\"verdict {0}\"><a href=\"{1}\">{2}</a>: <strong>{3}</strong></p>\n",
+        class_of(verdict_of(goal)), page_of(goal), html_escaped(goal.title), name_of(verdict_of(goal)));
   section.paragraphs.emplace_back(
-      "Section 1.4 of the thesis sets seven goals. Each has a page with what was measured in this run, beside "
-      "the same on a mesh of the same points, and with what falls short. A goal is reached where every number "
+      "Section 1.4 of the thesis sets seven goals. Each has a page with what was measured in this run, "
+      "beside "
+      "the same on a mesh of the same points, and with what falls short. A goal is reached where every "
+      "number "
       "that decides is as asked, reached in part where some are.");
   section.tables.push_back(goals_table(document));
   page.sections.push_back(std::move(section));

@@ -77,9 +77,10 @@ Carried carried_by(const trace::ProbePath& path, const trace::ForceTrace& trace)
 }
 
 Result<Carried> feel_plane(const GoalBench& bench, const std::string& renderer) {
-  const std::string scene = fmt::format("plane:extent_mm={}:spacing_mm={}", kPlaneMm, bench.quick ? 1.0 : 0.25);
-  const std::string path = fmt::format("slide:frames={}:depth_mm=1:speed_mm_s=20:u=0.1:v=0.5",
-                                       bench.quick ? 2500 : 10'000);
+  const std::string scene =
+      fmt::format("plane:extent_mm={}:spacing_mm={}", kPlaneMm, bench.quick ? 1.0 : 0.25);
+  const std::string path =
+      fmt::format("slide:frames={}:depth_mm=1:speed_mm_s=20:u=0.1:v=0.5", bench.quick ? 2500 : 10'000);
   PALPATE_ASSIGN(Stage stage, goal_stage(bench, scene, path, ReferenceChoice::kNone));
   give_properties(stage.scene.input.models.front());
   PALPATE_ASSIGN(const std::unique_ptr<render::HapticRenderer> made, bench.registry.make(renderer, {}));
@@ -96,7 +97,8 @@ std::optional<double> rms_percent(const GoalRuns& runs, const std::string& label
 std::optional<double> wrong_frames(const GoalRuns& runs, const std::string& label) {
   const metrics::RendererResult* result = ran(runs, label);
   if (result == nullptr || !result->accuracy) return std::nullopt;
-  return static_cast<double>(result->accuracy->missed_contact_frames + result->accuracy->false_contact_frames);
+  return static_cast<double>(result->accuracy->missed_contact_frames +
+                             result->accuracy->false_contact_frames);
 }
 
 Table shapes_table(const std::vector<GoalRuns>& shapes) {
@@ -134,19 +136,23 @@ Table shapes_table(const std::vector<GoalRuns>& shapes) {
 }  // namespace
 
 Goal fidelity_goal(const GoalBench& bench, const std::vector<GoalRuns>& shapes) {
-  Goal goal{"fidelity", "High fidelity",
-            "everything that the points hold is to be felt: the shape that they lie on, and the properties that "
-            "each of them carries."};
+  Goal goal{
+      "fidelity", "High fidelity",
+      "everything that the points hold is to be felt: the shape that they lie on, and the properties that "
+      "each of them carries."};
   goal.method = {
-      "Geometry: one path over a model that is known by its formula, through each renderer; forces are compared "
-      "with those of the formula. Contact that is missed or false by more than the local resolution is counted.",
-      "Properties: a plane whose points carry a stiffness and a friction that rise along it. The probe slides "
+      "Geometry: one path over a model that is known by its formula, through each renderer; forces are "
+      "compared "
+      "with those of the formula. Contact that is missed or false by more than the local resolution is "
+      "counted.",
+      "Properties: a plane whose points carry a stiffness and a friction that rise along it. The probe "
+      "slides "
       "over it; what is felt at a place is divided by what the points carry there."};
   for (const char* const judged : kJudged) {
     for (const GoalRuns& runs : shapes) {
-      goal.findings.push_back({fmt::format("{}, force error on {}", judged, runs.name), rms_percent(runs, judged),
-                               "%", kToldPercent, true, "less than a hand can tell",
-                               rms_percent(runs, kMeshLabel)});
+      goal.findings.push_back({fmt::format("{}, force error on {}", judged, runs.name),
+                               rms_percent(runs, judged), "%", kToldPercent, true,
+                               "less than a hand can tell", rms_percent(runs, kMeshLabel)});
     }
     std::optional<double> wrong = 0.0, mesh = 0.0;
     for (const GoalRuns& runs : shapes) {
@@ -154,19 +160,20 @@ Goal fidelity_goal(const GoalBench& bench, const std::vector<GoalRuns>& shapes) 
       wrong = wrong && here ? std::optional(*wrong + *here) : std::nullopt;
       mesh = mesh && there ? std::optional(*mesh + *there) : std::nullopt;
     }
-    goal.findings.push_back({fmt::format("{}, frames of missed or false contact on all of them", judged), wrong,
-                             "", 0.0, true, "contact beyond one resolution is never wrong", mesh});
+    goal.findings.push_back({fmt::format("{}, frames of missed or false contact on all of them", judged),
+                             wrong, "", 0.0, true, "contact beyond one resolution is never wrong", mesh});
     const Result<Carried> carried = feel_plane(bench, judged);
     if (!carried) goal.notes.push_back(fmt::format("{}: {}", judged, carried.error().message()));
     const bool any = carried && carried->frames > 0;
     goal.findings.push_back({fmt::format("{}, stiffness by point, off by", judged),
-                             any ? std::optional(carried->stiffness_percent) : std::nullopt, "%", kToldPercent,
-                             true, "less than a hand can tell"});
+                             any ? std::optional(carried->stiffness_percent) : std::nullopt, "%",
+                             kToldPercent, true, "less than a hand can tell"});
     goal.findings.push_back({fmt::format("{}, friction by point, off by", judged),
                              any ? std::optional(carried->friction_percent) : std::nullopt, "%", kToldPercent,
                              true, "less than a hand can tell"});
   }
-  goal.notes.emplace_back("The mesh renderer has no properties by point: those rows have no mesh beside them.");
+  goal.notes.emplace_back(
+      "The mesh renderer has no properties by point: those rows have no mesh beside them.");
   goal.tables.push_back(shapes_table(shapes));
   std::vector<Bar> bars;
   for (const GoalRuns& runs : shapes)

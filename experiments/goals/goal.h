@@ -18,8 +18,8 @@ struct Finding {
   std::optional<double> value;
   std::string unit;
   double limit = 0.0;
-  bool at_most = true;              ///< else at least
-  std::string limit_from;           ///< why that much is asked, a few words
+  bool at_most = true;               ///< else at least
+  std::string limit_from;            ///< why that much is asked, a few words
   std::optional<double> baseline{};  ///< the same of the mesh; nothing: it has none
 };
 [[nodiscard]] bool kept(const Finding& finding);
@@ -33,9 +33,9 @@ enum class Verdict : std::uint8_t {
 [[nodiscard]] const char* name_of(Verdict verdict);
 
 struct Goal {
-  std::string id;     ///< "fidelity": of its page, goal-ID.html
-  std::string title;  ///< as the thesis has it
-  std::string words;  ///< what it asks for, in our own words
+  std::string id;                     ///< "fidelity": of its page, goal-ID.html
+  std::string title;                  ///< as the thesis has it
+  std::string words;                  ///< what it asks for, in our own words
   std::vector<std::string> method{};  ///< what was measured and how, paragraphs
   std::vector<Finding> findings{};
   std::vector<Table> tables{};

@@ -21,7 +21,8 @@ constexpr double kMostTimes = 2.0;
 /// So many balls, one cloud shared by all.
 Result<Stage> balls(const GoalBench& bench, std::size_t count) {
   const std::string scene = fmt::format("sphere:extent_mm={}:points={}", kBallMm, bench.quick ? 400 : 4000);
-  PALPATE_ASSIGN(Stage stage, goal_stage(bench, scene, "tap:frames=400:depth_mm=0.1", ReferenceChoice::kNone));
+  PALPATE_ASSIGN(Stage stage,
+                 goal_stage(bench, scene, "tap:frames=400:depth_mm=0.1", ReferenceChoice::kNone));
   std::vector<render::ModelInput>& models = stage.scene.input.models;
   const render::ModelInput one = models.front();
   const auto side = static_cast<std::size_t>(std::ceil(std::sqrt(static_cast<double>(count))));
@@ -72,14 +73,18 @@ Result<std::vector<ManyRow>> rows_of(const GoalBench& bench, std::size_t count) 
   const std::size_t visited = std::min<std::size_t>(count, bench.quick ? 4 : 25);
   PALPATE_ASSIGN(Stage stage, balls(bench, count));
   stage.path = visit(stage.scene.input.models, visited, bench.quick ? 200 : 800);
-  PALPATE_ASSIGN(const GoalRuns runs,
-                 goal_runs(bench, stage, fmt::format("{} balls", count),
-                           "cloud,cloud-smooth,mesh-godobject:mesh=original:label=" + std::string(kMeshLabel)));
+  PALPATE_ASSIGN(const GoalRuns runs, goal_runs(bench, stage, fmt::format("{} balls", count),
+                                                "cloud,cloud-smooth,mesh-godobject:mesh=original:label=" +
+                                                    std::string(kMeshLabel)));
   std::vector<ManyRow> rows;
   for (const metrics::RendererResult& result : runs.results) {
     if (result.status != metrics::RunStatus::kOk || !result.frame_all || !result.prepare)
       return Error{result.label + ": " + result.reason, {}, {}, 0};
-    ManyRow row{result.label, count, visited, 0, result.frame_all->mean_us.value_or(0.0),
+    ManyRow row{result.label,
+                count,
+                visited,
+                0,
+                result.frame_all->mean_us.value_or(0.0),
                 static_cast<double>(result.prepare->bytes)};
     PALPATE_ASSIGN(const std::unique_ptr<render::HapticRenderer> made, bench.registry.make(result.name, {}));
     PALPATE_TRY(made->prepare(stage.scene.input, {bench.threads, nullptr}));
@@ -121,7 +126,8 @@ const ManyRow* row_of(const std::vector<ManyRow>& rows, const std::string& label
 Table many_table(const std::vector<ManyRow>& rows) {
   Table table;
   table.title = "Many models at once";
-  table.columns = {"renderer, models", "visited", "felt", "mean of all frames, µs", "memory beside the points"};
+  table.columns = {"renderer, models", "visited", "felt", "mean of all frames, µs",
+                   "memory beside the points"};
   for (const ManyRow& row : rows)
     table.rows.push_back({{fmt::format("{}, {}", row.label, row.models)},
                           {count_text(row.visited)},
@@ -165,8 +171,10 @@ Goal many_models_goal(const GoalBench& bench) {
   Goal goal{"many-models", "Support for multiple models interacted with simultaneously",
             "any number of models may be there, as far as memory goes, and several may be touched at once."};
   goal.method = {
-      "Balls in a lattice, a renderer for all of them together. The probe presses onto 25 that are spread over "
-      "the lattice (as many as there are, where there are fewer). Then it comes down into the crease between two "
+      "Balls in a lattice, a renderer for all of them together. The probe presses onto 25 that are spread "
+      "over "
+      "the lattice (as many as there are, where there are fewer). Then it comes down into the crease between "
+      "two "
       "balls that overlap, and must be held by both."};
   const std::vector<std::size_t> counts =
       bench.quick ? std::vector<std::size_t>{1, 9} : std::vector<std::size_t>{1, 10, 100, 1000};
@@ -197,10 +205,11 @@ Goal many_models_goal(const GoalBench& bench) {
   for (const char* const judged : kJudged) {
     goal.findings.push_back({fmt::format("{}, balls visited among {} and not felt", judged, counts.back()),
                              left_out(judged), "", 0.0, true, "every one is there", left_out(kMeshLabel)});
-    goal.findings.push_back({fmt::format("{}, mean frame among {} models, of that with one", judged, counts.back()),
-                             times(judged), "times", kMostTimes, true, "our own goal", times(kMeshLabel)});
-    goal.findings.push_back({fmt::format("{}, god object off the crease of two balls", judged), crease(judged),
-                             "mm", kCreaseMm, true, "held by both at once", mesh_crease});
+    goal.findings.push_back(
+        {fmt::format("{}, mean frame among {} models, of that with one", judged, counts.back()),
+         times(judged), "times", kMostTimes, true, "our own goal", times(kMeshLabel)});
+    goal.findings.push_back({fmt::format("{}, god object off the crease of two balls", judged),
+                             crease(judged), "mm", kCreaseMm, true, "held by both at once", mesh_crease});
   }
   goal.tables.push_back(many_table(rows));
   goal.figures.push_back(draw(many_chart(rows), bench.figures));

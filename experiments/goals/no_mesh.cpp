@@ -72,11 +72,13 @@ Table decisions_table(const GoalRuns& runs) {
 }  // namespace
 
 Goal no_mesh_goal(const GoalBench& bench, const std::vector<GoalRuns>& shapes) {
-  Goal goal{"no-reconstruction", "No explicit surface reconstruction",
-            "what is known of the surface is deduced from points near each other, when it is asked for; no mesh "
-            "of the whole is made first."};
+  Goal goal{
+      "no-reconstruction", "No explicit surface reconstruction",
+      "what is known of the surface is deduced from points near each other, when it is asked for; no mesh "
+      "of the whole is made first."};
   goal.method = {
-      "The same points are prepared for each renderer; the mesh renderer's are triangulated by advancing front "
+      "The same points are prepared for each renderer; the mesh renderer's are triangulated by advancing "
+      "front "
       "first. What each builds is what its own report of the preparation names, phase by phase."};
   std::vector<Bar> bars;
   for (const char* const judged : kJudged) {
@@ -89,15 +91,16 @@ Goal no_mesh_goal(const GoalBench& bench, const std::vector<GoalRuns>& shapes) {
       if (ours != nullptr && ours->prepare) most = std::max(most, meshing_phases(*ours));
       if (mesh != nullptr && mesh->prepare) mesh_phases = std::max(mesh_phases, meshing_phases(*mesh));
       const Share share = share_of(runs, judged);
-      slowest = slowest && share.time_percent ? std::optional(std::max(*slowest, *share.time_percent)) : std::nullopt;
-      largest =
-          largest && share.bytes_percent ? std::optional(std::max(*largest, *share.bytes_percent)) : std::nullopt;
+      slowest = slowest && share.time_percent ? std::optional(std::max(*slowest, *share.time_percent))
+                                              : std::nullopt;
+      largest = largest && share.bytes_percent ? std::optional(std::max(*largest, *share.bytes_percent))
+                                               : std::nullopt;
     }
     goal.findings.push_back({fmt::format("{}, steps of preparation that make a mesh", judged),
-                             all ? std::optional(most) : std::nullopt, "", 0.0, true,
-                             "none is to be made", mesh_phases});
-    goal.findings.push_back({fmt::format("{}, ready after, of the mesh's time, at worst", judged), slowest, "%",
-                             kAll, true, "what makes no mesh should not take longer", kAll});
+                             all ? std::optional(most) : std::nullopt, "", 0.0, true, "none is to be made",
+                             mesh_phases});
+    goal.findings.push_back({fmt::format("{}, ready after, of the mesh's time, at worst", judged), slowest,
+                             "%", kAll, true, "what makes no mesh should not take longer", kAll});
     goal.findings.push_back({fmt::format("{}, memory, of the mesh's, at worst", judged), largest, "%", kAll,
                              true, "nor hold more", kAll});
   }

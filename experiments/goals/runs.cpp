@@ -38,9 +38,8 @@ Result<GoalRuns> goal_runs(const GoalBench& bench, const Stage& stage, const std
   options.budget_s = bench.quick ? kQuickBudgetS : kGoalBudgetS;
   options.prepare_limit_s = kPrepareLimitS;
   metrics::Conditions conditions;
-  PALPATE_ASSIGN(
-      std::vector<Run> runs,
-      run_renderers(stage, requests, bench.registry, options, bench.context.progress, conditions, {}));
+  PALPATE_ASSIGN(std::vector<Run> runs, run_renderers(stage, requests, bench.registry, options,
+                                                      bench.context.progress, conditions, {}));
   GoalRuns out;
   out.name = name;
   for (const render::ModelInput& model : stage.scene.input.models) out.points += model.cloud->size();
@@ -84,14 +83,13 @@ Result<std::vector<GoalRuns>> run_by_size(const GoalBench& bench) {
   // All of one surface, a scanner's raster: the mesh is that of its rows, which is made in no time.
   const std::string renderers =
       "cloud,cloud-smooth,mesh-godobject:mesh=organised:label=" + std::string(kMeshLabel);
-  const std::vector<std::string> sizes = bench.quick
-                                             ? std::vector<std::string>{"2601", "10201"}
-                                             : std::vector<std::string>{"10201", "101761", "1002001"};
+  const std::vector<std::string> sizes = bench.quick ? std::vector<std::string>{"2601", "10201"}
+                                                     : std::vector<std::string>{"10201", "101761", "1002001"};
   std::vector<GoalRuns> all;
   for (const std::string& points : sizes) {
     bench.context.progress.set_prefix(points + " points: ");
-    PALPATE_ASSIGN(const Stage stage, goal_stage(bench, "sinusoid:mesh=false:points=" + points, path,
-                                                 ReferenceChoice::kNone));
+    PALPATE_ASSIGN(const Stage stage,
+                   goal_stage(bench, "sinusoid:mesh=false:points=" + points, path, ReferenceChoice::kNone));
     PALPATE_ASSIGN(GoalRuns runs, goal_runs(bench, stage, points + " points", renderers));
     all.push_back(std::move(runs));
   }

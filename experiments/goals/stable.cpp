@@ -109,7 +109,8 @@ Chart stable_chart(const std::vector<Looped>& all) {
   chart.name = "goal-stable";
   chart.title = "Largest stable stiffness by rate of the servo";
   chart.caption =
-      "A released device, pushed steadily. Grey: the true surface in the renderer's place. A line that lies on "
+      "A released device, pushed steadily. Grey: the true surface in the renderer's place. A line that lies "
+      "on "
       "it loses nothing.";
   chart.x_label = "rate of the servo, Hz";
   chart.y_label = "N/mm";
@@ -142,11 +143,11 @@ Table loop_table(const std::vector<Looped>& all) {
   table.columns = {"renderer, at, Hz", "largest stable, N/mm", "swing above it, mm", "plane, linear, N/mm"};
   for (const Looped& one : all)
     for (const StabilityPoint& point : one.limits)
-      table.rows.push_back({{fmt::format("{}, {:g}", one.label, point.rate_hz)},
-                            {short_number(point.largest_stable_n_per_mm)},
-                            {point.unlimited ? std::string(kNoNumber) : short_number(point.limit_cycle_mm)},
-                            {point.theory_n_per_mm ? short_number(*point.theory_n_per_mm)
-                                                   : std::string(kNoNumber)}});
+      table.rows.push_back(
+          {{fmt::format("{}, {:g}", one.label, point.rate_hz)},
+           {short_number(point.largest_stable_n_per_mm)},
+           {point.unlimited ? std::string(kNoNumber) : short_number(point.limit_cycle_mm)},
+           {point.theory_n_per_mm ? short_number(*point.theory_n_per_mm) : std::string(kNoNumber)}});
   return table;
 }
 
@@ -191,9 +192,12 @@ Goal stability_goal(const GoalBench& bench) {
             "the loop with device and hand rests where the true surface would let it rest, and forces are "
             "temperate and right."};
   goal.method = {
-      "A simulated hand holds a simulated desktop device (mass, friction, encoder, bandwidth of the motors) over "
-      "the ring. The stiffness is raised until the loop swings, with each renderer and with the true surface in "
-      "its place. Then the hand presses, slides, taps, lets go and follows a path. No device and no person was "
+      "A simulated hand holds a simulated desktop device (mass, friction, encoder, bandwidth of the motors) "
+      "over "
+      "the ring. The stiffness is raised until the loop swings, with each renderer and with the true surface "
+      "in "
+      "its place. Then the hand presses, slides, taps, lets go and follows a path. No device and no person "
+      "was "
       "measured."};
   const std::string scene =
       std::string("torus:sampling=random:seed=11:points=") + (bench.quick ? "4000" : "40000");
@@ -204,17 +208,18 @@ Goal stability_goal(const GoalBench& bench) {
   if (!all) goal.notes.push_back("Not measured: " + all.error().message());
   const std::vector<Looped> none, &loops = all ? *all : none;
   for (const char* const judged : kJudged) {
-    goal.findings.push_back({fmt::format("{}, largest stable stiffness, of the true surface's, at worst", judged),
-                             share_of_truth(loops, judged), "%", kShareOfTruth, false,
-                             "the renderer takes little of what the loop bears", share_of_truth(loops, kMeshLabel)});
+    goal.findings.push_back(
+        {fmt::format("{}, largest stable stiffness, of the true surface's, at worst", judged),
+         share_of_truth(loops, judged), "%", kShareOfTruth, false,
+         "the renderer takes little of what the loop bears", share_of_truth(loops, kMeshLabel)});
     goal.findings.push_back({fmt::format("{}, tasks of the hand that are not stable", judged),
                              unstable_tasks(loops, judged), "", 0.0, true, "none may swing",
                              unstable_tasks(loops, kMeshLabel)});
     goal.findings.push_back({fmt::format("{}, ripple after the motors", judged), ripple(loops, judged),
                              "times what touch notices", kNoticed, true, "forces are temperate",
                              ripple(loops, kMeshLabel)});
-    goal.findings.push_back({fmt::format("{}, force error under the hand", judged), loop_error(loops, judged), "%",
-                             7.0, true, "less than a hand can tell", loop_error(loops, kMeshLabel)});
+    goal.findings.push_back({fmt::format("{}, force error under the hand", judged), loop_error(loops, judged),
+                             "%", 7.0, true, "less than a hand can tell", loop_error(loops, kMeshLabel)});
   }
   goal.tables = {loop_table(loops), hand_table(loops)};
   goal.figures.push_back(draw(stable_chart(loops), bench.figures));

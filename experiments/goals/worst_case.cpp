@@ -37,7 +37,7 @@ std::optional<double> misses(const std::vector<const GoalRuns*>& all, const std:
 Table frames_table(const std::vector<const GoalRuns*>& all) {
   Table table;
   table.title = "All frames, µs";
-  table.columns = {"model, renderer",   "mean",           "99.9 % under",   "longest that repeats",
+  table.columns = {"model, renderer",        "mean",         "99.9 % under", "longest that repeats",
                    "longest single reading", "at the bound", "over 1 ms"};
   const auto text = [](const std::optional<double>& value) {
     return Cell{value ? short_number(*value) : std::string(kNoNumber)};
@@ -57,7 +57,8 @@ Table frames_table(const std::vector<const GoalRuns*>& all) {
     }
   }
   table.notes = {
-      "The longest frame that repeats is that of the frames' medians over the passes: the renderer's own. The "
+      "The longest frame that repeats is that of the frames' medians over the passes: the renderer's own. "
+      "The "
       "longest single reading holds what else ran on the machine.",
       "At the bound: frames that reached the written bound on their work and went on in the next one."};
   return table;
@@ -81,8 +82,10 @@ Goal worst_case_goal(const GoalBench& bench, const std::vector<GoalRuns>& shapes
   Goal goal{"worst-case", "Strict worst-case runtimes",
             "no frame takes longer than the millisecond that a loop at 1 kHz has, whatever the model."};
   goal.method = {
-      "Every frame of every path of the pages on fidelity and on size, timed alone with a clock around it, in "
-      "several passes. What hits a frame once is the machine's; what hits it in most passes is the renderer's. "
+      "Every frame of every path of the pages on fidelity and on size, timed alone with a clock around it, "
+      "in "
+      "several passes. What hits a frame once is the machine's; what hits it in most passes is the "
+      "renderer's. "
       "Each renderer states a bound on its work that does not depend on the number of points."};
   std::vector<const GoalRuns*> all;
   for (const GoalRuns& runs : shapes) all.push_back(&runs);
@@ -92,10 +95,11 @@ Goal worst_case_goal(const GoalBench& bench, const std::vector<GoalRuns>& shapes
     goal.findings.push_back({fmt::format("{}, longest frame that repeats", judged),
                              largest(all, judged, &trace::FrameStatistics::max_us), "µs", kTickUs, true,
                              "a tick at 1 kHz", largest(all, kMeshLabel, &trace::FrameStatistics::max_us)});
-    goal.findings.push_back({fmt::format("{}, frames over a millisecond", judged), misses(all, judged), "", 0.0,
-                             true, "none may miss its tick", misses(all, kMeshLabel)});
+    goal.findings.push_back({fmt::format("{}, frames over a millisecond", judged), misses(all, judged), "",
+                             0.0, true, "none may miss its tick", misses(all, kMeshLabel)});
   }
-  for (const std::string& label : {std::string("cloud"), std::string("cloud-smooth"), std::string(kMeshLabel)}) {
+  for (const std::string& label :
+       {std::string("cloud"), std::string("cloud-smooth"), std::string(kMeshLabel)}) {
     if (const auto p999 = largest(all, label, &trace::FrameStatistics::p999_us))
       bars.push_back({label + ", 99.9 % under", *p999});
     if (const auto most = largest(all, label, &trace::FrameStatistics::max_us))
@@ -103,12 +107,13 @@ Goal worst_case_goal(const GoalBench& bench, const std::vector<GoalRuns>& shapes
   }
   goal.tables.push_back(frames_table(all));
   goal.tables.push_back(bounds_table(bench));
-  goal.figures.push_back(draw(bar_chart("goal-worst-case", "The longest frames over all models", "µs",
-                                        "A tick has 1,000 µs.", bars),
-                              bench.figures));
+  goal.figures.push_back(draw(
+      bar_chart("goal-worst-case", "The longest frames over all models", "µs", "A tick has 1,000 µs.", bars),
+      bench.figures));
   goal.short_of.emplace_back(
       "The kernel of a desktop gives no promise: the longest single readings of the table hold what it did "
-      "meanwhile. A hunt for the worst frame in instructions is `palpate hunt`; this page measures usual paths.");
+      "meanwhile. A hunt for the worst frame in instructions is `palpate hunt`; this page measures usual "
+      "paths.");
   return goal;
 }
 
@@ -118,7 +123,8 @@ Goal size_goal(const GoalBench& bench, const std::vector<GoalRuns>& sizes) {
   Goal goal{"insensitive", "Runtimes largely insensitive to model complexity",
             "a frame of a model of millions of points takes hardly longer than one of thousands."};
   goal.method = {
-      "One surface of 100 x 100 mm and one path, by number of points. Growth is the mean of all frames at the "
+      "One surface of 100 x 100 mm and one path, by number of points. Growth is the mean of all frames at "
+      "the "
       "most points over that at the fewest; it holds the waits for memory of a model that fits no cache."};
   const auto mean = [&](const GoalRuns& runs, const std::string& label) -> std::optional<double> {
     const metrics::RendererResult* result = ran(runs, label);
@@ -173,7 +179,8 @@ Goal size_goal(const GoalBench& bench, const std::vector<GoalRuns>& sizes) {
   goal.tables.push_back(std::move(table));
   goal.figures.push_back(draw(chart, bench.figures));
   if (bench.quick) goal.short_of.emplace_back("A quick run has small models: the caches hold them all.");
-  goal.notes.emplace_back("Ten million points take minutes and gigabytes: `palpate reproduce --tables growth`.");
+  goal.notes.emplace_back(
+      "Ten million points take minutes and gigabytes: `palpate reproduce --tables growth`.");
   return goal;
 }
 
