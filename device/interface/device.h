@@ -42,6 +42,7 @@ struct RawPacket {
 enum class ReadStatus : std::uint8_t {
   kFresh,       ///< a new state since the last read
   kNothingNew,  ///< the link is silent: the last state again
+  kGarbled,     ///< bytes come, and no packet among them for too long
   kLost,        ///< the device is gone
 };
 
@@ -54,7 +55,8 @@ struct DeviceState {
   RawPacket raw{};
 };
 
-/// One device. Owned and used by one thread at a time (the servo thread between open and close).
+/// One device. Owned and used by one thread at a time (the servo thread between open and close), but for
+/// cut_force. The destructor of one with motors closes it.
 class Device {
  public:
   Device() = default;
@@ -76,6 +78,12 @@ class Device {
   /// Commands a force. Never blocks, never allocates. Without a call the device may hold its last force for
   /// ever: send every frame.
   virtual void send(GovernedForce force) noexcept = 0;
+
+  /// Commands zero force now, for watchdogs and for the end of a program: from any thread, also while another
+  /// one reads or sends, and after close(). Never blocks, never allocates; what it sends was made in open().
+  /// False: nothing was sent, for the device is closed or gone, or cannot do this. A device with motors must
+  /// be able to; one that only pretends, within the servo's thread, has nothing to cut.
+  virtual bool cut_force() noexcept { return false; }
 };
 
 }  // namespace palpate::device

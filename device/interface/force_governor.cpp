@@ -4,6 +4,10 @@
 #include <array>
 #include <cmath>
 
+#include "device/interface/option_check.h"
+#include "device/interface/workspace_edge.h"
+#include "toolkit/core/try.h"
+
 namespace palpate::device {
 namespace {
 
@@ -11,7 +15,31 @@ constexpr double kNewUserShare = 0.7;  // of the device's limit, where the user 
 // What a clamp may exceed its limit by: a handful of roundings, far from anything a motor could tell apart.
 constexpr double kLimitSlack = 1.0 + 1e-12;
 // Lateness is a difference of times that each carry rounding: a frame exactly at a border is not late.
-constexpr double kTimeSlackPeriods = 1e-6;
+constexpr double kTimeSlack = 1e-6;
+// Steps of the resolution below which nothing is a jump. A hand at 2 m/s moves 2 dt, and rounding along three
+// axes adds sqrt(3) steps: that stays below the larger of 5 dt and 3 steps for every dt.
+constexpr double kJumpFloorSteps = 3.0;
+// The speed is smoothed over so long: one step of 0.055 mm then shows as 27 mm/s, not as 220 at 4 kHz.
+constexpr double kVelocityTauS = 2e-3;
+
+Status check_fade(const GovernorOptions& options) {
+  if (options.edge_share > 1.0 || options.edge_damping_share > 1.0)
+    return Error{"edge_share or edge_damping_share is above 1", "give shares from 0 to 1", "", 0};
+  const double from = options.fade_from_mm_per_s, to = options.fade_to_mm_per_s;
+  if (from > 0.0 && !(to > from && std::isfinite(to)))
+    return Error{"fade_to_mm_per_s is " + std::to_string(to), "give a finite speed above fade_from_mm_per_s",
+                 "", 0};
+  return Done{};
+}
+
+Status check_workspace(const DeviceLimits& limits, const GovernorOptions& options) {
+  if (options.edge_share == 0.0) return Done{};
+  const geometry::Aabb& box = limits.workspace_mm;
+  if (is_finite(box.low_mm) && is_finite(box.high_mm) && (box.low_mm.array() < box.high_mm.array()).all())
+    return Done{};
+  return Error{"the device's workspace is empty or not finite",
+               "let the device say it, or set edge_share to 0", "", 0};
+}
 
 }  // namespace
 
@@ -27,10 +55,16 @@ const char* fault_name(Fault fault) noexcept {
       return "the position jumped";
     case Fault::kSilence:
       return "the device was silent";
+    case Fault::kGarbled:
+      return "the device sent no packets";
     case Fault::kLost:
       return "the device was lost";
+    case Fault::kHomingLost:
+      return "the device lost its homing";
     case Fault::kLate:
       return "the servo loop was late";
+    case Fault::kStalled:
+      return "the servo loop stood still or was stopped";
     case Fault::kClock:
       return "the clock went back";
     case Fault::kOutOfRange:
@@ -39,28 +73,46 @@ const char* fault_name(Fault fault) noexcept {
   return "unknown";
 }
 
-Result<ForceGovernor> ForceGovernor::create(const DeviceLimits& limits, const GovernorOptions& options) {
-  struct Named {
-    const char* name;
-    double value;
+Status surface_fits(const DeviceLimits& limits, double stiffness_n_per_mm, double damping_n_s_per_mm) {
+  const auto beyond = [](const char* what, double asked, double most, const char* unit) {
+    return Error{std::string("the surface's ") + what + " is " + std::to_string(asked) + " " + unit +
+                     " in the device's frame, which holds " + std::to_string(most),
+                 std::string("lower the ") + what + " or the workspace's factor", "", 0};
   };
+  // A limit of 0 is not known.
+  const double stiffest = limits.stiffness_max_n_per_mm, most_damping = limits.damping_max_n_s_per_mm;
+  if (stiffest > 0.0 && !(stiffness_n_per_mm <= stiffest))
+    return beyond("stiffness", stiffness_n_per_mm, stiffest, "N/mm");
+  if (most_damping > 0.0 && !(damping_n_s_per_mm <= most_damping))
+    return beyond("damping", damping_n_s_per_mm, most_damping, "N s/mm");
+  return Done{};
+}
+
+Result<ForceGovernor> ForceGovernor::create(const DeviceLimits& limits, const GovernorOptions& options) {
   const double user_limit_n =
       options.user_limit_n == 0.0 ? kNewUserShare * limits.force_max_n : options.user_limit_n;
-  for (const Named& named : std::array<Named, 10>{{{"the device's force limit", limits.force_max_n},
-                                                   {"the user's force limit", user_limit_n},
-                                                   {"slew_n_per_s", options.slew_n_per_s},
-                                                   {"soft_start_s", options.soft_start_s},
-                                                   {"period_s", options.period_s},
-                                                   {"late_zero_periods", options.late_zero_periods},
-                                                   {"late_ramp_s", options.late_ramp_s},
-                                                   {"latch_late_s", options.latch_late_s},
-                                                   {"silence_s", options.silence_s},
-                                                   {"jump_mm", options.jump_mm}}}) {
-    if (std::isfinite(named.value) && named.value > 0.0) continue;
-    return Error{std::string(named.name) + " is " + std::to_string(named.value),
-                 "give a finite number above 0", "", 0};
-  }
-  return ForceGovernor(std::min(limits.force_max_n, user_limit_n), options);
+  const auto numbers =
+      std::to_array<CheckedNumber>({{"the device's force limit", limits.force_max_n, false},
+                                    {"the user's force limit", user_limit_n, false},
+                                    {"the device's resolution", limits.resolution_mm, true},
+                                    {"the device's stiffness", limits.stiffness_max_n_per_mm, true},
+                                    {"the device's damping", limits.damping_max_n_s_per_mm, true},
+                                    {"slew_n_per_s", options.slew_n_per_s, false},
+                                    {"soft_start_s", options.soft_start_s, false},
+                                    {"period_s", options.period_s, false},
+                                    {"late_zero_s", options.late_zero_s, false},
+                                    {"late_ramp_s", options.late_ramp_s, false},
+                                    {"latch_late_s", options.latch_late_s, false},
+                                    {"silence_s", options.silence_s, false},
+                                    {"jump_mm_per_s", options.jump_mm_per_s, false},
+                                    {"edge_share", options.edge_share, true},
+                                    {"edge_damping_share", options.edge_damping_share, true},
+                                    {"fade_from_mm_per_s", options.fade_from_mm_per_s, true},
+                                    {"homing_settle_s", options.homing_settle_s, true}});
+  PALPATE_TRY(check_numbers(numbers, ""));
+  PALPATE_TRY(check_fade(options));
+  PALPATE_TRY(check_workspace(limits, options));
+  return ForceGovernor(limits, std::min(limits.force_max_n, user_limit_n), options);
 }
 
 void ForceGovernor::arm(double now_s) noexcept {
@@ -69,8 +121,8 @@ void ForceGovernor::arm(double now_s) noexcept {
   ramp_start_s_ = now_s;
   ramp_s_ = options_.soft_start_s;
   last_fresh_s_ = now_s;
-  has_frame_ = false;
-  has_position_ = false;
+  has_frame_ = has_position_ = was_homed_ = settling_ = false;
+  velocity_mm_s_.setZero();
   slewed_n_.setZero();
 }
 
@@ -79,42 +131,98 @@ GovernedForce ForceGovernor::zero() noexcept {
   return GovernedForce(Vec3::Zero());
 }
 
-void ForceGovernor::trip(Fault fault) noexcept {
-  fault_ = fault;
+void ForceGovernor::latch(Fault fault) noexcept {
   armed_ = false;
+  if (fault_ != Fault::kNone) return;
+  fault_ = fault;
   ++counters_.faults;
 }
 
 double ForceGovernor::late_s(double now_s) const noexcept {
   if (!has_frame_) return 0.0;
-  return now_s - last_frame_s_ - options_.period_s * (1.0 + kTimeSlackPeriods);
+  return now_s - last_frame_s_ - options_.period_s * (1.0 + kTimeSlack);
 }
 
 Fault ForceGovernor::find_fault(double now_s, const DeviceState& state, const Vec3& wanted_n) const noexcept {
   if (!std::isfinite(now_s) || (has_frame_ && now_s < last_frame_s_)) return Fault::kClock;
   if (state.status == ReadStatus::kLost) return Fault::kLost;
+  if (state.status == ReadStatus::kGarbled) return Fault::kGarbled;
   if (!is_finite(state.position_mm)) return Fault::kNonFinitePosition;
   if (!is_finite(wanted_n)) return Fault::kNonFiniteForce;
   if (late_s(now_s) > options_.latch_late_s) return Fault::kLate;
-  if (state.status == ReadStatus::kFresh) {
-    if (!has_position_) return Fault::kNone;
-    // After silent periods the hand may have gone further.
-    const double periods = std::max(1.0, (now_s - last_fresh_s_) / options_.period_s);
-    const double moved_mm = (state.position_mm - last_position_mm_).stableNorm();
-    if (!(moved_mm <= options_.jump_mm * periods * (1.0 + kTimeSlackPeriods))) return Fault::kJump;
-  } else if (now_s - last_fresh_s_ > options_.silence_s * (1.0 + kTimeSlackPeriods)) {
-    return Fault::kSilence;
-  }
-  return Fault::kNone;
+  return find_state_fault(now_s, state);
 }
 
-void ForceGovernor::remember(double now_s, const DeviceState& state) noexcept {
+Fault ForceGovernor::find_state_fault(double now_s, const DeviceState& state) const noexcept {
+  if (was_homed_ && !state.homed) return Fault::kHomingLost;
+  const double since_fresh_s = now_s - last_fresh_s_;
+  if (state.status != ReadStatus::kFresh)
+    return since_fresh_s > options_.silence_s * (1.0 + kTimeSlack) ? Fault::kSilence : Fault::kNone;
+  if (!has_position_) return Fault::kNone;
+  // After silent periods the hand may have gone further; two frames close together may show a whole period.
+  const double elapsed_s = std::max(options_.period_s, since_fresh_s) * (1.0 + kTimeSlack);
+  const double most_mm =
+      std::max(options_.jump_mm_per_s * elapsed_s, kJumpFloorSteps * limits_.resolution_mm);
+  const double moved_mm = (state.position_mm - last_position_mm_).stableNorm();
+  return moved_mm <= most_mm ? Fault::kNone : Fault::kJump;
+}
+
+void ForceGovernor::remember(double now_s, const DeviceState& state, const Vec3& wanted_n) noexcept {
   last_frame_s_ = now_s;
   has_frame_ = true;
   if (state.status != ReadStatus::kFresh) return;
+  if (has_position_) {
+    const Vec3 moved_mm = state.position_mm - last_position_mm_;
+    velocity_mm_s_ = (kVelocityTauS * velocity_mm_s_ + moved_mm) / (kVelocityTauS + now_s - last_fresh_s_);
+    // Both positions are rounded, so is what a wall answers to them.
+    const double most_n =
+        limits_.stiffness_max_n_per_mm * (moved_mm.norm() + kJumpFloorSteps * limits_.resolution_mm);
+    if (limits_.stiffness_max_n_per_mm > 0.0 && (wanted_n - last_wanted_n_).stableNorm() > most_n)
+      ++counters_.too_stiff;
+  }
   last_fresh_s_ = now_s;
   last_position_mm_ = state.position_mm;
+  last_wanted_n_ = wanted_n;
   has_position_ = true;
+}
+
+/// Whether positions mean something: not before homing, and not just after it. Until then the soft start has
+/// not begun.
+bool ForceGovernor::settled(double now_s, const DeviceState& state) noexcept {
+  if (!state.homed) {
+    settling_ = true;
+    homed_s_ = now_s;
+  }
+  settling_ = settling_ && (!state.homed || now_s - homed_s_ < options_.homing_settle_s);
+  if (!settling_) {
+    was_homed_ = true;
+    return true;
+  }
+  has_position_ = false;
+  velocity_mm_s_.setZero();
+  ramp_start_s_ = now_s;
+  ramp_s_ = options_.soft_start_s;
+  return false;
+}
+
+Vec3 ForceGovernor::faded(const Vec3& wanted_n) noexcept {
+  if (!has_position_) return Vec3::Zero();  // nobody knows where the force would act
+  Vec3 left_n = wanted_n;
+  const double speed = velocity_mm_s_.norm();
+  if (options_.fade_from_mm_per_s > 0.0 && speed > options_.fade_from_mm_per_s) {
+    const Vec3 ahead = velocity_mm_s_ / speed;
+    const double push_n = std::max(0.0, left_n.dot(ahead));
+    left_n -= smooth_step((speed - options_.fade_from_mm_per_s) /
+                          (options_.fade_to_mm_per_s - options_.fade_from_mm_per_s)) *
+              push_n * ahead;
+    if (push_n > 0.0) ++counters_.speed_faded;
+  }
+  if (options_.edge_share == 0.0) return left_n;
+  const Vec3 inside_n = faded_at_edge(limits_, options_.edge_share,
+                                      options_.edge_damping_share * limits_.damping_max_n_s_per_mm,
+                                      last_position_mm_, velocity_mm_s_, left_n);
+  if (inside_n != left_n) ++counters_.edge_faded;
+  return inside_n;
 }
 
 Vec3 ForceGovernor::clamped(const Vec3& wanted_n) noexcept {
@@ -145,12 +253,13 @@ GovernedForce ForceGovernor::govern(double now_s, const DeviceState& state, cons
   if (!armed_) return zero();
   const Fault found = find_fault(now_s, state, wanted_n);
   if (found != Fault::kNone) {
-    trip(found);
+    latch(found);
     return zero();
   }
   const double elapsed_s = has_frame_ ? now_s - last_frame_s_ : options_.period_s;
-  const bool late = late_s(now_s) > options_.late_zero_periods * options_.period_s;
-  remember(now_s, state);
+  const bool late = late_s(now_s) > options_.late_zero_s;
+  remember(now_s, state, wanted_n);
+  if (!settled(now_s, state)) return zero();
   if (late) {
     ++counters_.late_zeroed;
     // Start the ramp so that it never runs ahead of a soft start still under way.
@@ -159,10 +268,10 @@ GovernedForce ForceGovernor::govern(double now_s, const DeviceState& state, cons
     ramp_start_s_ = now_s;
     return zero();
   }
-  slewed_n_ = slewed(clamped(wanted_n), elapsed_s);
+  slewed_n_ = slewed(clamped(faded(wanted_n)), elapsed_s);
   const Vec3 out_n = gain(now_s) * slewed_n_;
   if (!is_finite(out_n) || out_n.norm() > limit_n_ * kLimitSlack) {
-    trip(Fault::kOutOfRange);
+    latch(Fault::kOutOfRange);
     return zero();
   }
   return GovernedForce(out_n);

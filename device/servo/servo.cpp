@@ -1,43 +1,104 @@
 #include "device/servo/servo.h"
 
+#include <time.h>
+
 #include <utility>
 
 #include "toolkit/core/try.h"
 
 namespace palpate::device {
+namespace {
+
+// A tick that is under way when the program is stopped has sent by then: two periods at the slowest rate.
+constexpr timespec kUnderWay{0, 4'000'000};
+
+}  // namespace
 
 Status Servo::start(const std::optional<Vec3>& free_mm) {
+  stop();
   PALPATE_TRY(device_.open());
+  Result<ForceGovernor> made = ForceGovernor::create(device_.limits(), options_);
+  if (!made) {
+    device_.close();
+    return std::move(made).error().in_file(device_.name());
+  }
+  governor_.emplace(std::move(made).value());
+  started_ = true;
+  at_stop_ = AtStop([this] {
+    halt();
+    return std::string();
+  });
   last_free_mm_ = free_mm;
   // A period before the first tick: the bring-up goes on from there.
-  if (free_mm) renderer_.restart(*free_mm, clock_.now_s() - governor_.options().period_s);
+  if (free_mm) renderer_.restart(*free_mm, clock_.now_s() - options_.period_s);
   rearm();
   return Done{};
 }
 
 void Servo::rearm() noexcept {
+  if (!started_) return;
   placed_ = false;
   rearmed_ = true;
   bring_up_.abandon();
-  governor_.arm(clock_.now_s());
+  if (heart_ != nullptr) heart_->rearm();
+  governor_->arm(clock_.now_s());
 }
 
 void Servo::stop() noexcept {
-  governor_.disarm();
-  device_.send(governor_.zero());
+  end();
+  at_stop_.drop();
+}
+
+void Servo::end() noexcept {
+  if (!started_) return;
+  started_ = false;
+  if (heart_ != nullptr) heart_->rest();
+  governor_->disarm();
+  device_.send(governor_->zero());
   device_.close();
 }
 
-/// The first good position after arming.
-void Servo::place(const Vec3& hip_mm, double t_s) noexcept {
+/// The program ends in a moment, and this is not the servo's thread.
+void Servo::halt() noexcept {
+  halted_.store(true, std::memory_order_release);
+  if (!device_.cut_force()) return;
+  ::nanosleep(&kUnderWay, nullptr);
+  device_.cut_force();
+}
+
+bool Servo::given_up() const noexcept {
+  return halted_.load(std::memory_order_acquire) || (heart_ != nullptr && heart_->tripped());
+}
+
+/// The first good position after arming. True where the renderer was restarted.
+bool Servo::place(const Vec3& hip_mm, double t_s) noexcept {
   placed_ = true;
-  const double before_s = t_s - governor_.options().period_s;
+  const double before_s = t_s - options_.period_s;
   if (last_free_mm_) {
     bring_up_.begin(renderer_, *last_free_mm_, before_s);
-    return;
+    return false;
   }
+  if (heart_ != nullptr) heart_->rest();  // no force has been shown yet, and this may take long
   renderer_.restart(hip_mm, before_s);
-  governor_.arm(clock_.now_s());  // what the restart took is no lateness
+  if (heart_ != nullptr) heart_->beat();
+  governor_->arm(clock_.now_s());  // what the restart took is no lateness
+  return true;
+}
+
+/// Whether the renderer may see it. What was there before the first packet is no place.
+bool Servo::usable(const DeviceState& state) const noexcept {
+  const bool known =
+      state.status == ReadStatus::kFresh || (placed_ && state.status == ReadStatus::kNothingNew);
+  return known && state.homed && !governor_->settling() && is_finite(state.position_mm);
+}
+
+GovernedForce Servo::govern(const Tick& tick, const Vec3& wanted_n) noexcept {
+  if (given_up()) governor_->latch(Fault::kStalled);  // who saw it first says what it was
+  GovernedForce governed = governor_->govern(tick.t_s, tick.state, wanted_n);
+  // And as late as can be: the frame may have taken long.
+  if (!given_up()) return governed;
+  governor_->latch(Fault::kStalled);
+  return governor_->zero();
 }
 
 Tick Servo::tick() noexcept {
@@ -46,12 +107,14 @@ Tick Servo::tick() noexcept {
   tick.t_s = clock_.now_s();
   tick.rearmed = std::exchange(rearmed_, false);
   tick.state = device_.read();
+  if (!started_) return tick;
+  if (heart_ != nullptr) heart_->beat();
   const std::int64_t read_ns = clock_.now_ns();
   Vec3 wanted_n = Vec3::Zero();
-  const bool usable = tick.state.status != ReadStatus::kLost && is_finite(tick.state.position_mm);
-  if (governor_.armed() && usable) {
-    const Vec3 hip_mm = world_from_device_ * tick.state.position_mm;
-    if (!placed_) place(hip_mm, tick.t_s);
+  if (governor_->armed() && !given_up() && usable(tick.state)) {
+    const Vec3 hip_mm = map_.world_mm(tick.state.position_mm);
+    tick.hip_mm = hip_mm;
+    if (!placed_) tick.restarted = place(hip_mm, tick.t_s);
     if (bring_up_.pending()) {
       tick.frame = bring_up_.advance(renderer_, hip_mm, tick.t_s);
     } else {
@@ -61,12 +124,12 @@ Tick Servo::tick() noexcept {
       tick.frame.force_n.setZero();  // of a place on the way
     else if (!tick.frame.contact)
       last_free_mm_ = hip_mm;
-    wanted_n = world_from_device_.inverse().rotate(tick.frame.force_n);
+    wanted_n = map_.device_n(tick.frame.force_n);
     tick.step_ns = clock_.now_ns() - read_ns;
   }
-  GovernedForce governed = governor_.govern(tick.t_s, tick.state, wanted_n);
+  GovernedForce governed = govern(tick, wanted_n);
   tick.sent_n = governed.newtons();
-  tick.fault = governor_.fault();
+  tick.fault = governor_->fault();
   const std::int64_t send_ns = clock_.now_ns();
   device_.send(std::move(governed));
   tick.exchange_ns = (read_ns - tick.t_ns) + (clock_.now_ns() - send_ns);

@@ -75,9 +75,10 @@ Result<LoopRun> run_loop(render::HapticRenderer& renderer, SimulatedPlant& devic
   governed.slew_n_per_s = options.slew_n_per_s;
   governed.soft_start_s = options.soft_start_s;
   // Measured in steps of the encoder, which may be longer than a period's way.
-  governed.jump_mm = kJumpMmPerS * options.period_s + 2.0 * device.limits().resolution_mm;
-  PALPATE_ASSIGN(ForceGovernor governor, ForceGovernor::create(device.limits(), governed));
-  Servo servo(renderer, governor, device, clock, options.world_from_device);
+  governed.jump_mm_per_s = kJumpMmPerS + 2.0 * device.limits().resolution_mm / options.period_s;
+  // What is looked for is how renderer, hand and device swing, wherever in the workspace and however fast.
+  governed.edge_share = governed.fade_from_mm_per_s = 0.0;
+  Servo servo(renderer, governed, device, clock, options.world_from_device);
   const auto ticks = static_cast<std::size_t>(std::floor(options.duration_s / options.period_s)) + 1;
   LoopRun run;
   run.hip.name = run.measured.name = "closed loop of " + device.name();
@@ -113,8 +114,8 @@ Result<LoopRun> run_loop(render::HapticRenderer& renderer, SimulatedPlant& devic
   }
   run.energy = device.energy();
   run.least_environment_mj = observer.least_mj();
-  run.slewed = governor.counters().slewed;
-  run.clamped = governor.counters().clamped;
+  run.slewed = servo.governor()->counters().slewed;
+  run.clamped = servo.governor()->counters().clamped;
   servo.stop();
   return run;
 }

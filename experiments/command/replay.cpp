@@ -2,6 +2,7 @@
 
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
+#include "experiments/live/recording_session.h"
 
 namespace palpate::experiments {
 namespace {
@@ -18,10 +19,21 @@ void declare_replay(const Declaration& declare, RunArguments& a) {
 int run_replay(const RunArguments& arguments, Context& context) {
   if (arguments.renderers.find(',') != std::string::npos)
     return fail({"replay runs one renderer", "`palpate compare` runs several", {}, 0}, kExitBadInput);
-  return run_study(StudyKind::kReplay, arguments, context,
-                   [](const OutputFolder& folder) -> Result<std::string> {
-                     return fmt::format("results: {}\n", folder.path().string());
-                   });
+  RunArguments run = arguments;
+  const bool recorded = !run.path.empty() && is_recorded_session(run.path);
+  if (recorded && run.renderers.empty()) {
+    const Result<std::string> renderer = renderer_of_recording(run.path);
+    if (!renderer) return fail(renderer.error(), kExitBadInput);
+    run.renderers = *renderer;
+  }
+  std::string path;
+  const int status =
+      run_study(StudyKind::kReplay, run, context, [&](const OutputFolder& folder) -> Result<std::string> {
+        path = folder.path().string();
+        return fmt::format("results: {}\n", path);
+      });
+  if (!recorded || status != kExitOk) return status;
+  return check_recording(run, path, context);
 }
 
 }  // namespace

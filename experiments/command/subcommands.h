@@ -15,14 +15,18 @@
   DO(merge)                     \
   DO(tune)                      \
   DO(stability)                 \
+  DO(live)                      \
   DO(ablate)                    \
   DO(goals)                     \
+  DO(record)                    \
+  DO(export)                    \
   DO(report)                    \
   DO(score)                     \
   DO(reproduce)                 \
   DO(behaviours)                \
   DO(hunt)                      \
   DO(stress)                    \
+  DO(devices)                   \
   DO(fetch)
 
 namespace palpate::experiments {

@@ -21,7 +21,7 @@ std::string with_unit(double value, const std::string& unit) {
   return short_number(value) + (unit.empty() ? "" : " " + unit);
 }
 
-std::string page_of(const Goal& goal) {
+std::string goal_file(const Goal& goal) {
   return "goal-" + goal.id + ".html";
 }
 
@@ -91,12 +91,13 @@ std::vector<std::string> shortcomings(const Goal& goal) {
 Page goal_page(const Goal& goal, const GoalsDocument& document) {
   Page page = begin_page("Goal: " + goal.title, document.head);
   add_known(page, Known{{}, document.warnings, {}});
-  HeadlineGroup group{"What was found", {}};
-  for (const Finding& finding : goal.findings) group.lines.push_back({finding.about, text_of(finding)});
+  HeadlineGroup group{"What falls short", {}};
+  for (const std::string& sentence : shortcomings(goal))
+    group.lines.push_back({std::to_string(group.lines.size() + 1) + ".", sentence});
   page.headlines.push_back(std::move(group));
   Section section;
   section.id = goal.id;
-  section.title = goal.title;
+  section.title = "What was measured";
   section.opening =
       verdict_html(goal) + "<p class=\"by\"><a href=\"report.html\">All goals</a></p>\n" + goal.picture;
   section.paragraphs.push_back("Section 1.4 of the thesis asks for it; in our own words: " + goal.words);
@@ -104,7 +105,6 @@ Page goal_page(const Goal& goal, const GoalsDocument& document) {
   section.tables.push_back(findings_table(goal));
   section.tables.insert(section.tables.end(), goal.tables.begin(), goal.tables.end());
   section.figures = goal.figures;
-  section.facts.push_back({"what falls short", shortcomings(goal)});
   if (!goal.notes.empty()) section.facts.push_back({"notes", goal.notes});
   page.sections.push_back(std::move(section));
   return page;
@@ -120,7 +120,7 @@ Page goals_page(const GoalsDocument& document) {
   for (const Goal& goal : document.goals)
     section.opening += fmt::format(
         "<p class=\"verdict {0}\"><a href=\"{1}\">{2}</a>: <strong>{3}</strong></p>\n",
-        class_of(verdict_of(goal)), page_of(goal), html_escaped(goal.title), name_of(verdict_of(goal)));
+        class_of(verdict_of(goal)), goal_file(goal), html_escaped(goal.title), name_of(verdict_of(goal)));
   section.paragraphs.emplace_back(
       "Section 1.4 of the thesis sets seven goals. Each has a page with what was measured in this run, "
       "beside "
@@ -183,7 +183,7 @@ std::string to_json(const GoalsDocument& document) {
     json["goals"].push_back({{"id", goal.id},
                              {"title", goal.title},
                              {"thesis_section", "1.4"},
-                             {"page", page_of(goal)},
+                             {"page", goal_file(goal)},
                              {"verdict", name_of(verdict_of(goal))},
                              {"findings", std::move(findings)},
                              {"falls_short", shortcomings(goal)},
@@ -212,7 +212,7 @@ Table goals_table(const GoalsDocument& document) {
 
 Status write_goals(const GoalsDocument& document, const OutputFolder& folder) {
   for (const Goal& goal : document.goals)
-    PALPATE_TRY(folder.write(page_of(goal), to_html(goal_page(goal, document))));
+    PALPATE_TRY(folder.write(goal_file(goal), to_html(goal_page(goal, document))));
   PALPATE_TRY(write_page(goals_page(document), folder));
   return folder.write(kGoalsFile, to_json(document));
 }

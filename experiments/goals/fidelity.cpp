@@ -11,8 +11,6 @@
 namespace palpate::experiments {
 namespace {
 
-/// What a hand can tell of a force (Weber's fraction, 7 %).
-constexpr double kToldPercent = 7.0;
 constexpr double kPercentOfOne = 100.0;
 
 // What the points of the plane carry: coefficients that rise along x, by a quarter of their range and more
@@ -41,12 +39,12 @@ void give_properties(render::ModelInput& model) {
 }
 
 /// What was felt of them: root mean squares of what is off, in percent of what the points carry at the place.
-struct Carried {
+struct CarriedOff {
   double stiffness_percent = 0.0, friction_percent = 0.0;
   std::uint64_t frames = 0;
 };
-Carried carried_by(const trace::ProbePath& path, const trace::ForceTrace& trace) {
-  Carried carried;
+CarriedOff carried_by(const trace::ProbePath& path, const trace::ForceTrace& trace) {
+  CarriedOff carried;
   double travel_mm = 0.0;
   for (std::size_t k = 1; k < path.size(); ++k) {
     const render::Frame& frame = trace.frames[k];
@@ -76,7 +74,7 @@ Carried carried_by(const trace::ProbePath& path, const trace::ForceTrace& trace)
   return carried;
 }
 
-Result<Carried> feel_plane(const GoalBench& bench, const std::string& renderer) {
+Result<CarriedOff> feel_plane(const GoalBench& bench, const std::string& renderer) {
   const std::string scene =
       fmt::format("plane:extent_mm={}:spacing_mm={}", kPlaneMm, bench.quick ? 1.0 : 0.25);
   const std::string path =
@@ -151,7 +149,7 @@ Goal fidelity_goal(const GoalBench& bench, const std::vector<GoalRuns>& shapes) 
   for (const char* const judged : kJudged) {
     for (const GoalRuns& runs : shapes) {
       goal.findings.push_back({fmt::format("{}, force error on {}", judged, runs.name),
-                               rms_percent(runs, judged), "%", kToldPercent, true,
+                               rms_percent(runs, judged), "%", kHandTellsPercent, true,
                                "less than a hand can tell", rms_percent(runs, kMeshLabel)});
     }
     std::optional<double> wrong = 0.0, mesh = 0.0;
@@ -162,15 +160,15 @@ Goal fidelity_goal(const GoalBench& bench, const std::vector<GoalRuns>& shapes) 
     }
     goal.findings.push_back({fmt::format("{}, frames of missed or false contact on all of them", judged),
                              wrong, "", 0.0, true, "contact beyond one resolution is never wrong", mesh});
-    const Result<Carried> carried = feel_plane(bench, judged);
+    const Result<CarriedOff> carried = feel_plane(bench, judged);
     if (!carried) goal.notes.push_back(fmt::format("{}: {}", judged, carried.error().message()));
     const bool any = carried && carried->frames > 0;
     goal.findings.push_back({fmt::format("{}, stiffness by point, off by", judged),
                              any ? std::optional(carried->stiffness_percent) : std::nullopt, "%",
-                             kToldPercent, true, "less than a hand can tell"});
+                             kHandTellsPercent, true, "less than a hand can tell"});
     goal.findings.push_back({fmt::format("{}, friction by point, off by", judged),
-                             any ? std::optional(carried->friction_percent) : std::nullopt, "%", kToldPercent,
-                             true, "less than a hand can tell"});
+                             any ? std::optional(carried->friction_percent) : std::nullopt, "%",
+                             kHandTellsPercent, true, "less than a hand can tell"});
   }
   goal.notes.emplace_back(
       "The mesh renderer has no properties by point: those rows have no mesh beside them.");

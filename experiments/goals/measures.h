@@ -5,8 +5,10 @@
 #include <vector>
 
 #include "experiments/goals/goal.h"
+#include "experiments/goals/tick.h"
 #include "experiments/run/run.h"
 #include "experiments/session/session.h"
+#include "toolkit/trace/trace.h"
 
 namespace palpate::experiments {
 
@@ -24,6 +26,7 @@ struct GoalRuns {
   std::string name;  ///< of the model, for a reader
   std::uint64_t points = 0;
   std::vector<metrics::RendererResult> results;
+  std::vector<trace::ForceTrace> traces{};  ///< of each result; empty where it failed
 };
 /// Renderers of ours that are judged, and the mesh beside them.
 inline constexpr const char* kJudged[] = {"cloud", "cloud-smooth"};

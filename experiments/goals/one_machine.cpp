@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "device/servo/scheduling.h"
 #include "experiments/goals/measures.h"
 #include "experiments/goals/pinned_loop.h"
 #include "experiments/report/png.h"
@@ -12,9 +13,9 @@
 namespace palpate::experiments {
 namespace {
 
-constexpr double kPinnedUs = 1e3;       // ns of it
-constexpr double kMostLateUs = 1000.0;  // a tick that begins a whole period late is another tick
-constexpr double kLeastImages = 10.0;   // a second: below that a picture no longer follows a hand
+constexpr double kPinnedUs = 1e3;        // ns of it
+constexpr double kMostLateUs = kTickUs;  // a tick that begins a whole period late is another tick
+constexpr double kLeastImages = 10.0;    // a second: below that a picture no longer follows a hand
 constexpr double kInTime = 0.999;
 
 /// One renderer, with drawing or without.
@@ -41,15 +42,20 @@ double images_per_s(const PinnedRun& run) {
   return run.drawn_s > 0.0 ? static_cast<double>(run.images) / run.drawn_s : 0.0;
 }
 
+/// More than caches hold.
+std::uint64_t pinned_points(const GoalBench& bench) {
+  return bench.quick ? 4000 : 400'000;
+}
+
 Result<std::vector<PinnedRow>> pinned_rows(const GoalBench& bench) {
   const std::string scene =
-      std::string("torus:sampling=random:seed=11:points=") + (bench.quick ? "4000" : "400000");
+      std::string("torus:sampling=random:seed=11:points=") + std::to_string(pinned_points(bench));
   const std::string path =
       fmt::format("weave:frames={}:depth_mm=1:period_frames=300", bench.quick ? 900 : 9000);
   PALPATE_ASSIGN(const Stage stage, goal_stage(bench, scene, path, ReferenceChoice::kNone));
   // Reconstruction of so many points takes long: the mesh is that of a scanner's rows of the same ring.
   const std::string rows_scene =
-      std::string("torus:order=turntable:points=") + (bench.quick ? "4000" : "400000");
+      std::string("torus:order=turntable:points=") + std::to_string(pinned_points(bench));
   PALPATE_ASSIGN(const Stage mesh_stage, goal_stage(bench, rows_scene, path, ReferenceChoice::kNone));
   std::vector<PinnedRow> rows;
   for (const char* const name : {"cloud", "cloud-smooth", "mesh-godobject"}) {
@@ -149,10 +155,11 @@ void say_scheduling(const std::vector<PinnedRow>& rows, Goal& goal) {
   const PinnedRun& run = rows.front().run;
   goal.notes.push_back(run.cpu >= 0 ? fmt::format("Both threads ran on core {}.", run.cpu)
                                     : std::string("The threads could not be pinned: the system refused."));
-  goal.notes.emplace_back(
-      run.real_time ? "The servo had real-time priority (SCHED_FIFO 80)."
-                    : "The servo had no real-time priority: the system refused SCHED_FIFO (ulimit -r). "
-                      "Its ticks wait for the drawing thread's turn to end.");
+  goal.notes.push_back(
+      run.real_time ? fmt::format("The servo had real-time priority (SCHED_FIFO {}).", device::kServoPriority)
+                    : std::string("The servo had no real-time priority: its ticks wait for the drawing "
+                                  "thread's turn to end."));
+  goal.notes.insert(goal.notes.end(), run.not_obtained.begin(), run.not_obtained.end());
   if (run.cpu < 0) goal.short_of.emplace_back("The threads were not pinned: two cores may have been used.");
   if (!run.real_time) goal.short_of.emplace_back("The servo had no real-time priority.");
 }
@@ -162,11 +169,12 @@ void say_scheduling(const std::vector<PinnedRow>& rows, Goal& goal) {
 Goal one_machine_goal(const GoalBench& bench) {
   Goal goal{"one-machine", "No assumption of a multi-machine architecture",
             "haptics, graphics and the rest run on one machine; here on one core of it."};
-  goal.method = {
-      "One thread steps the renderer at 1 kHz along a path over 400,000 points (4,000 in a quick run); "
-      "another one "
-      "projects the same points into pictures, as fast as it can. Both are pinned to one core, so that each "
-      "microsecond of the one is missing to the other. The same without drawing stands beside it."};
+  goal.method = {fmt::format(
+      "One thread steps the renderer at 1 kHz along a path over {} points; another one projects the same "
+      "points into pictures, as fast as it can. Both are pinned to one core, so that each microsecond of the "
+      "one is missing to the other. The same without drawing stands beside it. No device takes part: its "
+      "reading and sending would be added to each tick.",
+      count_text(pinned_points(bench)))};
   const Result<std::vector<PinnedRow>> rows = pinned_rows(bench);
   if (!rows) goal.notes.push_back("Not measured: " + rows.error().message());
   const std::vector<PinnedRow> none, &all = rows ? *rows : none;
@@ -195,10 +203,6 @@ Goal one_machine_goal(const GoalBench& bench) {
   goal.tables.push_back(pinned_table(all));
   goal.figures.push_back(draw(late_chart(all), bench.figures));
   goal.picture = picture_html(all);
-  goal.short_of.emplace_back(
-      "No device takes part: reading and sending would be added to each tick. Drawing is in software and "
-      "grey; a "
-      "graphics card would leave more of the core.");
   return goal;
 }
 

@@ -11,16 +11,17 @@
 #include <system_error>
 #include <thread>
 
+#include "device/servo/scheduling.h"
+#include "device/servo/servo_loop.h"
+#include "experiments/goals/tick.h"
 #include "toolkit/core/clock.h"
 #include "toolkit/core/handover.h"
 
 namespace palpate::experiments {
 namespace {
 
-constexpr std::int64_t kPinnedPeriodNs = 1'000'000;
+constexpr std::int64_t kPinnedHz = 1000;
 constexpr double kPinnedNsPerS = 1e9;
-/// Above all that is not real-time itself, below the kernel's own threads.
-constexpr int kServoPriority = 80;
 /// A picture is shown at the latest after so long; what is not drawn by then is left out.
 constexpr std::int64_t kImageNs = 33'000'000;
 /// Points between two looks at the clock: some tens of microseconds.
@@ -35,7 +36,7 @@ int core_to_share() {
   if (::sched_getaffinity(0, sizeof allowed, &allowed) != 0) return -1;
   int last = -1;
   for (int cpu = 0; cpu < CPU_SETSIZE; ++cpu)
-    if (CPU_ISSET(cpu, &allowed)) last = cpu;
+    if (CPU_ISSET(static_cast<std::size_t>(cpu), &allowed)) last = cpu;
   return last;
 }
 
@@ -43,14 +44,8 @@ bool pin_this_thread(int cpu) {
   if (cpu < 0) return false;
   cpu_set_t one;
   CPU_ZERO(&one);
-  CPU_SET(cpu, &one);
+  CPU_SET(static_cast<std::size_t>(cpu), &one);
   return ::pthread_setaffinity_np(::pthread_self(), sizeof one, &one) == 0;
-}
-
-bool ask_for_real_time() {
-  sched_param parameters{};
-  parameters.sched_priority = kServoPriority;
-  return ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &parameters) == 0;
 }
 
 void sleep_until(std::int64_t due_ns) {
@@ -63,41 +58,44 @@ void sleep_until(std::int64_t due_ns) {
 }
 
 /// What the two threads share.
-struct Shared {
+struct SharedByThreads {
   std::atomic<bool> stop{false};
   Handover<Vec3> hip_mm{Vec3::Zero()};
 };
 
-/// The servo: its ticks go into `run`, whose arrays have their room.
-void servo(render::HapticRenderer& renderer, const trace::ProbePath& path, std::size_t ticks, int cpu,
-           Shared& shared, PinnedRun& run) {
+/// The servo: its ticks go into `run`, whose arrays have their room. Scheduling and due times are those of
+/// device::ServoThread; the thread itself is not, since it keeps histograms where every tick is wanted here,
+/// steps a device and its governor as well, and is pinned under SCHED_FIFO alone.
+void step_servo(render::HapticRenderer& renderer, const trace::ProbePath& path, std::size_t ticks, int cpu,
+                SharedByThreads& shared, PinnedRun& run) {
   run.cpu = pin_this_thread(cpu) ? cpu : -1;
-  run.real_time = ask_for_real_time();
-  double path_s = 0.0;
-  renderer.restart(path.hip_mm.front(), path_s);
-  std::int64_t due_ns = monotonic_ns() + kPinnedPeriodNs;
+  device::SchedulingOptions asked;
+  asked.pin = false;
+  device::SchedulingMode mode;
+  device::enter_real_time(asked, mode);
+  run.real_time = mode.fifo;
+  run.not_obtained = mode.not_obtained;
+  renderer.restart(path.hip_mm.front(), 0.0);
+  device::DueTimes due(kPinnedHz);
+  due.begin(monotonic_ns() + due.period_ns());
   for (std::size_t tick = 0, at = 0; tick < ticks; ++tick, at = at + 1 < path.size() ? at + 1 : 0) {
+    const std::int64_t due_ns = due.due_ns();
     sleep_until(due_ns);
     const std::int64_t began_ns = monotonic_ns();
+    run.skipped_ticks += due.take(began_ns);
     const Vec3& hip = path.hip_mm[at];
     // Back at its beginning the path is far away: the probe is lifted and set down again.
     if (at == 0) renderer.let_go(hip);
-    path_s += 1e-3;
-    (void)renderer.step(hip, path_s);
+    (void)renderer.step(hip, kTickS * static_cast<double>(tick + 1));
     const std::int64_t ended_ns = monotonic_ns();
     run.late_ns.push_back(began_ns - due_ns);
     run.step_ns.push_back(ended_ns - began_ns);
     shared.hip_mm.publish(hip);
-    due_ns += kPinnedPeriodNs;
-    while (due_ns < ended_ns) {
-      due_ns += kPinnedPeriodNs;
-      ++run.skipped_ticks;
-    }
   }
   shared.stop.store(true, std::memory_order_release);
 }
 
-void draw_pictures(PointDrawer& drawer, int cpu, Shared& shared, PinnedRun& run) {
+void draw_pictures(PointDrawer& drawer, int cpu, SharedByThreads& shared, PinnedRun& run) {
   pin_this_thread(cpu);
   const std::int64_t began_ns = monotonic_ns();
   while (!shared.stop.load(std::memory_order_acquire)) {
@@ -121,21 +119,20 @@ void draw_pictures(PointDrawer& drawer, int cpu, Shared& shared, PinnedRun& run)
 Result<PinnedRun> run_pinned(render::HapticRenderer& renderer, const trace::ProbePath& path,
                              const cloud::Cloud& cloud, const PinnedOptions& options) {
   PinnedRun run;
-  const auto ticks =
-      static_cast<std::size_t>(options.seconds * kPinnedNsPerS / static_cast<double>(kPinnedPeriodNs));
+  const auto ticks = static_cast<std::size_t>(options.seconds * static_cast<double>(kPinnedHz));
   if (path.size() == 0 || ticks == 0) return Error{"there is nothing to step", {}, {}, 0};
   run.late_ns.reserve(ticks);
   run.step_ns.reserve(ticks);
   PinnedRun pictures;
   PointDrawer drawer(cloud);
-  Shared shared;
+  SharedByThreads shared;
   const int cpu = core_to_share();
   try {
     std::thread drawing;
     if (options.draw) drawing = std::thread([&] { draw_pictures(drawer, cpu, shared, pictures); });
     std::thread stepping;
     try {
-      stepping = std::thread([&] { servo(renderer, path, ticks, cpu, shared, run); });
+      stepping = std::thread([&] { step_servo(renderer, path, ticks, cpu, shared, run); });
     } catch (const std::system_error&) {
       shared.stop.store(true, std::memory_order_release);
       if (drawing.joinable()) drawing.join();

@@ -19,11 +19,12 @@ struct PinnedOptions {
 };
 
 struct PinnedRun {
-  int cpu = -1;                       ///< that both were pinned to; -1: that was not allowed
-  bool real_time = false;             ///< the servo had SCHED_FIFO
-  std::vector<std::int64_t> late_ns;  ///< by tick: when it began, after it was due
-  std::vector<std::int64_t> step_ns;  ///< by tick: the renderer's frame, what interrupted it included
-  std::uint64_t skipped_ticks = 0;    ///< that were over before they could begin
+  int cpu = -1;                             ///< that both were pinned to; -1: that was not allowed
+  bool real_time = false;                   ///< the servo had SCHED_FIFO
+  std::vector<std::string> not_obtained{};  ///< what was refused to the servo, with its remedy
+  std::vector<std::int64_t> late_ns;        ///< by tick: when it began, after it was due
+  std::vector<std::int64_t> step_ns;        ///< by tick: the renderer's frame, what interrupted it included
+  std::uint64_t skipped_ticks = 0;          ///< that were over before they could begin
   std::uint64_t images = 0, points_drawn = 0;
   double drawn_s = 0.0;  ///< as long as the drawing thread ran
   PointImage last;       ///< the last picture; empty where none was drawn

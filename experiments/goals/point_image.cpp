@@ -17,7 +17,7 @@ constexpr float kSine = 0.5f, kCosine = 0.8660254f, kAwayRadii = 4.0f;
 constexpr float kFocal = 1200.0f;
 constexpr std::uint8_t kPaper = 255;
 /// Near points are dark, far ones light: of the greys between.
-constexpr float kDarkest = 30.0f, kLightest = 200.0f;
+constexpr float kDarkestPoint = 30.0f, kLightestPoint = 200.0f;
 constexpr int kCross = 12;
 
 }  // namespace
@@ -66,7 +66,7 @@ std::size_t PointDrawer::draw(std::size_t count) noexcept {
     if (!(seen.depth_mm < image_.depth_mm[pixel])) continue;
     image_.depth_mm[pixel] = seen.depth_mm;
     const float share = std::clamp((seen.depth_mm - nearest) / range, 0.0f, 1.0f);
-    image_.grey[pixel] = static_cast<std::uint8_t>(kDarkest + share * (kLightest - kDarkest));
+    image_.grey[pixel] = static_cast<std::uint8_t>(kDarkestPoint + share * (kLightestPoint - kDarkestPoint));
   }
   return points_.size() - next_;
 }

@@ -4,6 +4,7 @@
 
 #include "experiments/data/scene_scans.h"
 #include "experiments/goals/measures.h"
+#include "toolkit/core/numbers.h"
 #include "toolkit/core/try.h"
 
 namespace palpate::experiments {
@@ -12,7 +13,7 @@ namespace {
 /// Of timed passes: a trial of the machinery, and a measurement.
 constexpr std::uint64_t kQuickPasses = 2, kGoalPasses = 8;
 constexpr double kQuickBudgetS = 0.5, kGoalBudgetS = 3.0;
-constexpr double kPrepareLimitS = 300.0;
+constexpr double kGoalPrepareLimitS = 300.0;
 
 }  // namespace
 
@@ -36,14 +37,17 @@ Result<GoalRuns> goal_runs(const GoalBench& bench, const Stage& stage, const std
   options.threads = bench.threads;
   options.passes = bench.quick ? kQuickPasses : kGoalPasses;
   options.budget_s = bench.quick ? kQuickBudgetS : kGoalBudgetS;
-  options.prepare_limit_s = kPrepareLimitS;
+  options.prepare_limit_s = kGoalPrepareLimitS;
   metrics::Conditions conditions;
   PALPATE_ASSIGN(std::vector<Run> runs, run_renderers(stage, requests, bench.registry, options,
                                                       bench.context.progress, conditions, {}));
   GoalRuns out;
   out.name = name;
   for (const render::ModelInput& model : stage.scene.input.models) out.points += model.cloud->size();
-  for (Run& run : runs) out.results.push_back(std::move(run.result));
+  for (Run& run : runs) {
+    out.results.push_back(std::move(run.result));
+    out.traces.push_back(std::move(run.trace));
+  }
   return out;
 }
 
@@ -90,7 +94,10 @@ Result<std::vector<GoalRuns>> run_by_size(const GoalBench& bench) {
     bench.context.progress.set_prefix(points + " points: ");
     PALPATE_ASSIGN(const Stage stage,
                    goal_stage(bench, "sinusoid:mesh=false:points=" + points, path, ReferenceChoice::kNone));
-    PALPATE_ASSIGN(GoalRuns runs, goal_runs(bench, stage, points + " points", renderers));
+    PALPATE_ASSIGN(
+        GoalRuns runs,
+        goal_runs(bench, stage, count_text(stage.scene.input.models.front().cloud->size()) + " points",
+                  renderers));
     all.push_back(std::move(runs));
   }
   return all;

@@ -13,8 +13,8 @@ namespace {
 /// Of the stiffness that the true surface bears: what is lost is the renderer's.
 constexpr double kShareOfTruth = 90.0;
 constexpr double kPercentOfTruth = 100.0;
-/// A ripple under once what touch notices is not felt.
-constexpr double kNoticed = 1.0;
+/// In times of what touch notices: a ripple below is not felt.
+constexpr double kNoticedRipple = 1.0;
 constexpr const char* kTruthLabel = "truth";
 
 /// One renderer in the loop.
@@ -215,11 +215,12 @@ Goal stability_goal(const GoalBench& bench) {
     goal.findings.push_back({fmt::format("{}, tasks of the hand that are not stable", judged),
                              unstable_tasks(loops, judged), "", 0.0, true, "none may swing",
                              unstable_tasks(loops, kMeshLabel)});
-    goal.findings.push_back({fmt::format("{}, ripple after the motors", judged), ripple(loops, judged),
-                             "times what touch notices", kNoticed, true, "forces are temperate",
+    goal.findings.push_back({fmt::format("{}, ripple after the motors, of what touch notices", judged),
+                             ripple(loops, judged), "times", kNoticedRipple, true, "forces are temperate",
                              ripple(loops, kMeshLabel)});
     goal.findings.push_back({fmt::format("{}, force error under the hand", judged), loop_error(loops, judged),
-                             "%", 7.0, true, "less than a hand can tell", loop_error(loops, kMeshLabel)});
+                             "%", kHandTellsPercent, true, "less than a hand can tell",
+                             loop_error(loops, kMeshLabel)});
   }
   goal.tables = {loop_table(loops), hand_table(loops)};
   goal.figures.push_back(draw(stable_chart(loops), bench.figures));

@@ -8,13 +8,11 @@
 namespace palpate::experiments {
 namespace {
 
-constexpr double kTickUs = 1000.0;  // of the 1 kHz loop that the thesis asks for
-
 using GoalStatistics = std::optional<double> trace::FrameStatistics::*;
 
 /// The largest over all models; nothing where one has not run.
-std::optional<double> largest(const std::vector<const GoalRuns*>& all, const std::string& label,
-                              GoalStatistics member) {
+std::optional<double> largest_over(const std::vector<const GoalRuns*>& all, const std::string& label,
+                                   GoalStatistics member) {
   std::optional<double> most = 0.0;
   for (const GoalRuns* runs : all) {
     const metrics::RendererResult* result = ran(*runs, label);
@@ -34,7 +32,18 @@ std::optional<double> misses(const std::vector<const GoalRuns*>& all, const std:
   return all.empty() ? std::nullopt : std::optional(sum);
 }
 
-Table frames_table(const std::vector<const GoalRuns*>& all) {
+/// A single reading over a tick is the machine's where it does not repeat, and a servo misses that tick all
+/// the same.
+void say_longest_reading(const std::vector<const GoalRuns*>& all, const std::string& label, Goal& goal) {
+  const std::optional<double> longest = largest_over(all, label, &trace::FrameStatistics::worst_us);
+  if (longest && *longest > kTickUs)
+    goal.short_of.push_back(fmt::format(
+        "{}: the longest single reading is {} µs, more than a tick. It holds what the system did meanwhile, "
+        "which gives no promise.",
+        label, short_number(*longest)));
+}
+
+Table goal_frames_table(const std::vector<const GoalRuns*>& all) {
   Table table;
   table.title = "All frames, µs";
   table.columns = {"model, renderer",        "mean",         "99.9 % under", "longest that repeats",
@@ -93,94 +102,27 @@ Goal worst_case_goal(const GoalBench& bench, const std::vector<GoalRuns>& shapes
   std::vector<Bar> bars;
   for (const char* const judged : kJudged) {
     goal.findings.push_back({fmt::format("{}, longest frame that repeats", judged),
-                             largest(all, judged, &trace::FrameStatistics::max_us), "µs", kTickUs, true,
-                             "a tick at 1 kHz", largest(all, kMeshLabel, &trace::FrameStatistics::max_us)});
+                             largest_over(all, judged, &trace::FrameStatistics::max_us), "µs", kTickUs, true,
+                             "a tick at 1 kHz",
+                             largest_over(all, kMeshLabel, &trace::FrameStatistics::max_us)});
     goal.findings.push_back({fmt::format("{}, frames over a millisecond", judged), misses(all, judged), "",
                              0.0, true, "none may miss its tick", misses(all, kMeshLabel)});
   }
   for (const std::string& label :
        {std::string("cloud"), std::string("cloud-smooth"), std::string(kMeshLabel)}) {
-    if (const auto p999 = largest(all, label, &trace::FrameStatistics::p999_us))
+    if (const auto p999 = largest_over(all, label, &trace::FrameStatistics::p999_us))
       bars.push_back({label + ", 99.9 % under", *p999});
-    if (const auto most = largest(all, label, &trace::FrameStatistics::max_us))
+    if (const auto most = largest_over(all, label, &trace::FrameStatistics::max_us))
       bars.push_back({label + ", longest that repeats", *most});
   }
-  goal.tables.push_back(frames_table(all));
+  goal.tables.push_back(goal_frames_table(all));
   goal.tables.push_back(bounds_table(bench));
   goal.figures.push_back(draw(
       bar_chart("goal-worst-case", "The longest frames over all models", "µs", "A tick has 1,000 µs.", bars),
       bench.figures));
-  goal.short_of.emplace_back(
-      "The kernel of a desktop gives no promise: the longest single readings of the table hold what it did "
-      "meanwhile. A hunt for the worst frame in instructions is `palpate hunt`; this page measures usual "
-      "paths.");
-  return goal;
-}
-
-Goal size_goal(const GoalBench& bench, const std::vector<GoalRuns>& sizes) {
-  // From ten thousand to a million points: our own goals are 2 and 1.5 times, to ten million.
-  constexpr double kMostGrowth[] = {2.0, 1.5};
-  Goal goal{"insensitive", "Runtimes largely insensitive to model complexity",
-            "a frame of a model of millions of points takes hardly longer than one of thousands."};
-  goal.method = {
-      "One surface of 100 x 100 mm and one path, by number of points. Growth is the mean of all frames at "
-      "the "
-      "most points over that at the fewest; it holds the waits for memory of a model that fits no cache."};
-  const auto mean = [&](const GoalRuns& runs, const std::string& label) -> std::optional<double> {
-    const metrics::RendererResult* result = ran(runs, label);
-    return result != nullptr && result->frame_all ? result->frame_all->mean_us : std::nullopt;
-  };
-  const auto growth = [&](const std::string& label) -> std::optional<double> {
-    if (sizes.size() < 2) return std::nullopt;
-    const auto least = mean(sizes.front(), label), most = mean(sizes.back(), label);
-    if (!least || !most || !(*least > 0.0)) return std::nullopt;
-    return *most / *least;
-  };
-  Chart chart;
-  chart.name = "goal-insensitive";
-  chart.title = "Mean of all frames by number of points";
-  chart.caption = "One surface, one path; both axes logarithmic.";
-  chart.x_label = "points";
-  chart.y_label = "mean of all frames, µs";
-  chart.log_x = chart.log_y = true;
-  chart.style = Chart::Style::kMarkedLines;
-  chart.extra = "set offsets graph 0.03, graph 0.03, graph 0.1, graph 0.1\n";
-  Table table;
-  table.title = "Mean of all frames, µs, and what grows besides";
-  table.columns = {"renderer"};
-  for (const GoalRuns& runs : sizes) table.columns.push_back(count_text(runs.points) + " points");
-  const std::vector<std::string> labels = {"cloud", "cloud-smooth", kMeshLabel};
-  const std::vector<Look> looks = looks_of(labels);
-  for (std::size_t i = 0; i < labels.size(); ++i) {
-    Series line{labels[i], looks[i].colour, {}, {}, looks[i].dash};
-    std::vector<Cell> means = {{labels[i] + ", mean"}}, worst = {{labels[i] + ", 99.9 % under"}},
-                      ready = {{labels[i] + ", ready after, ms"}};
-    for (const GoalRuns& runs : sizes) {
-      const metrics::RendererResult* result = ran(runs, labels[i]);
-      const std::optional<double> here = mean(runs, labels[i]);
-      if (here) {
-        line.x.push_back(static_cast<double>(runs.points));
-        line.y.push_back(*here);
-      }
-      const bool known = result != nullptr && result->frame_all && result->prepare;
-      means.push_back({here ? short_number(*here) : std::string(kNoNumber)});
-      worst.push_back({known ? short_number(result->frame_all->p999_us) : std::string(kNoNumber)});
-      ready.push_back({known ? short_number(result->prepare->total_ms) : std::string(kNoNumber)});
-    }
-    table.rows.insert(table.rows.end(), {means, worst, ready});
-    chart.series.push_back(std::move(line));
-  }
-  for (std::size_t i = 0; i < std::size(kJudged); ++i)
-    goal.findings.push_back({fmt::format("{}, growth of the mean frame from {} to {} points", kJudged[i],
-                                         sizes.empty() ? "0" : count_text(sizes.front().points),
-                                         sizes.empty() ? "0" : count_text(sizes.back().points)),
-                             growth(kJudged[i]), "times", kMostGrowth[i], true, "our own goal",
-                             growth(kMeshLabel)});
-  goal.tables.push_back(std::move(table));
-  goal.figures.push_back(draw(chart, bench.figures));
-  if (bench.quick) goal.short_of.emplace_back("A quick run has small models: the caches hold them all.");
+  for (const char* const judged : kJudged) say_longest_reading(all, judged, goal);
   goal.notes.emplace_back(
-      "Ten million points take minutes and gigabytes: `palpate reproduce --tables growth`.");
+      "This page measures usual paths. The worst frame in instructions is hunted by `palpate hunt`.");
   return goal;
 }
 

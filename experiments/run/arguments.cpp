@@ -6,7 +6,9 @@
 #include <filesystem>
 #include <set>
 
+#include "device/record/recording.h"
 #include "experiments/run/cleaning.h"
+#include "experiments/run/recorded_path.h"
 #include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
 #include "toolkit/scene/scene.h"
@@ -136,6 +138,10 @@ bool is_generated_path(const std::string& argument) {
   return named && trace::find_path_generator(named->name) != nullptr;
 }
 
+bool is_recorded_session(const std::string& argument) {
+  return ends_in(argument, ".palrec") || device::is_recording(argument);
+}
+
 const std::vector<OptionSpec>& recording_columns() {
   static const std::vector<OptionSpec> specs = {
       {"t", OptionKind::kInteger, "0", "column of the time, counted from 0; -1: none", {}, -1, 1000},
@@ -163,9 +169,19 @@ const std::vector<OptionSpec>& recording_columns() {
 }
 
 Result<trace::ProbePath> open_path(const std::string& argument, const std::string& columns,
-                                   const trace::PathTarget& target, std::uint64_t max_bytes) {
+                                   const trace::PathTarget& target, std::uint64_t max_bytes,
+                                   std::vector<std::string>* warnings) {
   std::error_code code;
   const bool exists = std::filesystem::exists(argument, code);
+  if (exists && is_recorded_session(argument)) {
+    if (!columns.empty())
+      return Error{"--traj-columns is for files of numbers, and this is a recording of a session",
+                   "leave it out", argument, 0};
+    PALPATE_ASSIGN(RecordedPath recorded, path_of_recording(argument, max_bytes));
+    if (warnings != nullptr)
+      warnings->insert(warnings->end(), recorded.warnings.begin(), recorded.warnings.end());
+    return std::move(recorded.path);
+  }
   if (exists && columns.empty() && !ends_in(argument, ".traj"))
     return trace::read_path_csv(argument, max_bytes);
   Result<NamedOptions> named = exists ? NamedOptions{argument, {}} : parse_named_options(argument);

@@ -32,12 +32,16 @@ struct RendererRequest {
 /// The columns of a recording that open_path() takes: which hold time and position, and their units.
 [[nodiscard]] const std::vector<OptionSpec>& recording_columns();
 
-/// A CSV file, a recording with its columns ("probe.traj:t=0:x=1:mm_per_unit=1000") or a path generator.
-/// `columns` ("t=0,x=1,mm_per_unit=1000") says where the numbers of a recorded file stand, whatever its
-/// ending; empty: as the argument says. A recorded one takes at most `max_bytes` of memory.
+/// A CSV file, a recording of a session (.palrec), one with its columns
+/// ("probe.traj:t=0:x=1:mm_per_unit=1000") or a path generator. `columns` ("t=0,x=1,mm_per_unit=1000") says
+/// where the numbers of a recorded file stand, whatever its ending; empty: as the argument says. A recorded
+/// one takes at most `max_bytes` of memory; what is missing in it is said in `warnings`, where that is given.
 [[nodiscard]] Result<trace::ProbePath> open_path(const std::string& argument, const std::string& columns,
                                                  const trace::PathTarget& target,
-                                                 std::uint64_t max_bytes = kMemoryLimitBytes);
+                                                 std::uint64_t max_bytes = kMemoryLimitBytes,
+                                                 std::vector<std::string>* warnings = nullptr);
+/// Whether the file at this name is a recording of a session.
+[[nodiscard]] bool is_recorded_session(const std::string& argument);
 /// The file that open_path() reads; empty where it makes the path.
 [[nodiscard]] std::string file_of_path(const std::string& argument);
 /// Whether open_path() would make it: no file of this name, but a generator.

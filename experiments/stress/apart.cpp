@@ -25,8 +25,8 @@ NLOHMANN_JSON_SERIALIZE_ENUM(CellStatus, {{CellStatus::kSkipped, "skipped"},
                                           {CellStatus::kOk, "ok"},
                                           {CellStatus::kLimit, "limit"},
                                           {CellStatus::kFailed, "failed"}})
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StressCell, renderer, name, status, check, cause, trace_hash, frames,
-                                   contact_frames, bound_hits, largest_force_n, twin_difference_n,
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(StressCell, renderer, name, status, check, cause, warnings, trace_hash,
+                                   frames, contact_frames, bound_hits, largest_force_n, twin_difference_n,
                                    twin_bound_n)
 
 namespace {

@@ -87,18 +87,24 @@ void add_sharp(std::vector<StressCase>& cases) {
 }
 
 void add_open(std::vector<StressCase>& cases) {
+  const auto vase = []() -> Result<StressSetup> {
+    PALPATE_ASSIGN(StressSetup setup, setup_of_generator("bowl:extent_mm=50:rim_deg=140:points=12000"));
+    Way way({0.3, 0.2, 45});
+    way.to({0.3, 0.2, -15}, 300, Due::kFree).to({0.3, 0.2, -26}, 150, [](const Vec3& p) {
+      return p.norm() > 25.3 ? Due::kInside : Due::kAny;
+    });
+    way.to({0.3, 0.2, -15}, 150, Due::kAny).to({15, 0.2, 0}, 150, Due::kFree);
+    way.to({26, 0.2, 0}, 150, Due::kAny).to({15, 0.2, 0}, 150, Due::kAny);
+    way.to({0.3, 0.2, 5}, 100, Due::kFree).to({0.3, 0.2, 45}, 200, Due::kFree);
+    std::move(way).put_into(setup);
+    return setup;
+  };
   cases.push_back({"vase", "bodies", "A ball with a mouth, entered through it and pressed from within.",
-                   false, false, []() -> Result<StressSetup> {
-                     PALPATE_ASSIGN(StressSetup setup,
-                                    setup_of_generator("bowl:extent_mm=50:rim_deg=140:points=12000"));
-                     Way way({0.3, 0.2, 45});
-                     way.to({0.3, 0.2, -15}, 300, Due::kFree).to({0.3, 0.2, -26}, 150, [](const Vec3& p) {
-                       return p.norm() > 25.3 ? Due::kInside : Due::kAny;
-                     });
-                     way.to({0.3, 0.2, -15}, 150, Due::kAny).to({15, 0.2, 0}, 150, Due::kFree);
-                     way.to({26, 0.2, 0}, 150, Due::kAny).to({15, 0.2, 0}, 150, Due::kAny);
-                     way.to({0.3, 0.2, 5}, 100, Due::kFree).to({0.3, 0.2, 45}, 200, Due::kFree);
-                     std::move(way).put_into(setup);
+                   false, false, vase});
+  cases.push_back({"vase-both-sides", "bodies", "The same with the option that feels both of its sides.",
+                   false, false, [vase]() -> Result<StressSetup> {
+                     PALPATE_ASSIGN(StressSetup setup, vase());
+                     setup.options.set("sides", "both");
                      return setup;
                    }});
   const auto sheet = [] { return lattice_points({-10, -10, 0}, {0.4, 0, 0}, {0, 0.4, 0}, 51, 51); };

@@ -1,6 +1,7 @@
 #include "experiments/stress/cell.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -52,6 +53,7 @@ Pass pass_of(render::HapticRenderer& renderer, const trace::ProbePath& path) {
 struct Prepared {
   std::unique_ptr<render::HapticRenderer> renderer;
   std::string refused;  ///< why there is none
+  std::vector<std::string> warnings;
 };
 Prepared prepare(const StressSetup& setup, const RendererRequest& request, const render::Registry& registry) {
   Prepared prepared;
@@ -67,10 +69,13 @@ Prepared prepare(const StressSetup& setup, const RendererRequest& request, const
     prepared.refused = made.error().message();
     return prepared;
   }
-  if (const auto ready = (*made)->prepare(setup.scene, {setup.threads, nullptr, nullptr}); !ready)
+  const auto ready = (*made)->prepare(setup.scene, {setup.threads, nullptr, nullptr});
+  if (!ready) {
     prepared.refused = ready.error().message();
-  else
-    prepared.renderer = *std::move(made);
+    return prepared;
+  }
+  prepared.warnings = ready->warnings;
+  prepared.renderer = *std::move(made);
   return prepared;
 }
 
@@ -137,13 +142,23 @@ void judge_frames(const StressSetup& setup, const std::vector<Frame>& frames, St
   }
 }
 
+/// Of points that it warned of a renderer may feel another surface than the case has in mind: that is a limit
+/// which its own check of the input stated beforehand. No warning excuses a crash, a force beyond the limit
+/// or another answer to the same question.
+void judge_warned(StressCell& cell) {
+  if (cell.status != CellStatus::kFailed || cell.warnings.empty()) return;
+  if (cell.check != "free" && cell.check != "felt") return;
+  cell.status = CellStatus::kLimit;
+  cell.cause = fmt::format("it warned: \"{}\"; then {}", fmt::join(cell.warnings, "\", \""), cell.cause);
+}
+
 /// A replay must repeat itself; a frame must end within the tick.
 void judge_passes(const StressSetup& setup, render::HapticRenderer& renderer, Pass& first, StressCell& cell) {
   std::vector<double> least = first.frame_s;
   for (int pass = 1; pass < kTimedPasses; ++pass) {
     if (pass > 1 && *std::max_element(least.begin(), least.end()) <= setup.tick_s) break;
     const Pass next = pass_of(renderer, setup.path);
-    if (trace_hash(next.trace) != cell.trace_hash && cell.status == CellStatus::kOk) {
+    if (trace_hash(next.trace) != cell.trace_hash && cell.status != CellStatus::kFailed) {
       cell.status = CellStatus::kFailed;
       cell.check = "replay";
       cell.cause = "a second replay of the same path gives other forces";
@@ -151,7 +166,7 @@ void judge_passes(const StressSetup& setup, render::HapticRenderer& renderer, Pa
     for (std::size_t i = 0; i < least.size(); ++i) least[i] = std::min(least[i], next.frame_s[i]);
   }
   const auto worst = std::max_element(least.begin(), least.end());
-  if (*worst <= setup.tick_s || cell.status != CellStatus::kOk) return;
+  if (*worst <= setup.tick_s || cell.status == CellStatus::kFailed) return;
   const std::string bound = renderer.describe().work_bound;
   const bool stated = bound.starts_with("unbounded");
   cell.status = stated ? CellStatus::kLimit : CellStatus::kFailed;
@@ -173,7 +188,7 @@ void judge_twin(const StressSetup& setup, const RendererRequest& request, const 
     cell.twin_difference_n = std::max(cell.twin_difference_n, difference);
     if (!(difference <= setup.twin_bound_n) && beyond++ == 0) first = i;
   }
-  if (beyond == 0 || cell.status != CellStatus::kOk) return;
+  if (beyond == 0 || cell.status == CellStatus::kFailed) return;
   cell.status = CellStatus::kFailed;
   cell.check = "twin";
   cell.cause = fmt::format(
@@ -204,7 +219,9 @@ void fill_cell(const StressCase& one, const RendererRequest& request, const rend
   Pass first = pass_of(*prepared.renderer, setup->path);
   cell.frames = first.trace.frames.size();
   cell.trace_hash = trace_hash(first.trace);
+  cell.warnings = prepared.warnings;
   judge_frames(*setup, first.trace.frames, cell);
+  judge_warned(cell);
   judge_passes(*setup, *prepared.renderer, first, cell);
   if (setup->twin) judge_twin(*setup, request, registry, first.trace.frames, cell);
 }

@@ -13,8 +13,8 @@ namespace palpate::experiments {
 
 enum class CellStatus : std::uint8_t {
   kOk,
-  kLimit,    ///< refused before the first frame, with a message; or the renderer states that its frame is
-             ///< unbounded
+  kLimit,    ///< refused before the first frame, with a message; warned of before the first frame, and
+             ///< felt wrongly; or the renderer states that its frame is unbounded
   kFailed,   ///< something that must hold did not
   kSkipped,  ///< not run
 };
@@ -27,7 +27,8 @@ struct StressCell {
   CellStatus status = CellStatus::kSkipped;
   std::string
       check;  ///< what did not hold: "crash", "finite", "limit", "free", "felt", "bounded", "replay", "twin"
-  std::string cause;  ///< in words; empty where all held
+  std::string cause;                  ///< in words; empty where all held
+  std::vector<std::string> warnings;  ///< what the preparation said beforehand, whether it held or not
   std::string trace_hash;
   std::uint64_t frames = 0, contact_frames = 0, bound_hits = 0;
   double largest_force_n = 0.0;

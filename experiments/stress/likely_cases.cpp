@@ -88,7 +88,7 @@ void add_hollow(std::vector<StressCase>& cases) {
 
 void add_crowds(std::vector<StressCase>& cases) {
   cases.push_back(
-      {"crowd", "likely", "Forty thousand points within a millimetre of a coarse plane.", false, false,
+      {"crowd", "likely", "Forty thousand points within a millimetre of a coarse plane.", true, false,
        []() -> Result<StressSetup> {
          Points points = lattice_points({-10, -10, 0}, {0.5, 0, 0}, {0, 0.5, 0}, 41, 41);
          const Points crowd = lattice_points({-0.499, -0.499, 0}, {0.005, 0, 0}, {0, 0.005, 0}, 200, 200);

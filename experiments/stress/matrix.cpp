@@ -88,8 +88,8 @@ Table stress_table(const StressMatrix& matrix) {
     table.rows.push_back(std::move(row));
   }
   table.notes = {
-      "A red cell names what did not hold. limit: refused before the first frame, with a message. A dash: "
-      "not run."};
+      "A red cell names what did not hold. limit: refused before the first frame with a message, or felt "
+      "wrongly where a message had warned of it before the first frame. A dash: not run."};
   return table;
 }
 
@@ -168,6 +168,7 @@ std::string stress_json(const StressMatrix& matrix) {
                                {"status", name_of(cell.status)},
                                {"check", text(cell.check)},
                                {"cause", text(cause_of(matrix, r, c))},
+                               {"warnings", cell.warnings},
                                {"command", command_of(matrix.renderers[r], cell.name)},
                                {"frames", cell.frames},
                                {"contact_frames", cell.contact_frames},

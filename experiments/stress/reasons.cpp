@@ -37,27 +37,6 @@ constexpr std::array kReasons = {
     Reason{"heightfield-literal", "twin", "", "Its 0.2 mm rule of shading is a length that does not scale"},
     Reason{"brute-force", "free", "", "The oracle of tests takes the nearest point, without a way in"},
     Reason{"brute-force", "felt", "", "The oracle of tests takes the nearest point, without a way in"},
-    Reason{"cloud", "free", "crowd",
-           "Around a crowd a hundred times as dense no triangles agree; seen from its fine border the gap is "
-           "hundreds of edges wide and counts as an opening (StarContact::bridge), through which the HIP "
-           "comes below the plane"},
-    Reason{"cloud", "free", "hip-denormal",
-           "Distances below the normal numbers vanish when they are multiplied: the side of the surface is "
-           "lost"},
-    Reason{"cloud-smooth", "felt", "plate-0.1mm",
-           "The plate is thinner than its voxel: both faces are one sheet"},
-    Reason{"cloud-smooth", "free", "plate-0.01mm",
-           "The plate is thinner than its voxel: both faces are one sheet with either side free"},
-    Reason{"cloud-smooth", "felt", "shells", "The wall is thinner than its voxel: both faces are one sheet"},
-    Reason{
-        "cloud", "", "vase",
-        "A ball with a mouth of 80 degrees counts as a closed body with a hole: its inner side is felt with "
-        "sides=both"},
-    Reason{
-        "cloud-smooth", "", "vase",
-        "A ball with a mouth of 80 degrees counts as a closed body with a hole: its inner side is felt with "
-        "sides=both"},
-    Reason{"cloud-smooth", "free", "volume", "Points that fill a volume give a surface with no agreed side"},
 };
 
 bool matches(std::string_view pattern, std::string_view value) noexcept {

@@ -27,7 +27,10 @@ Result<std::vector<StressCase>> chosen_cases(const StressArguments& arguments) {
     if (std::none_of(all.begin(), all.end(), [&](const StressCase& one) { return names_it(one, word); })) {
       std::string known, group;
       for (const StressCase& one : all) {
-        if (one.group != group) known += (group.empty() ? "" : ", ") + (group = one.group) + " (";
+        if (one.group != group) {
+          known += (group.empty() ? "" : ", ") + one.group + " (";
+          group = one.group;
+        }
         known += one.name + (&one == &all.back() || (&one + 1)->group != group ? ")" : " ");
       }
       return Error{

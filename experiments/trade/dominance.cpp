@@ -15,6 +15,7 @@ struct Compared {
   bool is_time = false;
   double slack = 0.0;
   bool is_known = true;
+  bool is_error = false;
 };
 
 /// What two rows are compared by, in a fixed order.
@@ -37,7 +38,7 @@ Numbers numbers_of(const Row& row) {
   all.push_back({*row.frame_p999_us, true});
   all.push_back({Measured{static_cast<double>(*row.bytes)}});
   all.push_back({*row.prepare_ms, true, row.preparations > 1 ? 0.0 : kOncePrepared, !row.from_cache});
-  all.push_back({*row.error_p95_percent});
+  all.push_back({*row.error_p95_percent, false, 0.0, true, true});
   // An error below rounding is none: such rows are alike.
   if (const double floor = row.error_floor_percent.value_or(0.0); all.back().measured.value <= floor)
     all.back().measured = Measured{0.0, Interval{0.0, std::max(floor, row.error_p95_percent->high())}};
@@ -92,6 +93,7 @@ bool dominates(const Numbers& a, const Numbers& b, double drift) {
     if (!a[i].is_known || !b[i].is_known) return false;  // who knows?
     const double slack = std::max(a[i].slack, b[i].slack) + (a[i].is_time ? drift : 0.0);
     if (surely_less(b[i].measured, a[i].measured, slack)) return false;
+    if (a[i].is_error && a[i].measured.value > (1.0 + kSameError) * b[i].measured.value) return false;
     better = better || surely_less(a[i].measured, b[i].measured, slack);
     on_the_whole += log_ratio(a[i].measured.value, b[i].measured.value);
   }

@@ -29,10 +29,15 @@ struct Standing {
 /// One for each row; rows that are not ok have none of it. Of two rows of one machine, a dominates b where
 /// a is surely worse in none of load, longest frames (p99.9), memory, preparation and error, surely better in
 /// one, and better on the whole (the product of the ratios): the last keeps a and b from each dominating the
-/// other by way of a third. "Surely" is beyond both intervals; of times also beyond what their anchors differ
+/// other by way of a third. An error may not be worse by more than kSameError either, sure or not: the frames
+/// are the same, and an interval over few episodes would let a cheap setting beat any other. "Surely" is
+/// beyond both intervals; of times also beyond what their anchors differ
 /// by, of preparations that were made once also beyond kOncePrepared. Rows of different machines say nothing
 /// of each other. O(n^2).
 [[nodiscard]] std::vector<Standing> standings_of(const std::vector<Row>& rows);
+
+/// Errors over the same frames that differ by less are alike. A choice, not a measurement.
+inline constexpr double kSameError = 0.05;
 
 /// How far a single preparation may be from the median of several. A choice, not a measurement: on a busy
 /// machine three preparations of a small model were seen to differ by more.

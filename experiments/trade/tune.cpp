@@ -189,13 +189,17 @@ std::vector<std::size_t> candidates(const std::vector<Row>& rows, const TuneLimi
   };
   std::stable_sort(all.begin(), all.end(),
                    [&](std::size_t a, std::size_t b) { return first(rows[a]).value < first(rows[b]).value; });
+  // Errors are of the same frames: an interval over few episodes does not make them alike.
+  const auto alike = [&](const Measured& best, const Measured& other) {
+    if (limits.error_percent) return !surely_less(best, other);
+    return other.value <= (1.0 + kSameError) * best.value;
+  };
   // What cannot be told from the best of what is left changes places with it by the second number.
   for (std::size_t i = 0; i < all.size(); ++i) {
     const Measured best = first(rows[all[i]]);
     std::size_t least = i;
     for (std::size_t k = i + 1; k < all.size(); ++k)
-      if (!surely_less(best, first(rows[all[k]])) && second(rows[all[k]]) < second(rows[all[least]]))
-        least = k;
+      if (alike(best, first(rows[all[k]])) && second(rows[all[k]]) < second(rows[all[least]])) least = k;
     std::rotate(all.begin() + static_cast<std::ptrdiff_t>(i),
                 all.begin() + static_cast<std::ptrdiff_t>(least),
                 all.begin() + static_cast<std::ptrdiff_t>(least) + 1);

@@ -28,7 +28,7 @@ struct TuneLimits {
 [[nodiscard]] double excess(const Row& row, const TuneLimits& limits);
 
 /// Rows that keep every limit, the best first: with a limit of error by load, those that cannot be told apart
-/// by memory; without one by error, those that cannot be told apart by load. Indices into `rows`.
+/// by memory; without one by error, those within kSameError by load. Indices into `rows`.
 [[nodiscard]] std::vector<std::size_t> candidates(const std::vector<Row>& rows, const TuneLimits& limits);
 /// The row that misses by least; nothing where none ran to its end.
 [[nodiscard]] std::optional<std::size_t> nearest_miss(const std::vector<Row>& rows, const TuneLimits& limits);

@@ -58,8 +58,8 @@ TEST(Governor, RefusesLimitsThatAreNone) {
     EXPECT_FALSE(ForceGovernor::create(limits, {})) << bad;
     for (double GovernorOptions::*member :
          {&GovernorOptions::slew_n_per_s, &GovernorOptions::soft_start_s, &GovernorOptions::period_s,
-          &GovernorOptions::late_zero_periods, &GovernorOptions::late_ramp_s, &GovernorOptions::latch_late_s,
-          &GovernorOptions::silence_s, &GovernorOptions::jump_mm}) {
+          &GovernorOptions::late_zero_s, &GovernorOptions::late_ramp_s, &GovernorOptions::latch_late_s,
+          &GovernorOptions::silence_s, &GovernorOptions::jump_mm_per_s}) {
       GovernorOptions options;
       options.*member = bad;
       EXPECT_FALSE(ForceGovernor::create(omni(), options)) << bad;
@@ -210,7 +210,7 @@ TEST(Governor, ShortSilenceIsNoFault) {
         << i;
   }
   // After 21 periods the hand may be 21 times as far.
-  EXPECT_EQ(g.govern(t + 21 * kMs, at({100, 0, 0}), wanted).newtons(), wanted);
+  EXPECT_EQ(g.govern(t + 21 * kMs, at({-100, 0, 0}), wanted).newtons(), wanted);
   EXPECT_EQ(g.govern(t + 22 * kMs, at(Vec3::Zero(), ReadStatus::kNothingNew), wanted).newtons(), wanted);
 }
 

@@ -76,8 +76,7 @@ struct Rig {
   explicit Rig(std::vector<ScriptedFault> faults = {}, geometry::RigidTransform world_from_device = {})
       : path(resting_path()),
         device(path, clock, limits(), 10'000, std::move(faults)),
-        governor(ForceGovernor::create(limits(), {}).value()),
-        servo(wall, governor, device, clock, world_from_device) {}
+        servo(wall, {}, device, clock, world_from_device) {}
 
   std::vector<Tick> run(int ticks) {
     std::vector<Tick> all;
@@ -92,7 +91,6 @@ struct Rig {
   trace::ProbePath path;
   Wall wall;
   SimulatedDevice device;
-  ForceGovernor governor;
   Servo servo;
 };
 

@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <fstream>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "experiments/goals/point_image.h"
@@ -27,6 +30,31 @@ TEST(Goals, TheNumbersDecide) {
   EXPECT_EQ(verdict_of(with({bad})), Verdict::kMissed);
   EXPECT_EQ(verdict_of(with({good, unknown})), Verdict::kNotMeasured);
   EXPECT_EQ(verdict_of(with({})), Verdict::kNotMeasured);
+}
+
+TEST(Goals, AFindingIsKeptUpToItsLimit) {
+  EXPECT_TRUE(kept({"a", 1.0, "", 1.0, true, "limit"}));
+  EXPECT_FALSE(kept({"a", 1.0001, "", 1.0, true, "limit"}));
+  EXPECT_TRUE(kept({"a", 1.0, "", 1.0, false, "limit"}));
+  EXPECT_FALSE(kept({"a", 0.9999, "", 1.0, false, "limit"}));
+  EXPECT_FALSE(kept({"a", std::nullopt, "", 1.0, true, "limit"}));
+  EXPECT_FALSE(kept({"a", std::numeric_limits<double>::quiet_NaN(), "", 1.0, true, "limit"}));
+}
+
+TEST(Goals, WhatIsNotKeptFallsShort) {
+  GoalsDocument document;
+  document.goals = {
+      with({{"the one", 1.0, "", 2.0, true, "limit"}}),
+      with({{"the one", 1.0, "", 2.0, true, "limit"}, {"the other", 3.0, "", 2.0, true, "limit"}})};
+  const auto json = nlohmann::json::parse(to_json(document));
+  EXPECT_EQ(json["goals"][0]["verdict"], "reached");
+  EXPECT_EQ(json["goals"][0]["falls_short"], nlohmann::json({"Nothing that was measured here."}));
+  EXPECT_EQ(json["goals"][1]["verdict"], "reached in part");
+  ASSERT_EQ(json["goals"][1]["falls_short"].size(), 1u);
+  EXPECT_NE(json["goals"][1]["falls_short"][0].get<std::string>().find("the other: 3"), std::string::npos);
+  const Table table = goals_table(document);
+  ASSERT_EQ(table.rows.size(), 2u);
+  EXPECT_EQ(table.rows[1].back().text.find("the other"), 0u);
 }
 
 TEST(Goals, NearerPointsHideFartherOnes) {
@@ -58,6 +86,23 @@ TEST_F(GoalsCommand, WritesAPageForEachGoal) {
     EXPECT_NE(page.find("<svg"), std::string::npos) << goal["id"] << " has no plot";
   }
   EXPECT_EQ(document["goals"].size(), 7u);
+  // On points of even quality what is ours is no mesh, and the mesh is one.
+  for (const auto& finding : document["goals"][1]["findings"])
+    if (finding["about"] == "cloud, models that it does not feel as points") {
+      EXPECT_EQ(finding["value"], 0.0);
+      EXPECT_GT(finding["baseline"].get<double>(), 0.0);
+    }
+}
+
+TEST_F(GoalsCommand, RefusesWhatItCannotUse) {
+  std::ofstream(in("file")) << "in the way";
+  const ProcessOutcome in_the_way = palpate_command({"goals", "--quick", "--out", in("file")});
+  EXPECT_EQ(in_the_way.exit_code, 2);
+  EXPECT_NE(in_the_way.err.find(in("file")), std::string::npos) << in_the_way.err;
+  const ProcessOutcome unknown = palpate_command({"goals", "--quik", "--out", in("out/none")});
+  EXPECT_EQ(unknown.exit_code, 2);
+  EXPECT_NE(unknown.err.find("--quik"), std::string::npos) << unknown.err;
+  EXPECT_FALSE(std::filesystem::exists(in("out/none"))) << "nothing is left";
 }
 
 }  // namespace

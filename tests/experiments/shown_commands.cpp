@@ -126,7 +126,8 @@ std::string path_problem(const std::string& path, const std::string& columns) {
   if (generator == nullptr) {
     const std::string ending = fs::path(named->name).extension();
     if (ending.empty()) return "no path is called " + named->name;
-    if (ending != ".csv" && ending != ".traj" && columns.empty()) return "what are the columns of " + path;
+    if (ending != ".csv" && ending != ".traj" && ending != ".palrec" && columns.empty())
+      return "what are the columns of " + path;
     return {};
   }
   const Result<Options> good = validate(named->options, generator->options, named->name);
@@ -311,6 +312,22 @@ std::vector<std::string> made_small(const ShownCommand& command) {
       else
         words.insert(words.end(), {option, value});
     }
+  if (words.size() > 1 && words[1] == "record") {
+    const auto seconds = std::find(words.begin(), words.end(), "--seconds");
+    if (seconds != words.end()) seconds[1] = "1";
+    if (std::find(words.begin(), words.end(), "--accelerated") == words.end())
+      words.push_back("--accelerated");
+  }
+  if (words.size() > 1 && words[1] == "live") {
+    const auto seconds = std::find(words.begin(), words.end(), "--seconds");
+    if (seconds != words.end())
+      seconds[1] = "0.3";
+    else
+      words.insert(words.end(), {"--seconds", "0.3"});
+    // A machine that is busy with other tests may be late by more than the governor bears.
+    if (std::find(words.begin(), words.end(), "--accelerated") == words.end())
+      words.emplace_back("--accelerated");
+  }
   if (words.size() > 1 && (words[1] == "sweep" || words[1] == "tune"))
     words.insert(words.end(), {"--passes", "1"});
   if (words.size() > 1 && words[1] == "hunt") {

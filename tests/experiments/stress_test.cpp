@@ -91,6 +91,34 @@ TEST(Stress, WhatIsWrongIsSeen) {
   EXPECT_EQ(twin.check, "twin");
 }
 
+// What is felt wrongly is a limit where the renderer warned of these very points, and only then; what is felt
+// rightly stays so.
+TEST(Stress, AStatedLimitIsTheRenderersOwnWarning) {
+  struct Told {
+    const char *renderer, *name, *words;
+  };
+  for (const Told& told : {Told{"cloud-smooth", "plate-0.1mm", "in two layers"},
+                           {"cloud-smooth", "plate-0.01mm", "in two layers"},
+                           {"cloud-smooth", "vase", "sides=both"},
+                           {"cloud", "vase", "sides=both"},
+                           {"cloud-smooth", "volume", "fill a volume"}}) {
+    const StressCell cell = run_cell(case_of(told.name), request_of(told.renderer), registry());
+    EXPECT_NE(cell.status, CellStatus::kFailed) << told.name << ", " << cell.check << ": " << cell.cause;
+    ASSERT_FALSE(cell.warnings.empty()) << told.renderer << ", " << told.name;
+    EXPECT_NE(cell.warnings.front().find(told.words), std::string::npos) << cell.warnings.front();
+    if (cell.status == CellStatus::kLimit) {
+      EXPECT_NE(cell.cause.find(cell.warnings.front()), std::string::npos) << cell.cause;
+    }
+  }
+  // The remedy that is named.
+  for (const char* renderer : {"cloud", "cloud-smooth"}) {
+    const StressCell cell = run_cell(case_of("vase-both-sides"), request_of(renderer), registry());
+    EXPECT_EQ(cell.status, CellStatus::kOk) << renderer << ", " << cell.check << ": " << cell.cause;
+    EXPECT_TRUE(cell.warnings.empty()) << renderer;
+  }
+  EXPECT_EQ(run_cell(case_of("plate-0.01mm"), request_of("cloud"), registry()).status, CellStatus::kOk);
+}
+
 TEST(Stress, ACrashAndAHangAreRedCellsAndTheRowGoesOn) {
   const StressCase good = case_of("one-point");
   StressCase crash = good, hang = good;
@@ -138,6 +166,7 @@ TEST_F(StressCommand, RefusesWhatItDoesNotKnow) {
   EXPECT_EQ(run.exit_code, 2);
   EXPECT_NE(run.err.find("there is no case 'no-such-case'"), std::string::npos) << run.err;
   EXPECT_NE(run.err.find("scale-1e-6"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("groups from scale (scale-unit "), std::string::npos) << run.err;
   EXPECT_FALSE(std::filesystem::exists(in("out")));
 }
 

@@ -61,6 +61,15 @@ TEST(Dominance, NothingIsSaidWithinTheIntervals) {
   EXPECT_TRUE(standings_of(rows)[1].dominated);
 }
 
+TEST(Dominance, FewEpisodesDoNotMakeFiveTimesTheErrorAsGood) {
+  std::vector<Row> rows = {row_with("exact", 2, 200, 20, 1), row_with("cheap", 1, 100, 10, 5)};
+  rows[0].error_p95_percent = with(1.0, 0.95);
+  rows[1].error_p95_percent = with(5.0, 0.95);
+  for (const Standing& s : standings_of(rows)) EXPECT_FALSE(s.dominated);
+  rows[1].error_p95_percent = with(1.04, 0.95);
+  EXPECT_TRUE(standings_of(rows)[0].dominated) << "as exact, and cheaper in everything";
+}
+
 TEST(Dominance, DriftOfTheAnchorWidensTimesAlone) {
   std::vector<Row> rows = {row_with("a", 1.0, 100, 10, 1), row_with("b", 1.2, 100, 12, 1)};
   EXPECT_TRUE(standings_of(rows)[1].dominated);
@@ -337,6 +346,18 @@ TEST(Tune, TakesTheCheapestThatIsAccurateEnoughAndTheMostAccurateThatIsCheapEnou
   EXPECT_TRUE(candidates(rows, limits).empty());
   EXPECT_EQ(rows[*nearest_miss(rows, limits)].setting, "middle")
       << "200 of 150 bytes; the others 9 of 5 %, 900 bytes";
+}
+
+TEST(Tune, FewEpisodesDoNotMakeFiveTimesTheErrorTheMostAccurate) {
+  std::vector<Row> rows = {row_with("exact", 2, 200, 20, 1), row_with("cheap", 1, 100, 10, 5),
+                           row_with("as exact", 1.5, 100, 10, 1.04)};
+  for (Row& row : rows) row.error_p95_percent = with(row.error_p95_percent->value, 0.95);
+  TuneLimits limits;
+  limits.bytes = 1e6;
+  const std::vector<std::size_t> best = candidates(rows, limits);
+  ASSERT_EQ(best.size(), 3u);
+  EXPECT_EQ(rows[best[0]].setting, "as exact") << "within a twentieth the cheaper one";
+  EXPECT_EQ(rows[best[2]].setting, "cheap");
 }
 
 TEST(Tune, WhatCannotBeToldApartIsChosenByMemory) {

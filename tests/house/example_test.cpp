@@ -83,5 +83,16 @@ TEST(ExampleRenderer, ThePagePrintsThisCode) {
       << "docs/add-a-renderer.md must print tests/house/example_renderer.cpp as it is";
 }
 
+// The same of docs/add-a-device.md, whose example the tests of tests/device run.
+TEST(ExampleDevice, ThePagePrintsThisCode) {
+  const std::string page = house::text_of("docs/add-a-device.md");
+  for (const char* file : {"device/simulated/packet_device.h", "device/simulated/packet_device.cpp"}) {
+    const std::string code = house::text_of(file);
+    ASSERT_FALSE(code.empty());
+    EXPECT_NE(page.find("```cpp\n" + code + "```\n"), std::string::npos)
+        << "docs/add-a-device.md must print " << file << " as it is";
+  }
+}
+
 }  // namespace
 }  // namespace palpate::example

@@ -53,7 +53,7 @@ constexpr std::array kToolkitLine = {
 };
 
 // The same inside device.
-constexpr std::array kDeviceLine = {"interface", "servo", "simulated", "record", "live"};
+constexpr std::array kDeviceLine = {"interface", "safety", "servo", "simulated", "record", "live"};
 
 // Libraries that are slow to compile, carry a licence or bring half a distribution: where their headers may
 // stand in a source file, and where in a header as well.
@@ -73,6 +73,7 @@ const std::vector<Heavy> kHeavy = {
     {"embree", {"baselines/", "tests/baselines/", "experiments/benchmarks/"}, {"baselines/proximity/"}},
     {"openvdb/", {"baselines/points/"}, {}},
     {"vtk", {}, {}},
+    {"hdf5", {"experiments/live/", "tests/experiments/"}, {}},
     {"gdal", {"toolkit/dem/", "tests/toolkit/dem/"}, {}},
     {"cpl_", {"toolkit/dem/", "tests/toolkit/dem/"}, {}},
     {"ogr_", {"toolkit/dem/", "tests/toolkit/dem/"}, {}},

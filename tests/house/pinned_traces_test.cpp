@@ -5,10 +5,12 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <cstring>
 #include <fstream>
 #include <map>
 #include <memory>
 #include <set>
+#include <span>
 #include <sstream>
 #include <string>
 #include <utility>
@@ -17,7 +19,11 @@
 #include "tests/house/all_renderers.h"
 #include "tests/house/corpus_scene.h"
 #include "toolkit/core/options.h"
+#include "toolkit/io/read_model.h"
 #include "toolkit/trace/replay.h"
+#ifdef PALPATE_WITH_PCD
+#include "toolkit/pcd/pcd_reader.h"
+#endif
 
 namespace palpate::house {
 namespace {
@@ -105,6 +111,71 @@ TEST(PinnedTraces, EveryRendererGivesThePinnedHash) {
 #ifdef PALPATE_WITH_BASELINES
   EXPECT_EQ(found.size(), write != nullptr ? found.size() : pins.size()) << "a line that nobody gives";
 #endif
+}
+
+std::string as_bytes(float value) {
+  std::string bytes(sizeof(value), '\0');
+  std::memcpy(bytes.data(), &value, sizeof(value));
+  return bytes;
+}
+
+/// A cloud's points as binary floats of 32 bits, below a header of the format.
+std::string in_single_precision(const cloud::Cloud& cloud, const std::string& ending) {
+  const std::size_t n = cloud.size();
+  std::string bytes = ending == "ply"
+                          ? fmt::format(
+                                "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\n"
+                                "property float y\nproperty float z\nend_header\n",
+                                n)
+                          : fmt::format(
+                                "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\nFIELDS x y z\n"
+                                "SIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {0}\nHEIGHT 1\n"
+                                "VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {0}\nDATA binary\n",
+                                n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const Vec3f p = cloud.point_mm(i).cast<float>();
+    bytes += as_bytes(p.x()) + as_bytes(p.y()) + as_bytes(p.z());
+  }
+  return bytes;
+}
+
+// A scanner's file holds floats of 32 bits: written and read again as such the points give the pinned hash,
+// so that the list holds for them too, whatever compiler built this.
+TEST(PinnedTraces, AreThoseOfPointsFromFilesInSinglePrecision) {
+  render::Registry registry;
+  register_all_renderers(registry);
+  io::Readers readers;
+  io::add_standard_readers(readers);
+  std::vector<std::string> endings = {"ply"};
+#ifdef PALPATE_WITH_PCD
+  pcd::add_pcd_reader(readers);
+  endings.emplace_back("pcd");
+#endif
+  const Pins pins = read_pins();
+  io::ReadOptions options;
+  options.unit = io::Unit::kMillimetre;
+  std::size_t compared = 0;
+  for (const auto& [scene_file, path_file] :
+       {kStands[0], kStands[1], kStands[2]}) {  // one model, plain: torus, ridge, plate
+    for (const std::string& ending : endings) {
+      CorpusScene loaded = load_corpus(scene_file, path_file);
+      const std::string bytes = in_single_precision(*loaded.scene.input.models.front().cloud, ending);
+      const auto read = readers.read(std::make_unique<io::MemorySource>(std::as_bytes(std::span(bytes))),
+                                     "points." + ending, options);
+      ASSERT_TRUE(read) << read.error().message();
+      loaded.scene.input.models.front().cloud = std::make_shared<const cloud::Cloud>(read->cloud);
+      for (const render::RendererInfo& info : registry.all()) {
+        if (info.role != render::Role::kOurs) continue;
+        const auto pin = pins.find(fmt::format("{} {} {}", scene_file, path_file, info.name));
+        if (pin == pins.end() || pin->second == kRefused) continue;
+        EXPECT_EQ(hash_of(registry, {info.name, {}}, loaded, 1), pin->second)
+            << scene_file << ", " << ending << ", " << info.name;
+        ++compared;
+      }
+    }
+  }
+  // Three models for both clouds, and the ridge for height fields.
+  EXPECT_GE(compared, 7 * endings.size());
 }
 
 }  // namespace

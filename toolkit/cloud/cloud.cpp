@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 
+#include "toolkit/cloud/limits.h"
 #include "toolkit/core/hash.h"
 
 namespace palpate::cloud {
@@ -45,10 +46,9 @@ std::uint64_t content_hash(const Cloud& cloud) noexcept {
 
 Result<Cloud> build_cloud(std::span<const Vec3> points_mm, NonFinite non_finite, BuildReport* report) {
   // Places are counted in 32 bits, of which the pieces of a surface take one for their sides.
-  constexpr std::size_t kMostPoints = (std::size_t{1} << 31) - 1;
-  if (points_mm.size() > kMostPoints)
+  if (points_mm.size() > kMaxCloudPoints)
     return Error{
-        fmt::format("{} points are more than the {} that one model may have", points_mm.size(), kMostPoints),
+        fmt::format("{} points are more than the {} that one model may have", points_mm.size(), kMaxCloudPoints),
         "cut the cloud into several models, or thin it (palpate clean)",
         {},
         0};

@@ -331,7 +331,7 @@ class FrameShell {
     }
     return constrain_jointly(
         hip_mm, touches,
-        [this](Touch& touch, [[maybe_unused]] const Vec3& at, JointPlanes& planes) noexcept {
+        [&](Touch& touch, [[maybe_unused]] const Vec3& at, JointPlanes& planes) noexcept {
           if constexpr (requires { touch.owner->planes_near(touch.memory, at, planes, counters_); })
             touch.owner->planes_near(touch.memory, at, planes, counters_);
           else

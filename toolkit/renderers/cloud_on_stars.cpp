@@ -10,6 +10,7 @@
 #include "toolkit/deformation/deformed_stars.h"
 #include "toolkit/render/model_store.h"
 #include "toolkit/render/prepare_phases.h"
+#include "toolkit/render/wide_mouth.h"
 #include "toolkit/renderers/editable_renderer.h"
 #include "toolkit/renderers/star_model.h"
 #include "toolkit/stars/refine.h"
@@ -215,6 +216,7 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
           fmt::format("{} closed but for holes: felt from the side where the replay begins; sides=both feels "
                       "both, as of a vase",
                       counts.pieces_with_holes));
+    if (auto wide = wide_mouth_warning(counts.least_enclosed)) report.warnings.push_back(*std::move(wide));
     if (const double open = share(counts.open_points + counts.unused, points); open > kDoubtfulShare)
       report.warnings.push_back(
           fmt::format("{:.0f} % of the points lie at gaps: they are too noisy, or too few, for facets "

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "toolkit/core/parallel.h"
+#include "toolkit/geometry/mouth.h"
 #include "toolkit/smooth/blend.h"
 #include "toolkit/smooth/cube_faces.h"
 #include "toolkit/smooth/surround.h"
@@ -347,6 +348,7 @@ class Baker {
         if (without_.enclosure) continue;
         closed.outer_side = geometry::outer_side(piece.parts);
         if (closed.outer_side == 0.0f) continue;
+        grid_.least_enclosed = std::min(grid_.least_enclosed, 1.0 - geometry::mouth_share(piece.parts));
         closed.parts = std::move(piece.parts);
       }
       grid_.closed_pieces.push_back(std::move(closed));

@@ -153,6 +153,7 @@ struct BrickGrid {
   LargeVector<Brick> bricks;
   geometry::Aabb box_mm;  ///< of the points
   std::vector<ClosedPiece> closed_pieces;
+  double least_enclosed = 1.0;  ///< 1 less the widest geometry::mouth_share() of those with holes
 
   using Coordinate = std::array<std::int32_t, 3>;
   [[nodiscard]] std::size_t bytes() const noexcept {

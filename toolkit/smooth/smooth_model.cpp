@@ -13,7 +13,9 @@
 #include "toolkit/neighbourhood/knn.h"
 #include "toolkit/render/model_store.h"
 #include "toolkit/render/prepare_phases.h"
+#include "toolkit/render/wide_mouth.h"
 #include "toolkit/smooth/bake.h"
+#include "toolkit/smooth/doubts.h"
 #include "toolkit/smooth/first_ball.h"
 #include "toolkit/smooth/folds.h"
 
@@ -95,6 +97,25 @@ SmoothDecision measure(const SmoothPoints& points, const SmoothBuild& build, int
   return out;
 }
 
+/// Shares of the places looked at from which on the whole is in doubt: two layers are felt as one wherever
+/// they are; of a scan a tenth of the places may be noise in the air.
+constexpr double kDoubtfulLayers = 0.05, kDoubtfulVolume = 0.25;
+
+void warn_of(const PointDoubts& doubts, PreparePhases& phases) {
+  if (doubts.layered > kDoubtfulLayers)
+    phases.warn(fmt::format(
+        "At {:.0f} % of the places looked at the points lie in two layers some {:.3g} mm apart, too "
+        "near to be told apart: they are felt as one sheet that either side may hold. If they are "
+        "the faces of a thin wall, take cloud.",
+        100.0 * doubts.layered, doubts.layers_mm));
+  if (doubts.scattered > kDoubtfulVolume)
+    phases.warn(fmt::format(
+        "At {:.0f} % of the places looked at the points fill a volume: there is no surface to "
+        "follow, and what is felt has no certain side. Give the points of a surface, or clean them "
+        "(palpate clean).",
+        100.0 * doubts.scattered));
+}
+
 Result<std::shared_ptr<const SmoothSurface>> build_surface(const cloud::Cloud& cloud,
                                                            const SmoothBuild& build,
                                                            const PrepareContext& context,
@@ -105,6 +126,7 @@ Result<std::shared_ptr<const SmoothSurface>> build_surface(const cloud::Cloud& c
   phases.end();
   phases.begin("noise");
   const SmoothDecision measured = measure(points, build, context.threads);
+  if (measured.spacing_mm > 0.0) warn_of(find_doubts(points, measured.noise_mm, context.threads), phases);
   phases.end();
   auto out = std::make_shared<SmoothSurface>();
   out->spacing_mm = measured.spacing_mm;
@@ -132,6 +154,7 @@ Result<std::shared_ptr<const SmoothSurface>> build_surface(const cloud::Cloud& c
   phases.note(fmt::format(
       "smooth surface: {} patches in {} bricks, {} closed, {} of them but for holes; {} points stand alone",
       out->patches, out->grid.bricks.size(), closed.size(), holed, out->left_out));
+  if (auto wide = wide_mouth_warning(out->grid.least_enclosed)) phases.warn(*std::move(wide));
   if (out->grid.bricks.empty())
     phases.warn("The points make no surface: nothing is felt. Check the file and its unit, or take cloud.");
   return std::shared_ptr<const SmoothSurface>(std::move(out));

@@ -35,6 +35,12 @@ inline double triple(std::array<std::uint32_t, 3> place, std::array<Vec3, 3> at)
   return at[first].dot(at[(first + 1) % 3].cross(at[(first + 2) % 3]));
 }
 
+/// Where a distance is a denormal number its product with a normal may vanish, and with it the side. Products
+/// that are zero are formed anew, so many times as large: 2^-1074, the least distance there is, becomes
+/// 2^-568, whose product with a normal of single precision, 2^-298 at least, counts; and coordinates of
+/// single precision, 2^129 at most, and their normals stay finite.
+inline constexpr double kOutOfDenormals = 0x1p506;
+
 /// An earlier hit in a triangle, exactly: nothing slips through between two triangles of a sheet. takes(a, b,
 /// c, side): whether that triangle counts.
 template <class Takes>
@@ -43,14 +49,24 @@ void pierce_triangle(const StarMesh& mesh, std::uint32_t a, std::uint32_t b, std
   const Vec3 &from = way.from, &to = way.to;
   const Vec3 pa = mesh.at(a), pb = mesh.at(b), pc = mesh.at(c);
   const Vec3 n = (pb - pa).cross(pc - pa);
-  const double before = n.dot(from - pa), behind = n.dot(to - pa);
+  double before = n.dot(from - pa), behind = n.dot(to - pa);
   // A way that ends on the plane has met it: begun there in the next frame, it could not tell its side.
-  const bool in = before >= 0.0 && behind <= 0.0 && before > behind,
-             out = before <= 0.0 && behind >= 0.0 && behind > before;
-  if (!in && !out) return;
+  bool in = before >= 0.0 && behind <= 0.0 && before > behind,
+       out = before <= 0.0 && behind >= 0.0 && behind > before;
+  double larger = 1.0;
+  if (!in && !out) {
+    if (before != 0.0 || behind != 0.0) [[likely]]
+      return;
+    larger = kOutOfDenormals;
+    before = n.dot(larger * (from - pa));
+    behind = n.dot(larger * (to - pa));
+    in = before >= 0.0 && behind <= 0.0 && before > behind;
+    out = before <= 0.0 && behind >= 0.0 && behind > before;
+    if (!in && !out) return;
+  }
   const double fraction = before / (before - behind);
   if (!(fraction < hit.fraction)) return;
-  const Vec3 d = to - from;
+  const Vec3 d = larger * (to - from);
   const Vec3 ra = pa - from, rb = pb - from, rc = pc - from;
   const double u = along_edge(d, ra, rb, a, b), v = along_edge(d, rb, rc, b, c),
                w = along_edge(d, rc, ra, c, a);

@@ -32,18 +32,6 @@ bool stands_in(const StarMesh& mesh, const Stand& left, const Vec3& h, std::uint
   return std::abs(n.dot(left.foot.point - pa)) <= gamma(kFootOperations) * size * n.norm();
 }
 
-/// Of a place from one of the boxes of a node.
-double distance_sq(const BoxNode& node, std::uint32_t child, const Vec3& h) noexcept {
-  double sum = 0.0;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    const double at = h[static_cast<Eigen::Index>(axis)];
-    const double off = std::max({static_cast<double>(node.low[axis][child]) - at,
-                                 at - static_cast<double>(node.high[axis][child]), 0.0});
-    sum += off * off;
-  }
-  return sum;
-}
-
 bool shares(const Stand& left, std::uint32_t a, std::uint32_t b, std::uint32_t c) noexcept {
   const auto has = [&](std::uint32_t place) { return place == a || place == b || place == c; };
   const Feature f = left.foot.feature;
@@ -202,7 +190,8 @@ bool StarContact::follow(const Vec3& h, StarCounters& counters) noexcept {
   }
   if (!past && !leans) [[likely]]
     return true;
-  return bridge(h, std::sqrt(stand_.facet.middle_edge_sq()), counters) || !past;
+  const double edge = std::sqrt(stand_.facet.middle_edge_sq());
+  return bridge(h, edge, counters) || !past || bridge_step(h, edge, counters);
 }
 
 bool StarContact::leans_from(const Vec3& normal, double share) const noexcept {
@@ -214,60 +203,6 @@ bool StarContact::still_behind(const Vec3& h, double edge_sq) const noexcept {
   if (!(stand_.foot.distance_sq > edge_sq)) return false;
   const Trend trend = trend_around(*mesh_, stand_.facet, true);
   return trend.share > kTrendShare && side_ * trend.normal.dot(h - stand_.foot.point) < 0.0;
-}
-
-bool StarContact::bridge(const Vec3& h, double edge, StarCounters& counters) noexcept {
-  const Vec3 g = stand_.foot.point;
-  const Vec3 n = trend_around(*mesh_, stand_.facet, true).normal;
-  const double square = n.squaredNorm();
-  Vec3 ahead = h - g;
-  if (square > 0.0) ahead -= n * (n.dot(ahead) / square);
-  const double size = ahead.norm();
-  if (!(size > 0.0)) return true;
-  ahead /= size;
-  const double half = 0.5 * kGapEdges * edge;
-  const Vec3 middle = g + ahead * half;
-  double to_beat = stand_.foot.distance_sq * kDescent;
-  Facet best;
-  Foot nearest;
-  bool narrow = false;
-  std::uint32_t tested = 0;
-  const geometry::Aabb around{middle - Vec3::Constant(half), middle + Vec3::Constant(half)};
-  const FloatBox box = FloatBox::around(around);
-  const bool all = tree_->for_blocks(
-      around, kMaxNodes, [&](std::uint32_t block, const BoxNode& node, std::uint32_t child) noexcept {
-        // Where points crowd, only blocks that may be nearer are worth a look.
-        if (narrow && distance_sq(node, child, h) >= to_beat) return true;
-        const std::uint32_t first = block * kBlockPlaces;
-        const std::uint32_t last = std::min(first + kBlockPlaces, mesh_->size());
-        for (std::uint32_t place = first; place < last; ++place)
-          mesh_->for_triangles_of(place, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-            ++tested;
-            if (mesh_->triangle_misses(a, b, c, box)) return;
-            const Facet facet(*mesh_, a, b, c);
-            for (std::size_t k = 0; k < 3 && !narrow; ++k) {
-              const Vec3 r = facet.corner[k] - g;
-              const double on = ahead.dot(r);
-              narrow = on > edge && on * on > kAheadShare * r.squaredNorm();
-            }
-            const Foot foot = foot_on(facet, h);
-            if (!(foot.distance_sq < to_beat) || !(side_ * facet.area_normal().dot(h - foot.point) < 0.0))
-              return;
-            to_beat = foot.distance_sq;
-            best = facet;
-            nearest = foot;
-          });
-        return tested < kMaxTested;
-      });
-  counters.tested += tested;
-  bound_hit_ = bound_hit_ || !all;
-  // A HIP farther ahead than the gap is wide has passed it, and nothing there holds it.
-  if (best.place[0] == kNoPlace) return narrow && size <= 2.0 * half;
-  stand_ = {best, nearest};
-  frame_ = FacetFrame(best, side_);
-  watched_ = is_crossed(best);
-  pull_ = nearest.point - h;
-  return true;
 }
 
 bool StarContact::look_around(const Vec3& at, double reach, StarCounters& counters) noexcept {

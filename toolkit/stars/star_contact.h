@@ -12,8 +12,9 @@
 
 namespace palpate::stars {
 
-/// Nodes of the tree a frame may look at, and triangles it may test: at some 10 and 6 ns each, 80 us of the 1
-/// ms that a frame has.
+/// Nodes of the tree that one look may take, and triangles it may test; a flight looks three times. The
+/// longest frames found take 2.3 million instructions (docs/hunt.md): jumps through a whole model, which test
+/// as many triangles as they may.
 inline constexpr std::uint32_t kMaxNodes = 4096;
 inline constexpr std::uint32_t kMaxTested = 8192;
 /// Facets crossed straight on; where more are needed the walk that looks all around goes on.
@@ -26,6 +27,15 @@ inline constexpr double kLeastWayShare = 0x1p-10;
 /// A gap of so many edges is bridged, the middle one of the facet at its border: a void in random points is
 /// two spacings wide, and a hole in noise little more.
 inline constexpr double kGapEdges = 4.0;
+/// Where a crowd of points ends in a surface this many times as coarse no triangle joins the two, and the gap
+/// is as wide as the coarse edges are long: it is looked for so many times as far, each time by kFarther, up
+/// to 1,024 edges, at no more nodes and triangles in all than another look takes. Up to a step of 1:4 (16:1
+/// in density) the points' own stars go across; twice that is no step of random points' triangles.
+inline constexpr double kStepEdges = 8.0;
+inline constexpr std::uint32_t kStepLooks = 4;
+/// What is looked at is so wide, on either side, as a share of its length: what lies beyond a step lies
+/// ahead.
+inline constexpr double kStepWidth = 0.25;
 /// What lies across a gap is less than 45 degrees off the way ahead, the square of its cosine: beside it the
 /// border itself goes on, and what rises there would hold a HIP that is long past it.
 inline constexpr double kAheadShare = 0.5;
@@ -185,6 +195,14 @@ class StarContact {
   /// the surface goes on within kGapEdges, and either the god object is at home there, nearer to the HIP, or
   /// it waits at the border. Gaps that narrow are what sampling leaves, not what anybody could enter.
   bool bridge(const Vec3& h, double edge, StarCounters& counters) noexcept;
+  /// The same where what is ahead is kStepEdges as coarse or more: the gap may be kGapEdges of its edges
+  /// wide.
+  bool bridge_step(const Vec3& h, double edge, StarCounters& counters) noexcept;
+  /// The way ahead of a HIP past a border, unit, along the surface around; its length. Zero where it is at
+  /// the border.
+  [[nodiscard]] double way_ahead(const Vec3& h, Vec3& ahead) const noexcept;
+  /// The god object goes to a place of another facet that holds the HIP as well.
+  void move_to(const Facet& facet, const Foot& foot, const Vec3& h) noexcept;
   /// The first triangle that the way from -> to enters from a side that is free. `skip`: places whose
   /// triangles do not count.
   bool first_entry(const Vec3& from, const Vec3& to, const Stand* left, StarCounters& counters,

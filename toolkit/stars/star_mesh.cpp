@@ -57,6 +57,7 @@ class StarMeshBuilder {
     }
     counts.torn = pieces_.torn.size();
     counts.pieces = pieces_.closed.size();
+    counts.least_enclosed = pieces_.least_enclosed;
     step("store");
     store();
     return std::move(mesh_);

@@ -69,6 +69,7 @@ struct StarCounts {
   std::uint64_t pieces = 0;
   std::uint64_t closed_pieces = 0;      ///< that enclose a volume, and are felt from one side
   std::uint64_t pieces_with_holes = 0;  ///< those of them that have borders
+  double least_enclosed = 1.0;          ///< 1 less the widest geometry::mouth_share() of these
 };
 
 /// Called with the name of each step of a build before it begins.

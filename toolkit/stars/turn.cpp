@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <utility>
 
+#include "toolkit/cloud/limits.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/geometry/enclosure.h"
+#include "toolkit/geometry/mouth.h"
 
 namespace palpate::stars {
 namespace {
@@ -60,7 +62,7 @@ class Sides {
   [[nodiscard]] Root settled(std::uint32_t i) const noexcept { return {up_[i] >> 1, up_[i] & 1u}; }
 
  private:
-  std::vector<std::uint32_t> up_;  ///< parent << 1 | turned against it; below 2^31 points
+  std::vector<std::uint32_t> up_;  ///< parent << 1 | turned against it; see cloud::kMaxCloudPoints
 };
 
 /// Whether the star has the sector b -> c (0) or c -> b (1).
@@ -229,14 +231,17 @@ class Turner {
   /// out.
   void find_enclosing() {
     const std::vector<std::vector<geometry::SurfacePart>> parts = open_parts();
+    std::vector<double> mouth(parts.size(), 0.0);
     parallel_chunks(parts.size(), 1, draft_.threads, [&](std::size_t begin, std::size_t end) {
       for (std::size_t piece = begin; piece < end; ++piece) {
         const float side = geometry::outer_side(parts[piece]);
         if (side == 0.0f) continue;
         pieces_.closed[piece] = Enclosure::kWithHoles;
         inward_[piece] = side < 0.0f ? 1 : 0;
+        mouth[piece] = geometry::mouth_share(parts[piece]);
       }
     });
+    for (const double wide : mouth) pieces_.least_enclosed = std::min(pieces_.least_enclosed, 1.0 - wide);
   }
 
   void turn_outward() {

@@ -16,6 +16,7 @@ enum class Enclosure : std::uint8_t { kOpen, kWithHoles, kWhole };
 struct Pieces {
   std::vector<std::uint32_t> of;  ///< by point; kNoPoint where it has no triangle
   std::vector<Enclosure> closed;  ///< by piece
+  double least_enclosed = 1.0;    ///< 1 less the widest geometry::mouth_share() of those with holes
   /// Corners of the triangles left out where sides would not agree.
   std::vector<std::array<std::uint32_t, 3>> torn;
 };

@@ -4,6 +4,7 @@
 #include <numbers>
 #include <vector>
 
+#include "toolkit/cloud/limits.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/surface/planes.h"
 
@@ -21,7 +22,8 @@ constexpr double kClosedShare = 0.1;
 
 using neighbourhood::Neighbours;
 
-/// Disjoint sets whose members know whether their side agrees with their parent's: parent * 2 + (1 = turned).
+/// Disjoint sets whose members know whether their side agrees with their parent's: parent * 2 + (1 = turned),
+/// which cloud::kMaxCloudPoints leaves room for. What is counted or summed is in 64 bits.
 class Pieces {
  public:
   explicit Pieces(std::size_t n) : link_(n) {

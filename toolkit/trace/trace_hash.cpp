@@ -1,15 +1,12 @@
 #include "toolkit/core/hash.h"
+#include "toolkit/trace/frame_hash.h"
 #include "toolkit/trace/trace.h"
 
 namespace palpate::trace {
 
 std::string trace_hash(const ForceTrace& trace) {
-  Hash64 hash;
-  for (const render::Frame& frame : trace.frames) {
-    hash.byte(frame.contact ? 1 : 0);
-    for (int axis = 0; axis < 3; ++axis) hash.real(frame.force_n[axis]);
-    for (int axis = 0; axis < 3; ++axis) hash.real(frame.god_object_mm[axis]);
-  }
+  FrameHash hash;
+  for (const render::Frame& frame : trace.frames) hash.add(frame);
   return hash.hex();
 }
 

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "tests/toolkit/stars/clouds.h"
 
 namespace palpate::stars {
@@ -154,6 +156,57 @@ TEST(StarContact, LetsGoBesideASheet) {
 
 /// A floor and a wall that goes on below it share no points: pressed into the floor and moved against the
 /// wall, the god object stays in their corner, and comes out of it again.
+// Below the normal numbers a product of a distance vanishes: whoever rests there keeps a side all the same.
+TEST(StarContact, DenormalHeightsHaveASide) {
+  std::vector<Vec3> points;
+  for (int j = -5; j <= 5; ++j)
+    for (int i = -5; i <= 5; ++i) points.emplace_back(0.5 * i, 0.5 * j, 0.0);
+  Felt felt(points);
+  const double tiny = std::numeric_limits<double>::denorm_min();
+  for (const Vec3& at : {Vec3(0, 0, 0), Vec3(0.1, 0.2, 0), Vec3(0.25, 0, 0)})
+    for (const double height : {1.0, 3.0, 1e6}) {
+      StarCounters counters;
+      const Vec3 hair(0, 0, height * tiny);
+      felt.contact.reset(at + Vec3(0, 0, 3));
+      // From above to a hair above it, below it, and so again: from there it is free above and held below.
+      for (int k = 0; k < 4; ++k) {
+        const bool above = k % 2 == 0;
+        const Vec3 h = above ? Vec3(at + hair) : Vec3(at - hair);
+        EXPECT_FALSE(felt.contact.update(h, counters) && above) << k;
+      }
+      EXPECT_FALSE(felt.contact.update(at + Vec3(0, 0, 1), counters)) << at.transpose() << " " << height;
+      EXPECT_TRUE(felt.contact.update(at - Vec3(0, 0, 0.5), counters));
+      EXPECT_GT(felt.contact.pull().z(), 0.0);
+    }
+}
+
+// A crowd of points in a plane a hundred times as coarse: no triangle joins them, and what is pressed goes
+// from the one to the other; an opening as wide in an even plane lets it through.
+TEST(StarContact, CrossesAStepOfDensity) {
+  const auto plane = [](double crowd_step) {
+    std::vector<Vec3> points;
+    for (int j = -20; j <= 20; ++j)
+      for (int i = -20; i <= 20; ++i) points.emplace_back(0.5 * i, 0.5 * j, 0.0);
+    if (crowd_step > 0.0)
+      for (int j = 0; j < 100; ++j)
+        for (int i = 0; i < 100; ++i)
+          points.emplace_back(-0.248 + crowd_step * i, -0.248 + crowd_step * j, 0.0);
+    return points;
+  };
+  Felt felt(plane(0.005));
+  for (const Vec3& way : {Vec3(1, 0.03, 0), Vec3(-0.7, 0.8, 0)}) {
+    StarCounters counters;
+    const Vec3 from = -3.0 * way;
+    felt.contact.reset(from + Vec3(0, 0, 2));
+    ASSERT_TRUE(felt.contact.update(from - Vec3(0, 0, 0.7), counters));
+    for (int k = 0; k <= 600; ++k) {
+      const Vec3 h = from + 0.01 * k * way - Vec3(0, 0, 0.7);
+      ASSERT_TRUE(felt.contact.update(h, counters)) << h.transpose();
+      EXPECT_NEAR((h + felt.contact.pull()).z(), 0.0, 1e-12);
+    }
+  }
+}
+
 TEST(StarContact, SheetsThatCrossHoldTogether) {
   std::vector<Vec3> points;
   for (int i = -30; i <= 30; ++i)

@@ -1,0 +1,62 @@
+#include "device/live/workspace.h"
+
+#include <cmath>
+#include <numbers>
+#include <string>
+
+namespace palpate::device {
+namespace {
+
+// Of the workspace: the rest is for a hand that goes around the scene, and for the edge, where devices are
+// weak.
+constexpr double kFilledShare = 0.9;
+
+}  // namespace
+
+Vec3 reachable_half_mm(const DeviceLimits& limits) noexcept {
+  const Vec3 half = 0.5 * limits.workspace_mm.extent_mm();
+  switch (limits.workspace_shape) {
+    case WorkspaceShape::kBox:
+      return half;
+    case WorkspaceShape::kEllipsoid:  // (x/a)^2 + (y/b)^2 + (z/c)^2 = 1 at x/a = y/b = z/c
+      return std::numbers::inv_sqrt3 * half;
+    case WorkspaceShape::kCylinder:
+      return {half.x() / std::numbers::sqrt2, half.y() / std::numbers::sqrt2, half.z()};
+  }
+  return half;
+}
+
+Result<DeviceMap> map_for(const geometry::Aabb& scene_mm, const DeviceLimits& limits,
+                          const WorkspaceOptions& options) {
+  double factor = options.fit == WorkspaceFit::kFactor ? options.factor : 1.0;
+  if (options.fit == WorkspaceFit::kFitted) {
+    const Vec3 reach = 2.0 * kFilledShare * reachable_half_mm(limits), extent = scene_mm.extent_mm();
+    factor = (extent.array() / reach.array()).maxCoeff();
+    if (!std::isfinite(factor) || !(factor > 0.0))
+      return Error{"the scene or the workspace has no extent", "name the factor instead of fitting", "", 0};
+  }
+  if (!std::isfinite(factor) || !(factor > 0.0))
+    return Error{"the factor of the workspace is " + std::to_string(factor), "give a finite number above 0",
+                 "", 0};
+  geometry::RigidTransform world_from_device;
+  world_from_device.translation_mm = scene_mm.centre_mm() - factor * limits.workspace_mm.centre_mm();
+  return DeviceMap(world_from_device, factor);
+}
+
+DeviceMap Clutch::update(const DeviceMap& now, bool pressed, bool free, const Vec3& device_mm) noexcept {
+  if (pressed == engaged_ || (pressed && !free)) return now;
+  engaged_ = pressed;
+  if (engaged_) {
+    before_ = now;
+    held_mm_ = now.world_mm(device_mm);
+    DeviceMap held = now;
+    held.world_per_device = 0.0;
+    held.world_from_device.translation_mm = held_mm_;
+    return held;
+  }
+  DeviceMap after = before_;
+  after.world_from_device.translation_mm += held_mm_ - before_.world_mm(device_mm);
+  return after;
+}
+
+}  // namespace palpate::device

@@ -1,0 +1,307 @@
+#include "device/record/recorder.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <chrono>
+#include <condition_variable>
+#include <cstdio>
+#include <mutex>
+#include <optional>
+#include <thread>
+
+#include "device/record/byte_ring.h"
+#include "device/record/chunk.h"
+#include "device/record/header_codec.h"
+#include "device/record/tick_codec.h"
+#include "toolkit/core/at_stop.h"
+#include "toolkit/core/clock.h"
+#include "toolkit/core/try.h"
+
+namespace palpate::device {
+namespace {
+
+// How often the writer looks: a tenth of a chunk more that a crash may lose, and 40 wake-ups a second.
+constexpr std::chrono::milliseconds kLook{25};
+// What failed is tried again so often: a disk that is full stays so for a while.
+constexpr std::int64_t kRetryNs = 100'000'000;
+constexpr double kNsPerS = 1e9;
+// So many records are taken before the writer looks at the clock again.
+constexpr int kRecordsAtOnce = 64;
+
+}  // namespace
+
+struct Recorder::State {
+  State(std::unique_ptr<RecordingFile> to, TickSource& from, const RecorderOptions& asked)
+      : file(std::move(to)),
+        source(from),
+        options(asked),
+        chunk_ns(static_cast<std::int64_t>(asked.chunk_s * kNsPerS)),
+        ring(std::max(asked.ring_bytes, 2 * (kMostBytesATick + sizeof(std::uint32_t)))) {
+    chunk.resize(kMostPayloadBytes);
+  }
+
+  // The file; whoever holds the mutex. Never the servo thread.
+  std::mutex file_mutex;
+  std::unique_ptr<RecordingFile> file;
+  std::uint64_t next_number = 0;
+  std::uint16_t renderers = 0;
+  [[nodiscard]] Status append(ChunkKind kind, std::uint32_t ticks, std::int64_t t_ns,
+                              std::span<const std::byte> payload, Flush flush);
+
+  // The servo thread.
+  TickSource& source;
+  RecorderOptions options;
+  RecordedTick tick;
+  std::array<std::byte, kMostBytesATick> scratch{};
+  std::int64_t last_t_ns = 0;
+  bool has_tick = false;
+  std::uint64_t lost_pending = 0;
+
+  // The writer thread.
+  std::int64_t chunk_ns;
+  std::vector<std::byte> chunk;  ///< ticks that are not in the file yet: the first chunk_bytes
+  std::size_t chunk_bytes = 0;
+  std::uint32_t chunk_ticks = 0;
+  std::int64_t chunk_t_ns = 0, chunk_begun_ns = 0, tried_ns = 0;
+  std::array<std::byte, kMostBytesATick> popped{};
+  std::size_t popped_bytes = 0;  ///< taken out of the ring, but not in the chunk yet
+  std::optional<Error> failure;  ///< of the last try
+  void write_all();
+  void drain();
+  [[nodiscard]] bool take();
+  void write_chunk(bool now);
+
+  // Between threads.
+  ByteRing ring;
+  std::atomic<bool> closed{false}, stop{false}, failing{false};
+  std::atomic<std::uint64_t> ticks{0}, lost{0}, written{0}, bytes{0};
+  std::mutex wake_mutex;
+  std::condition_variable wake;
+  std::thread writer;
+
+  std::mutex finish_mutex;
+  std::optional<Status> finished;
+  AtStop at_stop;
+};
+
+Status Recorder::State::append(ChunkKind kind, std::uint32_t tick_count, std::int64_t t_ns,
+                               std::span<const std::byte> payload, Flush flush) {
+  ChunkHead head{kind,       next_number, static_cast<std::uint32_t>(payload.size()),
+                 tick_count, t_ns,        hash_of(payload)};
+  const auto front = encode(head);
+  // One write, so that a crash of the program leaves it whole or not there.
+  std::vector<std::byte> whole;
+  whole.reserve(kFileHeadBytes + front.size() + payload.size());
+  if (kind == ChunkKind::kHeader) {
+    whole.resize(kFileHeadBytes);
+    ByteWriter out(whole);
+    out.raw(std::as_bytes(std::span(kFileMark)));
+    out.u32(kRecordingVersion);
+    out.u32(0);
+  }
+  whole.insert(whole.end(), front.begin(), front.end());
+  whole.insert(whole.end(), payload.begin(), payload.end());
+  PALPATE_TRY(file->append(whole));
+  // It is in the file from here on, whatever the disk says: it must not be written twice.
+  ++next_number;
+  bytes.store(bytes.load(std::memory_order_relaxed) + whole.size(), std::memory_order_relaxed);
+  return file->flush(flush);
+}
+
+/// The next tick of the ring into the chunk. False: there is none, or the chunk must be written first.
+bool Recorder::State::take() {
+  if (popped_bytes == 0) popped_bytes = ring.pop(popped);
+  if (popped_bytes == 0) return false;
+  // The time stands behind four bytes of every tick.
+  constexpr std::size_t kTimeAt = 4;
+  const std::int64_t t_ns = ByteReader(std::span(popped).subspan(kTimeAt)).i64();
+  const bool full =
+      chunk_ticks > 0 && (t_ns - chunk_t_ns >= chunk_ns || chunk_bytes + popped_bytes > kFullPayloadBytes);
+  if (full) return false;
+  if (chunk_ticks == 0) {
+    chunk_t_ns = t_ns;
+    chunk_begun_ns = monotonic_ns();
+  }
+  std::copy_n(popped.begin(), popped_bytes, chunk.begin() + static_cast<std::ptrdiff_t>(chunk_bytes));
+  chunk_bytes += popped_bytes;
+  ++chunk_ticks;
+  popped_bytes = 0;
+  return true;
+}
+
+void Recorder::State::write_chunk(bool now) {
+  if (chunk_ticks == 0) return;
+  const std::int64_t now_ns = monotonic_ns();
+  if (failure && !now && now_ns - tried_ns < kRetryNs) return;
+  tried_ns = now_ns;
+  const std::lock_guard lock(file_mutex);
+  const std::uint64_t number = next_number;
+  const Status done =
+      append(ChunkKind::kTicks, chunk_ticks, chunk_t_ns, std::span(chunk).first(chunk_bytes), options.flush);
+  failure = done ? std::nullopt : std::optional<Error>(done.error());
+  if (next_number > number) {
+    written.store(written.load(std::memory_order_relaxed) + chunk_ticks, std::memory_order_relaxed);
+    chunk_ticks = 0;
+    chunk_bytes = 0;
+  }
+  failing.store(failure.has_value(), std::memory_order_relaxed);
+}
+
+/// Everything that the ring has, and the chunk where it is due.
+void Recorder::State::drain() {
+  for (;;) {
+    int taken = 0;
+    while (taken < kRecordsAtOnce && take()) ++taken;
+    if (taken == kRecordsAtOnce) continue;
+    if (popped_bytes == 0) break;  // the ring is empty
+    write_chunk(false);
+    if (chunk_ticks > 0) return;  // it could not be: the ring keeps the rest
+  }
+  if (chunk_ticks > 0 && monotonic_ns() - chunk_begun_ns >= chunk_ns) write_chunk(false);
+}
+
+void Recorder::State::write_all() {
+  while (!stop.load(std::memory_order_acquire)) {
+    drain();
+    std::unique_lock lock(wake_mutex);
+    wake.wait_for(lock, kLook, [&] { return stop.load(std::memory_order_acquire); });
+  }
+  do {
+    drain();
+    write_chunk(true);
+  } while (chunk_ticks == 0 && (popped_bytes > 0 || ring.used() > 0));
+  // A last try failed: the rest is lost.
+  std::uint64_t left = chunk_ticks;
+  if (popped_bytes > 0) ++left;
+  while (ring.pop(popped) > 0) ++left;
+  lost.fetch_add(left, std::memory_order_relaxed);
+}
+
+Recorder::Recorder(std::unique_ptr<State> state) : state_(std::move(state)) {}
+
+Recorder::~Recorder() {
+  static_cast<void>(finish());
+}
+
+Result<std::unique_ptr<Recorder>> Recorder::create(const std::string& path, const RecordingHeader& header,
+                                                   TickSource& source, const RecorderOptions& options) {
+  PALPATE_ASSIGN(std::unique_ptr<RecordingFile> file, make_recording_file(path, options.replace));
+  Result<std::unique_ptr<Recorder>> recorder = create(std::move(file), header, source, options);
+  // Without a header nobody could read it.
+  if (!recorder) std::remove(path.c_str());
+  return recorder;
+}
+
+Result<std::unique_ptr<Recorder>> Recorder::create(std::unique_ptr<RecordingFile> file,
+                                                   const RecordingHeader& header, TickSource& source,
+                                                   const RecorderOptions& options) {
+  const std::vector<std::byte> head = encode(header);
+  if (head.size() > kMostPayloadBytes)
+    return Error{fmt::format("what the recording says of its session takes {} bytes, and at most {} fit",
+                             head.size(), kMostPayloadBytes),
+                 "record a scene whose text is shorter", file->path(), 0};
+  std::unique_ptr<Recorder> recorder(new Recorder(std::make_unique<State>(std::move(file), source, options)));
+  State& s = *recorder->state_;
+  PALPATE_TRY(s.append(ChunkKind::kHeader, 0, 0, head, options.flush));
+  s.at_stop = AtStop([&s, self = recorder.get()] {
+    const Status done = self->finish("stopped");
+    return done ? fmt::format("{} holds {} ticks", s.file->path(), self->counts().written)
+                : done.error().message();
+  });
+  s.writer = std::thread([&s] { s.write_all(); });
+  return recorder;
+}
+
+Result<std::uint16_t> Recorder::add_renderer(const RecordedRenderer& renderer) {
+  State& s = *state_;
+  const std::lock_guard lock(s.file_mutex);
+  const std::uint16_t index = s.renderers;
+  const std::vector<std::byte> bytes = encode(index, renderer);
+  if (bytes.size() > kMostPayloadBytes)
+    return Error{"the options of this renderer are too long for a recording", "give it shorter ones",
+                 renderer.label, 0};
+  PALPATE_TRY(s.append(ChunkKind::kRenderer, 0, 0, bytes, s.options.flush));
+  ++s.renderers;
+  return index;
+}
+
+Status Recorder::note(const std::string& text) {
+  State& s = *state_;
+  const std::lock_guard lock(s.file_mutex);
+  return s.append(ChunkKind::kNote, 0, 0, encode_note(text.substr(0, kFullPayloadBytes)), s.options.flush);
+}
+
+void Recorder::took(const Tick& tick) noexcept {
+  State& s = *state_;
+  RecordedTick& out = s.tick;
+  out = RecordedTick{};
+  out.t_ns = tick.t_ns;
+  out.t_s = tick.t_s;
+  out.dt_ns = s.has_tick ? tick.t_ns - s.last_t_ns : 0;
+  out.late_ns = tick.due_ns > 0 ? tick.t_ns - tick.due_ns : 0;
+  out.exchange_ns = tick.exchange_ns;
+  out.rearmed = tick.rearmed;
+  out.state = tick.state;
+  out.hip_mm = tick.state.position_mm;
+  out.sent_n = tick.sent_n;
+  out.fault = tick.fault;
+  s.source.fill(tick, out);
+  out.lost_before = s.lost_pending;
+  s.last_t_ns = tick.t_ns;
+  s.has_tick = true;
+  const std::size_t bytes = encode(out, s.scratch);
+  if (!s.closed.load(std::memory_order_relaxed) && s.ring.push(std::span(s.scratch).first(bytes))) {
+    s.lost_pending = 0;
+  } else {
+    ++s.lost_pending;
+    s.lost.fetch_add(1, std::memory_order_relaxed);
+  }
+  s.ticks.store(s.ticks.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+  s.source.recorded();
+}
+
+void Recorder::wait_for_room() const {
+  const State& s = *state_;
+  // A tick of the machine's clock: the writer fetches megabytes in it.
+  constexpr std::chrono::milliseconds kNap{1};
+  while (s.ring.used() > s.ring.capacity() / 2 && !s.failing.load(std::memory_order_relaxed) &&
+         !s.closed.load(std::memory_order_relaxed))
+    std::this_thread::sleep_for(kNap);
+}
+
+Status Recorder::finish(const std::string& reason) {
+  State& s = *state_;
+  const std::lock_guard once(s.finish_mutex);
+  if (s.finished) return *s.finished;
+  s.closed.store(true, std::memory_order_relaxed);
+  {
+    const std::lock_guard lock(s.wake_mutex);
+    s.stop.store(true, std::memory_order_release);
+  }
+  s.wake.notify_all();
+  if (s.writer.joinable()) s.writer.join();
+  const RecorderCounts counted = counts();
+  const std::lock_guard lock(s.file_mutex);
+  Status closed =
+      s.append(ChunkKind::kEnd, 0, s.last_t_ns,
+               encode(RecordingClose{counted.ticks, counted.written, counted.lost, reason}), Flush::kData);
+  if (counted.lost > 0) {
+    Error error = !closed ? closed.error() : Error{};
+    error.what = fmt::format("{} of {} ticks were lost{}", counted.lost, counted.ticks,
+                             s.failure ? ": " + s.failure->what : ": the disk was slower than the session");
+    if (error.remedy.empty()) error.remedy = s.failure ? s.failure->remedy : "record to a faster disk";
+    error.file = s.file->path();
+    closed = error;
+  }
+  s.finished = closed;
+  return closed;
+}
+
+RecorderCounts Recorder::counts() const noexcept {
+  const State& s = *state_;
+  return {s.ticks.load(std::memory_order_relaxed), s.written.load(std::memory_order_relaxed),
+          s.lost.load(std::memory_order_relaxed), s.bytes.load(std::memory_order_relaxed)};
+}
+
+}  // namespace palpate::device

@@ -1,0 +1,86 @@
+// Put around a renderer that is recorded: passes every call on and notes it for the tick. Whoever calls the
+// renderer (servo, bring-up, mixer) knows nothing of it.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <utility>
+
+#include "device/record/recorded_tick.h"
+#include "toolkit/core/clock.h"
+
+namespace palpate::device {
+
+/// Refers to the clock, and to the renderer unless it is given it. One thread, that of the frames. Costs two
+/// readings of the clock a step, and nothing is allocated.
+class RendererTap final : public render::HapticRenderer {
+ public:
+  RendererTap(render::HapticRenderer& inner, const Clock& clock) noexcept : inner_(inner), clock_(clock) {}
+  /// Takes it; never null.
+  RendererTap(std::unique_ptr<render::HapticRenderer> inner, const Clock& clock) noexcept
+      : owned_(std::move(inner)), inner_(*owned_), clock_(clock) {}
+
+  [[nodiscard]] Result<render::Decisions> decide(const render::SceneInput& scene,
+                                                 const render::PrepareContext& context) const override {
+    return inner_.decide(scene, context);
+  }
+  [[nodiscard]] Result<render::PrepareReport> prepare(const render::SceneInput& scene,
+                                                      const render::PrepareContext& context) override {
+    return inner_.prepare(scene, context);
+  }
+  void restart(const Vec3& hip_mm, double t_s) noexcept override {
+    // What was done before is undone by it.
+    begin_tick();
+    note({RendererCall::Kind::kRestart, hip_mm, t_s});
+    inner_.restart(hip_mm, t_s);
+  }
+  void let_go(const Vec3& hip_mm) noexcept override {
+    note({RendererCall::Kind::kLetGo, hip_mm, 0.0});
+    inner_.let_go(hip_mm);
+  }
+  [[nodiscard]] render::Frame step(const Vec3& hip_mm, double t_s) noexcept override {
+    note({RendererCall::Kind::kStep, hip_mm, t_s});
+    const std::int64_t begun_ns = clock_.now_ns();
+    frame_ = inner_.step(hip_mm, t_s);
+    step_ns_ += clock_.now_ns() - begun_ns;
+    stepped_ = true;
+    return frame_;
+  }
+  [[nodiscard]] render::FrameCounters counters() const noexcept override { return inner_.counters(); }
+  [[nodiscard]] render::Description describe() const override { return inner_.describe(); }
+
+  /// What was called since the last begin_tick(); the calls stay until the next one. `renderer` stays as the
+  /// caller has set it.
+  void fill(RecordedTrack& track) const noexcept {
+    track.stepped = stepped_;
+    track.calls_lost = lost_;
+    track.frame = stepped_ ? frame_ : render::Frame{};
+    track.step_ns = step_ns_;
+    track.calls = {calls_.data(), count_};
+  }
+  /// After the tick was recorded: the next call belongs to the next tick.
+  void begin_tick() noexcept {
+    count_ = 0;
+    step_ns_ = 0;
+    stepped_ = lost_ = false;
+  }
+
+ private:
+  void note(const RendererCall& call) noexcept {
+    if (count_ < calls_.size())
+      calls_[count_++] = call;
+    else
+      lost_ = true;
+  }
+
+  std::unique_ptr<render::HapticRenderer> owned_;
+  render::HapticRenderer& inner_;
+  const Clock& clock_;
+  std::array<RendererCall, kMostCalls> calls_{};
+  std::size_t count_ = 0;
+  bool stepped_ = false, lost_ = false;
+  render::Frame frame_;
+  std::int64_t step_ns_ = 0;
+};
+
+}  // namespace palpate::device

@@ -1,0 +1,126 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "device/interface/drivers.h"
+#include "device/simulated/simulated_drivers.h"
+#include "experiments/command/subcommands.h"
+#include "experiments/live/doctor.h"
+#include "experiments/session/session.h"
+#include "toolkit/core/words.h"
+
+namespace palpate::experiments {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr const char* kDevicesSchema = "palpate-devices/1";
+
+struct DevicesArguments {
+  bool doctor = false;
+  bool json = false;
+};
+
+/// A driver's entry, with the driver.
+struct Listed {
+  std::string driver, transport;
+  device::DeviceEntry entry;
+};
+
+std::vector<Listed> listed() {
+  device::Drivers drivers;
+  device::register_simulated_drivers(drivers);
+  std::vector<Listed> all;
+  for (const device::Driver& driver : drivers.all())
+    for (device::DeviceEntry& entry : driver.look())
+      all.push_back({driver.name, driver.transport, std::move(entry)});
+  return all;
+}
+
+void print_json(const std::vector<Listed>& devices, const std::vector<Check>* checks) {
+  Json list = Json::array();
+  for (const Listed& d : devices)
+    list.push_back({{"driver", d.driver},
+                    {"name", d.entry.name},
+                    {"transport", d.transport},
+                    {"status", device::device_status_name(d.entry.status)},
+                    {"what", d.entry.what},
+                    {"needs", d.entry.needs}});
+  Json document = {{"schema", kDevicesSchema}, {"devices", std::move(list)}};
+  if (checks != nullptr) {
+    Json judged = Json::array();
+    for (const Check& check : *checks)
+      judged.push_back({{"about", check.about},
+                        {"verdict", verdict_name(check.verdict)},
+                        {"found", check.found},
+                        {"remedy", check.remedy}});
+    document["checks"] = std::move(judged);
+  }
+  fmt::print("{}\n", document.dump(2));
+}
+
+void print_devices(const std::vector<Listed>& devices) {
+  std::size_t name = 0, transport = 0;
+  for (const Listed& d : devices) {
+    name = std::max(name, d.entry.name.size());
+    transport = std::max(transport, d.transport.size());
+  }
+  for (const Listed& d : devices) {
+    fmt::print("{:<{}}  {:<{}}  {:<7}  {}\n", d.entry.name, name, d.transport, transport,
+               device::device_status_name(d.entry.status), d.entry.what);
+    for (const std::string& need : d.entry.needs) fmt::print("{:<{}}  needs {}\n", "", name, need);
+  }
+}
+
+void print_checks(const std::vector<Check>& checks) {
+  std::size_t warnings = 0, problems = 0;
+  fmt::print("\n");
+  for (const Check& check : checks) {
+    warnings += check.verdict == Verdict::kWarning ? 1 : 0;
+    problems += check.verdict == Verdict::kProblem ? 1 : 0;
+    fmt::print("{:<7}  {}: {}\n", verdict_name(check.verdict), check.about, check.found);
+    for (const std::string& line : check.remedy) fmt::print("         {}\n", line);
+  }
+  if (problems > 0)
+    fmt::print("\n{} of {} checks found what keeps a session from running in time.\n", problems,
+               checks.size());
+  else if (warnings > 0)
+    fmt::print("\nA simulated session runs. {} warnings matter once a device is felt.\n", warnings);
+  else
+    fmt::print("\nAll is well.\n");
+}
+
+void declare_devices(const Declaration& declare, DevicesArguments& a) {
+  declare.flag("--doctor", a.doctor,
+               "also check limits, kernel, timer, CPUs and permissions, each with its remedy (a tenth of a "
+               "second); exit "
+               "status 1 where a simulated session would not run in time");
+  declare.flag("--json", a.json, "print JSON");
+}
+
+int run_devices(const DevicesArguments& arguments, Context& /*context*/) {
+  const std::vector<Listed> devices = listed();
+  std::vector<Check> checks;
+  if (arguments.doctor) checks = examine(read_system_facts());
+  if (arguments.json) {
+    print_json(devices, arguments.doctor ? &checks : nullptr);
+  } else {
+    print_devices(devices);
+    if (arguments.doctor) print_checks(checks);
+  }
+  const bool problem = std::any_of(checks.begin(), checks.end(),
+                                   [](const Check& c) { return c.verdict == Verdict::kProblem; });
+  return problem ? kExitFellShort : kExitOk;
+}
+
+}  // namespace
+
+Subcommand devices_subcommand() {
+  return subcommand("devices",
+                    "haptic devices: what is connected and what could be; what the machine allows a servo",
+                    {"palpate devices", "palpate devices --doctor", "palpate devices --json"},
+                    declare_devices, run_devices);
+}
+
+}  // namespace palpate::experiments

@@ -1,0 +1,71 @@
+#include "experiments/live/live.h"
+
+#include "experiments/command/common_options.h"
+#include "experiments/command/subcommands.h"
+
+namespace palpate::experiments {
+namespace {
+
+void declare_live(const Declaration& declare, LiveArguments& a) {
+  constexpr NumberRange kSeconds{0.1, 86'400.0}, kEvery{0.0, 86'400.0}, kRate{500.0, 8'000.0},
+      kFade{1.0, 1'000.0};
+  RunArguments& run = a.run;
+  declare.required("SCENE", run.scene, kSceneHelp);
+  declare.text(
+      "--renderers", run.renderers,
+      "A,B,..: each NAME[:option=value...][:label=TEXT], at most 7; the first is felt first (default: "
+      "the scene's or the plan's, cloud, and a mesh)");
+  declare.text("--device", a.device,
+               "sim, or sim:NAME: omni, touch, falcon, omega3, admittance (default: sim, which is sim:omni)");
+  declare.text(
+      "--hand", a.hand,
+      "what the simulated hand does: explore along the path, press, slide or tap (default: explore)");
+  declare.text("--grip", a.grip, "how it holds the device: hand, finger, arm or released (default: hand)");
+  declare.number("--seconds", a.seconds, kSeconds, "how long (default: 10)");
+  declare.number("--switch-every", a.switch_every_s, kEvery,
+                 "seconds after which the next renderer is asked for, again and again (default: 0, never)");
+  declare.text(
+      "--rule", a.rule,
+      "of a switch that free space does not allow at once: wait (a fade in contact, else wait for free "
+      "space), refuse (a fade in contact, else refuse) or free (wait for free space) (default: wait)");
+  declare.number("--fade", a.fade_ms, kFade, "length of a fade in contact, ms; 100 to 200 (default: 150)");
+  declare.text("--changes", a.changes,
+               "SECONDS:LABEL:key=value[:key=value..],..: a renderer's options change while it is felt; "
+               "stiffness (N/mm) and force_limit (N) too");
+  declare.text("--mapping", a.mapping,
+               "of the workspace: 1:1, fitted, or mm of the scene for a mm of the device (default: 1:1)");
+  declare.number("--rate", a.rate_hz, kRate, "of the servo, whole Hz (default: 1000)");
+  declare.flag("--accelerated", a.accelerated,
+               "as fast as it goes, on a clock of its own: the same session every time");
+  declare.flag("--headless", a.headless, "without a window, which this version has none of");
+  declare.flag("--rearm", a.rearm, "arm again a second after a fault");
+  declare.text("--record", a.record, "a recording of the session");
+  declare.text("--path", run.path,
+               "where the hand goes: a file or a generator, as `palpate compare` takes it (default: by the "
+               "model's size)");
+  declare.text("--traj-columns", run.traj_columns, "of a recorded path, as `palpate compare` takes them");
+  declare.text(
+      "--out", run.out,
+      "folder for the results; made where it is missing (default: one in out/, by the model's name)");
+  declare.flag("--json", run.json, "print the result as JSON");
+  declare_surface(declare, run.surface);
+  declare_model(declare, run.load);
+}
+
+}  // namespace
+
+Subcommand live_subcommand() {
+  return subcommand(
+      "live", "renderers under one hand on a simulated device, switched while they are felt",
+      {"palpate live sinusoid:points=10201 --renderers cloud,mesh-godobject --seconds 10 --switch-every 1 "
+       "--out "
+       "out/live",
+       "palpate live sinusoid:points=10201 --renderers cloud,cloud-smooth --device sim:falcon --hand slide "
+       "--seconds 60 --switch-every 0.7 --accelerated --out out/slide",
+       "palpate live sinusoid:points=10201 --renderers cloud --changes "
+       "2:cloud:stiffness=0.8,4:cloud:shading=none "
+       "--seconds 6 --accelerated --out out/changes"},
+      declare_live, run_live);
+}
+
+}  // namespace palpate::experiments

@@ -1,0 +1,318 @@
+#include "experiments/live/doctor.h"
+
+#include <fmt/format.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <ctime>
+#include <filesystem>
+#include <span>
+#include <system_error>
+#include <thread>
+
+#include "toolkit/core/clock.h"
+#include "toolkit/core/input_file.h"
+#include "toolkit/core/numbers.h"
+#include "toolkit/core/options.h"
+#include "toolkit/core/words.h"
+
+namespace palpate::experiments {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A sleep that ends half of the fastest servo's period late at the median takes that servo away.
+constexpr std::int64_t kLateMedianNs = 60'000;
+// Without high-resolution timers sleeps end with the kernel's tick, 1 ms or longer: no servo at 1 kHz.
+constexpr std::int64_t kCoarseClockNs = 1'000'000;
+// Of a hundred seconds one is gone: ticks are missed every second.
+constexpr double kStealPercent = 1.0;
+// The kernel's own default, which leaves the rest of the machine a twentieth.
+constexpr std::int64_t kUsualShareUs = 950'000;
+constexpr std::int64_t kTriedForNs = 100'000'000, kTriedPeriodNs = 1'000'000;
+
+// Devices known by their ids on the bus (an empty product: any of the vendor's).
+struct KnownUsb {
+  const char* vendor;
+  const char* product;
+  const char* name;
+};
+constexpr std::array kKnownUsb = {KnownUsb{"0403", "cb48", "Novint Falcon"},
+                                  KnownUsb{"1234", "0006", "WoodenHaptics"},
+                                  KnownUsb{"16c0", "0486", "Polhem"}, KnownUsb{"256f", "", "3Dconnexion"}};
+
+/// The first line of a file of the system; empty where it is not there.
+std::string line_of(const std::string& path) {
+  Result<InputFile> file = InputFile::open(path);
+  if (!file) return {};
+  std::array<char, 256> text{};
+  const Result<std::size_t> read = file->read(std::as_writable_bytes(std::span(text)));
+  if (!read) return {};
+  const std::string_view all(text.data(), *read);
+  return std::string(all.substr(0, all.find('\n')));
+}
+
+/// The entries of a folder of the system, sorted.
+std::vector<fs::path> entries_of(const fs::path& folder) {
+  std::vector<fs::path> found;
+  std::error_code none;
+  for (fs::directory_iterator it(folder, none), end; !none && it != end; it.increment(none))
+    found.push_back(it->path());
+  std::sort(found.begin(), found.end());
+  return found;
+}
+
+std::vector<std::string> governors() {
+  std::vector<std::string> found;
+  for (const fs::path& cpu : entries_of("/sys/devices/system/cpu/cpufreq"))
+    if (std::string name = line_of((cpu / "scaling_governor").string()); !name.empty())
+      if (std::find(found.begin(), found.end(), name) == found.end()) found.push_back(std::move(name));
+  return found;
+}
+
+std::vector<UsbDevice> known_usb_devices() {
+  std::vector<UsbDevice> found;
+  for (const fs::path& at : entries_of("/sys/bus/usb/devices")) {
+    const std::string vendor = line_of((at / "idVendor").string()),
+                      product = line_of((at / "idProduct").string());
+    for (const KnownUsb& known : kKnownUsb) {
+      if (vendor != known.vendor || (known.product[0] != '\0' && product != known.product)) continue;
+      UsbDevice device{known.name, vendor, product, {}, false};
+      const Result<long long> bus = read_integer(line_of((at / "busnum").string()), {0, 999});
+      const Result<long long> number = read_integer(line_of((at / "devnum").string()), {0, 999});
+      if (bus && number) device.node = fmt::format("/dev/bus/usb/{:03}/{:03}", *bus, *number);
+      device.may_open = ::access(device.node.c_str(), R_OK | W_OK) == 0;
+      found.push_back(std::move(device));
+    }
+  }
+  return found;
+}
+
+bool in_a_virtual_machine() {
+  std::error_code none;
+  if (fs::exists("/sys/hypervisor/type", none)) return true;
+  Result<InputFile> file = InputFile::open("/proc/cpuinfo");
+  if (!file) return false;
+  // The flags of the first processor stand in the first 8 KB.
+  std::array<char, 8192> text{};
+  const Result<std::size_t> read = file->read(std::as_writable_bytes(std::span(text)));
+  return read && std::string_view(text.data(), *read).find(" hypervisor") != std::string_view::npos;
+}
+
+/// Asks for everything that the watchdog asks for, and sleeps to a beat with what it got.
+void try_it(SystemFacts& facts) {
+  device::DurationHistogram lateness;
+  device::SchedulingOptions options;
+  options.priority = device::kWatchdogPriority;
+  const device::ProcessRealTime process(options, facts.tried);
+  std::thread thread([&] {
+    device::enter_real_time(options, facts.tried);
+    const std::int64_t begun = monotonic_ns();
+    for (std::int64_t due = begun + kTriedPeriodNs; due < begun + kTriedForNs; due += kTriedPeriodNs) {
+      constexpr std::int64_t kNsPerS = 1'000'000'000;
+      const timespec until{static_cast<std::time_t>(due / kNsPerS), static_cast<long>(due % kNsPerS)};
+      ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr);
+      lateness.count(monotonic_ns() - due);
+    }
+  });
+  thread.join();
+  facts.lateness = lateness.statistics();
+}
+
+/// The type of `resource` is the C library's own.
+template <class Resource>
+std::uint64_t limit_of(Resource resource) {
+  rlimit limit{};
+  if (::getrlimit(resource, &limit) != 0) return 0;
+  return limit.rlim_cur == RLIM_INFINITY ? SystemFacts::kUnlimited : limit.rlim_cur;
+}
+
+std::vector<std::string> limits_remedy() {
+  return {"write these lines to /etc/security/limits.d/90-palpate.conf, as root:",
+          fmt::format("    @realtime - rtprio {}", device::kWatchdogPriority),
+          "    @realtime - memlock unlimited",
+          "and then: sudo groupadd --force realtime && sudo usermod --append --groups realtime $USER",
+          "log out and in again"};
+}
+
+std::vector<std::string> udev_remedy(const std::string& rule) {
+  return {"write this line to /etc/udev/rules.d/70-palpate.rules, as root:", "    " + rule,
+          "and then: sudo udevadm control --reload && sudo udevadm trigger"};
+}
+
+Check priority(const SystemFacts& facts) {
+  if (facts.tried.fifo)
+    return {"real-time priority",
+            Verdict::kFine,
+            fmt::format("SCHED_FIFO {} is granted", facts.tried.priority),
+            {}};
+  return {"real-time priority", Verdict::kWarning,
+          fmt::format(
+              "SCHED_FIFO {} is refused (the limit rtprio is {}): whatever else runs makes the servo late",
+              device::kWatchdogPriority, facts.rtprio_limit),
+          limits_remedy()};
+}
+
+Check memory(const SystemFacts& facts) {
+  const std::string limit = facts.memlock_limit_bytes == SystemFacts::kUnlimited
+                                ? "unlimited"
+                                : bytes_text(static_cast<double>(facts.memlock_limit_bytes));
+  if (facts.tried.memory_locked) return {"locked memory", Verdict::kFine, "memory can be locked", {}};
+  return {"locked memory", Verdict::kWarning,
+          fmt::format(
+              "memory cannot be locked (the limit memlock is {}): a page that was swapped out stops a frame",
+              limit),
+          limits_remedy()};
+}
+
+Check kernel(const SystemFacts& facts) {
+  const std::string found =
+      fmt::format("{} ({})", facts.tried.kernel_release, device::kernel_kind_name(facts.tried.kernel));
+  if (facts.tried.kernel == device::KernelKind::kRealTime) return {"kernel", Verdict::kFine, found, {}};
+  return {"kernel",
+          Verdict::kWarning,
+          found + ": now and then it makes a tick late by a millisecond and more",
+          {"with a device, run a kernel with PREEMPT_RT; on Debian: sudo apt install linux-image-rt-amd64"}};
+}
+
+Check cpus(const SystemFacts& facts) {
+  const std::string found = fmt::format("{} may be used", facts.tried.cpus);
+  if (facts.tried.cpus > 1) return {"CPUs", Verdict::kFine, found, {}};
+  return {"CPUs",
+          Verdict::kWarning,
+          found + ": the servo shares it with everything else",
+          {"use a machine with two CPUs or more, or allow this process more (taskset, cpuset)"}};
+}
+
+Check governor(const SystemFacts& facts) {
+  if (facts.cpu_governors.empty())
+    return {
+        "CPU governor", Verdict::kFine, "the machine does not tell of one: its clock is not scaled here", {}};
+  const std::string found = joined(facts.cpu_governors);
+  if (facts.cpu_governors == std::vector<std::string>{"performance"})
+    return {"CPU governor", Verdict::kFine, found, {}};
+  return {"CPU governor",
+          Verdict::kWarning,
+          found + ": a CPU that sleeps between ticks is slow in each",
+          {"sudo cpupower frequency-set --governor performance"}};
+}
+
+Check sleep_states(const SystemFacts& facts) {
+  if (!facts.has_latency_file)
+    return {
+        "CPU sleep states", Verdict::kFine, "/dev/cpu_dma_latency is not there: nothing to hold awake", {}};
+  if (facts.tried.latency_held)
+    return {"CPU sleep states", Verdict::kFine, "/dev/cpu_dma_latency can be held at 0", {}};
+  return {"CPU sleep states", Verdict::kWarning,
+          "/dev/cpu_dma_latency may not be written: CPUs that sleep deeply wake up late",
+          udev_remedy("KERNEL==\"cpu_dma_latency\", GROUP=\"realtime\", MODE=\"0660\"")};
+}
+
+Check timer(const SystemFacts& facts) {
+  const std::string source = facts.clock_source.empty() ? "clock source not told" : facts.clock_source;
+  const std::string found =
+      fmt::format("{}, steps of {} ns; sleeps of 1 ms end late by {} at the median, {} at 99 %", source,
+                  facts.clock_resolution_ns, duration_text(1e-6 * static_cast<double>(facts.lateness.p50_ns)),
+                  duration_text(1e-6 * static_cast<double>(facts.lateness.p99_ns)));
+  if (facts.clock_resolution_ns >= kCoarseClockNs)
+    return {"timer",
+            Verdict::kProblem,
+            found,
+            {"boot a kernel with CONFIG_HIGH_RES_TIMERS, without highres=off"}};
+  if (facts.clock_source == "hpet" || facts.clock_source == "acpi_pm" || facts.clock_source == "jiffies")
+    return {"timer",
+            Verdict::kWarning,
+            found + ": every reading of this clock takes a microsecond or more",
+            {"boot with tsc=reliable where the processor's counter is (see dmesg | grep -i tsc)"}};
+  if (facts.lateness.p50_ns > kLateMedianNs)
+    return {"timer", Verdict::kWarning, found, {"stop what else runs, or get real-time priority (above)"}};
+  return {"timer", Verdict::kFine, found, {}};
+}
+
+Check real_time_share(const SystemFacts& facts) {
+  if (!facts.real_time_share_us)
+    return {"real-time share", Verdict::kFine, "the kernel does not limit it by a file of its own", {}};
+  const std::int64_t share = *facts.real_time_share_us;
+  const std::string found = share < 0 ? std::string("not limited") : fmt::format("{} of 1,000,000 us", share);
+  if (share == kUsualShareUs) return {"real-time share", Verdict::kFine, found, {}};
+  return {"real-time share",
+          Verdict::kWarning,
+          found + (share < 0 ? ": a renderer that hangs would take a CPU for ever"
+                             : ": the kernel stops real-time threads that take more"),
+          {fmt::format("sudo sysctl kernel.sched_rt_runtime_us={}", kUsualShareUs)}};
+}
+
+Check host(const SystemFacts& facts) {
+  const std::string found =
+      fmt::format("{}; {:.2f} % of the CPUs' time was stolen since it started",
+                  facts.virtual_machine ? "a virtual machine" : "no virtual machine", facts.steal_percent);
+  if (!facts.virtual_machine && facts.steal_percent < kStealPercent)
+    return {"host and steal", Verdict::kFine, found, {}};
+  return {"host and steal",
+          Verdict::kWarning,
+          found + ": its host may stop it at any time, and nothing is claimed beyond the 99.9th percentile",
+          {"with a device, use a machine of its own"}};
+}
+
+Check usb(const SystemFacts& facts) {
+  if (!facts.has_usb)
+    return {"USB permission", Verdict::kFine, "this machine has no USB; simulated devices need none", {}};
+  if (facts.usb.empty())
+    return {"USB permission", Verdict::kFine, "no haptic device that is known by its ids is connected", {}};
+  std::vector<std::string> names, remedy;
+  bool refused = false;
+  for (const UsbDevice& device : facts.usb) {
+    names.push_back(fmt::format("{} ({}:{}): {}", device.name, device.vendor, device.product,
+                                device.may_open ? "may be opened" : "may not be opened by this user"));
+    if (device.may_open) continue;
+    refused = true;
+    remedy = udev_remedy(fmt::format(
+        R"(SUBSYSTEM=="usb", ATTR{{idVendor}}=="{}", ATTR{{idProduct}}=="{}", MODE="0660", TAG+="uaccess")",
+        device.vendor, device.product));
+  }
+  if (refused) remedy.emplace_back("then unplug the device and plug it in again");
+  return {"USB permission", refused ? Verdict::kWarning : Verdict::kFine, joined(names, "; "), remedy};
+}
+
+}  // namespace
+
+SystemFacts read_system_facts() {
+  SystemFacts facts;
+  facts.rtprio_limit = limit_of(RLIMIT_RTPRIO);
+  facts.memlock_limit_bytes = limit_of(RLIMIT_MEMLOCK);
+  facts.cpu_governors = governors();
+  facts.has_latency_file = ::access("/dev/cpu_dma_latency", F_OK) == 0;
+  timespec step{};
+  if (::clock_getres(CLOCK_MONOTONIC, &step) == 0) facts.clock_resolution_ns = step.tv_nsec;
+  facts.clock_source = line_of("/sys/devices/system/clocksource/clocksource0/current_clocksource");
+  const Result<long long> share =
+      read_integer(line_of("/proc/sys/kernel/sched_rt_runtime_us"), {-1, 1'000'000'000});
+  if (share) facts.real_time_share_us = *share;
+  facts.steal_percent = device::steal_percent({0, 0}, device::steal_times());
+  facts.virtual_machine = in_a_virtual_machine();
+  facts.has_usb = ::access("/dev/bus/usb", F_OK) == 0;
+  facts.usb = known_usb_devices();
+  try_it(facts);
+  return facts;
+}
+
+const char* verdict_name(Verdict verdict) noexcept {
+  switch (verdict) {
+    case Verdict::kFine:
+      return "fine";
+    case Verdict::kWarning:
+      return "warning";
+    case Verdict::kProblem:
+      return "problem";
+  }
+  return "problem";
+}
+
+std::vector<Check> examine(const SystemFacts& facts) {
+  return {priority(facts),     memory(facts), kernel(facts),          cpus(facts), governor(facts),
+          sleep_states(facts), timer(facts),  real_time_share(facts), host(facts), usb(facts)};
+}
+
+}  // namespace palpate::experiments

@@ -1,0 +1,217 @@
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "experiments/live/live.h"
+#include "toolkit/core/numbers.h"
+#include "toolkit/core/try.h"
+
+namespace palpate::experiments {
+namespace {
+
+using LiveJson = nlohmann::ordered_json;
+
+constexpr double kUsPerNs = 1e-3;
+
+LiveJson durations_json(const device::DurationStatistics& d) {
+  const auto us = [](std::int64_t ns) { return static_cast<double>(ns) * kUsPerNs; };
+  return {{"count", d.count},    {"mean", d.mean_ns * kUsPerNs}, {"p50", us(d.p50_ns)},
+          {"p99", us(d.p99_ns)}, {"p999", us(d.p999_ns)},        {"max", us(d.max_ns)}};
+}
+
+LiveJson decision_json(const LiveDecision& d) {
+  return {{"t_s", d.t_s},
+          {"source", device::source_text(d.source)},
+          {"decision", device::decision_text(d.decision)},
+          {"reason", device::reason_text(d.reason)},
+          {"from", d.from},
+          {"to", d.to},
+          {"force_n", d.before_n},
+          {"difference_n", d.difference_n}};
+}
+
+LiveJson renderer_json(const LiveRenderer& r) {
+  LiveJson options = LiveJson::object();
+  for (const auto& [key, value] : r.options) options[key] = value;
+  return {{"label", r.label},
+          {"name", r.name},
+          {"options", std::move(options)},
+          {"prepare_ms", r.prepare_ms},
+          {"bytes", r.bytes},
+          {"shared_bytes", r.shared_bytes},
+          {"frames", r.frames},
+          {"contact_frames", r.contact_frames},
+          {"felt_frames", r.felt_frames},
+          {"step_us", durations_json(r.step)},
+          {"largest_step_n", r.largest_step_n},
+          {"made", r.made},
+          {"disqualified", r.disqualified}};
+}
+
+std::string us_text(double us) {
+  return short_number(us);
+}
+
+Table session_table(const LiveDocument& document) {
+  Table table;
+  table.title = "The session";
+  table.columns = {"what", "value"};
+  const auto row = [&](const char* what, std::string value) {
+    table.rows.push_back({{what}, {std::move(value)}});
+  };
+  row("ticks", count_text(document.ticks));
+  row("periods missed", count_text(document.loop.missed));
+  row("switches, of them by a fade", fmt::format("{}, {}", document.switches, document.fades));
+  row("refused, waited", fmt::format("{}, {}", document.refused, document.waited));
+  row("faults", count_text(document.faults));
+  row("largest step of the force, N", short_number(document.largest_step_n));
+  row("of it more than renderers and fade explain, N", short_number(document.largest_excess_n));
+  row("late, µs: p50, p99, p99.9, most",
+      fmt::format("{}, {}, {}, {}", us_text(static_cast<double>(document.loop.lateness.p50_ns) * kUsPerNs),
+                  us_text(static_cast<double>(document.loop.lateness.p99_ns) * kUsPerNs),
+                  us_text(static_cast<double>(document.loop.lateness.p999_ns) * kUsPerNs),
+                  us_text(static_cast<double>(document.loop.lateness.max_ns) * kUsPerNs)));
+  row("felt stiffness, N/mm",
+      fmt::format("{} ({} N/mm, {} mm of the scene for a mm of the device)",
+                  short_number(document.felt_stiffness_n_per_mm), short_number(document.stiffness_n_per_mm),
+                  short_number(document.world_per_device)));
+  table.notes.push_back(document.scheduling + ".");
+  return table;
+}
+
+Table renderers_table(const LiveDocument& document) {
+  Table table;
+  table.title = "Renderers";
+  table.columns = {"renderer",        "felt, %", "contact frames", "frame, µs: p50", "p99.9",
+                   "largest step, N", "made",    "bytes",          "of them shared"};
+  for (const LiveRenderer& r : document.renderers) {
+    const double all = document.ticks > 0 ? static_cast<double>(document.ticks) : 1.0;
+    table.rows.push_back(
+        {{r.label},
+         {short_number(100.0 * static_cast<double>(r.felt_frames) / all)},
+         {count_text(r.contact_frames)},
+         {document.accelerated ? kNoNumber : us_text(static_cast<double>(r.step.p50_ns) * kUsPerNs)},
+         {document.accelerated ? kNoNumber : us_text(static_cast<double>(r.step.p999_ns) * kUsPerNs)},
+         {short_number(r.largest_step_n)},
+         {count_text(r.made)},
+         {bytes_text(static_cast<double>(r.bytes))},
+         {bytes_text(static_cast<double>(r.shared_bytes))}});
+    if (!r.disqualified.empty())
+      table.notes.push_back(fmt::format("{} was disqualified: {}.", r.label, r.disqualified));
+  }
+  return table;
+}
+
+/// Means over stretches, the switches as marks below.
+Chart force_chart(const LiveDocument& document) {
+  Chart chart;
+  chart.name = "force";
+  chart.title = "Force over the session";
+  chart.caption =
+      "Means over short stretches. Black: what went out to the governor; marks on the axis: switches. Every "
+      "renderer follows the same hand all the time, and one is felt.";
+  chart.x_label = "s";
+  chart.y_label = "N";
+  chart.wide = true;
+  std::vector<std::string> labels;
+  for (const LiveRenderer& r : document.renderers) labels.push_back(r.label);
+  const std::vector<Look> looks = looks_of(labels);
+  for (std::size_t i = 0; i < labels.size(); ++i) {
+    Series line{labels[i], looks[i].colour, {}, {}, looks[i].dash};
+    for (const LiveSample& sample : document.samples) {
+      line.x.push_back(sample.t_s);
+      line.y.push_back(sample.each_n[i]);
+    }
+    chart.series.push_back(std::move(line));
+  }
+  Series out{"felt", "#000000", {}, {}, {}};
+  for (const LiveSample& sample : document.samples) {
+    out.x.push_back(sample.t_s);
+    out.y.push_back(sample.out_n);
+  }
+  chart.series.push_back(std::move(out));
+  std::string marks;
+  for (const LiveDecision& d : document.decisions)
+    if (d.decision == device::MixDecision::kSwapped || d.decision == device::MixDecision::kFadeDone)
+      marks +=
+          fmt::format("set arrow from first {0:.4g},graph 0 to first {0:.4g},graph 0.03 nohead\n", d.t_s);
+  chart.extra = marks;
+  return chart;
+}
+
+Page live_page(const LiveDocument& document, const OutputFolder& folder) {
+  Page page = begin_page("Renderers under one hand", document.head);
+  add_known(page, {{}, document.warnings, document.notes});
+  Section section;
+  section.id = "live";
+  section.title = fmt::format("{} on {}", document.scene, document.device);
+  section.paragraphs.emplace_back(
+      "A simulated hand holds a simulated device. All renderers follow it in every tick; one is felt at a "
+      "time. No device and no person was measured.");
+  if (const Result<OutputFolder> figures = folder.inside("figures")) {
+    const Chart chart = force_chart(document);
+    if (has_points(chart)) section.figures.push_back(draw(chart, *figures));
+  }
+  section.tables = live_tables(document);
+  section.facts.push_back({"path of the hand", {document.path}});
+  page.sections.push_back(std::move(section));
+  return page;
+}
+
+}  // namespace
+
+std::string to_json(const LiveDocument& document) {
+  LiveJson json = {{"schema", kLiveSchema}};
+  json.update(LiveJson::parse(metrics::head_json(document.head)));
+  json["scene"] = document.scene;
+  json["path"] = document.path;
+  json["device"] = document.device;
+  json["hand"] = document.hand;
+  json["grip"] = document.grip;
+  json["rule"] = document.rule;
+  json["accelerated"] = document.accelerated;
+  json["rate_hz"] = document.rate_hz;
+  json["seconds"] = document.seconds;
+  json["fade_ms"] = document.fade_ms;
+  json["scheduling"] = document.scheduling;
+  json["steal_percent"] = document.steal_percent;
+  json["mapping"] = {{"world_per_device", document.world_per_device},
+                     {"stiffness_n_per_mm", document.stiffness_n_per_mm},
+                     {"felt_stiffness_n_per_mm", document.felt_stiffness_n_per_mm}};
+  json["force_limit_n"] = document.force_limit_n;
+  json["ticks"] = document.ticks;
+  json["late"] = document.loop.missed;
+  json["switches"] = document.switches;
+  json["fades"] = document.fades;
+  json["refused"] = document.refused;
+  json["waited"] = document.waited;
+  json["largest_step_n"] = document.largest_step_n;
+  json["largest_excess_n"] = document.largest_excess_n;
+  json["faults"] = document.faults;
+  json["fault_names"] = document.fault_names;
+  json["rearmed"] = document.rearmed;
+  json["half_rate_ticks"] = document.half_rate_ticks;
+  json["jitter_us"] = durations_json(document.loop.lateness);
+  json["exchange_us"] = durations_json(document.loop.exchange);
+  json["resident_bytes"] = {{"before", document.resident_before_bytes},
+                            {"after", document.resident_after_bytes}};
+  json["renderers"] = LiveJson::array();
+  for (const LiveRenderer& r : document.renderers) json["renderers"].push_back(renderer_json(r));
+  json["decisions"] = LiveJson::array();
+  for (const LiveDecision& d : document.decisions) json["decisions"].push_back(decision_json(d));
+  json["decisions_lost"] = document.decisions_lost;
+  json["warnings"] = document.warnings;
+  json["notes"] = document.notes;
+  return json.dump(1, ' ', false, LiveJson::error_handler_t::replace) + "\n";
+}
+
+std::vector<Table> live_tables(const LiveDocument& document) {
+  return {session_table(document), renderers_table(document)};
+}
+
+Status write_live(const LiveDocument& document, const OutputFolder& folder) {
+  PALPATE_TRY(write_page(live_page(document, folder), folder));
+  return folder.write(kLiveFile, to_json(document));
+}
+
+}  // namespace palpate::experiments

@@ -1,0 +1,90 @@
+#include "experiments/live/hand.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "toolkit/core/try.h"
+#include "toolkit/trace/replay.h"
+
+namespace palpate::experiments {
+namespace {
+
+// Waypoints of an exploration: a hand at 50 mm/s goes a quarter of a millimetre in between.
+constexpr double kGoalStepS = 5e-3;
+
+Result<device::HandScript> exploring(const trace::ProbePath& path, const device::DeviceMap& map,
+                                     double seconds) {
+  const double from_s = path.t_s.front();
+  const auto points = static_cast<std::size_t>(std::ceil(seconds / kGoalStepS)) + 1;
+  std::vector<double> t_s;
+  std::vector<Vec3> goal_mm;
+  t_s.reserve(points);
+  goal_mm.reserve(points);
+  const double step_s =
+      path.size() > 1 ? (path.t_s.back() - from_s) / static_cast<double>(path.size() - 1) : kGoalStepS;
+  const double stride = kGoalStepS / step_s;
+  double at = 0.0;
+  // Back along the way it came: the path starts in free space, its end may lie in the model.
+  int direction = 1;
+  const double last = static_cast<double>(path.size() - 1);
+  for (std::size_t i = 0; i < points; ++i) {
+    t_s.push_back(static_cast<double>(i) * kGoalStepS);
+    goal_mm.push_back(map.device_mm(path.hip_mm[static_cast<std::size_t>(std::lround(at))]));
+    at += direction * stride;
+    if (at > last || at < 0.0) {
+      direction = at < 0.0 ? 1 : -1;
+      at = std::clamp(at, 0.0, last);
+    }
+  }
+  return device::HandScript::create("explore", std::move(t_s), std::move(goal_mm),
+                                    device::HandScript::Between::kStraight);
+}
+
+/// The deepest contact along the path, as the renderer feels it.
+Result<device::TaskPlace> touched_place(const trace::ProbePath& path, render::HapticRenderer& renderer,
+                                        const device::DeviceMap& map) {
+  PALPATE_ASSIGN(const trace::ForceTrace felt, trace::replay(renderer, path));
+  double deepest_n = 0.0;
+  device::TaskPlace place;
+  for (const render::Frame& frame : felt.frames) {
+    const double size_n = frame.force_n.norm();
+    if (!frame.contact || !(size_n > deepest_n)) continue;
+    deepest_n = size_n;
+    place.point_mm = map.device_mm(frame.god_object_mm);
+    place.normal = map.device_n(frame.force_n / size_n);
+  }
+  if (!(deepest_n > 0.0))
+    return Error{"the path nowhere touches the model", "name another path with --path", path.name, 0};
+  const Vec3 axis =
+      std::abs(place.normal.x()) < std::abs(place.normal.y()) ? Vec3(Vec3::UnitX()) : Vec3(Vec3::UnitY());
+  place.along = (axis - axis.dot(place.normal) * place.normal).normalized();
+  return place;
+}
+
+}  // namespace
+
+const std::vector<std::string>& live_hands() {
+  static const std::vector<std::string> kHands = {"explore", "press", "slide", "tap"};
+  return kHands;
+}
+
+Result<device::HandScript> live_hand(const std::string& hand, const trace::ProbePath& path,
+                                     render::HapticRenderer& renderer, const device::DeviceMap& map,
+                                     double seconds) {
+  if (hand == "explore") return exploring(path, map, seconds);
+  PALPATE_ASSIGN(const device::TaskPlace place, touched_place(path, renderer, map));
+  const device::TaskSizes sizes;
+  const device::HandScript once = hand == "press"   ? device::press(place, sizes)
+                                  : hand == "slide" ? device::slide(place, sizes)
+                                                    : device::tap(place, sizes);
+  std::vector<double> t_s;
+  std::vector<Vec3> goal_mm;
+  for (double t = 0.0; t < seconds + kGoalStepS; t += kGoalStepS) {
+    t_s.push_back(t);
+    goal_mm.push_back(once.at(std::fmod(t, once.duration_s())).position_mm);
+  }
+  return device::HandScript::create(hand, std::move(t_s), std::move(goal_mm),
+                                    device::HandScript::Between::kStraight);
+}
+
+}  // namespace palpate::experiments

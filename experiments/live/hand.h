@@ -1,0 +1,24 @@
+// What the simulated hand of a live session means to do, over any scene.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "device/servo/device_map.h"
+#include "device/simulated/hand_script.h"
+#include "toolkit/render/renderer.h"
+#include "toolkit/trace/trace.h"
+
+namespace palpate::experiments {
+
+/// "explore", "press", "slide", "tap".
+[[nodiscard]] const std::vector<std::string>& live_hands();
+
+/// A script of `seconds`, device frame. "explore" goes along the path and back for as long as that takes; the
+/// others do their task again and again at a place that `renderer` touches along the path. Errors: there is
+/// none.
+[[nodiscard]] Result<device::HandScript> live_hand(const std::string& hand, const trace::ProbePath& path,
+                                                   render::HapticRenderer& renderer,
+                                                   const device::DeviceMap& map, double seconds);
+
+}  // namespace palpate::experiments

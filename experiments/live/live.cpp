@@ -1,0 +1,130 @@
+#include "experiments/live/live.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "experiments/live/session.h"
+#include "experiments/report/tables.h"
+#include "experiments/run/choices.h"
+#include "experiments/session/run_key.h"
+#include "experiments/session/terminal.h"
+#include "toolkit/core/try.h"
+
+namespace palpate::experiments {
+namespace {
+
+// A path is walked back and forth: so much of it is different, the rest would only take memory.
+constexpr double kLongestPathS = 60.0;
+constexpr double kPathHz = 1000.0;  // of path generators
+
+std::string key_of_live(const LiveArguments& a, const StageRequest& stage) {
+  RunKey key;
+  for (const std::string& text :
+       {a.run.scene, a.run.renderers, a.run.path, a.device, a.hand, a.grip, a.mapping, a.rule, a.changes})
+    key.add(text);
+  key.add(a.seconds).add(a.switch_every_s).add(a.rate_hz).add(a.fade_ms);
+  for (const std::string& file : files_read(stage)) key.add_file(file);
+  return key.word();
+}
+
+void begin_live(const LiveArguments& arguments, const LivePlan& plan, const Stage& stage, Context& context,
+                LiveDocument& document) {
+  document.head = new_head(context.command_line);
+  document.scene = stage.scene_name;
+  document.path = stage.path.name;
+  document.device = "sim:" + plan.device.name;
+  document.hand = arguments.hand;
+  document.grip = arguments.grip;
+  document.rule = arguments.rule;
+  document.accelerated = arguments.accelerated;
+  document.rate_hz = arguments.rate_hz;
+  document.seconds = arguments.seconds;
+  document.fade_ms = arguments.fade_ms;
+  const surface::Surface& surface = stage.scene.input.models.front().surface;
+  document.stiffness_n_per_mm = surface.stiffness_n_per_mm * (1.0 - surface.deformation);
+  document.warnings.insert(document.warnings.end(), stage.warnings.begin(), stage.warnings.end());
+  document.notes.insert(document.notes.end(), stage.notes.begin(), stage.notes.end());
+}
+
+/// Writes and prints it. The exit status.
+int finish_live(const LiveDocument& document, const OutputFolder& folder, bool json, Context& context) {
+  context.progress.report("drawing the report", -1.0);
+  Status written = write_live(document, folder);
+  if (written) written = folder.complete();
+  context.progress.clear();
+  if (!written) return fail(written.error(), kExitFellShort);
+  const int status = document.faults > document.rearmed ? kExitFellShort : kExitOk;
+  if (json) {
+    fmt::print("{}", to_json(document));
+    return status;
+  }
+  for (const Table& table : live_tables(document))
+    fmt::print("{}\n", to_text(table, terminal_columns(STDOUT_FILENO)));
+  std::fflush(stdout);
+  for (const std::string& warning : document.warnings) fmt::print(stderr, "palpate: warning: {}\n", warning);
+  for (const std::string& fault : document.fault_names) fmt::print(stderr, "palpate: fault: {}\n", fault);
+  fmt::print("report: {}\n", std::filesystem::absolute(folder.file(kReportFile)).string());
+  return status;
+}
+
+/// Whole Hz, and what this version cannot do.
+Status check_live(const LiveArguments& arguments) {
+  if (arguments.rate_hz != std::round(arguments.rate_hz))
+    return Error{fmt::format("--rate {} is no whole number", arguments.rate_hz), "give whole Hz", {}, 0};
+  if (!arguments.record.empty())
+    return Error{"--record is not built into this version", "leave it out", arguments.record, 0};
+  return Done{};
+}
+
+/// The renderers where none was named: what compare would take.
+Result<LivePlan> choose_and_plan(const LiveArguments& arguments, CheckedRun& checked, const Stage& stage,
+                                 const render::Registry& registry, LiveDocument& document) {
+  if (checked.renderers.empty()) {
+    Chosen chosen = usual_renderers(stage.scene.input, checked.own, registry);
+    checked.renderers = std::move(chosen.renderers);
+    for (std::string& note : chosen.notes) document.notes.push_back(std::move(note));
+  }
+  for (const RendererRequest& request : checked.renderers)
+    PALPATE_TRY(registry.check_supports(*registry.find(request.name), stage.scene.input));
+  return plan_live(arguments, checked.renderers, registry);
+}
+
+}  // namespace
+
+int run_live(const LiveArguments& arguments, Context& context) {
+  const render::Registry registry = all_renderers();
+  if (const Status right = check_live(arguments); !right) return fail(right.error(), kExitBadInput);
+  RunArguments run = arguments.run;
+  run.reference = "none";  // nothing is scored
+  Result<CheckedRun> checked = check_run(run, registry, context.progress);
+  if (!checked) return fail(checked.error(), kExitBadInput);
+  // What is wrong with the other arguments is said before a large model is loaded.
+  if (const auto early = plan_live(arguments, checked->renderers, registry);
+      !early && !checked->renderers.empty())
+    return fail(early.error(), kExitBadInput);
+  checked->stage.usual_frames =
+      static_cast<int>(std::lround(std::min(arguments.seconds, kLongestPathS) * kPathHz));
+  const Result<OutputFolder> folder =
+      OutputFolder::open(run.out.empty() ? usual_folder("live", run.scene) : run.out);
+  if (!folder) return fail(folder.error(), kExitBadInput);
+  if (const Status apart = folder->check_not_read(files_read(checked->stage)); !apart)
+    return fail(apart.error(), kExitBadInput);
+  const Result<Stage> stage = set_up(checked->stage, all_readers(), context.progress);
+  if (!stage) return fail(stage.error(), kExitBadInput, &context.progress);
+  LiveDocument document;
+  const Result<LivePlan> plan = choose_and_plan(arguments, *checked, *stage, registry, document);
+  if (!plan) return fail(plan.error(), kExitBadInput, &context.progress);
+  if (const Status begun = begin_run(*folder, key_of_live(arguments, checked->stage), context); !begun)
+    return fail(begun.error(), kExitFellShort, &context.progress);
+  begin_live(arguments, *plan, *stage, context, document);
+  Workshop workshop{*stage, registry, run.load.threads};
+  if (const Status ran = run_session(arguments, *plan, workshop, context.progress, document); !ran)
+    return fail(ran.error(), kExitBadInput, &context.progress);
+  return finish_live(document, *folder, run.json, context);
+}
+
+}  // namespace palpate::experiments

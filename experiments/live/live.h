@@ -1,0 +1,89 @@
+// The whole of `palpate live`: several renderers under one hand, of which one is felt, switched while they
+// are felt. On a simulated device, in real time or as fast as it goes.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "device/live/mixer.h"
+#include "device/servo/servo_loop.h"
+#include "experiments/report/page.h"
+#include "experiments/session/study_run.h"
+
+namespace palpate::experiments {
+
+inline constexpr const char* kLiveFile = "live.json";
+/// Goes up when a key changes its meaning or goes away.
+inline constexpr const char* kLiveSchema = "palpate-live/1";
+
+struct LiveArguments {
+  RunArguments run;  ///< of it: scene, renderers, path, folder, model, surface, json
+  std::string device = "sim", hand = "explore", grip = "hand";
+  std::string mapping = "1:1", rule = "wait", changes, record;
+  double seconds = 10.0, switch_every_s = 0.0, rate_hz = 1000.0, fade_ms = 150.0;
+  bool headless = false, accelerated = false, rearm = false;
+};
+
+/// A decision of the mixer that a person would ask about.
+struct LiveDecision {
+  double t_s = 0.0;
+  device::SwitchSource source = device::SwitchSource::kProgram;
+  device::MixDecision decision = device::MixDecision::kNone;
+  device::SwitchReason reason = device::SwitchReason::kNone;
+  std::uint8_t from = 0, to = 0;  ///< lanes; the same where there is no other
+  double before_n = 0.0;          ///< force that went out
+  double difference_n = 0.0;      ///< between the two
+};
+
+/// One renderer over the session.
+struct LiveRenderer {
+  std::string label, name;
+  std::vector<std::pair<std::string, std::string>> options;  ///< as resolved at the end
+  double prepare_ms = 0.0;
+  std::uint64_t bytes = 0, shared_bytes = 0;
+  std::uint64_t frames = 0, contact_frames = 0, felt_frames = 0;
+  device::DurationStatistics step;
+  double largest_step_n = 0.0;  ///< of its own force, from frame to frame
+  std::uint32_t made = 1;       ///< 1, and one more for each change of parameters that it took
+  std::string disqualified;
+};
+
+/// A stretch of the session, for the picture: means over it.
+struct LiveSample {
+  double t_s = 0.0;
+  double out_n = 0.0;
+  std::vector<double> each_n;
+};
+
+struct LiveDocument {
+  metrics::DocumentHead head;
+  std::string scene, device, hand, grip, path, rule, scheduling;
+  bool accelerated = false;
+  double rate_hz = 1000.0, seconds = 0.0, fade_ms = 0.0;
+  double world_per_device = 1.0, stiffness_n_per_mm = 0.0, felt_stiffness_n_per_mm = 0.0;
+  double force_limit_n = 0.0;  ///< of the governor
+  device::LoopStatistics loop;
+  std::uint64_t ticks = 0, faults = 0, rearmed = 0, half_rate_ticks = 0;
+  std::uint64_t switches = 0, fades = 0, refused = 0, waited = 0;
+  double largest_step_n = 0.0;    ///< of the force that goes out
+  double largest_excess_n = 0.0;  ///< of a step at a switch above what it may be
+  double steal_percent = 0.0;
+  std::uint64_t resident_before_bytes = 0, resident_after_bytes = 0;
+  std::uint64_t decisions_lost = 0;
+  std::vector<std::string> fault_names;
+  std::vector<LiveDecision> decisions;
+  std::vector<LiveRenderer> renderers;
+  std::vector<LiveSample> samples;
+  std::vector<std::string> warnings, notes;
+};
+
+[[nodiscard]] std::string to_json(const LiveDocument& document);
+[[nodiscard]] std::vector<Table> live_tables(const LiveDocument& document);
+/// live.json, report.html with its figures.
+[[nodiscard]] Status write_live(const LiveDocument& document, const OutputFolder& folder);
+
+/// The exit status: 1 where the session ended with a fault latched.
+int run_live(const LiveArguments& arguments, Context& context);
+
+}  // namespace palpate::experiments

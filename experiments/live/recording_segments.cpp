@@ -1,0 +1,186 @@
+#include "experiments/live/recording_segments.h"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "toolkit/core/numbers.h"
+#include "toolkit/core/try.h"
+#include "toolkit/trace/frame_hash.h"
+
+namespace palpate::experiments {
+namespace {
+
+constexpr double kSPerNs = 1e-9;
+// Between reports of progress.
+constexpr std::uint64_t kTicksAReport = 10'000;
+// Before the first step of a renderer that was made ready before the recording began.
+constexpr double kNominalDtS = 1e-3;
+
+std::string one_hash(const render::Frame& frame) {
+  trace::FrameHash hash;
+  hash.add(frame);
+  return hash.hex();
+}
+
+/// Asks the renderer what it was asked in a tick: the last step's answer.
+class Asking {
+ public:
+  explicit Asking(render::HapticRenderer& renderer) : renderer_(renderer) {}
+  render::Frame ask(std::span<const device::RendererCall> calls) {
+    render::Frame frame;
+    for (const device::RendererCall& call : calls) {
+      using Kind = device::RendererCall::Kind;
+      if (!begun_ && call.kind != Kind::kRestart)
+        renderer_.restart(call.hip_mm, (call.kind == Kind::kStep ? call.t_s : 0.0) - kNominalDtS);
+      begun_ = true;
+      if (call.kind == Kind::kRestart) renderer_.restart(call.hip_mm, call.t_s);
+      if (call.kind == Kind::kLetGo) renderer_.let_go(call.hip_mm);
+      if (call.kind == Kind::kStep) frame = renderer_.step(call.hip_mm, call.t_s);
+    }
+    return frame;
+  }
+
+ private:
+  render::HapticRenderer& renderer_;
+  bool begun_ = false;
+};
+
+/// The segment that is gone through.
+class OpenSegment {
+ public:
+  void begin(const device::RecordedTick& tick) {
+    close();
+    current_.emplace();
+    current_->start_ns = tick.t_ns;
+    recorded_ = replayed_ = trace::FrameHash();
+    arrived_ = false;
+  }
+  [[nodiscard]] bool is_open() const { return current_.has_value(); }
+  void add(const device::RecordedTick& tick, const device::RecordedTrack& track,
+           const render::Frame& answer) {
+    SegmentReplay& s = *current_;
+    s.end_ns = tick.t_ns;
+    s.faulted = tick.fault != device::Fault::kNone;
+    s.whole = s.whole && !track.calls_lost;
+    if (s.frames == 0)
+      for (const device::RendererCall& call : track.calls)
+        s.brought_up = s.brought_up || call.kind != device::RendererCall::Kind::kStep;
+    if (!track.stepped) return;
+    // On the way of a bring-up the renderer is not where the hand is yet.
+    if (!arrived_ && (track.calls.empty() || track.calls.back().hip_mm == tick.hip_mm)) {
+      arrived_ = true;
+      s.starts_in_contact = track.frame.contact;
+    }
+    ++s.frames;
+    if (track.frame.contact) ++s.contact_frames;
+    recorded_.add(track.frame);
+    replayed_.add(answer);
+    if (s.differs_ns < 0 && one_hash(track.frame) != one_hash(answer)) s.differs_ns = tick.t_ns;
+  }
+  void miss() {
+    if (current_) current_->whole = false;
+  }
+  void close() {
+    if (!current_) return;
+    current_->recorded_hash = recorded_.hex();
+    current_->replayed_hash = replayed_.hex();
+    if (current_->frames > 0) done.push_back(*std::move(current_));
+    current_.reset();
+  }
+  std::vector<SegmentReplay> done;
+
+ private:
+  std::optional<SegmentReplay> current_;
+  bool arrived_ = false;  // the renderer is where the hand is
+  trace::FrameHash recorded_, replayed_;
+};
+
+}  // namespace
+
+int find_recorded(const device::Recording& recording, const std::string& label) {
+  const std::vector<device::RecordedRenderer>& all = recording.renderers();
+  for (std::size_t i = 0; i < all.size(); ++i)
+    if (label.empty() || all[i].label == label) return static_cast<int>(i);
+  return -1;
+}
+
+Result<std::vector<SegmentReplay>> replay_segments(device::Recording& recording, const std::string& label,
+                                                   render::HapticRenderer& renderer, Progress& progress) {
+  OpenSegment segment;
+  Asking asking(renderer);
+  device::RecordedTick tick;
+  std::size_t damaged = 0;
+  bool any = false;
+  for (std::uint64_t ticks = 0;; ++ticks) {
+    PALPATE_ASSIGN(const bool more, recording.next(tick));
+    if (!more) break;
+    if (ticks % kTicksAReport == 0) progress.report("replaying the recording", -1.0);
+    // Of several with one label the last one counts: it took the place of the others.
+    const int index = find_recorded(recording, label);
+    const bool gap = tick.lost_before > 0 || recording.end().damaged.size() > damaged;
+    damaged = recording.end().damaged.size();
+    if (gap) segment.miss();
+    if (tick.rearmed || !segment.is_open()) segment.begin(tick);
+    // Ticks that were lost may have held the beginning.
+    if (gap && !tick.rearmed) segment.miss();
+    for (const device::RecordedTrack& track : tick.tracked()) {
+      if (static_cast<int>(track.renderer) != index) continue;
+      any = true;
+      segment.add(tick, track, asking.ask(track.calls));
+      break;
+    }
+  }
+  segment.close();
+  if (!any)
+    return Error{label.empty() ? "the recording has no renderer"
+                               : fmt::format("the recording has no renderer '{}'", label),
+                 "name one of those that it has: `palpate export` lists them",
+                 {},
+                 0};
+  return std::move(segment.done);
+}
+
+std::string segments_text(const std::vector<SegmentReplay>& segments) {
+  std::string text;
+  for (std::size_t i = 0; i < segments.size(); ++i) {
+    const SegmentReplay& s = segments[i];
+    text +=
+        fmt::format("segment {}: from {:.3f} s, {} frames, {} in contact{}{}: ", i + 1,
+                    static_cast<double>(s.start_ns) * kSPerNs, s.frames, s.contact_frames,
+                    s.starts_in_contact ? ", starts in contact" : "", s.faulted ? ", ends in a fault" : "");
+    if (s.same())
+      text += fmt::format("the same hash, {}\n", s.recorded_hash);
+    else
+      text += fmt::format("recorded {}, replayed {}, differs from {:.6f} s on{}\n", s.recorded_hash,
+                          s.replayed_hash, static_cast<double>(s.differs_ns) * kSPerNs,
+                          s.whole ? "" : " (ticks of it were lost, so it may)");
+  }
+  return text;
+}
+
+std::string segments_json(const std::vector<SegmentReplay>& segments, const std::string& recording,
+                          const std::string& renderer) {
+  nlohmann::ordered_json all = nlohmann::ordered_json::array();
+  for (const SegmentReplay& s : segments)
+    all.push_back({{"start_s", static_cast<double>(s.start_ns) * kSPerNs},
+                   {"end_s", static_cast<double>(s.end_ns) * kSPerNs},
+                   {"frames", s.frames},
+                   {"contact_frames", s.contact_frames},
+                   {"starts_in_contact", s.starts_in_contact},
+                   {"brought_up", s.brought_up},
+                   {"faulted", s.faulted},
+                   {"whole", s.whole},
+                   {"recorded_hash", s.recorded_hash},
+                   {"replayed_hash", s.replayed_hash},
+                   {"same", s.same()}});
+  return nlohmann::ordered_json{{"schema", "palpate-segments/1"},
+                                {"recording", recording},
+                                {"renderer", renderer},
+                                {"segments", all}}
+             .dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) +
+         "\n";
+}
+
+}  // namespace palpate::experiments

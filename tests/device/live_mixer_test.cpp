@@ -1,0 +1,424 @@
+// Several renderers under one hand: who is felt, how another takes over, and what happens where one fails.
+#include "device/live/mixer.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <thread>
+
+#include "device/live/triggers.h"
+#include "tests/device/live_rig.h"
+
+namespace palpate::device {
+namespace {
+
+TEST(Mixer, TheFirstIsFeltAndAllFollow) {
+  TwoPlanes rig(bench_options());
+  rig.begin(1.0);
+  const render::Frame frame = rig.rest(-1.0, 10);
+  EXPECT_DOUBLE_EQ(frame.force_n.z(), 0.5);
+  EXPECT_EQ(rig.a->steps, 10);
+  EXPECT_EQ(rig.b->steps, 10) << "the standby is stepped every frame";
+  EXPECT_EQ(rig.mixer.last().tracked[0].weight, 1.0);
+  EXPECT_EQ(rig.mixer.last().tracked[1].weight, 0.0);
+  EXPECT_DOUBLE_EQ(rig.mixer.last().tracked[1].frame.force_n.z(), 0.8);
+  EXPECT_EQ(rig.mixer.counters().frames, 10u);
+}
+
+TEST(Mixer, InFreeSpaceItSwapsAtOnce) {
+  TwoPlanes rig(bench_options());
+  rig.begin(5.0);
+  rig.rest(5.0, 160);
+  rig.ask(1);
+  rig.step(5.0);
+  EXPECT_EQ(rig.mixer.last().decision, MixDecision::kSwapped);
+  EXPECT_EQ(rig.felt(), 1);
+  EXPECT_DOUBLE_EQ(rig.rest(-1.0, 1).force_n.z(), 0.8);
+}
+
+TEST(Mixer, InContactItFadesAndTheForceNeverSteps) {
+  TwoPlanes rig(bench_options());
+  rig.begin(1.0);
+  rig.rest(-1.0, 200);
+  rig.ask(1);
+  double last = rig.step(-1.0).force_n.z();
+  EXPECT_EQ(rig.mixer.last().decision, MixDecision::kFadeBegun);
+  EXPECT_DOUBLE_EQ(last, 0.5) << "the first frame of a fade is all of the old one";
+  const double most = 0.3 * std::numbers::pi / (2.0 * 0.15) * 1e-3;
+  int frames = 0;
+  while (rig.mixer.last().decision != MixDecision::kFadeDone) {
+    const double now = rig.step(-1.0).force_n.z();
+    ASSERT_LT(++frames, 400);
+    EXPECT_LE(std::abs(now - last), most * (1.0 + 1e-9));
+    EXPECT_NEAR(rig.mixer.last().tracked[0].weight + rig.mixer.last().tracked[1].weight, 1.0, 1e-15);
+    last = now;
+  }
+  EXPECT_NEAR(frames, 150, 1);
+  EXPECT_DOUBLE_EQ(last, 0.8);
+  EXPECT_EQ(rig.felt(), 1);
+}
+
+TEST(Mixer, RefusesWithAReasonOrWaitsByChoice) {
+  // 2 mm deep: 1 N against 2.4 N.
+  TwoPlanes refuses(bench_options(SwitchRule::kContactElseRefuse), 1.2);
+  refuses.begin(1.0);
+  refuses.rest(-2.0, 200);
+  refuses.ask(1);
+  refuses.step(-2.0);
+  EXPECT_EQ(refuses.mixer.last().decision, MixDecision::kRefused);
+  EXPECT_EQ(refuses.mixer.last().reason, SwitchReason::kForcesDiffer);
+  EXPECT_EQ(refuses.mixer.last().state, MixState::kSteady);
+
+  TwoPlanes waits(bench_options(), 1.2);
+  waits.begin(1.0);
+  waits.rest(-2.0, 200);
+  waits.ask(1);
+  waits.step(-2.0);
+  EXPECT_EQ(waits.mixer.last().decision, MixDecision::kWaits);
+  EXPECT_EQ(waits.mixer.last().reason, SwitchReason::kForcesDiffer);
+  waits.rest(-2.0, 4900);
+  EXPECT_FALSE(waits.mixer.last().lift_off);
+  waits.rest(-2.0, 200);
+  EXPECT_TRUE(waits.mixer.last().lift_off) << "after 5 s the hand is asked to lift off";
+  EXPECT_EQ(waits.felt(), 0);
+  // It leaves: over 1 mm from the last place of contact, for 150 ms.
+  waits.rest(-0.01, 1);
+  waits.rest(0.5, 500);
+  EXPECT_EQ(waits.felt(), 0) << "half a millimetre is not away";
+  waits.rest(1.5, 160);
+  EXPECT_EQ(waits.felt(), 1);
+}
+
+TEST(Mixer, ReasonsOfContactAndSpeed) {
+  TwoPlanes differs(bench_options(SwitchRule::kContactElseRefuse), 0.5, 0.3);
+  differs.begin(1.0);
+  differs.rest(-1.0, 100);
+  differs.rest(0.2, 20);
+  differs.ask(1);
+  differs.step(0.2);
+  EXPECT_EQ(differs.mixer.last().reason, SwitchReason::kContactDiffers);
+
+  TwoPlanes fast(bench_options(SwitchRule::kContactElseRefuse));
+  fast.begin(1.0);
+  for (int i = 0; i < 200; ++i) fast.step(-1.0, 0.2 * i);
+  fast.ask(1);
+  fast.step(-1.0, 40.0);
+  EXPECT_EQ(fast.mixer.last().reason, SwitchReason::kTooFast) << "200 mm/s";
+
+  SwitchOptions far = bench_options(SwitchRule::kContactElseRefuse);
+  far.world_per_device = 2.0;
+  TwoPlanes scaled(far);
+  scaled.begin(1.0);
+  for (int i = 0; i < 200; ++i) scaled.step(-1.0, 0.2 * i);
+  scaled.ask(1);
+  scaled.step(-1.0, 40.0);
+  EXPECT_EQ(scaled.mixer.last().decision, MixDecision::kFadeBegun) << "100 mm/s of the device";
+}
+
+TEST(Mixer, StudiesWaitForFreeSpaceAlone) {
+  TwoPlanes rig(bench_options(SwitchRule::kFreeSpace));
+  rig.begin(1.0);
+  rig.rest(-1.0, 200);
+  rig.ask(1);
+  rig.rest(-1.0, 300);
+  EXPECT_EQ(rig.mixer.last().state, MixState::kWaiting);
+  EXPECT_EQ(rig.felt(), 0) << "a fade would have been allowed";
+  rig.rest(3.0, 152);
+  EXPECT_EQ(rig.felt(), 1);
+}
+
+TEST(Mixer, OneRequestIsQueuedDuringAFade) {
+  TwoPlanes rig(bench_options());
+  rig.begin(1.0);
+  rig.rest(-1.0, 200);
+  rig.ask(1);
+  rig.step(-1.0);
+  rig.ask(0);
+  rig.step(-1.0);
+  EXPECT_EQ(rig.mixer.last().decision, MixDecision::kQueued);
+  rig.step(-1.0);
+  EXPECT_EQ(rig.mixer.last().decision, MixDecision::kNone) << "said once";
+  rig.rest(-1.0, 160);
+  EXPECT_EQ(rig.mixer.last().state, MixState::kFading) << "and back";
+  rig.rest(-1.0, 160);
+  EXPECT_EQ(rig.felt(), 0);
+  EXPECT_EQ(rig.mixer.last().state, MixState::kSteady);
+}
+
+TEST(Mixer, WhatCannotBeAskedForIsRefused) {
+  TwoPlanes rig(bench_options());
+  rig.begin(1.0);
+  rig.ask(5);
+  rig.step(1.0);
+  EXPECT_EQ(rig.mixer.last().reason, SwitchReason::kNoSuchRenderer);
+  rig.ask(0);
+  rig.step(1.0);
+  EXPECT_EQ(rig.mixer.last().reason, SwitchReason::kAlreadyFelt);
+  rig.rest(-2.0, 50);
+  rig.b->stiffness_n_per_mm = 3.0;
+  rig.ask(1);
+  rig.rest(-2.0, 3);
+  EXPECT_EQ(rig.mixer.last().state, MixState::kWaiting);
+  rig.mixer.request({SwitchRequest::Kind::kCancel, SwitchSource::kKey, 0});
+  rig.step(-2.0);
+  EXPECT_EQ(rig.mixer.last().decision, MixDecision::kCancelled);
+  EXPECT_EQ(rig.mixer.last().state, MixState::kSteady);
+}
+
+TEST(Mixer, AStandbyThatAnswersNoNumberIsNeverFadedTo) {
+  TwoPlanes rig(bench_options());
+  rig.begin(1.0);
+  rig.rest(-1.0, 200);
+  rig.b->broken = true;
+  EXPECT_DOUBLE_EQ(rig.step(-1.0).force_n.z(), 0.5) << "nobody feels it";
+  EXPECT_EQ(rig.mixer.last().tracked[1].disqualified, Disqualified::kNonFinite);
+  rig.b->broken = false;
+  rig.ask(1);
+  rig.step(-1.0);
+  EXPECT_EQ(rig.mixer.last().reason, SwitchReason::kDisqualified);
+  rig.mixer.request({SwitchRequest::Kind::kNext, SwitchSource::kKey, 0});
+  rig.step(-1.0);
+  EXPECT_EQ(rig.mixer.last().reason, SwitchReason::kNoSuchRenderer) << "the only other one is out";
+  rig.begin(1.0);
+  rig.step(1.0);
+  EXPECT_EQ(rig.mixer.last().tracked[1].disqualified, Disqualified::kNo) << "until the next restart";
+}
+
+TEST(Mixer, AFaultInAFadeEndsInZeroAndGoesOnWithWhoIsHealthy) {
+  for (const bool old_one : {true, false}) {
+    TwoPlanes rig(bench_options());
+    rig.begin(1.0);
+    rig.rest(1.0, 5);
+    rig.rest(-1.0, 200);
+    rig.ask(1);
+    rig.rest(-1.0, 50);
+    ASSERT_EQ(rig.mixer.last().state, MixState::kFading);
+    (old_one ? rig.a : rig.b)->broken = true;
+    EXPECT_FALSE(is_finite(rig.step(-1.0).force_n)) << "the governor must see it";
+    EXPECT_EQ(rig.mixer.last().decision, MixDecision::kAborted);
+    EXPECT_EQ(rig.mixer.last().reason, SwitchReason::kFault);
+    EXPECT_EQ(rig.rest(-1.0, 5).force_n, Vec3::Zero()) << "not to one, not to the other";
+    rig.mixer.let_go(Vec3(0.0, 0.0, 1.0));
+    const render::Frame after = rig.rest(-1.0, 5);
+    EXPECT_DOUBLE_EQ(after.force_n.z(), old_one ? 0.8 : 0.5);
+    EXPECT_EQ(rig.felt(), old_one ? 1 : 0);
+  }
+}
+
+TEST(Mixer, LettingGoEndsAFadeWhereItBegan) {
+  TwoPlanes rig(bench_options());
+  rig.begin(1.0);
+  rig.rest(1.0, 5);
+  rig.rest(-1.0, 200);
+  rig.ask(1);
+  rig.rest(-1.0, 60);
+  rig.mixer.let_go(Vec3(0.0, 0.0, 1.0));
+  rig.step(-1.0);
+  EXPECT_EQ(rig.mixer.last().decision, MixDecision::kAborted);
+  EXPECT_DOUBLE_EQ(rig.rest(-1.0, 5).force_n.z(), 0.5);
+  EXPECT_EQ(rig.a->back_in_time + rig.b->back_in_time, 0);
+}
+
+TEST(Mixer, EachIsBroughtUpFromWhereItWasFreeItself) {
+  // The second surface stands 2 mm higher: 1 mm is free for the first and not for it.
+  TwoPlanes rig(bench_options(), 0.5, 2.0);
+  rig.begin(5.0);
+  for (int i = 0; i <= 40; ++i) rig.step(5.0 - 0.1 * i);
+  rig.rest(1.0, 10);
+  rig.mixer.let_go(Vec3(0.0, 0.0, 1.0));
+  EXPECT_DOUBLE_EQ(rig.a->placed_mm.z(), 1.0);
+  EXPECT_GE(rig.b->placed_mm.z(), 2.0) << "its own last free place";
+  rig.rest(1.0, 5);
+  EXPECT_TRUE(rig.mixer.last().tracked[1].ready);
+}
+
+TEST(Mixer, AStandbyThatIsTooSlowIsDisqualifiedAndOneLateFrameIsNot) {
+  TwoPlanes rig(bench_options());
+  rig.begin(5.0);
+  rig.b->clock = &rig.clock;
+  rig.rest(5.0, 10);
+  rig.b->takes_s = 2e-3;
+  rig.t_s = rig.clock.now_s();
+  rig.step(5.0);
+  rig.b->takes_s = 0.0;
+  rig.t_s = rig.clock.now_s();
+  rig.rest(5.0, 100);
+  EXPECT_EQ(rig.mixer.last().tracked[1].disqualified, Disqualified::kNo) << "the operating system's";
+  for (int i = 0; i < 3; ++i) {
+    rig.b->takes_s = 2e-3;
+    rig.t_s = rig.clock.now_s();
+    rig.step(5.0);
+  }
+  EXPECT_EQ(rig.mixer.last().tracked[1].disqualified, Disqualified::kTooSlow);
+  const int steps = rig.b->steps;
+  rig.t_s = rig.clock.now_s();
+  rig.step(5.0);
+  EXPECT_EQ(rig.b->steps, steps) << "it is not stepped any more";
+}
+
+TEST(Mixer, TooSlowTogetherTheStandbyGoesAtHalfRateAndIsPlacedInFreeSpace) {
+  TwoPlanes rig(bench_options());
+  rig.begin(5.0);
+  rig.a->clock = rig.b->clock = &rig.clock;
+  rig.a->takes_s = rig.b->takes_s = 0.35e-3;  // 70 % of a millisecond together
+  const auto steps = [&](double z, int frames) {
+    for (int i = 0; i < frames; ++i) {
+      rig.t_s = std::max(rig.t_s, rig.clock.now_s());
+      rig.step(z);
+    }
+  };
+  steps(5.0, 20);
+  EXPECT_TRUE(rig.mixer.last().half_rate);
+  const int before_a = rig.a->steps, before_b = rig.b->steps;
+  steps(5.0, 100);
+  EXPECT_EQ(rig.a->steps - before_a, 100);
+  EXPECT_EQ(rig.b->steps - before_b, 50);
+  // In contact it is refused (here: it waits), however alike the forces are.
+  rig.b->stiffness_n_per_mm = 0.5;
+  steps(-1.0, 50);
+  rig.ask(1);
+  steps(-1.0, 1);
+  EXPECT_EQ(rig.mixer.last().decision, MixDecision::kWaits);
+  EXPECT_EQ(rig.mixer.last().reason, SwitchReason::kHalfRate);
+  const int placed = rig.b->lettings_go;
+  steps(4.0, 200);
+  EXPECT_EQ(rig.felt(), 1);
+  EXPECT_EQ(rig.b->lettings_go, placed + 1) << "brought up in free space";
+  rig.a->takes_s = rig.b->takes_s = 0.2e-3;
+  steps(4.0, 300);
+  EXPECT_FALSE(rig.mixer.last().half_rate) << "and back, when they are quick again";
+}
+
+TEST(Mixer, AChangeOfParametersIsASwitch) {
+  TwoPlanes rig(bench_options());
+  int destroyed = 0;
+  rig.a->destroyed = &destroyed;
+  rig.begin(1.0);
+  rig.rest(1.0, 3);
+  rig.rest(-1.0, 200);
+  std::unique_ptr<render::HapticRenderer> stiffer = std::make_unique<HighPlane>(0.9, 0.0);
+  stiffer->restart(Vec3(0.0, 0.0, 1.0), 0.0);
+  ASSERT_TRUE(rig.mixer.offer(stiffer, 0));
+  EXPECT_EQ(stiffer, nullptr);
+  rig.step(-1.0);
+  rig.rest(-1.0, 20);
+  EXPECT_EQ(rig.mixer.last().state, MixState::kFading);
+  EXPECT_EQ(rig.mixer.take_retired(), nullptr) << "the old one is still felt";
+  EXPECT_DOUBLE_EQ(rig.rest(-1.0, 160).force_n.z(), 0.9);
+  EXPECT_EQ(rig.felt(), 0) << "the lane stays";
+  EXPECT_EQ(destroyed, 0) << "nothing is destroyed in a frame";
+  {
+    const std::unique_ptr<render::HapticRenderer> old = rig.mixer.take_retired();
+    EXPECT_EQ(old.get(), rig.a);
+  }
+  EXPECT_EQ(destroyed, 1);
+  EXPECT_EQ(rig.mixer.take_retired(), nullptr);
+}
+
+TEST(Mixer, AnArrivalForALaneThatIsNotFeltReplacesItAtOnce) {
+  TwoPlanes rig(bench_options());
+  rig.begin(1.0);
+  rig.rest(1.0, 3);
+  rig.rest(-1.0, 20);
+  std::unique_ptr<render::HapticRenderer> other = std::make_unique<HighPlane>(0.7, 0.0);
+  ASSERT_TRUE(rig.mixer.offer(other, 1));
+  bool replaced = false;
+  for (int i = 0; i < 20; ++i) {
+    EXPECT_DOUBLE_EQ(rig.step(-1.0).force_n.z(), 0.5);
+    replaced = replaced || rig.mixer.last().decision == MixDecision::kReplaced;
+  }
+  EXPECT_TRUE(replaced);
+  EXPECT_EQ(rig.mixer.take_retired().get(), rig.b);
+  rig.ask(1);
+  rig.rest(-1.0, 170);
+  EXPECT_DOUBLE_EQ(rig.rest(-1.0, 1).force_n.z(), 0.7);
+}
+
+TEST(Mixer, AnArrivalThatMayNotTakeOverGoesBack) {
+  TwoPlanes rig(bench_options(SwitchRule::kContactElseRefuse));
+  rig.begin(1.0);
+  rig.rest(1.0, 3);
+  rig.rest(-2.0, 100);
+  std::unique_ptr<render::HapticRenderer> hard = std::make_unique<HighPlane>(1.5, 0.0);
+  const render::HapticRenderer* const arrived = hard.get();
+  ASSERT_TRUE(rig.mixer.offer(hard, 0));
+  bool refused = false;
+  for (int i = 0; i < 20; ++i) {
+    rig.step(-2.0);
+    refused = refused || rig.mixer.last().reason == SwitchReason::kForcesDiffer;
+  }
+  EXPECT_TRUE(refused);
+  EXPECT_EQ(rig.mixer.take_retired().get(), arrived);
+  EXPECT_DOUBLE_EQ(rig.rest(-2.0, 1).force_n.z(), 1.0);
+}
+
+TEST(Mixer, ArrivalsFromAnotherThreadWhileItRuns) {
+  TwoPlanes rig(bench_options());
+  rig.begin(1.0);
+  rig.rest(1.0, 3);
+  std::atomic<bool> done{false};
+  int made = 0, back = 0, destroyed = 0;
+  std::thread worker([&] {
+    while (made < 20) {
+      auto plane = std::make_unique<HighPlane>(0.4 + 0.01 * made, 0.0);
+      plane->destroyed = &destroyed;
+      std::unique_ptr<render::HapticRenderer> renderer = std::move(plane);
+      while (!rig.mixer.offer(renderer, static_cast<std::uint8_t>(made % 2))) {
+        if (rig.mixer.take_retired()) ++back;
+        std::this_thread::yield();
+      }
+      ++made;
+    }
+    done = true;
+  });
+  int frames = 0;
+  while (!done || frames < 1000) {
+    const render::Frame frame = rig.step(-0.5);
+    ASSERT_TRUE(is_finite(frame.force_n));
+    ASSERT_LT(++frames, 100'000'000);
+  }
+  worker.join();
+  rig.rest(-0.5, 1000);
+  while (rig.mixer.take_retired()) ++back;
+  EXPECT_EQ(back, 20) << "every one that was replaced came back";
+  EXPECT_EQ(destroyed, 18) << "of the twenty made, two are there";
+}
+
+TEST(Mixer, AHipThatIsNoNumberLeavesAllAsTheyWere) {
+  TwoPlanes rig(bench_options());
+  rig.begin(1.0);
+  rig.rest(-1.0, 10);
+  const int steps = rig.a->steps;
+  const render::Frame frame =
+      rig.mixer.step(Vec3::Constant(std::numeric_limits<double>::quiet_NaN()), rig.t_s + 1e-3);
+  EXPECT_EQ(frame.status, render::FrameStatus::kNonFinite);
+  EXPECT_EQ(frame.force_n, Vec3::Zero());
+  EXPECT_EQ(rig.a->steps, steps);
+}
+
+TEST(SwitchButton, APressIsDecidedLaterAndAHeldOneGoesBack) {
+  TwoPlanes rig(bench_options());
+  SwitchButton button(rig.mixer);
+  rig.begin(5.0);
+  std::uint8_t at[4] = {9, 9, 9, 9};
+  for (int i = 1; i <= 3000; ++i) {
+    rig.step(5.0);
+    Tick tick;
+    tick.t_s = rig.t_s;
+    // A short press at 0.5 s, a long one from 1.5 to 2.3 s.
+    tick.state.buttons = (i >= 500 && i < 600) || (i >= 1500 && i < 2300) ? 1u : 0u;
+    button.took(tick);
+    if (i == 690) at[0] = rig.felt();
+    if (i == 710) at[1] = rig.felt();
+    if (i == 2200) at[2] = rig.felt();
+    if (i == 2510) at[3] = rig.felt();
+  }
+  EXPECT_EQ(at[0], 0) << "a press moves the hand";
+  EXPECT_EQ(at[1], 1);
+  EXPECT_EQ(at[2], 0) << "while it is held";
+  EXPECT_EQ(at[3], 1) << "what was felt before";
+}
+
+}  // namespace
+}  // namespace palpate::device

@@ -1,0 +1,353 @@
+// The recorder while the loop runs: it never waits, and counts what it loses.
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <csignal>
+#include <filesystem>
+#include <thread>
+
+#include "tests/device/record_rig.h"
+#include "tests/house/allocation_count.h"
+#include "tests/in_folder.h"
+#include "toolkit/core/clock.h"
+
+namespace palpate::device {
+namespace {
+
+constexpr std::uint64_t kSeed = 7;
+
+std::size_t ticks_of(std::vector<std::byte> bytes, RecordingEnd& end) {
+  Result<Recording> recording = open_bytes(std::move(bytes));
+  EXPECT_TRUE(recording);
+  if (!recording) return 0;
+  RecordedTick tick;
+  std::size_t ticks = 0;
+  for (;;) {
+    const Result<bool> more = recording->next(tick);
+    EXPECT_TRUE(more) << more.error().message();
+    if (!more || !*more) break;
+    ++ticks;
+  }
+  end = recording->end();
+  return ticks;
+}
+
+TEST(Recorder, KeepsEveryTickOfALongSessionWithASmallRing) {
+  MemoryDisk disk;
+  RandomTicks source(kSeed);
+  RecorderOptions options;
+  options.ring_bytes = std::size_t{1} << 16;
+  ASSERT_TRUE(record(disk, source, 20'000, options));
+  Result<Recording> recording = open_bytes(disk.copy());
+  ASSERT_TRUE(recording);
+  RecordedTick tick;
+  std::size_t i = 0;
+  std::int64_t before_ns = 0;
+  for (;; ++i) {
+    const Result<bool> more = recording->next(tick);
+    ASSERT_TRUE(more) << more.error().message();
+    if (!*more) break;
+    ASSERT_LT(i, source.given.size());
+    RecordedTick given = source.given[i];
+    given.dt_ns = i == 0 ? 0 : tick.t_ns - before_ns;
+    before_ns = tick.t_ns;
+    ASSERT_EQ(difference(given, tick), "") << i;
+    EXPECT_GE(tick.late_ns, 0);
+    EXPECT_LT(tick.late_ns, 10'001);
+  }
+  EXPECT_EQ(i, 20'000u);
+  ASSERT_EQ(recording->renderers().size(), 2u);
+  EXPECT_EQ(recording->renderers()[1].name, "mesh-godobject");
+}
+
+TEST(Recorder, ASlowDiskCostsTicksThatAreCountedAndNeverTheLoop) {
+  MemoryDisk disk;
+  RandomTicks source(kSeed);
+  source.keeps = false;
+  RecorderOptions options;
+  options.ring_bytes = 1;  // the least that is given: two of the longest ticks
+  auto made = Recorder::create(std::make_unique<MemoryFile>(disk), some_header(), source, options);
+  ASSERT_TRUE(made);
+  Recorder& recorder = **made;
+  for (const char* const name : {"a", "b"}) ASSERT_TRUE(recorder.add_renderer({name, name, {}}));
+  disk.slow_ms = 30;
+  for (int i = 0; i < 3000; ++i) recorder.took(source.next());
+  const RecorderCounts running = recorder.counts();
+  EXPECT_EQ(running.ticks, 3000u) << "nobody waited";
+  const Status done = recorder.finish();
+  const RecorderCounts counts = recorder.counts();
+  ASSERT_FALSE(done);
+  EXPECT_NE(done.error().what.find("were lost"), std::string::npos) << done.error().message();
+  EXPECT_GT(counts.lost, 0u);
+  EXPECT_EQ(counts.ticks, counts.written + counts.lost);
+  RecordingEnd end;
+  EXPECT_EQ(ticks_of(disk.copy(), end), counts.written);
+  EXPECT_EQ(end.lost, counts.lost) << "what is in the file is what was counted";
+  EXPECT_FALSE(end.warnings().empty());
+}
+
+TEST(Recorder, ADiskThatIsFullForAWhileCostsNothing) {
+  MemoryDisk disk;
+  RandomTicks source(kSeed);
+  auto made = Recorder::create(std::make_unique<MemoryFile>(disk), some_header(), source, {});
+  ASSERT_TRUE(made);
+  Recorder& recorder = **made;
+  for (const char* const name : {"a", "b"}) ASSERT_TRUE(recorder.add_renderer({name, name, {}}));
+  {
+    const std::lock_guard lock(disk.mutex);
+    disk.broken = true;
+  }
+  for (int i = 0; i < 600; ++i) recorder.took(source.next());
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  EXPECT_EQ(recorder.counts().written, 0u);
+  {
+    const std::lock_guard lock(disk.mutex);
+    disk.broken = false;
+  }
+  EXPECT_TRUE(recorder.finish());
+  RecordingEnd end;
+  EXPECT_EQ(ticks_of(disk.copy(), end), 600u);
+  EXPECT_EQ(end.lost, 0u);
+}
+
+TEST(Recorder, ADiskThatStaysFullLosesTheRestAndSaysWhy) {
+  MemoryDisk disk;
+  RandomTicks source(kSeed);
+  auto made = Recorder::create(std::make_unique<MemoryFile>(disk), some_header(), source, {});
+  ASSERT_TRUE(made);
+  Recorder& recorder = **made;
+  for (const char* const name : {"a", "b"}) ASSERT_TRUE(recorder.add_renderer({name, name, {}}));
+  {
+    const std::lock_guard lock(disk.mutex);
+    disk.room = disk.bytes.size() + 100;
+  }
+  for (int i = 0; i < 600; ++i) recorder.took(source.next());
+  const Status done = recorder.finish();
+  ASSERT_FALSE(done);
+  EXPECT_NE(done.error().what.find("No space left"), std::string::npos) << done.error().message();
+  EXPECT_NE(done.error().remedy.find("free some space"), std::string::npos);
+  EXPECT_EQ(recorder.counts().lost, 600u);
+  RecordingEnd end;
+  EXPECT_EQ(ticks_of(disk.copy(), end), 0u);
+}
+
+TEST(Recorder, TicksAndTheWriterRunSideBySide) {
+  // For ThreadSanitizer: a loop that takes ticks, a writer, and a thread that adds renderers and notes.
+  MemoryDisk disk;
+  RandomTicks source(kSeed);
+  source.keeps = false;
+  RecorderOptions options;
+  options.ring_bytes = std::size_t{1} << 17;
+  options.chunk_s = 0.01;
+  auto made = Recorder::create(std::make_unique<MemoryFile>(disk), some_header(), source, options);
+  ASSERT_TRUE(made);
+  Recorder& recorder = **made;
+  for (const char* const name : {"a", "b"}) ASSERT_TRUE(recorder.add_renderer({name, name, {}}));
+  std::thread loop([&] {
+    for (int i = 0; i < 2000; ++i) {
+      recorder.wait_for_room();
+      recorder.took(source.next());
+    }
+  });
+  for (int i = 0; i < 20; ++i) {
+    ASSERT_TRUE(recorder.note("note " + std::to_string(i)));
+    ASSERT_TRUE(recorder.add_renderer({"more" + std::to_string(i), "cloud", {}}));
+    static_cast<void>(recorder.counts());
+  }
+  loop.join();
+  ASSERT_TRUE(recorder.finish());
+  RecordingEnd end;
+  EXPECT_EQ(ticks_of(disk.copy(), end), 2000u);
+}
+
+TEST(Recorder, TakingATickAllocatesNothing) {
+  MemoryDisk disk;
+  RandomTicks source(kSeed);
+  source.keeps = false;
+  RecorderOptions options;
+  options.chunk_s = 1e6;  // the writer only fetches: writing allocates, in its own thread
+  auto made = Recorder::create(std::make_unique<MemoryFile>(disk), some_header(), source, options);
+  ASSERT_TRUE(made);
+  for (const char* const name : {"a", "b"}) ASSERT_TRUE((*made)->add_renderer({name, name, {}}));
+  (*made)->took(source.next());
+  std::uint64_t counted = 0;
+  {
+    const house::AllocationCount allocations;
+    for (int i = 0; i < 1000; ++i) (*made)->took(source.next());
+    counted = allocations.count();
+  }
+  EXPECT_EQ(counted, 0u);
+  EXPECT_EQ((*made)->counts().written, 0u) << "nothing was written meanwhile";
+  EXPECT_TRUE((*made)->finish());
+}
+
+TEST(Recorder, TheTapNotesEveryCall) {
+  class Answers final : public render::HapticRenderer {
+   public:
+    Result<render::Decisions> decide(const render::SceneInput&,
+                                     const render::PrepareContext&) const override {
+      return render::Decisions{};
+    }
+    Result<render::PrepareReport> prepare(const render::SceneInput&, const render::PrepareContext&) override {
+      return render::PrepareReport{};
+    }
+    void restart(const Vec3&, double) noexcept override {}
+    void let_go(const Vec3&) noexcept override {}
+    render::Frame step(const Vec3& hip_mm, double) noexcept override {
+      render::Frame frame;
+      frame.god_object_mm = hip_mm;
+      return frame;
+    }
+    render::FrameCounters counters() const noexcept override { return {}; }
+    render::Description describe() const override { return {}; }
+  };
+  Answers inner;
+  VirtualClock clock;
+  RendererTap tap(inner, clock);
+  const Vec3 a{1.0, 2.0, 3.0}, b{4.0, 5.0, 6.0};
+  tap.let_go(b);
+  tap.restart(a, 0.5);
+  tap.let_go(a);
+  static_cast<void>(tap.step(b, 0.6));
+  RecordedTrack track;
+  tap.fill(track);
+  ASSERT_EQ(track.calls.size(), 3u) << "what was before a restart is undone by it";
+  EXPECT_EQ(track.calls[0], (RendererCall{RendererCall::Kind::kRestart, a, 0.5}));
+  EXPECT_EQ(track.calls[1], (RendererCall{RendererCall::Kind::kLetGo, a, 0.0}));
+  EXPECT_EQ(track.calls[2], (RendererCall{RendererCall::Kind::kStep, b, 0.6}));
+  EXPECT_TRUE(track.stepped);
+  EXPECT_EQ(track.frame.god_object_mm, b);
+  tap.begin_tick();
+  tap.fill(track);
+  EXPECT_TRUE(track.calls.empty());
+  EXPECT_FALSE(track.stepped);
+  for (std::size_t i = 0; i <= kMostCalls; ++i) static_cast<void>(tap.step(a, 1.0 + static_cast<double>(i)));
+  tap.fill(track);
+  EXPECT_TRUE(track.calls_lost);
+  EXPECT_EQ(track.calls.size(), kMostCalls);
+}
+
+class RecorderOnDisk : public InFolder {
+ protected:
+  /// Records in a child process at about 1 kHz until it is killed; the last tick's number goes through a
+  /// pipe.
+  template <class Limit>
+  pid_t record_in_child(const std::string& path, int out, Limit&& limit) {
+    const pid_t pid = ::fork();
+    if (pid != 0) return pid;
+    limit();
+    RandomTicks source(kSeed);
+    source.keeps = false;
+    auto made = Recorder::create(path, some_header(), source);
+    if (!made) ::_exit(3);
+    for (const char* const name : {"a", "b"})
+      if (!(*made)->add_renderer({name, name, {}})) ::_exit(4);
+    constexpr std::int64_t kTicks = 60'000;
+    for (std::int64_t i = 1; i <= kTicks; ++i) {
+      (*made)->took(source.next());
+      if (::write(out, &i, sizeof(i)) != sizeof(i)) ::_exit(5);
+      std::this_thread::sleep_for(std::chrono::microseconds(900));
+    }
+    ::_exit(0);
+  }
+};
+
+TEST_F(RecorderOnDisk, KilledInTheMiddleItLosesASecondAtMost) {
+  const std::string path = in("killed.palrec");
+  int pipes[2];
+  ASSERT_EQ(::pipe(pipes), 0);
+  const pid_t pid = record_in_child(path, pipes[1], [] {});
+  ASSERT_GT(pid, 0);
+  ::close(pipes[1]);
+  std::int64_t last = 0;
+  // Four chunks and a piece of the fifth.
+  constexpr std::int64_t kKilledAt = 1130;
+  while (last < kKilledAt && ::read(pipes[0], &last, sizeof(last)) == sizeof(last)) {
+  }
+  ::kill(pid, SIGKILL);
+  int status = 0;
+  ::waitpid(pid, &status, 0);
+  while (::read(pipes[0], &last, sizeof(last)) == sizeof(last)) {
+  }
+  ::close(pipes[0]);
+  ASSERT_TRUE(WIFSIGNALED(status));
+  Result<Recording> recording = Recording::open(path);
+  ASSERT_TRUE(recording) << recording.error().message();
+  RecordedTick tick;
+  std::int64_t ticks = 0;
+  for (;;) {
+    const Result<bool> more = recording->next(tick);
+    ASSERT_TRUE(more) << more.error().message();
+    if (!*more) break;
+    ++ticks;
+  }
+  EXPECT_GE(ticks, last - 1000) << "of " << last << " ticks, a millisecond each";
+  EXPECT_FALSE(recording->end().closed);
+  EXPECT_NE(recording->end().warnings().front().find("crashed"), std::string::npos);
+}
+
+TEST_F(RecorderOnDisk, AFileThatMayNotGrowKeepsWhatItHasAndTheLoopGoesOn) {
+  const std::string path = in("limited.palrec");
+  constexpr rlim_t kMostBytes = 250'000;  // two chunks and a half
+  const pid_t pid = ::fork();
+  if (pid == 0) {
+    std::signal(SIGXFSZ, SIG_IGN);
+    const rlimit limit{kMostBytes, kMostBytes};
+    ::setrlimit(RLIMIT_FSIZE, &limit);
+    RandomTicks source(kSeed);
+    source.keeps = false;
+    auto made = Recorder::create(path, some_header(), source);
+    if (!made) ::_exit(3);
+    for (const char* const name : {"a", "b"})
+      if (!(*made)->add_renderer({name, name, {}})) ::_exit(4);
+    for (int i = 0; i < 3000; ++i) (*made)->took(source.next());
+    const Status done = (*made)->finish();
+    const RecorderCounts counts = (*made)->counts();
+    const bool right = !done && counts.ticks == 3000 && counts.written > 0 && counts.lost > 0 &&
+                       counts.ticks == counts.written + counts.lost &&
+                       done.error().what.find("File too large") != std::string::npos;
+    ::_exit(right ? 0 : 5);
+  }
+  int status = 0;
+  ::waitpid(pid, &status, 0);
+  ASSERT_TRUE(WIFEXITED(status));
+  EXPECT_EQ(WEXITSTATUS(status), 0);
+  EXPECT_LE(std::filesystem::file_size(path), kMostBytes);
+  Result<Recording> recording = Recording::open(path);
+  ASSERT_TRUE(recording);
+  RecordedTick tick;
+  std::size_t ticks = 0;
+  Result<bool> more = recording->next(tick);
+  for (; more && *more; more = recording->next(tick)) ++ticks;
+  EXPECT_TRUE(more) << "whole chunks, and at most half a one behind them";
+  EXPECT_GT(ticks, 0u);
+}
+
+TEST_F(RecorderOnDisk, NeverReplacesAFileUnasked) {
+  const std::string path = in("twice.palrec");
+  RandomTicks source(kSeed);
+  {
+    auto first = Recorder::create(path, some_header(), source);
+    ASSERT_TRUE(first);
+    RecorderOptions replacing;
+    replacing.replace = true;
+    const auto busy = Recorder::create(path, some_header(), source, replacing);
+    ASSERT_FALSE(busy);
+    EXPECT_NE(busy.error().what.find("another program"), std::string::npos);
+  }
+  const auto again = Recorder::create(path, some_header(), source);
+  ASSERT_FALSE(again);
+  EXPECT_NE(again.error().remedy.find("--force"), std::string::npos);
+  EXPECT_TRUE(is_recording(path));
+  const auto nowhere = Recorder::create(in("no/such/folder.palrec"), some_header(), source);
+  ASSERT_FALSE(nowhere);
+  EXPECT_NE(nowhere.error().message().find("create the folder"), std::string::npos);
+  const auto folder = Recorder::create(folder_.string(), some_header(), source);
+  ASSERT_FALSE(folder);
+}
+
+}  // namespace
+}  // namespace palpate::device

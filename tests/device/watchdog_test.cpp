@@ -1,0 +1,306 @@
+// Heartbeat, watchdog, and every way in which a servo ends, in one process. In real time nothing is asserted
+// but what no load can change.
+#include "device/safety/watchdog.h"
+
+#include <gtest/gtest.h>
+
+#include <cctype>
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <new>
+#include <string>
+#include <thread>
+
+#include "device/safety/guard.h"
+#include "device/servo/scheduling.h"
+#include "device/servo/servo.h"
+#include "device/simulated/fault_trial.h"
+#include "device/simulated/packet_device.h"
+#include "device/simulated/simulated_link.h"
+#include "tests/device/rig.h"
+
+namespace palpate::device {
+namespace {
+
+constexpr std::int64_t kMsNs = 1'000'000;
+
+// What scheduling.h says to users is what is asked for.
+static_assert(Watchdog::kPriority == kWatchdogPriority && Guard::kPriority == kGuardPriority);
+
+/// Counts what it is told to cut.
+class CutDevice final : public Device {
+ public:
+  [[nodiscard]] std::string name() const override { return "cut"; }
+  [[nodiscard]] Status open() override { return Done{}; }
+  void close() noexcept override {}
+  [[nodiscard]] DeviceLimits limits() const noexcept override { return {}; }
+  [[nodiscard]] DeviceState read() noexcept override { return {}; }
+  void send(GovernedForce) noexcept override {}
+  bool cut_force() noexcept override { return ++cuts > 0; }
+  std::atomic<int> cuts{0};
+};
+
+struct WatchRig {
+  CutDevice device;
+  Heartbeat heart;
+  Watchdog watchdog{device, heart};
+  std::int64_t now_ns = 0;
+  void look(int times = 1) {
+    for (int i = 0; i < times; ++i) watchdog.look(now_ns += kMsNs);
+  }
+};
+
+TEST(Watchdog, NothingHappensWhileTheHeartBeats) {
+  WatchRig rig;
+  for (int i = 0; i < 1000; ++i) {
+    rig.heart.beat();
+    rig.look(9);
+  }
+  EXPECT_EQ(rig.device.cuts, 0);
+  EXPECT_FALSE(rig.heart.tripped());
+}
+
+TEST(Watchdog, NothingIsExpectedBeforeTheFirstBeatOrAtRest) {
+  WatchRig rig;
+  rig.look(1000);
+  rig.heart.beat();
+  rig.look(5);
+  rig.heart.rest();
+  rig.look(1000);
+  EXPECT_EQ(rig.device.cuts, 0);
+  EXPECT_FALSE(rig.heart.tripped());
+}
+
+TEST(Watchdog, StillForOverTenMillisecondsItCutsLatchesAndGoesOnCutting) {
+  WatchRig rig;
+  rig.heart.beat();
+  rig.look(11);  // seen at 1 ms, still there at 11
+  EXPECT_FALSE(rig.heart.tripped());
+  rig.look();
+  EXPECT_TRUE(rig.heart.tripped());
+  EXPECT_EQ(rig.device.cuts, 1);
+  EXPECT_EQ(rig.watchdog.tripped_ns(), 12 * kMsNs);
+  rig.heart.beat();  // it came back, and may have been about to send
+  rig.look(5);
+  EXPECT_EQ(rig.device.cuts, 6);
+  EXPECT_EQ(rig.watchdog.trips(), 1u);
+  rig.heart.rearm();
+  rig.heart.beat();
+  rig.look(5);
+  EXPECT_EQ(rig.device.cuts, 6) << "armed again by hand";
+  rig.look(20);
+  EXPECT_EQ(rig.watchdog.trips(), 2u);
+}
+
+TEST(Watchdog, LateItselfItCutsAtOnceButBlamesNobodyYet) {
+  WatchRig rig;
+  rig.heart.beat();
+  rig.look(2);
+  rig.now_ns += 30 * kMsNs;  // the machine stood still
+  rig.look();
+  EXPECT_EQ(rig.device.cuts, 1);
+  EXPECT_FALSE(rig.heart.tripped());
+  EXPECT_EQ(rig.watchdog.late_looks(), 1u);
+  rig.look(12);
+  EXPECT_TRUE(rig.heart.tripped()) << "the servo did not come back";
+}
+
+TEST(Watchdog, RefusesTimesThatWatchNothing) {
+  CutDevice device;
+  Heartbeat heart;
+  for (const WatchdogOptions& wrong : {WatchdogOptions{0.01, 0.0}, WatchdogOptions{0.01, 0.005},
+                                       WatchdogOptions{5.0, 0.001}, WatchdogOptions{std::nan(""), 0.001}}) {
+    Watchdog watchdog(device, heart, wrong);
+    EXPECT_FALSE(watchdog.start());
+  }
+}
+
+TEST(WatchdogThread, CutsForALoopThatStandsStillAndEndsWhenTold) {
+  CutDevice device;
+  Heartbeat heart;
+  Watchdog watchdog(device, heart);
+  ASSERT_TRUE(watchdog.start());
+  heart.beat();
+  while (!heart.tripped()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  EXPECT_GT(device.cuts, 0);
+  watchdog.stop();
+  const int cuts = device.cuts;
+  std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  EXPECT_EQ(device.cuts, cuts);
+  EXPECT_EQ(watchdog.trips(), 1u);
+}
+
+TEST(WatchdogThread, EndedWhileAServoRunsItCutsALastTime) {
+  CutDevice device;
+  Heartbeat heart;
+  {
+    Watchdog watchdog(device, heart, {0.5, 0.001});
+    ASSERT_TRUE(watchdog.start());
+    heart.beat();
+  }
+  EXPECT_GE(device.cuts, 1);
+}
+
+// ---- every end of a servo
+
+struct Pressed {
+  Pressed() : device(link, clock), wall(0.5), servo(wall, quick(), device, clock, {}) {
+    servo.watched_by(&heart);
+    EXPECT_TRUE(servo.start().ok());
+    for (int i = 0; i < 100; ++i) {
+      clock.advance(1e-3);
+      tick = servo.tick();
+    }
+    EXPECT_GT(board.held()[2], 900);
+  }
+  static GovernorOptions quick() {
+    GovernorOptions options;
+    options.soft_start_s = 0.02;
+    return options;
+  }
+  void next() {
+    clock.advance(1e-3);
+    tick = servo.tick();
+  }
+  SimulatedBoard board;
+  VirtualClock clock;
+  HandScript script = HandScript::create("press", {0.0, 0.05}, {Vec3{0, 0, 1}, Vec3{0, 0, -2}},
+                                         HandScript::Between::kMinimumJerk)
+                          .value();
+  SimulatedLink link{board, script, clock};
+  PacketDevice device;
+  SpringPlane wall;
+  Heartbeat heart;
+  Servo servo;
+  Tick tick;
+};
+
+TEST(ServoEnds, StoppedItSendsZero) {
+  Pressed rig;
+  rig.servo.stop();
+  EXPECT_FALSE(rig.board.holds_force());
+  EXPECT_FALSE(rig.heart.expected());
+  rig.servo.stop();
+  rig.servo.rearm();
+  rig.next();
+  EXPECT_FALSE(rig.board.holds_force()) << "nothing comes after it";
+}
+
+TEST(ServoEnds, DestroyedItSendsZero) {
+  auto rig = std::make_unique<Pressed>();
+  SimulatedBoard board;  // a second servo on another board, whose end is seen from outside
+  SimulatedLink link(board, rig->script, rig->clock);
+  PacketDevice device(link, rig->clock);
+  {
+    Servo servo(rig->wall, Pressed::quick(), device, rig->clock, {});
+    ASSERT_TRUE(servo.start());
+    for (int i = 0; i < 100; ++i) {
+      rig->clock.advance(1e-3);
+      (void)servo.tick();
+    }
+    ASSERT_TRUE(board.holds_force());
+  }
+  EXPECT_FALSE(board.holds_force());
+}
+
+TEST(ServoEnds, AnExceptionThroughItSendsZero) {
+  SimulatedBoard board;
+  try {
+    VirtualClock clock;
+    HandScript script = HandScript::create("press", {0.0, 0.05}, {Vec3{0, 0, 1}, Vec3{0, 0, -2}},
+                                           HandScript::Between::kMinimumJerk)
+                            .value();
+    SimulatedLink link(board, script, clock);
+    PacketDevice device(link, clock);
+    SpringPlane wall(0.5);
+    Servo servo(wall, Pressed::quick(), device, clock, {});
+    ASSERT_TRUE(servo.start());
+    for (int i = 0; i < 100; ++i) {
+      clock.advance(1e-3);
+      (void)servo.tick();
+    }
+    ASSERT_TRUE(board.holds_force());
+    throw std::bad_alloc();
+  } catch (const std::bad_alloc&) {
+  }
+  EXPECT_FALSE(board.holds_force());
+}
+
+TEST(ServoEnds, ADeviceWhoseLimitsAreNoneIsClosedAgain) {
+  Pressed rig;
+  PacketDeviceOptions none;
+  none.limits.force_max_n = 0.0;
+  SimulatedBoard board;
+  SimulatedLink link(board, rig.script, rig.clock);
+  PacketDevice device(link, rig.clock, none);
+  Servo servo(rig.wall, {}, device, rig.clock, {});
+  const Status started = servo.start();
+  ASSERT_FALSE(started);
+  EXPECT_NE(started.error().message().find("force limit"), std::string::npos);
+  EXPECT_EQ(device.read().status, ReadStatus::kLost) << "closed";
+  EXPECT_EQ(servo.governor(), nullptr);
+}
+
+TEST(ServoEnds, ATrippedHeartIsObeyedInTheNextTickAndArmedByHand) {
+  Pressed rig;
+  rig.heart.trip();
+  rig.next();
+  EXPECT_FALSE(rig.board.holds_force());
+  EXPECT_EQ(rig.tick.fault, Fault::kStalled);
+  for (int i = 0; i < 50; ++i) rig.next();
+  EXPECT_FALSE(rig.board.holds_force());
+  rig.servo.rearm();
+  EXPECT_FALSE(rig.heart.tripped());
+  for (int i = 0; i < 50; ++i) rig.next();
+  EXPECT_GT(rig.board.held()[2], 900);
+}
+
+// ---- the whole chain on a virtual clock
+
+class EveryTrial : public testing::TestWithParam<std::size_t> {};
+
+TEST_P(EveryTrial, EndsWithoutForceWithinTwoFramesOfItsDetection) {
+  const TrialFault& fault = trial_faults()[GetParam()];
+  for (const double rate_hz : {1000.0, 4000.0}) {
+    for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+      SCOPED_TRACE(testing::Message() << fault.name << ", " << rate_hz << " Hz, seed " << seed);
+      const TrialOutcome outcome = run_trial(fault, {rate_hz, seed, false}).value();
+      ASSERT_NEAR(outcome.force_before_n, 1.0, 1e-2) << "or nothing could be let go";
+      if (fault.harmless) {
+        ASSERT_EQ(outcome.fault, Fault::kNone) << fault_name(outcome.fault);
+        ASSERT_NEAR(outcome.force_at_end_n, 1.0, 1e-2);
+        continue;
+      }
+      ASSERT_EQ(outcome.fault, fault.expected) << fault_name(outcome.fault);
+      ASSERT_EQ(outcome.force_at_end_n, 0.0);
+      ASSERT_LE(outcome.frames_to_zero, 2);
+      ASSERT_LE(outcome.zero_after_ms, 2e3 / rate_hz);
+      // Silence takes 20 ms by definition, and a period to see it; the watchdog 10 ms and its looks.
+      ASSERT_LE(outcome.detected_ms, 20.0 + 2e3 / rate_hz);
+      ASSERT_LE(outcome.zero_ms, 20.0 + 4e3 / rate_hz);
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Faults, EveryTrial, testing::Range(std::size_t{0}, trial_faults().size()),
+                         [](const auto& instance) {
+                           std::string name = trial_faults()[instance.param].name;
+                           for (char& c : name)
+                             if (std::isalnum(static_cast<unsigned char>(c)) == 0) c = '_';
+                           return name;
+                         });
+
+// With the watchdog's thread beside the servo's, on the machine's clock: what must end does end, however busy
+// the machine is.
+TEST(TrialInRealTime, AStuckRendererEndsWithoutForce) {
+  for (const TrialFault& fault : trial_faults()) {
+    if (fault.where != TrialFault::Where::kStuck && fault.where != TrialFault::Where::kRenderer) continue;
+    const TrialOutcome outcome = run_trial(fault, {1000.0, 1, true}).value();
+    EXPECT_NE(outcome.fault, Fault::kNone) << fault.name;
+    EXPECT_EQ(outcome.force_at_end_n, 0.0) << fault.name;
+  }
+}
+
+}  // namespace
+}  // namespace palpate::device

@@ -1,0 +1,397 @@
+// palpate record, replay and export as a user runs them; and the hashes of a recording, segment by segment.
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#ifdef PALPATE_WITH_HDF5
+#include <hdf5.h>
+#endif
+
+#include "device/record/recorder.h"
+#include "device/simulated/simulated_device.h"
+#include "experiments/live/recording_export.h"
+#include "experiments/live/recording_segments.h"
+#include "experiments/live/recording_session.h"
+#include "experiments/run/recorded_path.h"
+#include "tests/experiments/program.h"
+#include "toolkit/trace/trace_io.h"
+
+namespace palpate::experiments {
+namespace {
+
+using nlohmann::json;
+
+const char* const kRolling = "sinusoid:points=2601:extent_mm=40:wavelength_mm=20:amplitude_mm=1";
+
+class QuietProgress final : public Progress {
+ public:
+  void report(std::string_view /*what*/, double /*fraction*/) override {}
+};
+
+/// A stage and renderers on it, as the commands make them.
+struct Prepared {
+  render::Registry registry = all_renderers();
+  Stage stage;
+  RendererRequest request;
+};
+
+Prepared prepared_stage(const std::string& renderer, const std::string& path) {
+  Prepared p;
+  ProgressBar progress;
+  RunArguments run;
+  run.scene = kRolling;
+  run.renderers = renderer;
+  run.path = path;
+  run.reference = "none";
+  Result<CheckedRun> checked = check_run(run, p.registry, progress);
+  EXPECT_TRUE(checked) << checked.error().message();
+  p.request = checked->renderers.front();
+  Result<Stage> stage = set_up(checked->stage, all_readers(), progress);
+  EXPECT_TRUE(stage) << stage.error().message();
+  p.stage = *std::move(stage);
+  return p;
+}
+
+std::unique_ptr<render::HapticRenderer> fresh(const Prepared& p) {
+  QuietProgress progress;
+  auto renderer = prepared_renderer(p.request, p.registry, p.stage.scene, 1, progress);
+  EXPECT_TRUE(renderer) << renderer.error().message();
+  return *std::move(renderer);
+}
+
+/// The path under a device that fails three times: silent in contact, out of reach, without a position.
+void record_with_faults(const Prepared& p, const std::string& file) {
+  VirtualClock clock;
+  geometry::RigidTransform world_from_device;
+  world_from_device.translation_mm = Vec3{0.1, -0.2, 1.0 / 3.0};
+  world_from_device.rotation = Eigen::AngleAxisd(0.3, Vec3(Vec3::UnitZ()));
+  trace::ProbePath path = p.stage.path;
+  for (Vec3& hip_mm : path.hip_mm) hip_mm = world_from_device.inverse() * hip_mm;
+  device::DeviceLimits limits;
+  limits.force_max_n = 3.3;
+  limits.rate_hz = 1000.0;
+  limits.resolution_mm = 0.01;
+  limits.workspace_mm = {Vec3::Constant(-200.0), Vec3::Constant(200.0)};
+  using Kind = device::ScriptedFault::Kind;
+  device::SimulatedDevice device(path, clock, limits, 0,
+                                 {{Kind::kSilence, 0.40, 0.1, Vec3::Zero()},
+                                  {Kind::kJump, 1.35, 0.05, Vec3{60.0, 0.0, 0.0}},
+                                  {Kind::kNonFinitePosition, 2.25, 0.05, Vec3::Zero()}});
+  device::GovernorOptions governing;
+  auto governor = device::ForceGovernor::create(limits, governing);
+  ASSERT_TRUE(governor);
+  const auto renderer = fresh(p);
+  device::RendererTap tap(*renderer, clock);
+  device::TapSource source({&tap}, world_from_device);
+  device::RecordingHeader header;
+  header.world_from_device = world_from_device;
+  auto recorder = device::Recorder::create(file, header, source);
+  ASSERT_TRUE(recorder) << recorder.error().message();
+  const auto recorded = recorded_renderer(p.request, p.registry);
+  ASSERT_TRUE(recorded);
+  ASSERT_TRUE((*recorder)->add_renderer(*recorded));
+  device::Servo servo(tap, *governor, device, clock, world_from_device);
+  ASSERT_TRUE(servo.start(p.stage.path.hip_mm.front()));
+  int faulted = 0;
+  for (std::size_t i = 0; i < path.size(); ++i) {
+    clock.advance_to(static_cast<std::int64_t>(i) * 1'000'000);
+    const device::Tick tick = servo.tick();
+    (*recorder)->took(tick);
+    faulted = tick.fault == device::Fault::kNone ? 0 : faulted + 1;
+    if (faulted == 150) servo.rearm();
+  }
+  servo.stop();
+  const Status finished = (*recorder)->finish();
+  ASSERT_TRUE(finished) << finished.error().message();
+}
+
+class RecordSegments : public InFolder, public testing::WithParamInterface<const char*> {};
+
+TEST_P(RecordSegments, AnswerTheSameBitsWithFaultsAndStartsInContactBetween) {
+  const Prepared p = prepared_stage(GetParam(), "weave:frames=3200:depth_mm=1.5");
+  const std::string file = in("faults.palrec");
+  record_with_faults(p, file);
+  Result<device::Recording> recording = device::Recording::open(file);
+  ASSERT_TRUE(recording) << recording.error().message();
+  QuietProgress progress;
+  const auto renderer = fresh(p);
+  const auto segments = replay_segments(*recording, "", *renderer, progress);
+  ASSERT_TRUE(segments) << segments.error().message();
+  EXPECT_TRUE(recording->end().warnings().empty());
+  ASSERT_EQ(segments->size(), 4u) << "three faults";
+  std::uint64_t contact = 0;
+  bool from_contact = false;
+  for (const SegmentReplay& segment : *segments) {
+    EXPECT_TRUE(segment.whole);
+    EXPECT_TRUE(segment.brought_up);
+    EXPECT_EQ(segment.recorded_hash, segment.replayed_hash) << segments_text(*segments);
+    contact += segment.contact_frames;
+    from_contact = from_contact || segment.starts_in_contact;
+  }
+  EXPECT_GT(contact, 500u);
+  EXPECT_TRUE(from_contact) << segments_text(*segments);
+  // Another renderer answers other bits: the comparison can fail.
+  Prepared other = prepared_stage("cloud:shading=none", "weave:frames=10");
+  Result<device::Recording> again = device::Recording::open(file);
+  const auto different = replay_segments(*again, "", *fresh(other), progress);
+  ASSERT_TRUE(different);
+  EXPECT_FALSE(different->front().same());
+  EXPECT_GE(different->front().differs_ns, 0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Renderers, RecordSegments,
+                         testing::Values("cloud", "cloud-smooth", "mesh-godobject"));
+
+TEST(RecordedPaths, StartFreeAndGoByThePlacesOfBringUps) {
+  const Prepared p = prepared_stage("cloud", "weave:frames=3200:depth_mm=1.5");
+  const std::string file = testing::TempDir() + "/record_paths_" + std::to_string(::getpid()) + ".palrec";
+  std::filesystem::remove(file);
+  record_with_faults(p, file);
+  const Result<RecordedPath> recorded = path_of_recording(file, kMemoryLimitBytes);
+  ASSERT_TRUE(recorded) << recorded.error().message();
+  EXPECT_TRUE(recorded->warnings.empty());
+  EXPECT_EQ(recorded->path.hip_mm.front(), p.stage.path.hip_mm.front());
+  EXPECT_GT(recorded->path.size(), 2000u);
+  for (std::size_t i = 1; i < recorded->path.size(); ++i)
+    ASSERT_GT(recorded->path.t_s[i], recorded->path.t_s[i - 1]) << i;
+  std::filesystem::remove(file);
+}
+
+class RecordCommand : public InFolder {
+ protected:
+  /// Two seconds on a virtual clock.
+  ProcessOutcome record(const std::string& out, std::vector<std::string> more = {}) {
+    std::vector<std::string> arguments = {
+        "record",        kRolling, "--renderer", "cloud",
+        "--seconds",     "2",      "--path",     "weave:frames=2000:depth_mm=1",
+        "--accelerated", "--out",  in(out)};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return palpate_command(arguments);
+  }
+  json document(const std::string& file) const { return json::parse(file_text(in(file))); }
+};
+
+TEST_F(RecordCommand, RecordsReplaysToTheSameHashesAndCompares) {
+  const ProcessOutcome recorded = record("one.palrec", {"--json"});
+  ASSERT_EQ(recorded.exit_code, 0) << recorded.err;
+  const json said = json::parse(recorded.out);
+  EXPECT_EQ(said["ticks"], 2001);
+  EXPECT_EQ(said["lost"], 0);
+  EXPECT_EQ(said["scheduling"], "virtual clock");
+  EXPECT_GT(said["contact_ticks"], 200);
+  EXPECT_EQ(said["bytes"], std::filesystem::file_size(in("one.palrec")));
+
+  const ProcessOutcome replayed = palpate_command(
+      {"replay", kRolling, "--path", in("one.palrec"), "--passes", "1", "--out", in("again")});
+  ASSERT_EQ(replayed.exit_code, 0) << replayed.err;
+  EXPECT_NE(replayed.out.find("the same hash"), std::string::npos) << replayed.out;
+  const json segments = document("again/segments.json");
+  EXPECT_EQ(segments["schema"], "palpate-segments/1");
+  ASSERT_GE(segments["segments"].size(), 1u);
+  for (const json& segment : segments["segments"]) EXPECT_TRUE(segment["same"]) << segment;
+
+  // On another scene it says that hashes may differ, and is no failure.
+  const ProcessOutcome other = palpate_command({"replay", "sinusoid:points=961:extent_mm=40", "--path",
+                                                in("one.palrec"), "--passes", "1", "--out", in("other")});
+  ASSERT_EQ(other.exit_code, 0) << other.err;
+  EXPECT_NE(other.out.find("the scene is another one"), std::string::npos) << other.out;
+
+  const ProcessOutcome compared =
+      palpate_command({"compare", kRolling, "--renderers", "cloud,cloud:shading=none:label=bare", "--path",
+                       in("one.palrec"), "--passes", "1", "--out", in("compared")});
+  ASSERT_EQ(compared.exit_code, 0) << compared.err;
+  const json result = document("compared/result.json");
+  ASSERT_EQ(result["renderers"].size(), 2u);
+  EXPECT_GT(result["renderers"][0]["accuracy"]["contact_frames"].is_null()
+                ? result["renderers"][0]["frame"]["contact_frames"].get<int>()
+                : result["renderers"][0]["accuracy"]["contact_frames"].get<int>(),
+            200);
+}
+
+TEST_F(RecordCommand, TheSameSessionTwiceIsTheSameTicks) {
+  ASSERT_EQ(record("a.palrec").exit_code, 0);
+  ASSERT_EQ(record("b.palrec").exit_code, 0);
+  for (const char* const name : {"a", "b"})
+    ASSERT_EQ(palpate_command(
+                  {"export", in(std::string(name) + ".palrec"), "--out", in(std::string(name) + ".csv")})
+                  .exit_code,
+              0);
+  EXPECT_EQ(file_text(in("a.csv")), file_text(in("b.csv")));
+}
+
+TEST_F(RecordCommand, ExportsWhatReadsBackToTheSameBits) {
+  ASSERT_EQ(record("one.palrec").exit_code, 0);
+  // What is in it.
+  std::vector<render::Frame> frames;
+  std::vector<Vec3> hips, sent;
+  Result<device::Recording> recording = device::Recording::open(in("one.palrec"));
+  ASSERT_TRUE(recording);
+  device::RecordedTick tick;
+  trace::ForceTrace truth;
+  for (;;) {
+    const Result<bool> more = recording->next(tick);
+    ASSERT_TRUE(more) << more.error().message();
+    if (!*more) break;
+    ASSERT_TRUE(tick.tracks[0].stepped);
+    truth.frames.push_back(tick.tracks[0].frame);
+    hips.push_back(tick.hip_mm);
+    sent.push_back(tick.sent_n);
+  }
+  ASSERT_EQ(palpate_command({"export", in("one.palrec"), "--out", in("one.csv")}).exit_code, 0);
+  const auto csv = trace::read_trace_csv(in("one.csv"));
+  ASSERT_TRUE(csv) << csv.error().message();
+  EXPECT_EQ(trace::trace_hash(csv->trace), trace::trace_hash(truth));
+  ASSERT_EQ(csv->path.size(), hips.size());
+  for (std::size_t i = 0; i < hips.size(); ++i) ASSERT_EQ(csv->path.hip_mm[i], hips[i]) << i;
+
+  const ProcessOutcome bids = palpate_command({"export", in("one.palrec"), "--format", "motion-bids",
+                                               "--subject", "07", "--task", "feel", "--out", in("dataset")});
+  ASSERT_EQ(bids.exit_code, 0) << bids.err;
+  const std::string stem = "dataset/sub-07/motion/sub-07_task-feel_tracksys-haptic";
+  EXPECT_EQ(document("dataset/dataset_description.json")["BIDSVersion"], "1.9.0");
+  const json motion = document(stem + "_motion.json");
+  EXPECT_EQ(motion["SamplingFrequency"], 1000.0);
+  EXPECT_EQ(motion["TaskName"], "feel");
+  std::istringstream channels(file_text(in(stem + "_channels.tsv")));
+  std::string line;
+  std::getline(channels, line);
+  EXPECT_TRUE(line.starts_with("name\tcomponent\ttype\ttracked_point\tunits\t")) << line;
+  int columns = 0;
+  while (std::getline(channels, line)) ++columns;
+  EXPECT_EQ(motion["MotionChannelCount"], columns);
+  std::istringstream rows(file_text(in(stem + "_motion.tsv")));
+  std::size_t row = 0;
+  for (; std::getline(rows, line); ++row) {
+    ASSERT_EQ(std::count(line.begin(), line.end(), '\t') + 1, columns) << row;
+    std::istringstream fields(line);
+    double latency = 0.0;
+    Vec3 hip_mm;
+    fields >> latency >> hip_mm.x() >> hip_mm.y() >> hip_mm.z();
+    ASSERT_EQ(hip_mm, hips[row]) << row;
+  }
+  EXPECT_EQ(row, hips.size());
+
+#ifdef PALPATE_WITH_HDF5
+  const ProcessOutcome hdf5 =
+      palpate_command({"export", in("one.palrec"), "--format", "hdf5", "--out", in("one.h5")});
+  ASSERT_EQ(hdf5.exit_code, 0) << hdf5.err;
+  const hid_t file = H5Fopen(in("one.h5").c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
+  ASSERT_GE(file, 0);
+  const auto vectors = [&](const char* name) {
+    const hid_t data = H5Dopen2(file, name, H5P_DEFAULT);
+    EXPECT_GE(data, 0) << name;
+    std::vector<double> values(3 * hips.size());
+    const hid_t space = H5Dget_space(data);
+    EXPECT_EQ(static_cast<std::size_t>(H5Sget_simple_extent_npoints(space)), values.size()) << name;
+    EXPECT_GE(H5Dread(data, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()), 0) << name;
+    H5Sclose(space);
+    H5Dclose(data);
+    return values;
+  };
+  const auto h5_hips = vectors("hip_mm"), h5_sent = vectors("sent_n"),
+             h5_force = vectors("renderer_0/force_n"), h5_god = vectors("renderer_0/god_object_mm");
+  for (std::size_t i = 0; i < hips.size(); ++i)
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const auto a = static_cast<Eigen::Index>(axis);
+      ASSERT_EQ(h5_hips[3 * i + axis], hips[i][a]) << i;
+      ASSERT_EQ(h5_sent[3 * i + axis], sent[i][a]) << i;
+      ASSERT_EQ(h5_force[3 * i + axis], truth.frames[i].force_n[a]) << i;
+      ASSERT_EQ(h5_god[3 * i + axis], truth.frames[i].god_object_mm[a]) << i;
+    }
+  H5Fclose(file);
+#endif
+}
+
+TEST_F(RecordCommand, ATornTailIsDroppedAndSaid) {
+  ASSERT_EQ(record("one.palrec").exit_code, 0);
+  std::filesystem::resize_file(in("one.palrec"), std::filesystem::file_size(in("one.palrec")) / 2);
+  const ProcessOutcome csv = palpate_command({"export", in("one.palrec"), "--out", in("one.csv")});
+  EXPECT_EQ(csv.exit_code, 0) << csv.err;
+  EXPECT_NE(csv.err.find("not closed"), std::string::npos) << csv.err;
+  EXPECT_NE(csv.err.find("half a chunk"), std::string::npos) << csv.err;
+  const ProcessOutcome replayed = palpate_command(
+      {"replay", kRolling, "--path", in("one.palrec"), "--passes", "1", "--out", in("again")});
+  EXPECT_EQ(replayed.exit_code, 0) << replayed.err;
+  EXPECT_NE(replayed.out.find("the same hash"), std::string::npos) << replayed.out;
+  EXPECT_NE(replayed.err.find("not closed"), std::string::npos) << replayed.err;
+}
+
+TEST_F(RecordCommand, DamageInTheMiddleIsAnErrorThatNamesTheByte) {
+  ASSERT_EQ(record("one.palrec").exit_code, 0);
+  {
+    std::fstream file(in("one.palrec"), std::ios::in | std::ios::out | std::ios::binary);
+    const auto middle = static_cast<std::streamoff>(std::filesystem::file_size(in("one.palrec")) / 2);
+    file.seekg(middle);
+    const char before = static_cast<char>(file.get());
+    file.seekp(middle);
+    file.put(static_cast<char>(before ^ 1));
+  }
+  const ProcessOutcome refused = palpate_command({"export", in("one.palrec"), "--out", in("one.csv")});
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_NE(refused.err.find("byte "), std::string::npos) << refused.err;
+  EXPECT_NE(refused.err.find("--skip-damaged"), std::string::npos) << refused.err;
+  EXPECT_FALSE(std::filesystem::exists(in("one.csv")));
+  const ProcessOutcome skipped =
+      palpate_command({"export", in("one.palrec"), "--skip-damaged", "--out", in("one.csv")});
+  EXPECT_EQ(skipped.exit_code, 0) << skipped.err;
+  EXPECT_NE(skipped.err.find("damaged"), std::string::npos) << skipped.err;
+}
+
+TEST_F(RecordCommand, BadArgumentsNameTheirRemedy) {
+  const auto refused = [](const ProcessOutcome& outcome, const char* words) {
+    EXPECT_EQ(outcome.exit_code, 2) << outcome.err;
+    EXPECT_NE(outcome.err.find(words), std::string::npos) << outcome.err;
+  };
+  refused(record("no-ending"), "palrec");
+  refused(record("no/such/folder.palrec"), "create the folder");
+  refused(record("x.palrec", {"--device", "sim:omny"}), "sim:omni");
+  refused(record("x.palrec", {"--hand", "foot"}), "hand");
+  refused(record("x.palrec", {"--renderer", "cloud,cloud-smooth"}), "one renderer");
+  EXPECT_FALSE(std::filesystem::exists(in("x.palrec")));
+  write_text(in("there.palrec"), "somebody's");
+  refused(record("there.palrec"), "--force");
+  EXPECT_EQ(file_text(in("there.palrec")), "somebody's");
+  refused(palpate_command({"export", in("there.palrec"), "--out", in("x.csv")}), "is no recording");
+  refused(palpate_command({"export", in("missing.palrec"), "--out", in("x.csv")}), "no such file");
+  ASSERT_EQ(record("one.palrec").exit_code, 0);
+  refused(palpate_command({"export", in("one.palrec"), "--out", in("x.txt")}), ".csv");
+  refused(palpate_command({"export", in("one.palrec"), "--renderer", "bare", "--out", in("x.csv")}), "cloud");
+  refused(palpate_command({"export", in("one.palrec")}), "--out");
+  std::filesystem::create_directories(in("full"));
+  write_text(in("full/kept.txt"), "kept");
+  refused(palpate_command({"export", in("one.palrec"), "--format", "motion-bids", "--out", in("full")}),
+          "not empty");
+  EXPECT_FALSE(std::filesystem::exists(in("x.csv")));
+}
+
+TEST_F(RecordCommand, StoppedByCtrlCItIsClosedAndWhole) {
+  Started started(folder_, {"record", kRolling, "--renderer", "cloud", "--seconds", "60", "--path",
+                            "weave:frames=2000:depth_mm=1", "--out", in("stopped.palrec")});
+  started.wait_for([&] {
+    std::error_code code;
+    const auto bytes = std::filesystem::file_size(in("stopped.palrec"), code);
+    constexpr std::uintmax_t kSomeChunks = 50'000;
+    return !code && bytes > kSomeChunks;
+  });
+  started.send(SIGINT);
+  EXPECT_EQ(started.end(), 128 + SIGINT) << started.err();
+  EXPECT_NE(started.err().find("stopped.palrec holds"), std::string::npos) << started.err();
+  Result<device::Recording> recording = device::Recording::open(in("stopped.palrec"));
+  ASSERT_TRUE(recording) << recording.error().message();
+  device::RecordedTick tick;
+  std::uint64_t ticks = 0;
+  Result<bool> more = recording->next(tick);
+  for (; more && *more; more = recording->next(tick)) ++ticks;
+  ASSERT_TRUE(more) << more.error().message();
+  EXPECT_GT(ticks, 200u);
+  EXPECT_TRUE(recording->end().closed);
+  EXPECT_EQ(recording->end().reason, "stopped");
+  ASSERT_FALSE(recording->notes().empty());
+  EXPECT_NE(recording->notes().front().find("scheduling: "), std::string::npos);
+}
+
+}  // namespace
+}  // namespace palpate::experiments
