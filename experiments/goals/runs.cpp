@@ -120,7 +120,10 @@ Chart bar_chart(const std::string& name, const std::string& title, const std::st
   std::string tics;
   for (std::size_t i = 0; i < bars.size(); ++i) {
     const double row = -static_cast<double>(i);
-    tics += fmt::format("{}'{}' {}", tics.empty() ? "" : ", ", bars[i].label, row);
+    // gnuplot takes a label for a format of the number.
+    std::string label = bars[i].label;
+    for (std::size_t at = 0; (at = label.find('%', at)) != std::string::npos; at += 2) label.insert(at, "%");
+    tics += fmt::format("{}'{}' {}", tics.empty() ? "" : ", ", label, row);
     chart.series.push_back(Series{bars[i].label, looks[i].colour, {bars[i].value}, {row}, {}});
   }
   chart.extra = fmt::format("set ytics ({})\nset yrange [{}:{}]\nset xrange [0:*]\nunset key\n", tics,
