@@ -62,7 +62,7 @@ struct ManyRow {
   std::string label;
   std::size_t models = 0, visited = 0, felt = 0;
   double mean_us = 0.0, bytes = 0.0;
-  bool longest_goes_over = false;                   ///< the longest frame is one that goes to another ball
+  std::ptrdiff_t longest_at = 0;  ///< of the longest frame: which on its ball; 0 goes there from another
   std::optional<double> median_us{}, longest_us{};  ///< of all frames, each its median over the passes
 };
 
@@ -93,7 +93,7 @@ Result<std::vector<ManyRow>> many_rows(const GoalBench& bench, std::size_t count
     row.longest_us = result.frame_all->max_us;
     const std::vector<std::int64_t>& times = runs.traces[i].frame_ns;
     const auto longest = std::max_element(times.begin(), times.end()) - times.begin();
-    row.longest_goes_over = !times.empty() && longest % frames_each == 0;
+    row.longest_at = longest % frames_each;
     rows.push_back(std::move(row));
   }
   return rows;
@@ -175,16 +175,16 @@ Chart many_chart(const std::vector<ManyRow>& rows) {
   return chart;
 }
 
-/// A frame over a tick, and whether it is one that goes from one ball to another, over all that lie between.
+/// A frame over a tick, and where it stands.
 void say_long_frame(const std::vector<ManyRow>& rows, const std::string& label, std::size_t count,
                     Goal& goal) {
   const ManyRow* row = row_of(rows, label, count);
   if (row == nullptr || !row->longest_us || *row->longest_us <= kTickUs) return;
-  goal.short_of.push_back(fmt::format(
-      "{} among {} models: the longest frame that repeats takes {} µs, more than a tick. {}", label, count,
-      short_number(*row->longest_us),
-      row->longest_goes_over ? "It goes from one ball to the next at once, over the models that lie between."
-                             : "It does not go from one ball to another."));
+  goal.short_of.push_back(
+      fmt::format("{} among {} models: the longest frame that repeats takes {} µs, more than a tick. It is "
+                  "frame {} on its "
+                  "ball; frame 0 goes there from the ball before, over all that lie between.",
+                  label, count, short_number(*row->longest_us), row->longest_at));
 }
 
 /// All counts, one after the other; one that fails is said.
