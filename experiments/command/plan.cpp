@@ -124,16 +124,20 @@ std::string text(const Checked& checked) {
                      beside(checked.frame_us_expected, checked.flight.contact_us));
 }
 
-/// As replay would step it.
-Result<Checked> check(const plan::Plan& plan, const render::SceneInput& scene, int threads,
-                      const render::Registry& registry) {
-  const render::ModelInput& model = scene.models.front();
+/// The way that `replay` takes where none is named: expected and measured along it.
+std::string path_over(const render::ModelInput& model) {
   trace::PathTarget target;
   target.surface = model.analytic.get();
   target.cloud = model.cloud.get();
   target.box_mm = model.cloud->box_mm();
+  return usual_path(target, kUsualFrames);
+}
+
+/// As replay would step it.
+Result<Checked> check(const plan::Plan& plan, const render::SceneInput& scene, int threads,
+                      const render::Registry& registry) {
   PALPATE_ASSIGN(const plan::Flight flight,
-                 plan::fly(scene, plan.renderer, registry, usual_path(target, kUsualFrames), threads));
+                 plan::fly(scene, plan.renderer, registry, path_over(scene.models.front()), threads));
   if (!(flight.contact_frames > 0.0))
     return Error{
         "nothing is felt along the path", "check the file and its unit, or take another renderer", {}, 0};
@@ -147,20 +151,8 @@ void expect_here(const PlanArguments& arguments, const render::SceneInput& scene
   if (arguments.machine == "off" || (role != render::Role::kOurs && role != render::Role::kLiteral)) return;
   plan::Machine machine =
       plan::this_machine_measured(version_text(), arguments.machine == "anew", &context.progress);
-  context.progress.report("stepping cut-outs", -1.0);
-  trace::PathTarget target;
-  target.cloud = scene.models.front().cloud.get();
-  target.box_mm = target.cloud->box_mm();
-  if (!plan.decided.models.empty()) target.spacing_mm = plan.decided.models.front().spacing_mm.value_or(0.0);
-  constexpr int kPilotFrames = 3'000;
-  std::string path = usual_path(target, kPilotFrames);
-  if (scene.models.front().analytic != nullptr) {
-    // On a formula the probe goes at one speed.
-    NamedOptions even = parse_named_options(path).value();
-    even.options.set("slowest_mm_s", even.options.text("fastest_mm_s"));
-    path = even.name;
-    for (const auto& [key, value] : even.options.all()) path += ":" + key + "=" + value;
-  }
+  context.progress.report("stepping pieces of it", -1.0);
+  const std::string path = path_over(scene.models.front());
   plan::expect_on(plan, scene, registry, path, std::move(machine));
 }
 

@@ -17,6 +17,7 @@
   DO(stability)                 \
   DO(live)                      \
   DO(ablate)                    \
+  DO(goals)                     \
   DO(record)                    \
   DO(export)                    \
   DO(report)                    \

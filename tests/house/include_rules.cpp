@@ -38,7 +38,7 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"hunt", {"study", "run", "session", "hunt"}},
     {"ablate", {"study", "run", "data", "report", "session", "ablate"}},
     {"live", {"study", "run", "data", "report", "session", "live"}},
-    {"goals", {"study", "run", "data", "report", "session", "goals"}},
+    {"goals", {"study", "run", "data", "report", "session", "stability", "goals"}},
     {"command",
      {"study", "run", "data", "report", "session", "behaviours", "stress", "tables", "stability", "trade",
       "hunt", "ablate", "live", "goals", "command"}},

@@ -17,7 +17,7 @@
 
 namespace palpate::plan {
 
-/// How many pieces are taken of a model.
+/// How many pieces are taken of a model, at most: fewer where the path is short.
 inline constexpr std::size_t kPilots = 12;
 
 struct FrameCost {

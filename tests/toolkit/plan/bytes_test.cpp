@@ -153,7 +153,7 @@ TEST(Pilot, StepsCutOutsOfTheScene) {
   Machine machine;
   machine.reads = {{1.0, 1.0}, {1e9, 1e4}};  // a machine whose memory is slow
   const std::string path =
-      "exploration:frames=3000:depth_mm=0.7:clearance_mm=0.14:slowest_mm_s=5.8:fastest_mm_s=29";
+      "exploration:frames=50000:depth_mm=0.7:clearance_mm=0.14:slowest_mm_s=5.8:fastest_mm_s=29";
   expect_on(plan, scene, registry, path, machine);
   ASSERT_TRUE(plan.cost.has_value());
   EXPECT_EQ(plan.cost->pilots, kPilots);

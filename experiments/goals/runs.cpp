@@ -1,0 +1,134 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "experiments/data/scene_scans.h"
+#include "experiments/goals/measures.h"
+#include "toolkit/core/numbers.h"
+#include "toolkit/core/try.h"
+
+namespace palpate::experiments {
+namespace {
+
+/// Of timed passes: a trial of the machinery, and a measurement.
+constexpr std::uint64_t kQuickPasses = 2, kGoalPasses = 8;
+constexpr double kQuickBudgetS = 0.5, kGoalBudgetS = 3.0;
+constexpr double kGoalPrepareLimitS = 300.0;
+
+}  // namespace
+
+Result<Stage> goal_stage(const GoalBench& bench, const std::string& scene, const std::string& path,
+                         ReferenceChoice reference) {
+  Progress& progress = bench.context.progress;
+  PALPATE_ASSIGN(scene::SceneFile file, open_scene(scene, bench.registry, progress));
+  StageRequest request;
+  request.scene_name = scene;
+  request.scene = std::move(file);
+  request.path = path;
+  request.reference = reference;
+  request.threads = bench.threads;
+  return set_up(request, all_readers(), progress);
+}
+
+Result<GoalRuns> goal_runs(const GoalBench& bench, const Stage& stage, const std::string& name,
+                           const std::string& renderers) {
+  PALPATE_ASSIGN(const std::vector<RendererRequest> requests, parse_renderers(renderers, bench.registry));
+  RunOptions options;
+  options.threads = bench.threads;
+  options.passes = bench.quick ? kQuickPasses : kGoalPasses;
+  options.budget_s = bench.quick ? kQuickBudgetS : kGoalBudgetS;
+  options.prepare_limit_s = kGoalPrepareLimitS;
+  metrics::Conditions conditions;
+  PALPATE_ASSIGN(std::vector<Run> runs, run_renderers(stage, requests, bench.registry, options,
+                                                      bench.context.progress, conditions, {}));
+  GoalRuns out;
+  out.name = name;
+  for (const render::ModelInput& model : stage.scene.input.models) out.points += model.cloud->size();
+  for (Run& run : runs) {
+    out.results.push_back(std::move(run.result));
+    out.traces.push_back(std::move(run.trace));
+  }
+  return out;
+}
+
+const metrics::RendererResult* ran(const GoalRuns& runs, const std::string& label) {
+  for (const metrics::RendererResult& result : runs.results)
+    if (result.label == label && result.status == metrics::RunStatus::kOk) return &result;
+  return nullptr;
+}
+
+Result<std::vector<GoalRuns>> run_on_shapes(const GoalBench& bench) {
+  const std::string points = bench.quick ? "4000" : "40000";
+  const std::string path =
+      fmt::format("weave:frames={}:depth_mm=1:period_frames=300", bench.quick ? 2000 : 20000);
+  const std::string renderers =
+      "cloud,cloud-smooth,mesh-godobject:mesh=advancing-front:label=" + std::string(kMeshLabel);
+  struct Shape {
+    const char* name;
+    std::string scene;
+  };
+  const Shape shapes[] = {
+      {"a ring, points at random", "torus:sampling=random:seed=11:points=" + points},
+      {"a ring, 30 times as dense on one side", "torus:sampling=random:density=30:seed=12:points=" + points},
+      {"a relief, points at random", "relief:sampling=random:seed=13:points=" + points},
+      {"a ring, a tenth of a spacing of noise", "torus:sampling=random:noise=0.1:seed=14:points=" + points}};
+  std::vector<GoalRuns> all;
+  for (const Shape& shape : shapes) {
+    bench.context.progress.set_prefix(std::string(shape.name) + ": ");
+    PALPATE_ASSIGN(const Stage stage, goal_stage(bench, shape.scene, path, ReferenceChoice::kAuto));
+    PALPATE_ASSIGN(GoalRuns runs, goal_runs(bench, stage, shape.name, renderers));
+    all.push_back(std::move(runs));
+  }
+  return all;
+}
+
+Result<std::vector<GoalRuns>> run_by_size(const GoalBench& bench) {
+  const std::string path = fmt::format("weave:frames={}:seed=1", bench.quick ? 2000 : 20000);
+  // All of one surface, a scanner's raster: the mesh is that of its rows, which is made in no time.
+  const std::string renderers =
+      "cloud,cloud-smooth,mesh-godobject:mesh=organised:label=" + std::string(kMeshLabel);
+  const std::vector<std::string> sizes = bench.quick ? std::vector<std::string>{"2601", "10201"}
+                                                     : std::vector<std::string>{"10201", "101761", "1002001"};
+  std::vector<GoalRuns> all;
+  for (const std::string& points : sizes) {
+    bench.context.progress.set_prefix(points + " points: ");
+    PALPATE_ASSIGN(const Stage stage,
+                   goal_stage(bench, "sinusoid:mesh=false:points=" + points, path, ReferenceChoice::kNone));
+    PALPATE_ASSIGN(
+        GoalRuns runs,
+        goal_runs(bench, stage, count_text(stage.scene.input.models.front().cloud->size()) + " points",
+                  renderers));
+    all.push_back(std::move(runs));
+  }
+  return all;
+}
+
+Chart bar_chart(const std::string& name, const std::string& title, const std::string& x_label,
+                const std::string& caption, const std::vector<Bar>& bars) {
+  constexpr double kMargin = 0.6;
+  constexpr int kBarHeight = 26, kAxisHeight = 80;
+  Chart chart;
+  chart.name = name;
+  chart.title = title;
+  chart.caption = caption;
+  chart.x_label = x_label;
+  chart.style = Chart::Style::kBars;
+  chart.height = kAxisHeight + kBarHeight * static_cast<int>(bars.size());
+  std::vector<std::string> labels;
+  for (const Bar& bar : bars) labels.push_back(bar.label);
+  const std::vector<Look> looks = looks_of(labels);
+  std::string tics;
+  for (std::size_t i = 0; i < bars.size(); ++i) {
+    const double row = -static_cast<double>(i);
+    // gnuplot takes a label for a format of the number.
+    std::string label = bars[i].label;
+    for (std::size_t at = 0; (at = label.find('%', at)) != std::string::npos; at += 2) label.insert(at, "%");
+    tics += fmt::format("{}'{}' {}", tics.empty() ? "" : ", ", label, row);
+    chart.series.push_back(Series{bars[i].label, looks[i].colour, {bars[i].value}, {row}, {}});
+  }
+  chart.extra = fmt::format("set ytics ({})\nset yrange [{}:{}]\nset xrange [0:*]\nunset key\n", tics,
+                            -static_cast<double>(bars.size()) + 1.0 - kMargin, kMargin);
+  return chart;
+}
+
+}  // namespace palpate::experiments

@@ -1,0 +1,129 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "experiments/goals/measures.h"
+#include "toolkit/core/numbers.h"
+
+namespace palpate::experiments {
+namespace {
+
+using GoalStatistics = std::optional<double> trace::FrameStatistics::*;
+
+/// The largest over all models; nothing where one has not run.
+std::optional<double> largest_over(const std::vector<const GoalRuns*>& all, const std::string& label,
+                                   GoalStatistics member) {
+  std::optional<double> most = 0.0;
+  for (const GoalRuns* runs : all) {
+    const metrics::RendererResult* result = ran(*runs, label);
+    const bool known = most && result != nullptr && result->frame_all && (*result->frame_all).*member;
+    most = known ? std::optional(std::max(*most, *((*result->frame_all).*member))) : std::nullopt;
+  }
+  return most;
+}
+
+std::optional<double> misses(const std::vector<const GoalRuns*>& all, const std::string& label) {
+  double sum = 0.0;
+  for (const GoalRuns* runs : all) {
+    const metrics::RendererResult* result = ran(*runs, label);
+    if (result == nullptr || !result->frame_all) return std::nullopt;
+    sum += static_cast<double>(result->frame_all->deadline_misses_1khz);
+  }
+  return all.empty() ? std::nullopt : std::optional(sum);
+}
+
+/// A single reading over a tick is the machine's where it does not repeat, and a servo misses that tick all
+/// the same.
+void say_longest_reading(const std::vector<const GoalRuns*>& all, const std::string& label, Goal& goal) {
+  const std::optional<double> longest = largest_over(all, label, &trace::FrameStatistics::worst_us);
+  if (longest && *longest > kTickUs)
+    goal.short_of.push_back(fmt::format(
+        "{}: the longest single reading is {} µs, more than a tick. It holds what the system did meanwhile, "
+        "which gives no promise.",
+        label, short_number(*longest)));
+}
+
+Table goal_frames_table(const std::vector<const GoalRuns*>& all) {
+  Table table;
+  table.title = "All frames, µs";
+  table.columns = {"model, renderer",        "mean",         "99.9 % under", "longest that repeats",
+                   "longest single reading", "at the bound", "over 1 ms"};
+  const auto text = [](const std::optional<double>& value) {
+    return Cell{value ? short_number(*value) : std::string(kNoNumber)};
+  };
+  for (const GoalRuns* runs : all) {
+    table.rows.push_back({{runs->name}});
+    for (const metrics::RendererResult& result : runs->results) {
+      if (result.status != metrics::RunStatus::kOk || !result.frame_all) continue;
+      const trace::FrameStatistics& frame = *result.frame_all;
+      table.rows.push_back({{result.label},
+                            text(frame.mean_us),
+                            text(frame.p999_us),
+                            text(frame.max_us),
+                            text(frame.worst_us),
+                            {count_text(frame.bound_hits)},
+                            {count_text(frame.deadline_misses_1khz)}});
+    }
+  }
+  table.notes = {
+      "The longest frame that repeats is that of the frames' medians over the passes: the renderer's own. "
+      "The "
+      "longest single reading holds what else ran on the machine.",
+      "At the bound: frames that reached the written bound on their work and went on in the next one."};
+  return table;
+}
+
+Table bounds_table(const GoalBench& bench) {
+  Table table;
+  table.title = "The written bound on a frame's work";
+  table.columns = {"renderer", "bound"};
+  for (const char* const name : {"cloud", "cloud-smooth", "heightfield", "mesh-godobject"}) {
+    const auto made = bench.registry.make(name, {});
+    if (made) table.rows.push_back({{std::string(name)}, {(*made)->describe().work_bound}});
+  }
+  return table;
+}
+
+}  // namespace
+
+Goal worst_case_goal(const GoalBench& bench, const std::vector<GoalRuns>& shapes,
+                     const std::vector<GoalRuns>& sizes) {
+  Goal goal{"worst-case", "Strict worst-case runtimes",
+            "no frame takes longer than the millisecond that a loop at 1 kHz has, whatever the model."};
+  goal.method = {
+      "Every frame of every path of the pages on fidelity and on size, timed alone with a clock around it, "
+      "in "
+      "several passes. What hits a frame once is the machine's; what hits it in most passes is the "
+      "renderer's. "
+      "Each renderer states a bound on its work that does not depend on the number of points."};
+  std::vector<const GoalRuns*> all;
+  for (const GoalRuns& runs : shapes) all.push_back(&runs);
+  for (const GoalRuns& runs : sizes) all.push_back(&runs);
+  std::vector<Bar> bars;
+  for (const char* const judged : kJudged) {
+    goal.findings.push_back({fmt::format("{}, longest frame that repeats", judged),
+                             largest_over(all, judged, &trace::FrameStatistics::max_us), "µs", kTickUs, true,
+                             "a tick at 1 kHz",
+                             largest_over(all, kMeshLabel, &trace::FrameStatistics::max_us)});
+    goal.findings.push_back({fmt::format("{}, frames over a millisecond", judged), misses(all, judged), "",
+                             0.0, true, "none may miss its tick", misses(all, kMeshLabel)});
+  }
+  for (const std::string& label :
+       {std::string("cloud"), std::string("cloud-smooth"), std::string(kMeshLabel)}) {
+    if (const auto p999 = largest_over(all, label, &trace::FrameStatistics::p999_us))
+      bars.push_back({label + ", 99.9 % under", *p999});
+    if (const auto most = largest_over(all, label, &trace::FrameStatistics::max_us))
+      bars.push_back({label + ", longest that repeats", *most});
+  }
+  goal.tables.push_back(goal_frames_table(all));
+  goal.tables.push_back(bounds_table(bench));
+  goal.figures.push_back(draw(
+      bar_chart("goal-worst-case", "The longest frames over all models", "µs", "A tick has 1,000 µs.", bars),
+      bench.figures));
+  for (const char* const judged : kJudged) say_longest_reading(all, judged, goal);
+  goal.notes.emplace_back(
+      "This page measures usual paths. The worst frame in instructions is hunted by `palpate hunt`.");
+  return goal;
+}
+
+}  // namespace palpate::experiments
