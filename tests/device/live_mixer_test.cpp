@@ -291,8 +291,8 @@ TEST(Mixer, TooSlowTogetherTheStandbyGoesAtHalfRateAndIsPlacedInFreeSpace) {
 }
 
 TEST(Mixer, AChangeOfParametersIsASwitch) {
-  TwoPlanes rig(bench_options());
   int destroyed = 0;
+  TwoPlanes rig(bench_options());
   rig.a->destroyed = &destroyed;
   rig.begin(1.0);
   rig.rest(1.0, 3);
@@ -354,11 +354,11 @@ TEST(Mixer, AnArrivalThatMayNotTakeOverGoesBack) {
 }
 
 TEST(Mixer, ArrivalsFromAnotherThreadWhileItRuns) {
+  int made = 0, back = 0, destroyed = 0;  // outlive the mixer, which destroys what is left
   TwoPlanes rig(bench_options());
   rig.begin(1.0);
   rig.rest(1.0, 3);
   std::atomic<bool> done{false};
-  int made = 0, back = 0, destroyed = 0;
   std::thread worker([&] {
     while (made < 20) {
       auto plane = std::make_unique<HighPlane>(0.4 + 0.01 * made, 0.0);

@@ -17,10 +17,14 @@
 
 namespace {
 std::atomic<bool> armed{false};
+std::atomic<bool> one_thread{false};
 std::atomic<std::uint64_t> counted{0};
+thread_local bool this_thread = false;  // it is the one that counts
 
 void note() noexcept {
-  if (armed.load(std::memory_order_relaxed)) counted.fetch_add(1, std::memory_order_relaxed);
+  if (!armed.load(std::memory_order_relaxed)) return;
+  if (one_thread.load(std::memory_order_relaxed) && !this_thread) return;
+  counted.fetch_add(1, std::memory_order_relaxed);
 }
 }  // namespace
 
@@ -71,12 +75,15 @@ int posix_memalign(void** block, std::size_t alignment, std::size_t size) {
 
 namespace palpate::house {
 
-AllocationCount::AllocationCount() noexcept {
+AllocationCount::AllocationCount(Threads threads) noexcept {
   counted = 0;
+  this_thread = true;
+  one_thread = threads == Threads::kThisOne;
   armed = true;
 }
 AllocationCount::~AllocationCount() {
   armed = false;
+  this_thread = false;
 }
 std::uint64_t AllocationCount::count() const noexcept {
   return counted;
