@@ -41,7 +41,8 @@ void RateScheduler::run_until(double t_s) {
       if (entry.due_ns < end_ns && (next == nullptr || entry.due_ns < next->due_ns)) next = &entry;
     if (next == nullptr) break;
     clock_.advance_to(next->due_ns);
-    next->task(clock_.now_s());
+    // Divided, not multiplied: the double nearest to the time.
+    next->task(static_cast<double>(clock_.now_ns()) / 1e9);
     next->due_ns = due_ns(++next->runs, next->rate_hz);
   }
   clock_.advance_to(end_ns);
