@@ -358,6 +358,7 @@ TEST(Mixer, ArrivalsFromAnotherThreadWhileItRuns) {
   TwoPlanes rig(bench_options());
   rig.begin(1.0);
   rig.rest(1.0, 3);
+  rig.rest(-0.5, 200);  // at rest in contact: else the first would wait for free space, which never comes
   std::atomic<bool> done{false};
   std::thread worker([&] {
     while (made < 20) {

@@ -277,7 +277,7 @@ std::string problem_in_prose(const ShownCommand& command) {
 std::string why_not_run(const ShownCommand& command) {
   if (command.program() == "echo") return {};
   if (command.program() != "palpate") return "builds, or is of the shell";
-  for (const char* slow : {"reproduce", "behaviours"})
+  for (const char* slow : {"reproduce", "behaviours", "goals"})
     if (command.words.size() > 1 && command.words[1] == slow)
       return "takes minutes, and has tests of its own";
   for (const std::string& word : command.words)
@@ -296,8 +296,9 @@ std::vector<std::string> made_small(const ShownCommand& command) {
     words[i] = std::regex_replace(words[i], kPoints, "points=961");
     words[i] = std::regex_replace(words[i], kFrames, "frames=300");
     const trace::PathGenerator* path = trace::find_path_generator(words[i].substr(0, words[i].find(':')));
-    // What `paths` is given is a name to look up.
-    if (path != nullptr && words[1] != "paths" && words[i].find("frames=") == std::string::npos)
+    // What `paths` is given is a name to look up, and a hand is no path.
+    if (path != nullptr && words[1] != "paths" && words[i - 1] != "--hand" &&
+        words[i].find("frames=") == std::string::npos)
       words[i] += ":frames=300";
     if (words[i - 1] == "--paced") words[i] = "20";
     if (words[i - 1] == "--budget") words[i] = "2";
