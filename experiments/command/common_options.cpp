@@ -43,7 +43,8 @@ void declare_run(const Declaration& declare, RunArguments& run) {
   declare.required("SCENE", run.scene, kSceneHelp);
   declare.text(
       "--path", run.path,
-      "a file (.csv, .traj, .palrec) or a generator such as weave:frames=20000:depth_mm=2; `palpate paths` lists "
+      "a file (.csv, .traj, .palrec) or a generator such as weave:frames=20000:depth_mm=2; `palpate paths` "
+      "lists "
       "them with their options (default: by the model's size, an exploration, or a weave where it is a "
       "formula)");
   declare.text("--traj-columns", run.traj_columns,
