@@ -218,7 +218,8 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
   if (request.path.empty())
     if (const std::string hint = size_hint(target.box_mm); !hint.empty()) stage.notes.push_back(hint);
   const std::string named = !request.path.empty() ? request.path : usual_path(target, request.usual_frames);
-  Result<trace::ProbePath> path = open_path(named, request.path_columns, target, request.load.max_bytes, &stage.warnings);
+  Result<trace::ProbePath> path =
+      open_path(named, request.path_columns, target, request.load.max_bytes, &stage.warnings);
   if (!path) return std::move(path).error();
   stage.path = *std::move(path);
   // Whether the path starts free a formula knows, reference or not, and a mesh that is the reference.

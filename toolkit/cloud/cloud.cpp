@@ -47,11 +47,11 @@ std::uint64_t content_hash(const Cloud& cloud) noexcept {
 Result<Cloud> build_cloud(std::span<const Vec3> points_mm, NonFinite non_finite, BuildReport* report) {
   // Places are counted in 32 bits, of which the pieces of a surface take one for their sides.
   if (points_mm.size() > kMaxCloudPoints)
-    return Error{
-        fmt::format("{} points are more than the {} that one model may have", points_mm.size(), kMaxCloudPoints),
-        "cut the cloud into several models, or thin it (palpate clean)",
-        {},
-        0};
+    return Error{fmt::format("{} points are more than the {} that one model may have", points_mm.size(),
+                             kMaxCloudPoints),
+                 "cut the cloud into several models, or thin it (palpate clean)",
+                 {},
+                 0};
   BuildReport found;
   geometry::Aabb box;
   std::size_t first_bad = points_mm.size();

@@ -114,9 +114,7 @@ Result<Squadron> squadron_for(const Expected& expected, std::size_t index, const
   PALPATE_ASSIGN(const NamedOptions generator, parse_named_options(expected.path));
   PALPATE_ASSIGN(const trace::ProbePath path, trace::make_path(generator, target));
   PALPATE_ASSIGN(const NamedOptions made, parse_named_options(path.name.substr(0, path.name.find(' '))));
-  const auto number = [&](const char* key) {
-    return made.options.has(key) ? made.options.number(key) : 0.0;
-  };
+  const auto number = [&](const char* key) { return made.options.has(key) ? made.options.number(key) : 0.0; };
   Reach reach;
   reach.felt_mm = std::max(number("depth_mm"), number("clearance_mm"));
   reach.spacing_mm = expected.spacing_mm[index];
@@ -292,8 +290,7 @@ Result<CountedFrames> step_marked(const Expected& expected, const render::Regist
                  ready(expected.scene, expected.renderer, registry, expected.path, threads));
   PALPATE_TRY(trace::replay(*flown.renderer, flown.path));  // what is done once is done
   const trace::ProbePath& path = flown.path;
-  flown.renderer->restart(path.hip_mm[0],
-                          path.t_s[0] - (path.size() > 1 ? path.t_s[1] - path.t_s[0] : 1e-3));
+  flown.renderer->restart(path.hip_mm[0], path.t_s[0] - (path.size() > 1 ? path.t_s[1] - path.t_s[0] : 1e-3));
   begin_counting();
   for (std::size_t k = 0; k < path.size(); ++k) (void)flown.renderer->step(path.hip_mm[k], path.t_s[k]);
   end_counting(kMeasuredPart);
