@@ -1,5 +1,9 @@
 #include "device/simulated/arm_models.h"
 
+#include <algorithm>
+
+#include "toolkit/core/words.h"
+
 namespace palpate::device {
 namespace {
 
@@ -39,6 +43,30 @@ Hand hand(const char* name, double mass_kg, double damping, double stiffness) {
   return held;
 }
 
+Error unknown_name(const char* what, const std::string& name, const std::vector<std::string>& known) {
+  return {std::string("there is no simulated ") + what + " '" + name + "'",
+          did_you_mean(name, known, "choose from " + joined(known)), "", 0};
+}
+
+/// `prefix` stands before the name of each device.
+Result<SimulatedRig> rig_of(const std::string& device, const std::string& hand, const std::string& prefix) {
+  SimulatedRig rig;
+  std::vector<std::string> devices, hands;
+  for (const ArmOptions& one : arm_models()) {
+    devices.push_back(prefix + one.name);
+    if (devices.back() == device) rig.arm = one;
+  }
+  devices.push_back(prefix + admittance_model().name);
+  if (std::find(devices.begin(), devices.end(), device) == devices.end())
+    return unknown_name("device", device, devices);
+  for (const Hand& one : hand_models()) {
+    hands.push_back(one.name);
+    if (one.name == hand) rig.hand = one;
+  }
+  if (std::find(hands.begin(), hands.end(), hand) == hands.end()) return unknown_name("hand", hand, hands);
+  return rig;
+}
+
 }  // namespace
 
 const std::vector<ArmOptions>& arm_models() {
@@ -70,6 +98,31 @@ const std::vector<Hand>& hand_models() {
 const AdmittanceOptions& admittance_model() {
   static const AdmittanceOptions kModel;
   return kModel;
+}
+
+std::string SimulatedRig::device_name() const {
+  return arm ? arm->name : admittance_model().name;
+}
+
+std::unique_ptr<SimulatedPlant> SimulatedRig::make(const HandScript& script, const Clock& clock,
+                                                   double period_s) const {
+  if (arm) {
+    ArmOptions options = *arm;
+    options.period_s = period_s;
+    return std::make_unique<SimulatedArm>(options, hand, script, clock);
+  }
+  AdmittanceOptions options = admittance_model();
+  options.period_s = period_s;
+  return std::make_unique<SimulatedAdmittance>(options, hand, script, clock);
+}
+
+Result<SimulatedRig> simulated_rig(const std::string& device, const std::string& hand) {
+  return rig_of(device, hand, "");
+}
+
+Result<SimulatedRig> simulated_rig_of_driver(const std::string& device, const std::string& hand) {
+  const std::string driver = "sim", prefix = driver + ":";
+  return rig_of(device == driver ? prefix + arm_models().front().name : device, hand, prefix);
 }
 
 }  // namespace palpate::device

@@ -17,19 +17,16 @@ void declare_ablate(const Declaration& declare, AblateArguments& a) {
   declare.text(
       "--path", run.path,
       "a file or a generator, as `palpate compare` takes it (default: six seconds, by the model's size)");
-  declare.text("--traj-columns", run.traj_columns, "of a recorded path, as `palpate compare` takes them");
+  declare_traj_columns(declare, run.traj_columns);
   declare.text("--reference", run.reference,
                "ground truth: auto, analytic, original-mesh, none, or a mesh file or scan by name in the "
                "model's frame");
-  declare.text(
-      "--out", run.out,
-      "folder for the results; made where it is missing (default: one in out/, by the model's name)");
   declare.number("--budget", a.budget_s, kSeconds,
                  fmt::format("seconds that counting instructions may take; 0: count none (default: {:g})",
                              kCountBudgetS));
   declare.flag("--marked", a.marked,
                "only step each stage's frames between callgrind's marks: what is run under valgrind");
-  declare.flag("--json", run.json, "print the result as JSON");
+  declare_results(declare, run);
   declare_surface(declare, run.surface);
   declare_model(declare, run.load);
 }

@@ -10,6 +10,17 @@ void declare_threads(const Declaration& declare, int& threads) {
   declare.integer("--threads", threads, kThreads, "threads of preparation (default: all)");
 }
 
+void declare_traj_columns(const Declaration& declare, std::string& columns) {
+  declare.text("--traj-columns", columns, "of a recorded path, as `palpate compare` takes them");
+}
+
+void declare_results(const Declaration& declare, RunArguments& run) {
+  declare.text(
+      "--out", run.out,
+      "folder for the results; made where it is missing (default: one in out/, by the model's name)");
+  declare.flag("--json", run.json, "print the result as JSON");
+}
+
 void declare_model(const Declaration& declare, ModelArguments& load) {
   declare.text("--unit", load.unit,
                "unit of the model file: m, cm, mm, um, in (default: what the file says)");
@@ -50,9 +61,6 @@ void declare_run(const Declaration& declare, RunArguments& run) {
   declare.text("--traj-columns", run.traj_columns,
                "where the numbers of a recorded path stand, columns counted from 0, and their units, such as "
                "t=0,x=1,y=2,z=3,mm_per_unit=1000 (`palpate paths` lists the keys)");
-  declare.text(
-      "--out", run.out,
-      "folder for the results; made where it is missing (default: one in out/, by the model's name)");
   declare.text("--reference", run.reference,
                "ground truth: auto, analytic, original-mesh, closest-point, none, or a mesh file or scan by "
                "name in the "
@@ -69,7 +77,7 @@ void declare_run(const Declaration& declare, RunArguments& run) {
   declare.flag("--force", run.force, kForceHelp);
   declare.flag("--allow-missing", run.allow_missing,
                "run renderers too that lack what the scene asks for (friction, dents, ..), and say so");
-  declare.flag("--json", run.json, "print the result as JSON");
+  declare_results(declare, run);
   declare_surface(declare, run.surface);
   declare_model(declare, run.load);
 }
@@ -88,7 +96,7 @@ void declare_trade(const Declaration& declare, SweepArguments& trade) {
   declare.text(
       "--path", run.path,
       "a file or a generator, as `palpate compare` takes it (default: six seconds, by the model's size)");
-  declare.text("--traj-columns", run.traj_columns, "of a recorded path, as `palpate compare` takes them");
+  declare_traj_columns(declare, run.traj_columns);
   declare.text(
       "--reference", run.reference,
       "ground truth: auto, analytic, original-mesh, or a mesh file or scan by name in the model's frame");

@@ -22,6 +22,10 @@ inline constexpr const char* kSceneHelp =
 
 void declare_threads(const Declaration& declare, int& threads);
 void declare_model(const Declaration& declare, ModelArguments& load);
+/// --traj-columns, where the text of --path says what is meant.
+void declare_traj_columns(const Declaration& declare, std::string& columns);
+/// --out as a folder, --json.
+void declare_results(const Declaration& declare, RunArguments& run);
 void declare_surface(const Declaration& declare, SurfaceArguments& surface);
 /// Those of replay and compare.
 void declare_run(const Declaration& declare, RunArguments& run);

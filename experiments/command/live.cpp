@@ -44,11 +44,8 @@ void declare_live(const Declaration& declare, LiveArguments& a) {
   declare.text("--path", run.path,
                "where the hand goes: a file or a generator, as `palpate compare` takes it (default: by the "
                "model's size)");
-  declare.text("--traj-columns", run.traj_columns, "of a recorded path, as `palpate compare` takes them");
-  declare.text(
-      "--out", run.out,
-      "folder for the results; made where it is missing (default: one in out/, by the model's name)");
-  declare.flag("--json", run.json, "print the result as JSON");
+  declare_traj_columns(declare, run.traj_columns);
+  declare_results(declare, run);
   declare_surface(declare, run.surface);
   declare_model(declare, run.load);
 }

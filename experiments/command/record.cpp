@@ -12,12 +12,12 @@ void declare_record(const Declaration& declare, RecordArguments& a) {
   declare.text("--renderer", a.renderer,
                "NAME[:option=value...]; default: the scene's, or what `palpate plan` chooses");
   declare.text("--device", a.device,
-               "sim, or sim:NAME with omni, touch, falcon or omega3 (default: sim, the omni)");
+               "sim, or sim:NAME with omni, touch, falcon, omega3 or admittance (default: sim, the omni)");
   declare.text("--hand", a.hand, "the simulated hand: hand, finger or arm (default: hand)");
   declare.text("--path", a.path,
                "the goal that the hand steers to: a file or a generator, as `palpate compare` takes it "
                "(default: by the model's size, as long as the session)");
-  declare.text("--traj-columns", a.traj_columns, "of a recorded path, as `palpate compare` takes them");
+  declare_traj_columns(declare, a.traj_columns);
   declare.number("--seconds", a.seconds, kSeconds, "length of the session (default: 10)");
   declare.integer("--rate", a.rate_hz, kRates, "of the servo, Hz (default: 1000)");
   declare.text("--out", a.out, "the recording, FILE.palrec");

@@ -27,14 +27,11 @@ void declare_stability(const Declaration& declare, StabilityArguments& a) {
   declare.text("--path", run.path,
                "the goal that the hand steers to: a file or a generator, as `palpate compare` takes it "
                "(default: six seconds, by the model's size)");
-  declare.text("--traj-columns", run.traj_columns, "of a recorded path, as `palpate compare` takes them");
+  declare_traj_columns(declare, run.traj_columns);
   declare.text("--reference", run.reference,
                "ground truth: auto, analytic, original-mesh, or a mesh file or scan by name in the model's "
                "frame");
-  declare.text(
-      "--out", run.out,
-      "folder for the results; made where it is missing (default: one in out/, by the model's name)");
-  declare.flag("--json", run.json, "print the result as JSON");
+  declare_results(declare, run);
   declare_surface(declare, run.surface);
   declare_model(declare, run.load);
 }

@@ -150,15 +150,8 @@ Table many_table(const std::vector<ManyRow>& rows) {
 }
 
 Chart many_chart(const std::vector<ManyRow>& rows) {
-  Chart chart;
-  chart.name = "goal-many-models";
-  chart.title = "Mean of all frames by number of models";
-  chart.caption = "The probe goes over balls that are spread evenly among all of them.";
-  chart.x_label = "models";
-  chart.y_label = "mean of all frames, µs";
-  chart.log_x = chart.log_y = true;
-  chart.style = Chart::Style::kMarkedLines;
-  chart.extra = "set offsets graph 0.03, graph 0.03, graph 0.1, graph 0.1\n";
+  Chart chart = growth_chart("goal-many-models", "models",
+                             "The probe goes over balls that are spread evenly among all of them.");
   std::vector<std::string> labels;
   for (const ManyRow& row : rows)
     if (std::find(labels.begin(), labels.end(), row.label) == labels.end()) labels.push_back(row.label);

@@ -64,4 +64,8 @@ struct Bar {
 [[nodiscard]] Chart bar_chart(const std::string& name, const std::string& title, const std::string& x_label,
                               const std::string& caption, const std::vector<Bar>& bars);
 
+/// An empty chart of the mean of all frames against a count, both axes logarithmic.
+[[nodiscard]] Chart growth_chart(const std::string& name, const std::string& counted,
+                                 const std::string& caption);
+
 }  // namespace palpate::experiments

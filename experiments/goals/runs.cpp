@@ -103,6 +103,19 @@ Result<std::vector<GoalRuns>> run_by_size(const GoalBench& bench) {
   return all;
 }
 
+Chart growth_chart(const std::string& name, const std::string& counted, const std::string& caption) {
+  Chart chart;
+  chart.name = name;
+  chart.title = "Mean of all frames by number of " + counted;
+  chart.caption = caption;
+  chart.x_label = counted;
+  chart.y_label = "mean of all frames, µs";
+  chart.log_x = chart.log_y = true;
+  chart.style = Chart::Style::kMarkedLines;
+  chart.extra = "set offsets graph 0.03, graph 0.03, graph 0.1, graph 0.1\n";
+  return chart;
+}
+
 Chart bar_chart(const std::string& name, const std::string& title, const std::string& x_label,
                 const std::string& caption, const std::vector<Bar>& bars) {
   constexpr double kMargin = 0.6;

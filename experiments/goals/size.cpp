@@ -28,15 +28,7 @@ const std::vector<std::string>& size_labels() {
 }
 
 Chart size_chart(const std::vector<GoalRuns>& sizes) {
-  Chart chart;
-  chart.name = "goal-insensitive";
-  chart.title = "Mean of all frames by number of points";
-  chart.caption = "One surface, one path; both axes logarithmic.";
-  chart.x_label = "points";
-  chart.y_label = "mean of all frames, µs";
-  chart.log_x = chart.log_y = true;
-  chart.style = Chart::Style::kMarkedLines;
-  chart.extra = "set offsets graph 0.03, graph 0.03, graph 0.1, graph 0.1\n";
+  Chart chart = growth_chart("goal-insensitive", "points", "One surface, one path; both axes logarithmic.");
   const std::vector<Look> looks = looks_of(size_labels());
   for (std::size_t i = 0; i < looks.size(); ++i) {
     Series line{size_labels()[i], looks[i].colour, {}, {}, looks[i].dash};

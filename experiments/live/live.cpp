@@ -37,7 +37,7 @@ void begin_live(const LiveArguments& arguments, const LivePlan& plan, const Stag
   document.head = new_head(context.command_line);
   document.scene = stage.scene_name;
   document.path = stage.path.name;
-  document.device = "sim:" + plan.device.name;
+  document.device = "sim:" + plan.rig.device_name();
   document.hand = arguments.hand;
   document.grip = arguments.grip;
   document.rule = arguments.rule;

@@ -12,8 +12,6 @@
 namespace palpate::experiments {
 namespace {
 
-constexpr const char* kSimulated = "sim";
-
 Error unknown_word(const char* what, const std::string& word, const std::vector<std::string>& known) {
   return Error{fmt::format("there is no {} '{}'", what, word),
                did_you_mean(word, known, "choose from " + joined(known)),
@@ -43,45 +41,11 @@ Result<device::WorkspaceOptions> workspace_of(const std::string& mapping) {
 
 }  // namespace
 
-std::unique_ptr<device::SimulatedPlant> LiveDevice::make(const device::HandScript& script,
-                                                         const Clock& clock) const {
-  for (device::ArmOptions arm : device::arm_models()) {
-    if (arm.name != name) continue;
-    arm.period_s = period_s;
-    return std::make_unique<device::SimulatedArm>(arm, hand, script, clock);
-  }
-  device::AdmittanceOptions options = device::admittance_model();
-  options.period_s = period_s;
-  return std::make_unique<device::SimulatedAdmittance>(options, hand, script, clock);
-}
-
-Result<LiveDevice> live_device(const std::string& device, const std::string& grip, double period_s) {
-  LiveDevice made;
-  made.period_s = period_s;
-  std::vector<std::string> devices = {kSimulated}, hands;
-  for (const device::ArmOptions& arm : device::arm_models())
-    devices.push_back(fmt::format("{}:{}", kSimulated, arm.name));
-  devices.push_back(fmt::format("{}:{}", kSimulated, device::admittance_model().name));
-  if (std::find(devices.begin(), devices.end(), device) == devices.end())
-    return unknown_word("device", device, devices);
-  made.name = device == kSimulated ? device::arm_models().front().name
-                                   : device.substr(std::string(kSimulated).size() + 1);
-  bool known = false;
-  for (const device::Hand& one : device::hand_models()) {
-    hands.push_back(one.name);
-    if (one.name != grip) continue;
-    made.hand = one;
-    known = true;
-  }
-  if (!known) return unknown_word("simulated grip", grip, hands);
-  return made;
-}
-
 Result<LivePlan> plan_live(const LiveArguments& arguments, const std::vector<RendererRequest>& renderers,
                            const render::Registry& registry) {
   const std::vector<std::string> rules = {"wait", "refuse", "free"};
   LivePlan plan;
-  PALPATE_ASSIGN(plan.device, live_device(arguments.device, arguments.grip, 1.0 / arguments.rate_hz));
+  PALPATE_ASSIGN(plan.rig, device::simulated_rig_of_driver(arguments.device, arguments.grip));
   PALPATE_ASSIGN(plan.workspace, workspace_of(arguments.mapping));
   const auto rule = std::find(rules.begin(), rules.end(), arguments.rule);
   if (rule == rules.end()) return unknown_word("rule", arguments.rule, rules);

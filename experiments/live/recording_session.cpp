@@ -35,27 +35,6 @@ constexpr std::chrono::milliseconds kLook{100};
 constexpr std::uint64_t kTicksALook = 1000;
 constexpr double kNsPerS = 1e9;
 
-/// sim or sim:NAME.
-Result<device::ArmOptions> simulated_arm(const std::string& text) {
-  std::vector<std::string> names;
-  for (const device::ArmOptions& arm : device::arm_models()) names.push_back("sim:" + arm.name);
-  const std::string wanted = text == "sim" ? names.front() : text;
-  for (const device::ArmOptions& arm : device::arm_models())
-    if ("sim:" + arm.name == wanted) return arm;
-  return Error{"there is no device '" + text + "'",
-               did_you_mean(wanted, names, "choose from sim, " + joined(names)), "", 0};
-}
-
-Result<device::Hand> simulated_hand(const std::string& text) {
-  std::vector<std::string> names;
-  for (const device::Hand& hand : device::hand_models()) {
-    if (hand.name == text) return hand;
-    names.push_back(hand.name);
-  }
-  return Error{"there is no simulated hand '" + text + "'",
-               did_you_mean(text, names, "choose from " + joined(names)), "", 0};
-}
-
 /// Counts, and arms again after a fault.
 class SessionWatch final : public device::TickObserver {
  public:
@@ -91,8 +70,7 @@ struct Session {
   Stage stage;
   RendererRequest request;
   std::unique_ptr<render::HapticRenderer> renderer;
-  device::ArmOptions arm;
-  device::Hand hand;
+  device::SimulatedRig rig;
   std::optional<device::HandScript> script;
   geometry::RigidTransform world_from_device;
   device::RecordingHeader header;
@@ -124,9 +102,7 @@ void fill_header(const RecordArguments& a, const scene::SceneFile& file, Session
 Result<Session> set_up_session(const RecordArguments& a, const CheckedRun& checked,
                                const render::Registry& registry, Context& context) {
   Session s;
-  PALPATE_ASSIGN(s.arm, simulated_arm(a.device));
-  PALPATE_ASSIGN(s.hand, simulated_hand(a.hand));
-  s.arm.period_s = 1.0 / a.rate_hz;
+  PALPATE_ASSIGN(s.rig, device::simulated_rig_of_driver(a.device, a.hand));
   PALPATE_ASSIGN(s.stage, set_up(checked.stage, all_readers(), context.progress));
   if (!checked.renderers.empty()) {
     s.request = checked.renderers.front();
@@ -178,13 +154,13 @@ SessionReport report_of(device::Recorder& recorder, const SessionWatch& watch, s
 /// On a virtual clock. The recorder is waited for.
 Result<SessionReport> run_virtual(const RecordArguments& a, Session& s, Context& context) {
   VirtualClock clock;
-  device::SimulatedArm arm(s.arm, s.hand, *s.script, clock);
+  const std::unique_ptr<device::SimulatedPlant> plant = s.rig.make(*s.script, clock, 1.0 / a.rate_hz);
   device::RendererTap tap(*s.renderer, clock);
   device::TapSource source({&tap}, s.world_from_device);
-  device::Servo servo(tap, governor_options(a, arm.limits()), arm, clock, s.world_from_device);
+  device::Servo servo(tap, governor_options(a, plant->limits()), *plant, clock, s.world_from_device);
   PALPATE_TRY(servo.start(s.stage.path.hip_mm.front()));
-  s.header.device = arm.name();
-  s.header.limits = arm.limits();
+  s.header.device = plant->name();
+  s.header.limits = plant->limits();
   PALPATE_ASSIGN(std::unique_ptr<device::Recorder> recorder,
                  device::Recorder::create(a.out, s.header, source, recorder_options(a)));
   PALPATE_TRY(recorder->add_renderer(s.recorded));
@@ -208,12 +184,12 @@ Result<SessionReport> run_virtual(const RecordArguments& a, Session& s, Context&
 /// On the machine's clock, in a servo thread.
 Result<SessionReport> run_real(const RecordArguments& a, Session& s, Context& context) {
   const MonotonicClock clock;
-  device::SimulatedArm arm(s.arm, s.hand, *s.script, clock);
+  const std::unique_ptr<device::SimulatedPlant> plant = s.rig.make(*s.script, clock, 1.0 / a.rate_hz);
   device::RendererTap tap(*s.renderer, clock);
   device::TapSource source({&tap}, s.world_from_device);
-  device::Servo servo(tap, governor_options(a, arm.limits()), arm, clock, s.world_from_device);
-  s.header.device = arm.name();
-  s.header.limits = arm.limits();
+  device::Servo servo(tap, governor_options(a, plant->limits()), *plant, clock, s.world_from_device);
+  s.header.device = plant->name();
+  s.header.limits = plant->limits();
   s.header.clock_start_ns = clock.start_ns();
   PALPATE_ASSIGN(std::unique_ptr<device::Recorder> recorder,
                  device::Recorder::create(a.out, s.header, source, recorder_options(a)));

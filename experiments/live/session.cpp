@@ -270,7 +270,7 @@ device::RecordingHeader header_of(const LiveArguments& arguments, const LivePlan
                                   const device::DeviceLimits& limits, const device::DeviceMap& map,
                                   const Clock& clock) {
   device::RecordingHeader header = plan.header;
-  header.device = "sim:" + plan.device.name;
+  header.device = "sim:" + plan.rig.device_name();
   header.limits = limits;
   header.world_from_device = map.world_from_device;
   header.scale = map.world_per_device;
@@ -317,12 +317,12 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
   const device::HandScript nobody =
       device::HandScript::create("nobody", {0.0}, {Vec3::Zero()}, device::HandScript::Between::kStraight)
           .value();
-  const device::DeviceLimits limits = plan.device.make(nobody, clock)->limits();
+  const device::DeviceLimits limits = plan.rig.make(nobody, clock, 1.0 / arguments.rate_hz)->limits();
   PALPATE_ASSIGN(const device::DeviceMap map, device::map_for(box, limits, plan.workspace));
   say_mapping(box, map, limits, document);
   PALPATE_ASSIGN(const device::HandScript script,
                  live_hand(arguments.hand, path, *made.front().renderer, map, arguments.seconds));
-  const std::unique_ptr<device::SimulatedPlant> plant = plan.device.make(script, clock);
+  const std::unique_ptr<device::SimulatedPlant> plant = plan.rig.make(script, clock, 1.0 / arguments.rate_hz);
 
   device::GovernorOptions governed;
   governed.period_s = 1.0 / arguments.rate_hz;

@@ -8,28 +8,16 @@
 #include "device/live/triggers.h"
 #include "device/record/recording_header.h"
 #include "device/servo/servo_thread.h"
-#include "device/simulated/simulated_plant.h"
+#include "device/simulated/arm_models.h"
 #include "experiments/live/changes.h"
 #include "experiments/live/live.h"
 #include "experiments/live/watch.h"
 
 namespace palpate::experiments {
 
-/// A simulated device with a hand on it; `script` is the hand's and must outlive it.
-struct LiveDevice {
-  std::string name;  ///< "omni", .., "admittance"
-  device::Hand hand;
-  double period_s = 1e-3;
-  [[nodiscard]] std::unique_ptr<device::SimulatedPlant> make(const device::HandScript& script,
-                                                             const Clock& clock) const;
-};
-/// "sim", "sim:omni", ..; a hand's grip by name. Errors list the names.
-[[nodiscard]] Result<LiveDevice> live_device(const std::string& device, const std::string& grip,
-                                             double period_s);
-
 /// What a session needs, checked.
 struct LivePlan {
-  LiveDevice device;
+  device::SimulatedRig rig;
   device::WorkspaceOptions workspace;
   device::SwitchRule rule = device::SwitchRule::kContactElseWait;
   std::vector<LiveSetting> settings;

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "device/simulated/arm_models.h"
-#include "toolkit/core/words.h"
+#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
@@ -45,24 +45,10 @@ std::string Bench::device_name() const {
 }
 
 Result<Bench> bench_of(const std::string& device, const std::string& hand) {
+  PALPATE_ASSIGN(device::SimulatedRig rig, device::simulated_rig(device, hand));
   Bench bench;
-  std::vector<std::string> devices = {device::admittance_model().name}, hands;
-  for (const device::ArmOptions& arm : device::arm_models()) {
-    devices.push_back(arm.name);
-    if (arm.name == device) bench.arm = arm;
-  }
-  bool known = false;
-  for (const device::Hand& one : device::hand_models()) {
-    hands.push_back(one.name);
-    if (one.name == hand) bench.hand = one;
-    known = known || one.name == hand;
-  }
-  if (!bench.arm && device != devices.front())
-    return Error{"there is no simulated device '" + device + "'",
-                 did_you_mean(device, devices, "choose from " + joined(devices)), "", 0};
-  if (!known)
-    return Error{"there is no simulated hand '" + hand + "'",
-                 did_you_mean(hand, hands, "choose from " + joined(hands)), "", 0};
+  bench.arm = std::move(rig.arm);
+  bench.hand = std::move(rig.hand);
   return bench;
 }
 

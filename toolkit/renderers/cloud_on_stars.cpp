@@ -23,8 +23,9 @@ constexpr double kStarFrameUs = 0.1, kStarMsPerMillion = 1'000.0;
 constexpr double kRefineMsPerMillion = 500.0;  // of places that are new
 // Points and rings, long rings of one point in thirty, boxes and layers of the tree.
 constexpr double kStarBytesPerPoint = 48.0 + 1.5 + 6.0;
-/// More open points than this share are not borders: the points are too noisy or too few for facets.
-constexpr double kDoubtfulShare = 0.05;
+/// More open points than the border of a square sheet has, 4 sqrt(n), and this share besides, are no border:
+/// the points are too noisy or too few for facets.
+constexpr double kDoubtfulShare = 0.05, kBorderOfSquare = 4.0;
 
 double share(std::uint64_t part, std::uint64_t all) noexcept {
   return all == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(all);
@@ -217,7 +218,8 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
                       "both, as of a vase",
                       counts.pieces_with_holes));
     if (auto wide = wide_mouth_warning(counts.least_enclosed)) report.warnings.push_back(*std::move(wide));
-    if (const double open = share(counts.open_points + counts.unused, points); open > kDoubtfulShare)
+    const double border = kBorderOfSquare / std::sqrt(static_cast<double>(points));
+    if (const double open = share(counts.open_points + counts.unused, points); open > kDoubtfulShare + border)
       report.warnings.push_back(
           fmt::format("{:.0f} % of the points lie at gaps: they are too noisy, or too few, for facets "
                       "between them; take cloud-smooth, or "
