@@ -14,7 +14,9 @@ std::string described(const ArmOptions& arm) {
 }  // namespace
 
 void register_simulated_drivers(Drivers& drivers) {
-  drivers.add({"sim", "simulation", [] {
+  drivers.add({"sim",
+               "simulation",
+               [] {
                  std::vector<DeviceEntry> found;
                  for (const ArmOptions& arm : arm_models())
                    found.push_back({"sim:" + arm.name, described(arm), DeviceStatus::kReady, {}});
@@ -24,13 +26,17 @@ void register_simulated_drivers(Drivers& drivers) {
                       DeviceStatus::kReady,
                       {}});
                  return found;
-               }});
-  drivers.add({"path", "simulation", [] {
+               },
+               {}});
+  drivers.add({"path",
+               "simulation",
+               [] {
                  return std::vector<DeviceEntry>{{"path",
                                                   "plays a recorded probe path; force goes nowhere",
                                                   DeviceStatus::kMissing,
                                                   {"a path: a file, or a generator of `palpate paths`"}}};
-               }});
+               },
+               {}});
 }
 
 }  // namespace palpate::device

@@ -53,7 +53,9 @@ constexpr std::array kToolkitLine = {
 };
 
 // The same inside device.
-constexpr std::array kDeviceLine = {"interface", "safety", "servo", "simulated", "record", "live"};
+constexpr std::array kDeviceLine = {"interface",  "safety", "servo",   "simulated", "record",
+                                    "live",       "links",  "falcon",  "arms",      "haply",
+                                    "spacemouse", "bridge", "plugins", "drivers"};
 
 // Libraries that are slow to compile, carry a licence or bring half a distribution: where their headers may
 // stand in a source file, and where in a header as well.
@@ -73,17 +75,25 @@ const std::vector<Heavy> kHeavy = {
     {"embree", {"baselines/", "tests/baselines/", "experiments/benchmarks/"}, {"baselines/proximity/"}},
     {"openvdb/", {"baselines/points/"}, {}},
     {"vtk", {}, {}},
+    {"libusb", {"device/links/", "tests/device/"}, {}},
+    {"hidapi", {"device/links/", "tests/device/"}, {}},
+    {"libudev", {"device/links/", "tests/device/"}, {}},
+    {"libwebsockets", {"device/links/", "tests/device/"}, {}},
+    {"umockdev", {"tests/device/"}, {}},
+    {"GLFW/", {"experiments/window/", "tests/experiments/"}, {}},
+    {"imgui", {"experiments/window/"}, {}},
+    {"epoxy/", {"experiments/window/", "tests/experiments/"}, {}},
     {"hdf5", {"experiments/live/", "tests/experiments/"}, {}},
     {"gdal", {"toolkit/dem/", "tests/toolkit/dem/"}, {}},
     {"cpl_", {"toolkit/dem/", "tests/toolkit/dem/"}, {}},
     {"ogr_", {"toolkit/dem/", "tests/toolkit/dem/"}, {}},
     {"CLI/", {"experiments/", "tests/experiments/"}, {"experiments/command/cli.h"}},
     {"toml++/",
-     {"toolkit/scene/", "experiments/", "tests/toolkit/scene/", "tests/experiments/"},
+     {"toolkit/scene/", "device/arms/", "experiments/", "tests/toolkit/scene/", "tests/experiments/"},
      {"toolkit/scene/toml_fields.h"}},
     {"nlohmann/",
-     {"toolkit/metrics/", "experiments/", "tests/toolkit/metrics/", "tests/experiments/",
-      "tests/json_schema.cpp"},
+     {"toolkit/metrics/", "device/haply/", "experiments/", "tests/device/", "tests/toolkit/metrics/",
+      "tests/experiments/", "tests/json_schema.cpp"},
      {}},
     {"valijson/", {"tests/json_schema.cpp"}, {}},
     {"spdlog/", {"experiments/", "tests/experiments/"}, {}},
