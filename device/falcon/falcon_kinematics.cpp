@@ -33,7 +33,7 @@ constexpr double kAngleAtZero = 35.0 * kDegree;
 
 // Newton's method doubles the digits: below this the next step would be rounding. A count is 6e5 times as
 // much.
-constexpr double kConvergedRad = 1e-9;
+constexpr double kConvergedRad = 1e-10;
 // A determinant of A below this, (rad/mm)^3, is no pose to push at: at the centre it is 4e-6, and it varies
 // 3.5-fold over the workspace.
 constexpr double kLeastDeterminant = 1e-9;
