@@ -1,0 +1,21 @@
+// How long a packet and its reply take over the real libusb and a pretended Falcon, and how many are lost.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+namespace palpate::device {
+
+struct RoundTrips {
+  std::uint64_t sent = 0, answered = 0, lost = 0, refused = 0, malformed = 0, overrun = 0;
+  std::uint64_t late_ticks = 0;  ///< of the loop itself, by over a period
+  double p50_ms = 0.0, p99_ms = 0.0, p999_ms = 0.0, most_ms = 0.0;
+  double seconds = 0.0;
+
+  [[nodiscard]] std::string json(const std::string& path) const;
+};
+
+/// One packet a millisecond, each answered by one that holds its number.
+[[nodiscard]] RoundTrips measure_round_trips(double seconds, bool event_character);
+
+}  // namespace palpate::device
