@@ -143,10 +143,14 @@ void FalconBoard::take_packet(std::uint8_t byte) {
   answer(bytes);
 }
 
-std::optional<std::vector<std::uint8_t>> FalconBoard::in(std::int64_t now_ns) {
+bool FalconBoard::due(std::int64_t now_ns) const {
   const bool full = to_host_.size() >= 62;
   const bool event = event_character_ && std::find(to_host_.begin(), to_host_.end(), '>') != to_host_.end();
-  if (!full && !event && now_ns - sent_ns_ < latency_ms_ * kBoardNsPerMs) return std::nullopt;
+  return full || event || now_ns - sent_ns_ >= latency_ms_ * kBoardNsPerMs;
+}
+
+std::optional<std::vector<std::uint8_t>> FalconBoard::in(std::int64_t now_ns) {
+  if (!due(now_ns)) return std::nullopt;
   sent_ns_ = now_ns;
   std::vector<std::uint8_t> packet = {0x01, 0x60};  // what a real chip says of an idle line
   const std::size_t size = std::min(to_host_.size(), most_per_packet);

@@ -39,6 +39,8 @@ class FalconBoard {
   /// The next IN packet: status bytes and what has come, or the status bytes alone when the timer expired;
   /// nothing while the chip has no reason to send.
   [[nodiscard]] std::optional<std::vector<std::uint8_t>> in(std::int64_t now_ns);
+  /// Whether in() would give one.
+  [[nodiscard]] bool due(std::int64_t now_ns) const;
 
   // What tests set and see.
   FalconFaults faults;

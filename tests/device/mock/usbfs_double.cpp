@@ -3,11 +3,13 @@
 #include <fcntl.h>
 #include <linux/usbdevice_fs.h>
 #include <sys/ioctl.h>
+#include <termios.h>
+#include <time.h>
 #include <umockdev.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
+#include <atomic>
 #include <cerrno>
 #include <cstddef>
 #include <cstdio>
@@ -16,7 +18,9 @@
 #include <map>
 #include <mutex>
 #include <set>
+#include <span>
 #include <string_view>
+#include <thread>
 #include <utility>
 
 #include "toolkit/core/clock.h"
@@ -81,10 +85,15 @@ void answer(Client* client, long result, int error = 0) {
 }  // namespace
 
 struct UsbfsDouble::Bed {
-  explicit Bed(FalconBoard& connected) : board(connected), bed(umockdev_testbed_new()) {}
+  explicit Bed(FalconBoard& connected) : board(connected), bed(umockdev_testbed_new()) {
+    ticker = std::thread([this] { tick(); });
+  }
   ~Bed();
 
   gboolean handle(Client* client);
+  void serve(Client* client);
+  void show_whether_ready();
+  void tick();
   void submit(Client* client, Data* argument);
   void reap(Client* client, Data* argument);
   void discard(Client* client, Data* argument);
@@ -104,54 +113,76 @@ struct UsbfsDouble::Bed {
   std::map<Client*, std::deque<Urb>> urbs;
   Client* owner = nullptr;  // has claimed the interface
   bool plugged = false, holds_out = false;
+  int terminal = -1;  // the node's near end, as clients have it
+  bool shows_ready = true;
+  std::atomic<bool> ending{false};
+  std::thread ticker;
   std::uint64_t claims = 0;
 };
 
 gboolean UsbfsDouble::Bed::handle(Client* client) {
   const std::lock_guard lock(mutex);
   know(client);
+  serve(client);
+  show_whether_ready();
+  return TRUE;
+}
+
+void UsbfsDouble::Bed::serve(Client* client) {
   Data* argument = umockdev_ioctl_client_get_arg(client);
   switch (umockdev_ioctl_client_get_request(client)) {
     case USBDEVFS_GET_CAPABILITIES: {
       const Held caps = resolved(argument, 0, sizeof(std::uint32_t));
-      if (!caps) {
-        answer(client, -1, EFAULT);
-        return TRUE;
-      }
+      if (!caps) return answer(client, -1, EFAULT);
       *reinterpret_cast<std::uint32_t*>(caps->data) =
           USBDEVFS_CAP_ZERO_PACKET | USBDEVFS_CAP_NO_PACKET_SIZE_LIM | USBDEVFS_CAP_REAP_AFTER_DISCONNECT;
-      answer(client, 0);
-      return TRUE;
+      return answer(client, 0);
     }
     case USBDEVFS_CLAIMINTERFACE:
     case USBDEVFS_DISCONNECT_CLAIM:
-      claim(client);
-      return TRUE;
+      return claim(client);
     case USBDEVFS_RELEASEINTERFACE:
       if (owner == client) owner = nullptr;
-      answer(client, 0);
-      return TRUE;
+      return answer(client, 0);
     case USBDEVFS_GETDRIVER:
     case USBDEVFS_IOCTL:
-      answer(client, -1, ENODATA);  // no kernel driver
-      return TRUE;
+      return answer(client, -1, ENODATA);  // no kernel driver
     case USBDEVFS_SUBMITURB:
-      submit(client, argument);
-      return TRUE;
+      return submit(client, argument);
     case USBDEVFS_REAPURB:
     case USBDEVFS_REAPURBNDELAY:
-      reap(client, argument);
-      return TRUE;
+      return reap(client, argument);
     case USBDEVFS_DISCARDURB:
-      discard(client, argument);
-      return TRUE;
+      return discard(client, argument);
     case USBDEVFS_SETINTERFACE:
     case USBDEVFS_CLEAR_HALT:
-      answer(client, 0);
-      return TRUE;
+      return answer(client, 0);
     default:
-      answer(client, -1, ENOTTY);
-      return TRUE;
+      return answer(client, -1, ENOTTY);
+  }
+}
+
+/// A node that is always ready to be polled keeps a processor busy. A stopped terminal takes no output, and
+/// its poll says so: it runs while there is something to reap.
+void UsbfsDouble::Bed::show_whether_ready() {
+  bool ready = !plugged;
+  for (const auto& [client, under_way] : urbs)
+    for (const Urb& urb : under_way)
+      ready = ready || urb.done || ((urb.fields().endpoint & 0x80U) != 0 && board.due(monotonic_ns()));
+  if (ready == shows_ready || terminal < 0) return;
+  shows_ready = ready;
+  ::tcflow(terminal, ready ? TCOON : TCOOFF);
+}
+
+/// The chip's timer: what is due without anybody's asking.
+void UsbfsDouble::Bed::tick() {
+  constexpr timespec kTick{0, 200'000};
+  while (!ending) {
+    {
+      const std::lock_guard lock(mutex);
+      show_whether_ready();
+    }
+    ::nanosleep(&kTick, nullptr);
   }
 }
 
@@ -237,6 +268,8 @@ void UsbfsDouble::Bed::know(Client* client) {
 }
 
 UsbfsDouble::Bed::~Bed() {
+  ending = true;
+  ticker.join();
   g_object_unref(bed);  // and with it its thread
   for (Client* client : known) g_object_weak_unref(G_OBJECT(client), gone, this);
 }
@@ -273,6 +306,11 @@ void UsbfsDouble::Bed::add() {
     std::fprintf(stderr, "umockdev: %s\n", failed->message);
     std::abort();
   }
+  {
+    const std::lock_guard lock(mutex);
+    terminal = ::ioctl(umockdev_testbed_get_dev_fd(bed, kNode), TIOCGPTPEER, O_RDWR | O_NOCTTY | O_CLOEXEC);
+    shows_ready = true;
+  }
   umockdev_testbed_uevent(bed, kSysfs, "add");
 }
 
@@ -280,6 +318,8 @@ void UsbfsDouble::Bed::remove() {
   {
     const std::lock_guard lock(mutex);
     plugged = false;
+    show_whether_ready();
+    ::close(std::exchange(terminal, -1));
   }
   // The far end of the node's terminal goes: its file says error and hang-up, as usbfs does. The number stays
   // taken, for umockdev closes it once more.
@@ -327,6 +367,7 @@ void UsbfsDouble::hold_out(bool hold) {
   for (auto& [client, under_way] : bed_->urbs)
     for (Urb& urb : under_way)
       if (!urb.done && (urb.fields().endpoint & 0x80U) == 0) bed_->begin(urb);
+  bed_->show_whether_ready();
 }
 
 std::uint64_t UsbfsDouble::claims() const {
