@@ -24,10 +24,11 @@ namespace {
 constexpr int kLookMs = 100;
 // Commands take some 0.1 ms each; a device that has not taken twelve of them by then takes none.
 constexpr double kDrainMs = 200.0, kCancelMs = 500.0;
+constexpr double kStopMs = 100.0;
 // One transfer fails on a bad cable. So many in a row, and the device is as good as gone.
 constexpr int kMostErrorsInARow = 16;
 constexpr unsigned kControlMs = 1000;
-constexpr timespec kControlLook{0, 100'000};
+constexpr timespec kLook{0, 100'000};
 
 }  // namespace
 
@@ -132,6 +133,7 @@ void UsbLink::Io::arrived(In& in) noexcept {
 
 void UsbLink::Io::departed(Out& out) noexcept {
   out.flying = false;
+  link.counts_.done.fetch_add(1, std::memory_order_release);
   const libusb_transfer_status status = out.transfer->status;
   if (status == LIBUSB_TRANSFER_CANCELLED) return;
   if (status == LIBUSB_TRANSFER_COMPLETED)
@@ -150,6 +152,7 @@ void UsbLink::Io::send_waiting() noexcept {
     const int failed = libusb_submit_transfer(out.transfer.get());
     out.flying = failed == LIBUSB_SUCCESS;
     if (out.flying) continue;
+    link.counts_.done.fetch_add(1, std::memory_order_release);
     link.counts_.out_errors.fetch_add(1, std::memory_order_relaxed);
     if (!endured(failed == LIBUSB_ERROR_NO_DEVICE ? LIBUSB_TRANSFER_NO_DEVICE : LIBUSB_TRANSFER_ERROR))
       lost();
@@ -218,9 +221,14 @@ UsbLink::UsbLink(UsbAddress address, const UsbInterface& interface, std::string 
       interface_(interface),
       name_(std::move(name)),
       priority_(priority),
-      wake_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {}
+      wake_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)),
+      at_stop_([this] {
+        wait_until_out();
+        return std::string();
+      }) {}
 
 UsbLink::~UsbLink() {
+  at_stop_.drop();
   close();
   if (wake_ >= 0) ::close(wake_);
 }
@@ -232,8 +240,7 @@ Status UsbLink::open() {
   PALPATE_TRY(io->session.open(address_, interface_, name_));
   PALPATE_TRY(io->prepare());
   LinkPacket old;
-  while (commands_.pop(old)) {
-  }
+  while (commands_.pop(old)) counts_.done.fetch_add(1);
   packets_.clear();
   taken_ = 0;
   gone_.store(false);
@@ -263,9 +270,19 @@ bool UsbLink::submit(std::span<const std::uint8_t> bytes) noexcept {
     counts_.refused.fetch_add(1, std::memory_order_relaxed);
     return false;
   }
+  counts_.accepted.fetch_add(1, std::memory_order_release);
   const std::uint64_t one = 1;
   static_cast<void>(::write(wake_, &one, sizeof one) < 0);  // full: it is awake
   return true;
+}
+
+/// A program that ends takes the link's thread with it, and what that has not yet handed to the kernel.
+void UsbLink::wait_until_out() const noexcept {
+  const std::uint64_t until = counts_.accepted.load(std::memory_order_acquire);
+  const Stopwatch watch;
+  while (open_.load() && !gone_.load() && counts_.done.load(std::memory_order_acquire) < until &&
+         watch.ms() < kStopMs)
+    ::nanosleep(&kLook, nullptr);
 }
 
 Polled UsbLink::poll(std::span<std::uint8_t> into) noexcept {
@@ -318,7 +335,7 @@ Status UsbLink::control(const ControlRequest& request) {
   const Stopwatch watch;
   int status = -1;
   while ((status = pending->status.load(std::memory_order_acquire)) < 0 && watch.ms() < 2.0 * kControlMs)
-    ::nanosleep(&kControlLook, nullptr);
+    ::nanosleep(&kLook, nullptr);
   if (status == LIBUSB_TRANSFER_NO_DEVICE) gone_.store(true);
   if (status == LIBUSB_TRANSFER_COMPLETED) return Done{};
   return failed(status == LIBUSB_TRANSFER_NO_DEVICE ? "the device is gone"

@@ -7,6 +7,7 @@
 // What is commanded goes out in the order of submit(). Up to kInFlight commands are with the kernel and
 // kQueued wait; where both are full, which means that the device takes nothing, submit() says false and the
 // command is gone: the next frame has a newer one, and a watchdog repeats its zero. Nothing is sent twice.
+// A program that is being stopped waits until what was submitted before is out (at_stop.h), 0.1 s at most.
 #pragma once
 
 #include <atomic>
@@ -17,6 +18,7 @@
 
 #include "device/links/control_link.h"
 #include "device/links/packet_rings.h"
+#include "toolkit/core/at_stop.h"
 
 namespace palpate::device {
 
@@ -84,6 +86,7 @@ class UsbLink final : public ControlLink {
 
  private:
   struct Io;
+  void wait_until_out() const noexcept;
 
   UsbAddress address_;
   UsbInterface interface_;
@@ -97,8 +100,12 @@ class UsbLink final : public ControlLink {
   std::size_t taken_ = 0;  ///< bytes of the ring's first packet that poll has given
   struct Counts {
     std::atomic<std::uint64_t> received{0}, overrun{0}, sent{0}, refused{0}, in_errors{0}, out_errors{0};
+    std::atomic<std::uint64_t> accepted{0}, done{0};  ///< commands; done: sent, failed or thrown away
   } counts_;
   std::unique_ptr<Io> io_;
+  // Made with the link and not with each open(): close() may be called by a thread that must not wait for a
+  // stop that is under way. A servo's action, being newer, comes first and submits its zero.
+  AtStop at_stop_;
 };
 
 }  // namespace palpate::device

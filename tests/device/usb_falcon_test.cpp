@@ -1,7 +1,9 @@
 // The Falcon's driver over the real libusb, with a pretended Falcon below it: run by umockdev-wrapper. What
 // is asserted is what happens, never how soon.
 //
-//   umockdev-wrapper test_usb --measure 60     round trips at 1 kHz for so many seconds, as JSON
+//   umockdev-wrapper test_usb --measure 60     round trips at 1 kHz for so many seconds, as JSON; with
+//   SCHED_FIFO
+//                                              where that is allowed
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -10,12 +12,14 @@
 #include <unistd.h>
 
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <csignal>
 #include <cstdlib>
 #include <fstream>
 #include <memory>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "device/falcon/falcon_device.h"
@@ -26,6 +30,8 @@
 #include "tests/device/mock/usbfs_double.h"
 #include "tests/device/rig.h"
 #include "tests/device/usb_round_trip.h"
+#include "tests/house/allocation_count.h"
+#include "toolkit/core/at_stop.h"
 #include "toolkit/core/clock.h"
 
 namespace palpate::device {
@@ -91,6 +97,25 @@ GovernorOptions patient() {
     static_cast<void>(servo.tick());
     ::nanosleep(&kMillisecond, nullptr);
   }
+}
+
+/// A program that presses and is told to stop: Ctrl-C.
+[[noreturn]] void press_and_stop() {
+  const MonotonicClock clock;
+  FalconDevice device(falcon_link(), clock, {});
+  SpringPlane plane(0.5);
+  Servo servo(plane, patient(), device, clock, {});
+  if (!servo.start()) ::_exit(5);
+  std::atomic<bool> pressed{false};
+  std::thread([&] {
+    for (;;) {
+      if (servo.tick().sent_n.z() > 0.5) pressed = true;
+      ::nanosleep(&kMillisecond, nullptr);
+    }
+  }).detach();
+  if (!comes([&] { return pressed.load(); })) ::_exit(6);
+  static_cast<void>(run_stop_actions());
+  ::_exit(0);
 }
 
 class UsbFalcon : public testing::Test {
@@ -318,9 +343,38 @@ TEST_F(UsbFalcon, WithoutTheGuardTheTorqueStays) {
   EXPECT_TRUE(holds_force()) << "this is what the guard is for";
 }
 
+TEST_F(UsbFalcon, AStopOfTheProgramSendsZeroThatLeavesIt) {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    ::execl("/proc/self/exe", "test_usb", "--press-and-stop", static_cast<char*>(nullptr));
+    ::_exit(9);
+  }
+  int status = -1;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_EQ(status, 0);
+  EXPECT_GT(seen([](const FalconBoard& now) { return now.pushed(); }), 0u) << "it pressed";
+  EXPECT_FALSE(holds_force());
+}
+
+TEST_F(UsbFalcon, FramesAllocateNothing) {
+  LiveFalcon live(patient(), clock);
+  ASSERT_TRUE(live.servo.start());
+  ASSERT_TRUE(comes([&] { return live.tick().sent_n.z() > 0.5 && holds_force(); }));
+  std::uint64_t counted = 0;
+  int fresh = 0;
+  for (int i = 0; i < 200; ++i) {
+    ::nanosleep(&kMillisecond, nullptr);
+    const house::AllocationCount allocations(house::AllocationCount::Threads::kThisOne);
+    fresh += live.servo.tick().state.status == ReadStatus::kFresh ? 1 : 0;
+    counted += allocations.count();
+  }
+  EXPECT_EQ(counted, 0u);
+  EXPECT_GT(fresh, 0);
+}
+
 TEST(UsbRoundTrip, EveryPacketIsAnswered) {
   for (const bool event_character : {false, true}) {
-    const RoundTrips trips = measure_round_trips(2.0, event_character);
+    const RoundTrips trips = measure_round_trips({.seconds = 2.0, .event_character = event_character});
     fmt::print("{}\n",
                trips.json(event_character ? "libusb, umockdev, event character" : "libusb, umockdev"));
     EXPECT_GT(trips.answered, 0u);
@@ -338,6 +392,7 @@ int main(int argc, char** argv) {
   const std::string first = argc > 1 ? argv[1] : "";
   if (first == "--press") press_over_usb(true);
   if (first == "--press-unguarded") press_over_usb(false);
+  if (first == "--press-and-stop") press_and_stop();
   if (const std::string missing = UsbfsDouble::missing(); !missing.empty()) {
     fmt::print(stderr, "skipped: {}\n", missing);
     constexpr int kSkipped = 77;  // what CTest takes for a skipped test
@@ -347,7 +402,7 @@ int main(int argc, char** argv) {
     const double seconds = argc > 2 ? std::strtod(argv[2], nullptr) : 60.0;
     for (const bool event_character : {false, true})
       fmt::print("{}\n",
-                 measure_round_trips(seconds, event_character)
+                 measure_round_trips({seconds, event_character, true})
                      .json(event_character ? "libusb, umockdev, event character" : "libusb, umockdev"));
     return 0;
   }

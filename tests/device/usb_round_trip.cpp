@@ -1,6 +1,8 @@
 #include "tests/device/usb_round_trip.h"
 
 #include <fmt/format.h>
+#include <pthread.h>
+#include <sched.h>
 #include <time.h>
 
 #include <algorithm>
@@ -18,6 +20,7 @@ namespace {
 
 constexpr std::int64_t kPeriodNs = 1'000'000;
 constexpr timespec kBetweenPolls{0, 50'000};
+constexpr int kLoopPriority = 80, kDoublePriority = 82;
 constexpr int kNumbers = 4000;  // a command's range; more than can be under way
 
 double share_of(const std::vector<double>& sorted, double share) {
@@ -82,19 +85,27 @@ class Meter {
 
 std::string RoundTrips::json(const std::string& path) const {
   return fmt::format(
-      R"({{"path": "{}", "seconds": {:.1f}, "rate_hz": 1000, "sent": {}, "answered": {}, "lost": {}, )"
+      R"({{"path": "{}", "seconds": {:.1f}, "rate_hz": 1000, "scheduling": "{}", "sent": {}, "answered": {}, "lost": {}, )"
       R"("refused": {}, "malformed": {}, "overrun": {}, "late_ticks": {}, )"
       R"("p50_ms": {:.3f}, "p99_ms": {:.3f}, "p99.9_ms": {:.3f}, "max_ms": {:.3f}}})",
-      path, seconds, sent, answered, lost, refused, malformed, overrun, late_ticks, p50_ms, p99_ms, p999_ms,
-      most_ms);
+      path, seconds, fifo ? "fifo" : "other", sent, answered, lost, refused, malformed, overrun, late_ticks,
+      p50_ms, p99_ms, p999_ms, most_ms);
 }
 
-RoundTrips measure_round_trips(double seconds, bool event_character) {
+RoundTrips measure_round_trips(const RoundTripOptions& options) {
   FalconBoard board;
   board.run_firmware();
   board.echo_motors = true;
-  const UsbfsDouble usb(board);
-  UsbLink link({0x0403, 0xCB48, ""}, {}, "falcon", 0);
+  UsbfsDouble usb(board);
+  sched_param priority{};
+  priority.sched_priority = options.real_time ? kLoopPriority : 0;
+  sched_param before{};
+  int policy = 0;
+  ::pthread_getschedparam(::pthread_self(), &policy, &before);
+  const bool fifo =
+      options.real_time && ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &priority) == 0;
+  if (fifo) usb.run_at(kDoublePriority);
+  UsbLink link({0x0403, 0xCB48, ""}, {}, "falcon", fifo ? UsbLink::kPriority : 0);
   const auto fail = [](const Error& error) {
     fmt::print(stderr, "{}\n", error.message());
     std::abort();
@@ -107,10 +118,11 @@ RoundTrips measure_round_trips(double seconds, bool event_character) {
   const auto booted = boot_falcon(link, {[]() -> Result<FalconFirmware> {
                                            return Error{"it runs", "", "", 0};
                                          },
-                                         sleep, event_character});
+                                         sleep, options.event_character});
   if (!booted) fail(booted.error());
   Meter meter(link);
-  const std::int64_t begun_ns = monotonic_ns(), end_ns = begun_ns + static_cast<std::int64_t>(1e9 * seconds);
+  const std::int64_t begun_ns = monotonic_ns(),
+                     end_ns = begun_ns + static_cast<std::int64_t>(1e9 * options.seconds);
   for (std::int64_t next_ns = begun_ns; next_ns < end_ns;) {
     meter.send();
     next_ns += kPeriodNs;
@@ -118,9 +130,11 @@ RoundTrips measure_round_trips(double seconds, bool event_character) {
     for (; monotonic_ns() > next_ns + kPeriodNs; next_ns += kPeriodNs) ++meter.result.late_ticks;  // skipped
   }
   meter.listen_until(monotonic_ns() + 300 * kPeriodNs);
-  meter.result.seconds = seconds;
+  meter.result.seconds = options.seconds;
+  meter.result.fifo = fifo;
   RoundTrips result = meter.finished();
   link.close();
+  ::pthread_setschedparam(::pthread_self(), policy, &before);
   return result;
 }
 

@@ -11,11 +11,17 @@ struct RoundTrips {
   std::uint64_t late_ticks = 0;  ///< of the loop itself, by over a period
   double p50_ms = 0.0, p99_ms = 0.0, p999_ms = 0.0, most_ms = 0.0;
   double seconds = 0.0;
+  bool fifo = false;  ///< SCHED_FIFO was obtained
 
   [[nodiscard]] std::string json(const std::string& path) const;
 };
 
+struct RoundTripOptions {
+  double seconds = 60.0;
+  bool event_character = false;
+  bool real_time = false;  ///< asks for SCHED_FIFO, for the loop, the link and what pretends to be a device
+};
 /// One packet a millisecond, each answered by one that holds its number.
-[[nodiscard]] RoundTrips measure_round_trips(double seconds, bool event_character);
+[[nodiscard]] RoundTrips measure_round_trips(const RoundTripOptions& options);
 
 }  // namespace palpate::device

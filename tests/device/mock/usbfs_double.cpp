@@ -2,6 +2,8 @@
 
 #include <fcntl.h>
 #include <linux/usbdevice_fs.h>
+#include <pthread.h>
+#include <sched.h>
 #include <sys/ioctl.h>
 #include <termios.h>
 #include <time.h>
@@ -78,6 +80,16 @@ struct Urb {
   }
 };
 
+/// This thread's, once, where it is asked for.
+void take_priority(int wanted) {
+  thread_local int has = 0;
+  if (has == wanted) return;
+  has = wanted;
+  sched_param priority{};
+  priority.sched_priority = wanted;
+  ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &priority);
+}
+
 void answer(Client* client, long result, int error = 0) {
   umockdev_ioctl_client_complete(client, result, error);
 }
@@ -117,10 +129,11 @@ struct UsbfsDouble::Bed {
   bool shows_ready = true;
   std::atomic<bool> ending{false};
   std::thread ticker;
-  std::uint64_t claims = 0;
+  std::atomic<int> priority{0};
 };
 
 gboolean UsbfsDouble::Bed::handle(Client* client) {
+  take_priority(priority);
   const std::lock_guard lock(mutex);
   know(client);
   serve(client);
@@ -178,6 +191,7 @@ void UsbfsDouble::Bed::show_whether_ready() {
 void UsbfsDouble::Bed::tick() {
   constexpr timespec kTick{0, 200'000};
   while (!ending) {
+    take_priority(priority);
     {
       const std::lock_guard lock(mutex);
       show_whether_ready();
@@ -190,7 +204,6 @@ void UsbfsDouble::Bed::claim(Client* client) {
   if (!plugged) return answer(client, -1, ENODEV);
   if (owner != nullptr && owner != client) return answer(client, -1, EBUSY);
   owner = client;
-  ++claims;
   answer(client, 0);
 }
 
@@ -370,9 +383,8 @@ void UsbfsDouble::hold_out(bool hold) {
   bed_->show_whether_ready();
 }
 
-std::uint64_t UsbfsDouble::claims() const {
-  const std::lock_guard lock(bed_->mutex);
-  return bed_->claims;
+void UsbfsDouble::run_at(int priority) {
+  bed_->priority = priority;
 }
 
 }  // namespace palpate::device

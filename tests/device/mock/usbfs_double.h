@@ -28,8 +28,8 @@ class UsbfsDouble {
   void plug();
   /// Takes no more bytes: what is sent stays under way. Off again: all of it goes through.
   void hold_out(bool hold);
-  /// Commands that were taken, as they came.
-  [[nodiscard]] std::uint64_t claims() const;
+  /// SCHED_FIFO for the threads that pretend, where it is allowed.
+  void run_at(int priority);
 
  private:
   struct Bed;
