@@ -22,7 +22,7 @@ namespace {
 
 // The thread looks at its flags so often where nothing happens: nothing hangs on a wake-up that was lost.
 constexpr int kLookMs = 100;
-// Commands take some 0.1 ms each; a device that has not taken twelve of them by then takes none.
+// Commands take some 0.1 ms each; a device that has not taken three of them by then takes none.
 constexpr double kDrainMs = 200.0, kCancelMs = 500.0;
 constexpr double kStopMs = 100.0;
 // One transfer fails on a bad cable. So many in a row, and the device is as good as gone.
@@ -45,6 +45,7 @@ struct UsbLink::Io {
     Io* io = nullptr;
     UsbTransfer transfer;
     LinkPacket packet;
+    std::uint64_t number = 0;
     bool flying = false;
   };
 
@@ -54,14 +55,18 @@ struct UsbLink::Io {
   std::array<Out, kInFlight> outs;
   std::thread thread;
   std::atomic<bool> stopping{false};
-  bool cancelling = false;  // the thread's
+  // The thread's:
+  LinkPacket newest;  // of those that wait
+  bool waiting = false;
+  std::uint64_t number = 0;  // of the newest, counted as submit() does
+  bool cancelling = false;
   int errors_in_a_row = 0;
 
   [[nodiscard]] Status prepare();
   [[nodiscard]] bool start(In& in) noexcept;
   void run() noexcept;
   void handle_events(int wait_ms) noexcept;
-  void send_waiting() noexcept;
+  void send_newest() noexcept;
   void drain() noexcept;
   [[nodiscard]] bool out_flying() const noexcept;
   [[nodiscard]] bool flying() const noexcept;
@@ -133,7 +138,7 @@ void UsbLink::Io::arrived(In& in) noexcept {
 
 void UsbLink::Io::departed(Out& out) noexcept {
   out.flying = false;
-  link.counts_.done.fetch_add(1, std::memory_order_release);
+  link.counts_.done.store(out.number, std::memory_order_release);  // the kernel keeps their order
   const libusb_transfer_status status = out.transfer->status;
   if (status == LIBUSB_TRANSFER_CANCELLED) return;
   if (status == LIBUSB_TRANSFER_COMPLETED)
@@ -143,19 +148,27 @@ void UsbLink::Io::departed(Out& out) noexcept {
   if (!endured(status)) lost();
 }
 
-/// What frames have submitted goes to the kernel while it has room.
-void UsbLink::Io::send_waiting() noexcept {
+/// The newest of what frames have submitted goes to the kernel when that has room.
+void UsbLink::Io::send_newest() noexcept {
+  while (link.commands_.pop(newest)) {
+    if (std::exchange(waiting, true)) link.counts_.overtaken.fetch_add(1, std::memory_order_relaxed);
+    ++number;
+  }
+  if (!waiting || link.gone_.load(std::memory_order_relaxed)) return;
   for (Out& out : outs) {
     if (out.flying) continue;
-    if (link.gone_.load(std::memory_order_relaxed) || !link.commands_.pop(out.packet)) return;
-    out.transfer->length = static_cast<int>(out.packet.size);
+    waiting = false;
+    out.packet = newest;
+    out.number = number;
+    out.transfer->length = static_cast<int>(newest.size);
     const int failed = libusb_submit_transfer(out.transfer.get());
     out.flying = failed == LIBUSB_SUCCESS;
-    if (out.flying) continue;
-    link.counts_.done.fetch_add(1, std::memory_order_release);
+    if (out.flying) return;
+    link.counts_.done.store(number, std::memory_order_release);
     link.counts_.out_errors.fetch_add(1, std::memory_order_relaxed);
     if (!endured(failed == LIBUSB_ERROR_NO_DEVICE ? LIBUSB_TRANSFER_NO_DEVICE : LIBUSB_TRANSFER_ERROR))
       lost();
+    return;
   }
 }
 
@@ -193,7 +206,7 @@ void UsbLink::Io::run() noexcept {
   for (In& in : ins)
     if (!start(in)) lost();
   while (!stopping.load(std::memory_order_acquire)) {
-    send_waiting();
+    send_newest();
     handle_events(kLookMs);
   }
   drain();
@@ -203,8 +216,8 @@ void UsbLink::Io::run() noexcept {
 void UsbLink::Io::drain() noexcept {
   const Stopwatch watch;
   do {
-    send_waiting();
-    if (!out_flying()) break;
+    send_newest();
+    if (!waiting && !out_flying()) break;
     handle_events(1);
   } while (!link.gone_.load(std::memory_order_relaxed) && watch.ms() < kDrainMs);
   cancelling = true;
@@ -240,7 +253,9 @@ Status UsbLink::open() {
   PALPATE_TRY(io->session.open(address_, interface_, name_));
   PALPATE_TRY(io->prepare());
   LinkPacket old;
-  while (commands_.pop(old)) counts_.done.fetch_add(1);
+  while (commands_.pop(old)) {
+  }
+  io->number = counts_.accepted.load();
   packets_.clear();
   taken_ = 0;
   gone_.store(false);
@@ -347,7 +362,7 @@ UsbLinkCounters UsbLink::counters() const noexcept {
   const auto of = [](const std::atomic<std::uint64_t>& count) {
     return count.load(std::memory_order_relaxed);
   };
-  return {of(counts_.received), of(counts_.overrun),   of(counts_.sent),
+  return {of(counts_.received), of(counts_.overrun),   of(counts_.sent),      of(counts_.overtaken),
           of(counts_.refused),  of(counts_.in_errors), of(counts_.out_errors)};
 }
 

@@ -4,10 +4,12 @@
 // link's own does: it keeps two 64-byte IN transfers queued, sends what submit() has put into a queue without
 // locks, and puts what comes into a ring. Frames touch queue, ring and an eventfd, nothing else.
 //
-// What is commanded goes out in the order of submit(). Up to kInFlight commands are with the kernel and
-// kQueued wait; where both are full, which means that the device takes nothing, submit() says false and the
-// command is gone: the next frame has a newer one, and a watchdog repeats its zero. Nothing is sent twice.
-// A program that is being stopped waits until what was submitted before is out (at_stop.h), 0.1 s at most.
+// Of what is commanded the newest goes out. Two commands are with the kernel at most; meanwhile a newer one
+// overtakes the one that waits, so that a device that is slower than the frames is late by what it takes for
+// three packets, and never by a queue. submit() says false where eight came before the thread once looked, or
+// the device is gone: the next frame has a newer one, and a watchdog repeats its zero. Who needs every
+// command taken waits for its answer before the next. Nothing is sent twice. A program that is being stopped
+// waits until what was submitted before is out (at_stop.h), 0.1 s at most.
 #pragma once
 
 #include <atomic>
@@ -54,6 +56,7 @@ struct UsbLinkCounters {
   std::uint64_t received = 0;   ///< packets
   std::uint64_t overrun = 0;    ///< packets that came while nobody took them, and are gone
   std::uint64_t sent = 0;       ///< commands that the device took
+  std::uint64_t overtaken = 0;  ///< commands that waited until a newer one came
   std::uint64_t refused = 0;    ///< commands that found no room
   std::uint64_t in_errors = 0;  ///< transfers that failed, the device being there
   std::uint64_t out_errors = 0;
@@ -61,7 +64,7 @@ struct UsbLinkCounters {
 
 class UsbLink final : public ControlLink {
  public:
-  static constexpr std::size_t kInTransfers = 2, kInFlight = 4, kQueued = 8, kRing = 64;
+  static constexpr std::size_t kInTransfers = 2, kInFlight = 2, kQueued = 8, kRing = 64;
   /// Of the link's thread: above the servo's 80, which waits for it, below the watchdog's 85.
   static constexpr int kPriority = 83;
 
@@ -73,7 +76,7 @@ class UsbLink final : public ControlLink {
   /// Finds, opens and claims the device, detaching a kernel driver, and starts its thread. An Error where
   /// none is connected, where this user may not open it (with the udev rule), where another program has it.
   [[nodiscard]] Status open() override;
-  /// Lets what was submitted go out, for 0.2 s at most, then lets go of the device.
+  /// Lets what was submitted last go out, for 0.2 s at most, then lets go of the device.
   void close() noexcept override;
   /// At most 64 bytes. Any thread; after close() false.
   bool submit(std::span<const std::uint8_t> bytes) noexcept override;
@@ -100,7 +103,9 @@ class UsbLink final : public ControlLink {
   std::size_t taken_ = 0;  ///< bytes of the ring's first packet that poll has given
   struct Counts {
     std::atomic<std::uint64_t> received{0}, overrun{0}, sent{0}, refused{0}, in_errors{0}, out_errors{0};
-    std::atomic<std::uint64_t> accepted{0}, done{0};  ///< commands; done: sent, failed or thrown away
+    std::atomic<std::uint64_t> overtaken{0};
+    // Commands that submit() took, and how many of them, from the first on, wait no more.
+    std::atomic<std::uint64_t> accepted{0}, done{0};
   } counts_;
   std::unique_ptr<Io> io_;
   // Made with the link and not with each open(): close() may be called by a thread that must not wait for a

@@ -32,7 +32,8 @@ double share_of(const std::vector<double>& sorted, double share) {
 /// Sends and listens.
 class Meter {
  public:
-  explicit Meter(UsbLink& link) : link_(link), sent_ns_(kNumbers, 0) {}
+  explicit Meter(UsbLink& link)
+      : link_(link), overtaken_before_(link.counters().overtaken), sent_ns_(kNumbers, 0) {}
 
   void send() {
     const int number = static_cast<int>(result.sent++ % kNumbers);
@@ -62,6 +63,8 @@ class Meter {
     result.most_ms = share_of(times_ms_, 1.0);
     result.malformed = reader_.malformed();
     result.overrun = link_.counters().overrun;
+    result.overtaken = link_.counters().overtaken - overtaken_before_;
+    result.lost -= std::min(result.lost, result.overtaken);
     return result;
   }
   RoundTrips result;
@@ -76,6 +79,7 @@ class Meter {
   }
 
   UsbLink& link_;
+  std::uint64_t overtaken_before_;
   FalconReader reader_;
   std::vector<std::int64_t> sent_ns_;
   std::vector<double> times_ms_;
@@ -85,11 +89,11 @@ class Meter {
 
 std::string RoundTrips::json(const std::string& path) const {
   return fmt::format(
-      R"({{"path": "{}", "seconds": {:.1f}, "rate_hz": 1000, "scheduling": "{}", "sent": {}, "answered": {}, "lost": {}, )"
+      R"({{"path": "{}", "seconds": {:.1f}, "rate_hz": 1000, "scheduling": "{}", "sent": {}, "answered": {}, "overtaken": {}, "lost": {}, )"
       R"("refused": {}, "malformed": {}, "overrun": {}, "late_ticks": {}, )"
       R"("p50_ms": {:.3f}, "p99_ms": {:.3f}, "p99.9_ms": {:.3f}, "max_ms": {:.3f}}})",
-      path, seconds, fifo ? "fifo" : "other", sent, answered, lost, refused, malformed, overrun, late_ticks,
-      p50_ms, p99_ms, p999_ms, most_ms);
+      path, seconds, fifo ? "fifo" : "other", sent, answered, overtaken, lost, refused, malformed, overrun,
+      late_ticks, p50_ms, p99_ms, p999_ms, most_ms);
 }
 
 RoundTrips measure_round_trips(const RoundTripOptions& options) {

@@ -7,7 +7,12 @@
 namespace palpate::device {
 
 struct RoundTrips {
-  std::uint64_t sent = 0, answered = 0, lost = 0, refused = 0, malformed = 0, overrun = 0;
+  std::uint64_t sent = 0;  ///< one in each tick
+  std::uint64_t answered = 0;
+  std::uint64_t overtaken = 0;  ///< by a newer one, the device being slower than the ticks: never went out
+  std::uint64_t refused = 0;    ///< by the link
+  std::uint64_t lost = 0;       ///< went out, and no answer came
+  std::uint64_t malformed = 0, overrun = 0;
   std::uint64_t late_ticks = 0;  ///< of the loop itself, by over a period
   double p50_ms = 0.0, p99_ms = 0.0, p999_ms = 0.0, most_ms = 0.0;
   double seconds = 0.0;
