@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <array>
+#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -21,14 +22,14 @@ namespace palpate::device {
 namespace {
 
 // The thread looks at its flags so often where nothing happens: nothing hangs on a wake-up that was lost.
-constexpr int kLookMs = 100;
+constexpr int kUsbLookMs = 100;
 // Commands take some 0.1 ms each; a device that has not taken three of them by then takes none.
-constexpr double kDrainMs = 200.0, kCancelMs = 500.0;
-constexpr double kStopMs = 100.0;
+constexpr double kUsbDrainMs = 200.0, kUsbCancelMs = 500.0;
+constexpr double kUsbStopMs = 100.0;
 // One transfer fails on a bad cable. So many in a row, and the device is as good as gone.
-constexpr int kMostErrorsInARow = 16;
-constexpr unsigned kControlMs = 1000;
-constexpr timespec kLook{0, 100'000};
+constexpr int kUsbMostErrors = 16;
+constexpr unsigned kUsbControlMs = 1000;
+constexpr timespec kUsbLook{0, 100'000};
 
 }  // namespace
 
@@ -117,7 +118,7 @@ bool UsbLink::Io::endured(libusb_transfer_status status) noexcept {
     errors_in_a_row = 0;
     return true;
   }
-  return status != LIBUSB_TRANSFER_NO_DEVICE && ++errors_in_a_row < kMostErrorsInARow;
+  return status != LIBUSB_TRANSFER_NO_DEVICE && ++errors_in_a_row < kUsbMostErrors;
 }
 
 void UsbLink::Io::arrived(In& in) noexcept {
@@ -207,7 +208,7 @@ void UsbLink::Io::run() noexcept {
     if (!start(in)) lost();
   while (!stopping.load(std::memory_order_acquire)) {
     send_newest();
-    handle_events(kLookMs);
+    handle_events(kUsbLookMs);
   }
   drain();
 }
@@ -219,14 +220,14 @@ void UsbLink::Io::drain() noexcept {
     send_newest();
     if (!waiting && !out_flying()) break;
     handle_events(1);
-  } while (!link.gone_.load(std::memory_order_relaxed) && watch.ms() < kDrainMs);
+  } while (!link.gone_.load(std::memory_order_relaxed) && watch.ms() < kUsbDrainMs);
   cancelling = true;
   for (In& in : ins)
     if (in.flying) libusb_cancel_transfer(in.transfer.get());
   for (Out& out : outs)
     if (out.flying) libusb_cancel_transfer(out.transfer.get());
   const Stopwatch cancel_watch;
-  while (flying() && cancel_watch.ms() < kCancelMs) handle_events(1);
+  while (flying() && cancel_watch.ms() < kUsbCancelMs) handle_events(1);
 }
 
 UsbLink::UsbLink(UsbAddress address, const UsbInterface& interface, std::string name, int priority)
@@ -260,7 +261,13 @@ Status UsbLink::open() {
   taken_ = 0;
   gone_.store(false);
   io_ = std::move(io);
-  io_->thread = std::thread([raw = io_.get()] { raw->run(); });
+  try {
+    io_->thread = std::thread([raw = io_.get()] { raw->run(); });
+  } catch (const std::system_error& failed) {
+    io_.reset();
+    return Error{std::string("no thread for the USB device: ") + failed.what(),
+                 "raise the limit of processes (ulimit -u)", name_, 0};
+  }
   open_.store(true, std::memory_order_release);
   return Done{};
 }
@@ -296,8 +303,8 @@ void UsbLink::wait_until_out() const noexcept {
   const std::uint64_t until = counts_.accepted.load(std::memory_order_acquire);
   const Stopwatch watch;
   while (open_.load() && !gone_.load() && counts_.done.load(std::memory_order_acquire) < until &&
-         watch.ms() < kStopMs)
-    ::nanosleep(&kLook, nullptr);
+         watch.ms() < kUsbStopMs)
+    ::nanosleep(&kUsbLook, nullptr);
 }
 
 Polled UsbLink::poll(std::span<std::uint8_t> into) noexcept {
@@ -339,7 +346,7 @@ Status UsbLink::control(const ControlRequest& request) {
         (*kept)->status.store(static_cast<int>(done->status), std::memory_order_release);
         delete kept;
       },
-      keeps, kControlMs);
+      keeps, kUsbControlMs);
   transfer->flags = LIBUSB_TRANSFER_FREE_TRANSFER;
   const int started = libusb_submit_transfer(transfer);
   if (started != LIBUSB_SUCCESS) {
@@ -349,8 +356,8 @@ Status UsbLink::control(const ControlRequest& request) {
   }
   const Stopwatch watch;
   int status = -1;
-  while ((status = pending->status.load(std::memory_order_acquire)) < 0 && watch.ms() < 2.0 * kControlMs)
-    ::nanosleep(&kLook, nullptr);
+  while ((status = pending->status.load(std::memory_order_acquire)) < 0 && watch.ms() < 2.0 * kUsbControlMs)
+    ::nanosleep(&kUsbLook, nullptr);
   if (status == LIBUSB_TRANSFER_NO_DEVICE) gone_.store(true);
   if (status == LIBUSB_TRANSFER_COMPLETED) return Done{};
   return failed(status == LIBUSB_TRANSFER_NO_DEVICE ? "the device is gone"

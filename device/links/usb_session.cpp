@@ -14,17 +14,17 @@
 namespace palpate::device {
 namespace {
 
-constexpr int kMostSerial = 128;
+constexpr int kUsbMostSerial = 128;
 
-struct ContextFree {
+struct UsbContextFree {
   void operator()(libusb_context* context) const noexcept { libusb_exit(context); }
 };
-using Context = std::unique_ptr<libusb_context, ContextFree>;
+using UsbContext = std::unique_ptr<libusb_context, UsbContextFree>;
 
-Context make_context() {
+UsbContext make_usb_context() {
   libusb_context* context = nullptr;
   if (libusb_init(&context) != LIBUSB_SUCCESS) return nullptr;
-  return Context(context);
+  return UsbContext(context);
 }
 
 /// All devices that are connected now; those of this vendor and product.
@@ -51,9 +51,9 @@ class UsbList {
   std::vector<libusb_device*> matching_;
 };
 
-std::string serial_of(libusb_device_handle* handle) {
+std::string usb_serial_of(libusb_device_handle* handle) {
   libusb_device_descriptor descriptor{};
-  std::array<unsigned char, kMostSerial> text{};
+  std::array<unsigned char, kUsbMostSerial> text{};
   if (libusb_get_device_descriptor(libusb_get_device(handle), &descriptor) != LIBUSB_SUCCESS ||
       descriptor.iSerialNumber == 0)
     return {};
@@ -63,25 +63,25 @@ std::string serial_of(libusb_device_handle* handle) {
 }
 
 /// The first that is opened and has the serial asked for. `problem` keeps why one was not.
-libusb_device_handle* opened(const UsbList& list, const std::string& serial, int& problem) {
+libusb_device_handle* opened_usb(const UsbList& list, const std::string& serial, int& problem) {
   for (libusb_device* device : list.matching()) {
     libusb_device_handle* handle = nullptr;
     if (const int failed = libusb_open(device, &handle); failed != LIBUSB_SUCCESS) {
       problem = failed;
       continue;
     }
-    if (serial.empty() || serial_of(handle) == serial) return handle;
+    if (serial.empty() || usb_serial_of(handle) == serial) return handle;
     libusb_close(handle);
   }
   return nullptr;
 }
 
-std::string ids(std::uint16_t vendor, std::uint16_t product) {
+std::string usb_ids(std::uint16_t vendor, std::uint16_t product) {
   return fmt::format("{:04x}:{:04x}", vendor, product);
 }
 
-Error not_opened(const UsbAddress& address, const UsbList& list, int problem, const std::string& name) {
-  const std::string id = ids(address.vendor, address.product);
+Error usb_not_opened(const UsbAddress& address, const UsbList& list, int problem, const std::string& name) {
+  const std::string id = usb_ids(address.vendor, address.product);
   if (list.matching().empty())
     return {"no device " + id + " is connected by USB", "plug it in and switch it on", name, 0};
   if (problem == LIBUSB_ERROR_ACCESS)
@@ -105,7 +105,7 @@ void UsbTransferFree::operator()(libusb_transfer* transfer) const noexcept {
 
 std::vector<UsbFound> usb_devices(std::uint16_t vendor, std::uint16_t product) {
   std::vector<UsbFound> found;
-  const Context context = make_context();
+  const UsbContext context = make_usb_context();
   if (!context) return found;
   const UsbList list(context.get(), vendor, product);
   for (libusb_device* device : list.matching()) {
@@ -132,14 +132,14 @@ UsbSession::~UsbSession() {
 }
 
 Status UsbSession::open_device(const UsbAddress& address, const std::string& name) {
-  Context context = make_context();
+  UsbContext context = make_usb_context();
   if (!context)
     return Error{"USB cannot be used on this machine",
                  "look whether /dev/bus/usb is there; containers must be given it", name, 0};
   const UsbList list(context.get(), address.vendor, address.product);
   int problem = LIBUSB_SUCCESS;
-  handle_ = opened(list, address.serial, problem);
-  if (handle_ == nullptr) return not_opened(address, list, problem, name);
+  handle_ = opened_usb(list, address.serial, problem);
+  if (handle_ == nullptr) return usb_not_opened(address, list, problem, name);
   context_ = context.release();
   return Done{};
 }
@@ -174,12 +174,12 @@ void UsbSession::handle_events() noexcept {
 
 UsbSent usb_send_once(const UsbAddress& address, const UsbInterface& interface,
                       std::span<const std::uint8_t> bytes, unsigned wait_ms) {
-  const Context context = make_context();
+  const UsbContext context = make_usb_context();
   if (!context) return UsbSent::kAbsent;
   const UsbList list(context.get(), address.vendor, address.product);
   if (list.matching().empty()) return UsbSent::kAbsent;
   int problem = LIBUSB_SUCCESS;
-  libusb_device_handle* handle = opened(list, address.serial, problem);
+  libusb_device_handle* handle = opened_usb(list, address.serial, problem);
   if (handle == nullptr) return UsbSent::kRefused;
   libusb_set_auto_detach_kernel_driver(handle, 1);
   bool sent = false;
