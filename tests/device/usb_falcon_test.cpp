@@ -324,7 +324,7 @@ TEST_F(UsbFalcon, TheGuardSendsZeroAfterEveryDeathOfTheProgram) {
     fmt::print("signal {}: zero after {:.1f} ms\n", number, watch.ms());
     int status = 0;
     ASSERT_EQ(::waitpid(child, &status, 0), child);
-    EXPECT_TRUE(WIFSIGNALED(status));
+    EXPECT_NE(status, 0) << "it died; a sanitizer makes an exit of SIGSEGV";
     // The guard may still be letting go of the device.
     ASSERT_TRUE(comes([&] {
       const auto link = falcon_link();
