@@ -13,16 +13,12 @@ namespace {
 using R = metrics::RendererResult;
 using Value = std::optional<double>;
 
-constexpr double kPrepareLimitS = 120.0, kFullPrepareLimitS = 3600.0;
+constexpr double kMethodPrepareLimitS = 120.0, kMethodFullPrepareLimitS = 3600.0;
 /// Two renderers of which hands tell the same share of frames from the truth, to the tenth of a percent that
 /// is printed, are equally right.
 constexpr double kSamePercent = 0.1;
 /// A published figure is compared with a model of at most this share more or fewer points.
 constexpr double kSameSize = 0.1;
-
-Cell plain(std::string text) {
-  return {std::move(text), false, false};
-}
 
 Value bytes_per_point(const R& result) {
   if (!result.prepare || !result.model || result.model->points == 0) return std::nullopt;
@@ -278,7 +274,7 @@ Result<metrics::ResultDocument> run_methods(const Manifest& manifest, const Mani
   study.stage = *std::move(stage);
   RunOptions options;
   options.threads = r.arguments.threads;
-  options.prepare_limit_s = r.arguments.full ? kFullPrepareLimitS : kPrepareLimitS;
+  options.prepare_limit_s = r.arguments.full ? kMethodFullPrepareLimitS : kMethodPrepareLimitS;
   set_passes(options, r);
   std::vector<RendererRequest> wanted;
   const std::vector<render::ModelInput>& models = study.stage.scene.input.models;
