@@ -136,7 +136,7 @@ Table model_table(const ManifestModel& model, const Manifest& manifest,
                   const metrics::ResultDocument& document) {
   using A = metrics::Accuracy;
   using F = trace::FrameStatistics;
-  using Count = std::optional<std::uint64_t>;
+  using MaybeCount = std::optional<std::uint64_t>;
   ByRenderer by(document);
   const std::uint64_t points = document.renderers.empty() || !document.renderers.front().model
                                    ? 0
@@ -168,8 +168,8 @@ Table model_table(const ManifestModel& model, const Manifest& manifest,
   by.numbers("frames that no hand tells from the truth, %",
              [](const R& r) { return r.accuracy ? r.accuracy->indistinguishable_percent : Value(); });
   by.numbers("force error, RMS, %", [](const R& r) { return settled_score(r, &A::force_rms_percent); });
-  by.faults("missed, frames", [](const A& a) { return Count(a.missed_contact_frames); });
-  by.faults("false, frames", [](const A& a) { return Count(a.false_contact_frames); });
+  by.faults("missed, frames", [](const A& a) { return MaybeCount(a.missed_contact_frames); });
+  by.faults("false, frames", [](const A& a) { return MaybeCount(a.false_contact_frames); });
   by.faults("pop-throughs", [](const A& a) { return a.pop_throughs; });
   for (std::size_t i = 0; i < document.renderers.size(); ++i) {
     const R& r = document.renderers[i];
