@@ -36,6 +36,11 @@ std::int32_t wrapped_difference(std::int32_t now, std::int32_t before) noexcept 
   return static_cast<std::int16_t>(static_cast<std::uint16_t>(now) - static_cast<std::uint16_t>(before));
 }
 
+double whole_ma(double current_ma, double cap_ma) noexcept {
+  constexpr double kRounding = 1.0 + 1e-12;  // a handful of roundings
+  return std::trunc(std::clamp(current_ma * kRounding, -cap_ma, cap_ma));
+}
+
 }  // namespace
 
 Milliamps limited_currents(const Vec3& force_ma, const Vec3& weight_ma, double cap_ma) noexcept {
@@ -48,10 +53,10 @@ Milliamps limited_currents(const Vec3& force_ma, const Vec3& weight_ma, double c
     const double room = force_ma[i] > 0.0 ? cap_ma - held[i] : cap_ma + held[i];
     if (std::abs(force_ma[i]) > room) share = std::min(share, std::max(0.0, room) / std::abs(force_ma[i]));
   }
-  // Towards zero: rounding up would pass the cap.
+  // Towards zero: rounding up would pass the cap. A product that is a rounding short of a milliampere is one.
   for (int i = 0; i < 3; ++i)
     currents[static_cast<std::size_t>(i)] =
-        static_cast<std::int16_t>(std::clamp(std::trunc(held[i] + share * force_ma[i]), -cap_ma, cap_ma));
+        static_cast<std::int16_t>(whole_ma(held[i] + share * force_ma[i], cap_ma));
   return currents;
 }
 
