@@ -21,8 +21,8 @@ namespace palpate::device {
 struct HidAddress {
   std::uint16_t vendor = 0, product = 0;
   std::uint16_t usage_page = 0, usage = 0;
-  std::string serial;
-  std::string path;  ///< "/dev/hidraw0"
+  std::string serial{};
+  std::string path{};  ///< "/dev/hidraw0"
 };
 
 /// One that is there.
