@@ -69,18 +69,19 @@ struct HidrawDouble::Bed {
   void add();
   void remove();
 
-  [[nodiscard]] std::string node() const { return fmt::format("/dev/hidraw{}", identity.index); }
-  [[nodiscard]] std::string port() const {
-    return fmt::format("/devices/pretended/usb1/1-{}", identity.index + 1);
+  [[nodiscard]] std::string node() const { return fmt::format("/dev/hidraw{}", index); }
+  [[nodiscard]] std::string port() const { return fmt::format("/devices/pretended/usb1/1-{}", index + 1); }
+  [[nodiscard]] std::string hid_name() const {
+    return fmt::format("0003:{:04X}:{:04X}.{:04X}", identity.vendor, identity.product, index + 1);
   }
   [[nodiscard]] std::string hid() const {
-    return fmt::format("{}/1-{}:1.0/0003:{:04X}:{:04X}.0001", port(), identity.index + 1, identity.vendor,
-                       identity.product);
+    return fmt::format("{}/1-{}:1.0/{}", port(), index + 1, hid_name());
   }
-  [[nodiscard]] std::string raw() const { return fmt::format("{}/hidraw/hidraw{}", hid(), identity.index); }
+  [[nodiscard]] std::string raw() const { return fmt::format("{}/hidraw/hidraw{}", hid(), index); }
 
   HidrawIdentity identity;
   Answer answer;
+  int index = 0;  // a new one each time: umockdev leaves the node of a terminal behind, and trips over it
   UMockdevIoctlBase* handler = nullptr;
   mutable std::mutex mutex;
   std::deque<Bytes> reports;
@@ -169,6 +170,8 @@ void HidrawDouble::Bed::show_whether_ready() {
 }
 
 void HidrawDouble::Bed::add() {
+  static int next = 0;
+  index = next++;
   const std::string description = fmt::format(
       "P: {0}\nE: DEVTYPE=usb_device\nE: SUBSYSTEM=usb\nA: idVendor={2:04x}\\n\nA: idProduct={3:04x}\\n\n"
       "A: manufacturer=Palpate\\n\nA: product={4}\\n\nA: serial={5}\\n\nA: bcdDevice=0100\\n\n\n"
@@ -176,9 +179,9 @@ void HidrawDouble::Bed::add() {
       "P: {1}\nE: SUBSYSTEM=hid\nE: HID_ID=0003:{2:08X}:{3:08X}\nE: HID_NAME=Palpate {4}\nE: HID_UNIQ={5}\n"
       "H: report_descriptor={6}\n\n"
       "P: {7}\nN: hidraw{9}\nE: DEVNAME=/dev/hidraw{9}\nE: SUBSYSTEM=hidraw\nL: "
-      "device=../../../0003:{2:04X}:{3:04X}.0001\n",
+      "device=../../../{10}\n",
       port(), hid(), identity.vendor, identity.product, identity.product_name, identity.serial,
-      hex(descriptor_of(identity)), raw(), identity.index + 1, identity.index);
+      hex(descriptor_of(identity)), raw(), index + 1, index, hid_name());
   GError* failed = nullptr;
   if (umockdev_testbed_add_from_string(testbed(), description.c_str(), &failed) == FALSE) give_up(failed);
   handler = umockdev_ioctl_base_new();
@@ -223,8 +226,7 @@ void HidrawDouble::Bed::remove() {
   umockdev_testbed_uevent(testbed(), ("/sys" + raw()).c_str(), "remove");
   umockdev_testbed_detach_ioctl(testbed(), node().c_str(), nullptr);
   g_object_unref(std::exchange(handler, nullptr));
-  for (const std::string& path :
-       {raw(), hid(), fmt::format("{}/1-{}:1.0", port(), identity.index + 1), port()})
+  for (const std::string& path : {raw(), hid(), fmt::format("{}/1-{}:1.0", port(), index + 1), port()})
     umockdev_testbed_remove_device(testbed(), ("/sys" + path).c_str());
 }
 

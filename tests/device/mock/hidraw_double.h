@@ -17,7 +17,6 @@ struct HidrawIdentity {
   std::uint16_t usage_page = 0xFFAB, usage = 0x0200;
   std::string serial = "one", product_name = "Pretended arm";
   bool numbered = false;  ///< its reports have numbers
-  int index = 0;          ///< of /dev/hidrawN
 };
 
 /// The functions may be called by any thread; the board's answers are made in umockdev's.
@@ -40,6 +39,7 @@ class HidrawDouble {
   /// Answers no more, and takes what is written.
   void silence(bool silent);
   [[nodiscard]] std::vector<Bytes> written() const;
+  /// "/dev/hidrawN"; another N each time it is plugged in.
   [[nodiscard]] std::string node() const;
 
   /// Whether umockdev's library stands before the system's.
