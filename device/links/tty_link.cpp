@@ -101,7 +101,8 @@ Status TtyLink::open() {
                                         : "unplug it and plug it in again";
     return Error{std::string("the serial line cannot be opened: ") + std::strerror(why), remedy, *path, 0};
   }
-  if (::ioctl(fd, TIOCEXCL) != 0 || !make_raw(fd, baud)) {
+  ::ioctl(fd, TIOCEXCL);  // no other program from here on; what is no serial line is seen next
+  if (!make_raw(fd, baud)) {
     ::close(fd);
     return Error{"this is no serial line", "name the board's, as `palpate devices` shows it", *path, 0};
   }
