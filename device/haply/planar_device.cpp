@@ -13,16 +13,17 @@
 namespace palpate::device {
 namespace {
 
-constexpr std::size_t kPollBytes = 64;
-constexpr std::uint32_t kMostMalformed = 3;
-constexpr std::int64_t kWakeNs = 20'000'000, kStaleNs = 20'000'000;  // as long as the governor bears silence
-constexpr useconds_t kOpenStepUs = 5000, kSetUpUs = 20000;
-constexpr int kOpenWakeEvery = 20;  // looks: 0.1 s
-constexpr double kRateHz = 1000.0;
+constexpr std::size_t kPlanePollBytes = 64;
+constexpr std::uint32_t kPlaneMostMalformed = 3;
+constexpr std::int64_t kPlaneWakeNs = 20'000'000,
+                       kPlaneStaleNs = 20'000'000;  // as long as the governor bears silence
+constexpr useconds_t kPlaneOpenStepUs = 5000, kPlaneSetUpUs = 20000;
+constexpr int kPlaneOpenWakeEvery = 20;  // looks: 0.1 s
+constexpr double kPlaneRateHz = 1000.0;
 // Where both editions reach without their bars nearing a line; tests walk it.
-constexpr double kHalfWidthMm = 50.0, kHalfHeightMm = 30.0, kMiddleMm = 90.0;
+constexpr double kHalfWidthMm = 50.0, kHalfHeightMm = 30.0, kPlaneMiddleMm = 90.0;
 constexpr double kHalfThicknessMm = 5.0;  // of a plane: a box must have some
-constexpr double kDegree = std::numbers::pi / 180.0;
+constexpr double kPlaneDegree = std::numbers::pi / 180.0;
 
 }  // namespace
 
@@ -31,7 +32,7 @@ PlanarDevice::PlanarDevice(std::unique_ptr<Link> link, const Clock& clock, const
     : link_(std::move(link)), clock_(clock), model_(model), options_(options), zero_(encoded_torques({})) {}
 
 Eigen::Vector2d PlanarDevice::origin_mm() const noexcept {
-  return {0.5 * model_.geometry.between_mm, kMiddleMm};
+  return {0.5 * model_.geometry.between_mm, kPlaneMiddleMm};
 }
 
 Status PlanarDevice::open() {
@@ -45,8 +46,8 @@ Status PlanarDevice::open() {
   // The first zero is for what an earlier program left, should the board take torques before it is set up.
   // What it answers to that is of an earlier set-up.
   bool takes = link_->submit(zero_.span()) && link_->submit(encoded_set_up(model_).span());
-  if (options_.open_tries > 0) ::usleep(kSetUpUs);
-  std::array<std::uint8_t, kPollBytes> earlier;
+  if (options_.open_tries > 0) ::usleep(kPlaneSetUpUs);
+  std::array<std::uint8_t, kPlanePollBytes> earlier;
   for (int i = 0; i < kMostPolls && link_->poll(earlier).size > 0; ++i) {
   }
   takes = takes && link_->submit(zero_.span());
@@ -59,8 +60,8 @@ Status PlanarDevice::open() {
   for (int look = 1; look <= options_.open_tries && !state_.homed && !gone_; ++look) {
     poll_all();
     if (state_.homed) return Done{};
-    if (look % kOpenWakeEvery == 0) link_->submit(zero_.span());
-    ::usleep(kOpenStepUs);
+    if (look % kPlaneOpenWakeEvery == 0) link_->submit(zero_.span());
+    ::usleep(kPlaneOpenStepUs);
   }
   if (options_.open_tries == 0) return Done{};
   close();
@@ -83,7 +84,7 @@ DeviceLimits PlanarDevice::limits() const noexcept {
   // A count of both cranks, on the longer bars.
   limits.resolution_mm = std::numbers::sqrt2 * 2.0 * std::numbers::pi /
                          static_cast<double>(model_.counts_per_turn) * model_.geometry.bar_mm;
-  limits.rate_hz = kRateHz;
+  limits.rate_hz = kPlaneRateHz;
   return limits;
 }
 
@@ -93,8 +94,8 @@ void PlanarDevice::take(const std::array<float, 2>& degrees) noexcept {
   state_.packet_ns = clock_.now_ns();
   std::copy(reader_.bytes().begin(), reader_.bytes().end(), state_.raw.bytes.begin());
   state_.raw.size = static_cast<std::uint8_t>(kPlanarReplyBytes);
-  pose_ = pantograph_pose(model_.geometry, {kDegree * static_cast<double>(degrees[0]),
-                                            kDegree * static_cast<double>(degrees[1])});
+  pose_ = pantograph_pose(model_.geometry, {kPlaneDegree * static_cast<double>(degrees[0]),
+                                            kPlaneDegree * static_cast<double>(degrees[1])});
   // Where it cannot be there is no force; the last position stays.
   state_.status = pose_ ? ReadStatus::kFresh : ReadStatus::kGarbled;
   if (!pose_) return;
@@ -103,7 +104,7 @@ void PlanarDevice::take(const std::array<float, 2>& degrees) noexcept {
 }
 
 void PlanarDevice::poll_all() noexcept {
-  std::array<std::uint8_t, kPollBytes> bytes;
+  std::array<std::uint8_t, kPlanePollBytes> bytes;
   for (int i = 0; i < kMostPolls; ++i) {
     const Polled polled = link_->poll(bytes);
     for (const std::uint8_t byte : std::span(bytes).first(polled.size))
@@ -119,13 +120,13 @@ DeviceState PlanarDevice::read() noexcept {
   poll_all();
   if (gone_)
     state_.status = ReadStatus::kLost;
-  else if (state_.status == ReadStatus::kNothingNew && reader_.malformed_in_a_row() >= kMostMalformed)
+  else if (state_.status == ReadStatus::kNothingNew && reader_.malformed_in_a_row() >= kPlaneMostMalformed)
     state_.status = ReadStatus::kGarbled;
   return state_;
 }
 
 std::array<float, 2> PlanarDevice::torques_for(const Vec3& force_n) const noexcept {
-  if (!pose_ || clock_.now_ns() - state_.packet_ns > kStaleNs || !is_finite(force_n)) return {};
+  if (!pose_ || clock_.now_ns() - state_.packet_ns > kPlaneStaleNs || !is_finite(force_n)) return {};
   Eigen::Vector2d torques = pose_->mm_per_rad.transpose() * Eigen::Vector2d(force_n.x(), force_n.y());
   const double largest = torques.cwiseAbs().maxCoeff();
   if (largest > options_.torque_cap_n_mm) torques *= options_.torque_cap_n_mm / largest;
@@ -140,7 +141,7 @@ void PlanarDevice::send(GovernedForce force) noexcept {
   const std::array<float, 2> torques = torques_for(force.newtons());
   const bool zero = torques[0] == 0.0F && torques[1] == 0.0F;
   const bool force_ends = zero && !sent_zero_;
-  if (awaiting_ && !force_ends && now_ns - sent_ns_ < kWakeNs) return;
+  if (awaiting_ && !force_ends && now_ns - sent_ns_ < kPlaneWakeNs) return;
   reader_.begin();
   link_->submit(zero ? zero_.span() : encoded_torques(torques).span());
   awaiting_ = true;

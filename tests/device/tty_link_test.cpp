@@ -2,6 +2,8 @@
 #include "device/links/tty_link.h"
 
 #include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -14,8 +16,10 @@
 #include "device/arms/arm_driver.h"
 #include "device/haply/planar_device.h"
 #include "device/links/newest_command.h"
+#include "device/safety/guard.h"
 #include "tests/device/hid_fake_link.h"
 #include "tests/device/tty_board.h"
+#include "tests/house/allocation_count.h"
 
 namespace palpate::device {
 namespace {
@@ -284,6 +288,76 @@ TEST(TtyLink, AnArmSpeaksTextOverIt) {
   EXPECT_TRUE(comes_true([&] { return device.read().status == ReadStatus::kLost; }));
   EXPECT_FALSE(device.cut_force());
   device.close();
+}
+
+TEST(TtyLink, FramesOfAnArmAllocateNothing) {
+  std::atomic<int> lines{0};
+  std::string last;
+  std::mutex mutex;
+  TtyBoard board(text_board(lines, last, mutex));
+  ArmDescription arm = find_arm("polhem-v3").value();
+  arm.serial_line = board.path();
+  const MonotonicClock clock;
+  ArmDevice device(arm, arm_link(arm), clock);
+  ASSERT_TRUE(device.open());
+  ForceGovernor governor = ForceGovernor::create(device.limits(), {}).value();
+  governor.arm(clock.now_s());
+  int fresh = 0;
+  std::uint64_t allocated = 0;
+  {
+    const house::AllocationCount count(house::AllocationCount::Threads::kThisOne);
+    for (int i = 0; i < 2'000'000 && fresh < 300; ++i) {
+      const DeviceState state = device.read();
+      fresh += state.status == ReadStatus::kFresh ? 1 : 0;
+      device.send(governor.govern(clock.now_s(), state, Vec3(0, 0, 0.5)));
+      if (i % 100 == 0) device.cut_force();
+    }
+    allocated = count.count();
+  }
+  EXPECT_GE(fresh, 300);
+  EXPECT_EQ(allocated, 0u);
+}
+
+#if defined(__SANITIZE_THREAD__) || defined(PALPATE_STD_THREADS)
+#define PALPATE_SKIP_FORKS() GTEST_SKIP() << "ThreadSanitizer cannot be forked"
+#else
+#define PALPATE_SKIP_FORKS() static_cast<void>(0)
+#endif
+
+TEST(TtyLink, WhenTheProgramIsKilledTheGuardSendsZeroThroughAHandleOfItsOwn) {
+  PALPATE_SKIP_FORKS();
+  std::atomic<int> lines{0};
+  std::string last;
+  std::mutex mutex;
+  TtyBoard board(text_board(lines, last, mutex));
+  const auto heard = [&] {
+    const std::lock_guard lock(mutex);
+    return last;
+  };
+  const std::string zero = "[0,0,0]        \n";
+  for (int round = 0; round < 3; ++round) {
+    const pid_t program = ::fork();
+    ASSERT_GE(program, 0);
+    if (program == 0) {
+      const MonotonicClock clock;
+      Drivers drivers;
+      register_arm_driver(drivers);
+      auto made = drivers.of("arm")->make({"arm:polhem-v3", {}, {{"path", board.path()}}}, clock);
+      if (!made) ::_exit(1);
+      const Result<Guard> guard = Guard::start(made->zero);
+      if (!guard || !made->device->open()) ::_exit(2);
+      for (;;) {
+        (void)made->device->read();
+        made->device->send(governed(Vec3(0, 0, 0.5)));
+      }
+    }
+    EXPECT_TRUE(comes_true([&] { return !heard().empty() && heard() != zero; }));
+    ::kill(program, SIGKILL);
+    EXPECT_TRUE(comes_true([&] { return heard() == zero; })) << "round " << round;
+    int status = 0;
+    ::waitpid(program, &status, 0);
+    EXPECT_TRUE(WIFSIGNALED(status)) << "it did not end by itself, with " << WEXITSTATUS(status);
+  }
 }
 
 TEST(TtyLink, APlaneSpeaksOverIt) {
