@@ -106,6 +106,9 @@ Result<MadeDevice> make_arm(const DeviceRequest& request, const Clock& clock) {
   made.unproven = {
       "no arm of this kind has been driven by Palpate yet: lengths, signs and the rest pose are those "
       "that its makers published"};
+  if (arm.amplifiers_off_after_s == 0.0)
+    made.unproven.emplace_back(
+        "whether its motors let go when no command comes: assume that they hold the last force");
   if (!arm.notes.empty()) made.unproven.push_back(arm.notes);
   if (arm.weight) made.unproven.emplace_back("the formula by which the arm's weight is held");
   return made;

@@ -265,7 +265,9 @@ LinkTrips trips_over_hidraw(double seconds) {
   HidrawDouble board({}, &echo);
   HidLink link({0x1234, 0x0006});
   if (!link.open()) std::abort();
-  return measure_link_trips(link, seconds);
+  LinkTrips trips = measure_link_trips(link, seconds);
+  trips.replaced = link.counters().replaced;
+  return trips;
 }
 
 LinkTrips trips_over_terminal(double seconds) {
@@ -273,7 +275,9 @@ LinkTrips trips_over_terminal(double seconds) {
       [](std::span<const std::uint8_t> bytes) { return TtyBoard::Bytes(bytes.begin(), bytes.end()); });
   TtyLink link({board.path()});
   if (!link.open()) std::abort();
-  return measure_link_trips(link, seconds);
+  LinkTrips trips = measure_link_trips(link, seconds);
+  trips.replaced = link.counters().replaced;
+  return trips;
 }
 
 // Times are printed, never asserted.
@@ -283,6 +287,8 @@ TEST(HidRoundTrips, EveryCommandThatWasWrittenIsAnswered) {
               terminal.json("pseudo-terminal").c_str());
   EXPECT_GT(hidraw.answered, 0u);
   EXPECT_GT(terminal.answered, 0u);
+  EXPECT_EQ(hidraw.lost, hidraw.replaced) << "what was written was answered";
+  EXPECT_EQ(terminal.lost, terminal.replaced);
   EXPECT_EQ(hidraw.refused, 0u);
   EXPECT_EQ(terminal.refused, 0u);
 }

@@ -87,10 +87,10 @@ class TripMeter {
 
 std::string LinkTrips::json(const std::string& path) const {
   return fmt::format(
-      R"({{"path": "{}", "seconds": {:.1f}, "rate_hz": 1000, "sent": {}, "answered": {}, "lost": {}, )"
+      R"({{"path": "{}", "seconds": {:.1f}, "rate_hz": 1000, "sent": {}, "answered": {}, "lost": {}, "replaced": {}, )"
       R"("refused": {}, "late_ticks": {}, "p50_ms": {:.3f}, "p99_ms": {:.3f}, "p99.9_ms": {:.3f}, )"
       R"("max_ms": {:.3f}}})",
-      path, seconds, sent, answered, lost, refused, late_ticks, p50_ms, p99_ms, p999_ms, most_ms);
+      path, seconds, sent, answered, lost, replaced, refused, late_ticks, p50_ms, p99_ms, p999_ms, most_ms);
 }
 
 LinkTrips measure_link_trips(Link& link, double seconds) {

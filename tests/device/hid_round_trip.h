@@ -9,7 +9,9 @@
 namespace palpate::device {
 
 struct LinkTrips {
-  std::uint64_t sent = 0, answered = 0, lost = 0, refused = 0;
+  std::uint64_t sent = 0, answered = 0, refused = 0;
+  std::uint64_t lost = 0;        ///< sent and not answered
+  std::uint64_t replaced = 0;    ///< of these: overtaken by a newer one before they were written
   std::uint64_t late_ticks = 0;  ///< of the loop itself, by over a period
   double seconds = 0.0, p50_ms = 0.0, p99_ms = 0.0, p999_ms = 0.0, most_ms = 0.0;
 
