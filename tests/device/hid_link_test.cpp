@@ -265,9 +265,7 @@ LinkTrips trips_over_hidraw(double seconds) {
   HidrawDouble board({}, &echo);
   HidLink link({0x1234, 0x0006});
   if (!link.open()) std::abort();
-  LinkTrips trips = measure_link_trips(link, seconds);
-  trips.replaced = link.counters().replaced;
-  return trips;
+  return measure_link_trips(link, seconds, [&link] { return link.counters().replaced; });
 }
 
 LinkTrips trips_over_terminal(double seconds) {
@@ -275,9 +273,7 @@ LinkTrips trips_over_terminal(double seconds) {
       [](std::span<const std::uint8_t> bytes) { return TtyBoard::Bytes(bytes.begin(), bytes.end()); });
   TtyLink link({board.path()});
   if (!link.open()) std::abort();
-  LinkTrips trips = measure_link_trips(link, seconds);
-  trips.replaced = link.counters().replaced;
-  return trips;
+  return measure_link_trips(link, seconds, [&link] { return link.counters().replaced; });
 }
 
 // Times are printed, never asserted.

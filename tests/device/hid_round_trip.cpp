@@ -93,7 +93,7 @@ std::string LinkTrips::json(const std::string& path) const {
       path, seconds, sent, answered, lost, replaced, refused, late_ticks, p50_ms, p99_ms, p999_ms, most_ms);
 }
 
-LinkTrips measure_link_trips(Link& link, double seconds) {
+LinkTrips measure_link_trips(Link& link, double seconds, const std::function<std::uint64_t()>& replaced) {
   TripMeter meter(link, seconds);
   const std::int64_t begun_ns = monotonic_ns(), end_ns = begun_ns + static_cast<std::int64_t>(1e9 * seconds);
   for (std::int64_t next_ns = begun_ns; next_ns < end_ns;) {
@@ -103,7 +103,11 @@ LinkTrips measure_link_trips(Link& link, double seconds) {
     for (; monotonic_ns() > next_ns + kTripPeriodNs; next_ns += kTripPeriodNs)
       ++meter.trips.late_ticks;  // skipped
   }
-  meter.listen_until(monotonic_ns() + 300 * kTripPeriodNs);
+  const Stopwatch waited;
+  do meter.listen_until(monotonic_ns() + kTripPeriodNs);
+  while (meter.trips.answered + meter.trips.refused + replaced() < meter.trips.sent &&
+         waited.ms() < 1e3 * kTripPatienceS);
+  meter.trips.replaced = replaced();
   return meter.finished(seconds);
 }
 

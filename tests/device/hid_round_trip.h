@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 
 #include "device/interface/link.h"
@@ -20,6 +21,10 @@ struct LinkTrips {
 
 /// One command a millisecond over an open link, each answered by a message of the same 16 bytes: the board is
 /// an echo. `numbered`: those bytes follow a report's number.
-[[nodiscard]] LinkTrips measure_link_trips(Link& link, double seconds);
+/// `replaced` tells how many a newer one overtook so far: at the end it waits for the answers of all others,
+/// and gives up after kTripPatienceS.
+[[nodiscard]] LinkTrips measure_link_trips(Link& link, double seconds,
+                                           const std::function<std::uint64_t()>& replaced);
+inline constexpr double kTripPatienceS = 20.0;
 
 }  // namespace palpate::device

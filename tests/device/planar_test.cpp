@@ -15,7 +15,7 @@
 namespace palpate::device {
 namespace {
 
-constexpr double kDegrees = 180.0 / std::numbers::pi;
+constexpr double kPlaneDegrees = 180.0 / std::numbers::pi;
 
 float plane_float(const TestBytes& bytes, std::size_t at) {
   float value = 0.0F;
@@ -78,11 +78,11 @@ TEST(Pantograph, BarsThatDoNotReachOrLieInLineAreRefused) {
   EXPECT_FALSE(pantograph_angles(geometry, {200.0, 0.0}));
   EXPECT_FALSE(pantograph_angles(geometry, {0.0, 5.0}));
   // Both of generation 2 rest where they are set up.
-  const auto rest = pantograph_pose(geometry, {241 / kDegrees, -61 / kDegrees});
+  const auto rest = pantograph_pose(geometry, {241 / kPlaneDegrees, -61 / kPlaneDegrees});
   ASSERT_TRUE(rest);
   EXPECT_NEAR(rest->position_mm.x(), 0.0, 1e-9);
-  EXPECT_NEAR(rest->position_mm.y(), std::sqrt(90 * 90 - 33.9367 * 33.9367) - 70 * std::sin(61 / kDegrees),
-              1e-3);
+  EXPECT_NEAR(rest->position_mm.y(),
+              std::sqrt(90 * 90 - 33.9367 * 33.9367) - 70 * std::sin(61 / kPlaneDegrees), 1e-3);
 }
 
 TEST(PlanarProtocol, MessagesHaveTheseBytes) {
@@ -143,8 +143,8 @@ struct PlaneRig {
   DeviceState at(double x_mm, double y_mm) {
     const auto angles =
         pantograph_angles(planar_model(2)->geometry, device->origin_mm() + Eigen::Vector2d(x_mm, y_mm));
-    wire.give(
-        reply_of(static_cast<float>((*angles)[0] * kDegrees), static_cast<float>((*angles)[1] * kDegrees)));
+    wire.give(reply_of(static_cast<float>((*angles)[0] * kPlaneDegrees),
+                       static_cast<float>((*angles)[1] * kPlaneDegrees)));
     clock.advance(1e-3);
     return device->read();
   }

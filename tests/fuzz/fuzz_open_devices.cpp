@@ -139,11 +139,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (size == 0) return 0;
   const std::span<const std::uint8_t> bytes(data + 1, size - 1);
   palpate::VirtualClock clock;
-  static const ArmDescription wood = built_in_arm("woodenhaptics"), second = built_in_arm("polhem-v2"),
+  static const ArmDescription wood_arm = built_in_arm("woodenhaptics"), second = built_in_arm("polhem-v2"),
                               third = built_in_arm("polhem-v3");
   switch (data[0]) {
     case 'a':
-      run_arm(wood, bytes);
+      run_arm(wood_arm, bytes);
       break;
     case 'b':
       run_arm(second, bytes);
