@@ -163,6 +163,8 @@ void BridgeDevice::take(const Datagram& datagram, std::span<const std::uint8_t> 
     state_.status = datagram.status();
     return;
   }
+  // Also of a far end that holds zero: that may be why it does.
+  state_.homed = (datagram.flags & Datagram::kHomed) != 0;
   if ((datagram.flags & Datagram::kObeys) == 0) {
     ++counters_.disobeying;
     return;
@@ -171,7 +173,6 @@ void BridgeDevice::take(const Datagram& datagram, std::span<const std::uint8_t> 
   ++counters_.states;
   state_.position_mm = datagram.vector;
   state_.buttons = datagram.buttons;
-  state_.homed = (datagram.flags & Datagram::kHomed) != 0;
   state_.packet_ns = now_ns;
   std::copy(bytes.begin(), bytes.end(), state_.raw.bytes.begin());
   state_.raw.size = static_cast<std::uint8_t>(bytes.size());
