@@ -28,12 +28,12 @@ struct BridgeOptions {
 
 /// What the two sides did to each other's datagrams.
 struct BridgeCounters {
-  std::uint64_t states = 0;      ///< that were believed
-  std::uint64_t malformed = 0;   ///< no datagram, or of another session
-  std::uint64_t overtaken = 0;   ///< a newer one had come; again and again ones too
-  std::uint64_t old = 0;         ///< its command was sent too long ago
-  std::uint64_t disobeying = 0;  ///< the far end holds zero, whatever is commanded
-  std::uint64_t lost = 0;        ///< sequence numbers that never came, or came too late
+  std::uint64_t states = 0;        ///< that were believed
+  std::uint64_t malformed = 0;     ///< no datagram, or of another session
+  std::uint64_t overtaken = 0;     ///< a newer one had come; again and again ones too
+  std::uint64_t old = 0;           ///< its command was sent too long ago
+  std::uint64_t disobeying = 0;    ///< the far end holds zero, whatever is commanded
+  std::uint64_t lost = 0;          ///< sequence numbers that never came, or came too late
   std::int64_t round_trip_ns = 0;  ///< of the newest state: since the command that it answers was sent
 };
 

@@ -42,7 +42,8 @@ Result<MadeDevice> make_bridge(const DeviceRequest& request, const Clock& clock)
   MadeDevice made;
   made.device = std::make_unique<BridgeDevice>(std::make_unique<UdpLink>(address), clock, options);
   made.zero = [where = address.text()] { return release_far_end(where); };
-  made.unproven = {"the bridge was run on one machine and on a pretended network, never between two machines"};
+  made.unproven = {
+      "the bridge was run on one machine and on a pretended network, never between two machines"};
   return made;
 }
 
@@ -70,15 +71,16 @@ bool release_far_end(const std::string& host_and_port) {
 }
 
 void register_bridge_driver(Drivers& drivers) {
-  drivers.add({"bridge", "network",
-               [] {
-                 return std::vector<DeviceEntry>{
-                     {"bridge:HOST:PORT",
-                      "a device at another machine, over UDP",
-                      DeviceStatus::kMissing,
-                      {"a far end: run `palpate bridge --device NAME --listen ADDRESS:PORT` on that machine"}}};
-               },
-               make_bridge});
+  drivers.add(
+      {"bridge", "network",
+       [] {
+         return std::vector<DeviceEntry>{
+             {"bridge:HOST:PORT",
+              "a device at another machine, over UDP",
+              DeviceStatus::kMissing,
+              {"a far end: run `palpate bridge --device NAME --listen ADDRESS:PORT` on that machine"}}};
+       },
+       make_bridge});
 }
 
 }  // namespace palpate::device

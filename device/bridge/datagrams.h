@@ -69,7 +69,9 @@ inline constexpr std::size_t kMostDatagramBytes = 168;
 class DatagramBytes {
  public:
   explicit DatagramBytes(const Datagram& datagram) noexcept;
-  [[nodiscard]] std::span<const std::uint8_t> bytes() const noexcept { return std::span(bytes_).first(size_); }
+  [[nodiscard]] std::span<const std::uint8_t> bytes() const noexcept {
+    return std::span(bytes_).first(size_);
+  }
 
  private:
   std::array<std::uint8_t, kMostDatagramBytes> bytes_{};

@@ -27,9 +27,9 @@ FarEnd::FarEnd(Device& device, DatagramPort& port, const Clock& clock, const Far
     : device_(device), port_(port), clock_(clock), options_(options) {}
 
 Status FarEnd::open() {
-  for (const auto& [name, value] :
-       {std::pair{"rate_hz", options_.rate_hz}, {"watchdog_s", options_.watchdog_s},
-        {"most_age_s", options_.most_age_s}})
+  for (const auto& [name, value] : {std::pair{"rate_hz", options_.rate_hz},
+                                    {"watchdog_s", options_.watchdog_s},
+                                    {"most_age_s", options_.most_age_s}})
     if (!(std::isfinite(value) && value > 0.0))
       return Error{std::string(name) + " is " + std::to_string(value), "give a finite number above 0", "", 0};
   PALPATE_TRY(device_.open());
@@ -40,8 +40,7 @@ Status FarEnd::open() {
   welcome_.name_bytes = name_bytes_of(device_.name());
   GovernorOptions governed;
   governed.period_s = 1.0 / options_.rate_hz;
-  governed.user_limit_n =
-      options_.user_limit_n > 0.0 ? options_.user_limit_n : welcome_.limits.force_max_n;
+  governed.user_limit_n = options_.user_limit_n > 0.0 ? options_.user_limit_n : welcome_.limits.force_max_n;
   governed.slew_n_per_s = options_.slew_n_per_s;
   // The other side's governor has faded at the workspace's edge and with the speed: once is enough.
   governed.edge_share = 0.0;
@@ -62,8 +61,7 @@ void FarEnd::close() noexcept {
 }
 
 bool FarEnd::in_session() const noexcept {
-  return has_session_ &&
-         static_cast<double>(clock_.now_ns() - accepted_ns_) <= kSessionS * kNsPerSecond;
+  return has_session_ && static_cast<double>(clock_.now_ns() - accepted_ns_) <= kSessionS * kNsPerSecond;
 }
 
 void FarEnd::tick() noexcept {

@@ -4,7 +4,8 @@
 //
 //   - A command counts only once: its sequence must be after the last one that was accepted, of the same
 //     session and address, undamaged, and finite.
-//   - It must answer a state that was sent at most `most_age_s` ago, by this side's clock. What a network held
+//   - It must answer a state that was sent at most `most_age_s` ago, by this side's clock. What a network
+//   held
 //     back is refused, however it comes.
 //   - Without an accepted command for `watchdog_s`: zero force, latched.
 //   - Force begins after a command of exactly zero, with a soft start: at first, and after every latch.
@@ -26,10 +27,10 @@
 namespace palpate::device {
 
 struct FarEndOptions {
-  double rate_hz = 1000.0;      ///< of tick()
-  double watchdog_s = 0.020;    ///< no accepted command for longer: zero
-  double most_age_s = 0.020;    ///< of the state that a command answers
-  double user_limit_n = 0.0;    ///< 0: the device's own limit; the other side has its user's
+  double rate_hz = 1000.0;    ///< of tick()
+  double watchdog_s = 0.020;  ///< no accepted command for longer: zero
+  double most_age_s = 0.020;  ///< of the state that a command answers
+  double user_limit_n = 0.0;  ///< 0: the device's own limit; the other side has its user's
   double slew_n_per_s = 1000.0;
 };
 

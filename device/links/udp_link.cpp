@@ -111,7 +111,8 @@ bool UdpLink::submit(std::span<const std::uint8_t> bytes) noexcept {
 
 Polled UdpLink::poll(std::span<std::uint8_t> into) noexcept {
   if (!open_) return {0, true};
-  const ssize_t size = ::recv(socket_.load(std::memory_order_relaxed), into.data(), into.size(), MSG_DONTWAIT);
+  const ssize_t size =
+      ::recv(socket_.load(std::memory_order_relaxed), into.data(), into.size(), MSG_DONTWAIT);
   if (size >= 0) return {static_cast<std::size_t>(size), false};
   return {0, errno == ECONNREFUSED};
 }

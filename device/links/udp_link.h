@@ -49,8 +49,8 @@ class UdpPort final : public DatagramPort {
   explicit UdpPort(UdpAddress address) : address_(std::move(address)) {}
   ~UdpPort() override;
 
-  /// Listens at one address of this machine; port 0: the system chooses one, see address(). An Error where the
-  /// port is taken or the address is not this machine's.
+  /// Listens at one address of this machine; port 0: the system chooses one, see address(). An Error where
+  /// the port is taken or the address is not this machine's.
   [[nodiscard]] Status open();
   [[nodiscard]] const UdpAddress& address() const noexcept { return address_; }
 

@@ -21,11 +21,11 @@ namespace palpate::device {
 
 /// What the network does to one direction.
 struct Weather {
-  double loss = 0.0;                          ///< share of the datagrams
-  double twice = 0.0;                         ///< share that comes again, at another time
-  double garbled = 0.0;                       ///< share with flipped bits or another length
-  double delay_s = 0.2e-3, jitter_s = 0.1e-3; ///< uniform on top
-  double straggler = 0.0;                     ///< share that comes `straggle_s` late
+  double loss = 0.0;                           ///< share of the datagrams
+  double twice = 0.0;                          ///< share that comes again, at another time
+  double garbled = 0.0;                        ///< share with flipped bits or another length
+  double delay_s = 0.2e-3, jitter_s = 0.1e-3;  ///< uniform on top
+  double straggler = 0.0;                      ///< share that comes `straggle_s` late
   double straggle_s = 0.5;
 };
 
@@ -64,9 +64,10 @@ class PretendedNetwork {
   }
   /// The next that has arrived; by time, then in the order of sending.
   bool take(Way& way, Bytes& bytes) {
-    const auto next = std::min_element(way.flying.begin(), way.flying.end(), [](const auto& a, const auto& b) {
-      return std::pair(a.due_ns, a.order) < std::pair(b.due_ns, b.order);
-    });
+    const auto next =
+        std::min_element(way.flying.begin(), way.flying.end(), [](const auto& a, const auto& b) {
+          return std::pair(a.due_ns, a.order) < std::pair(b.due_ns, b.order);
+        });
     if (next == way.flying.end() || next->due_ns > clock_.now_ns()) return false;
     bytes = std::move(next->bytes);
     way.flying.erase(next);
@@ -139,7 +140,12 @@ class HeldDevice final : public Device {
   }
   void close() noexcept override { held_n.setZero(); }
   [[nodiscard]] DeviceLimits limits() const noexcept override {
-    return {5.0,  {Vec3::Constant(-80.0), Vec3::Constant(90.0)}, 0.02, 1000.0, 2.0, 0.01,
+    return {5.0,
+            {Vec3::Constant(-80.0), Vec3::Constant(90.0)},
+            0.02,
+            1000.0,
+            2.0,
+            0.01,
             WorkspaceShape::kEllipsoid};
   }
   [[nodiscard]] DeviceState read() noexcept override {

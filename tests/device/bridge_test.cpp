@@ -33,8 +33,8 @@ Datagram any_datagram(Random& random) {
     datagram.flags = static_cast<std::uint16_t>(random.below(4) | (random.below(4) << 4U));
   }
   if (datagram.kind == DatagramKind::kWelcome) {
-    datagram.welcome.limits = {3.3, {Vec3::Constant(-50), Vec3::Constant(60)}, 0.05, 1000, 1.5, 0.01,
-                               WorkspaceShape::kCylinder};
+    datagram.welcome.limits = {
+        3.3, {Vec3::Constant(-50), Vec3::Constant(60)}, 0.05, 1000, 1.5, 0.01, WorkspaceShape::kCylinder};
     datagram.welcome.watchdog_s = datagram.welcome.most_age_s = 0.02;
     datagram.welcome.name_bytes = {'a', 'r', 'm'};
   }
@@ -58,8 +58,8 @@ TEST(Datagrams, RoundTripAndNoDamagePasses) {
     EXPECT_EQ(back->status(), datagram.status());
     EXPECT_EQ(back->welcome.name(), datagram.welcome.name());
     const DatagramBytes again(*back);
-    ASSERT_TRUE(std::equal(whole.bytes().begin(), whole.bytes().end(), again.bytes().begin(),
-                           again.bytes().end()));
+    ASSERT_TRUE(
+        std::equal(whole.bytes().begin(), whole.bytes().end(), again.bytes().begin(), again.bytes().end()));
     std::vector<std::uint8_t> damaged(whole.bytes().begin(), whole.bytes().end());
     const std::size_t bits = 8 * damaged.size();
     for (std::size_t k = 0, flips = 1 + random.below(5); k < flips; ++k) {
@@ -74,7 +74,8 @@ TEST(Datagrams, RoundTripAndNoDamagePasses) {
 TEST(Datagrams, ACommandThatIsNotFiniteIsNone) {
   Datagram command;
   command.kind = DatagramKind::kCommand;
-  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+  for (const double bad :
+       {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
     command.vector = Vec3{0.0, bad, 0.0};
     EXPECT_FALSE(decoded_datagram(DatagramBytes(command).bytes()));
   }
@@ -119,8 +120,13 @@ TEST(Bridge, NoOldForceComesThroughInAnyWeather) {
     rig.frames(kSoftStartFrames, Vec3{1.0, 0, 0});
     Random random(seed);
     for (auto* way : {&rig.network.to_far, &rig.network.to_host})
-      way->weather = {random.uniform(0, 0.3), random.uniform(0, 0.3), random.uniform(0, 0.2),
-                      0.2e-3,                 random.uniform(0, 5e-3), random.uniform(0, 0.1), 1.0};
+      way->weather = {random.uniform(0, 0.3),
+                      random.uniform(0, 0.3),
+                      random.uniform(0, 0.2),
+                      0.2e-3,
+                      random.uniform(0, 5e-3),
+                      random.uniform(0, 0.1),
+                      1.0};
     // No ramp times one of these forces is another of them: the numbers have no common measure.
     constexpr double kBaseN = 1.4142135623730951, kStepN = 3.1415926535897932e-4;
     std::vector<double> made_s;

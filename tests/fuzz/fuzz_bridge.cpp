@@ -1,6 +1,6 @@
-// Bytes as a datagram of the bridge: what is decoded encodes to the same bytes, and neither side of the bridge
-// gives a force for it. The first datagram is taken as it is, and once more with a right CRC, so that the
-// fuzzer gets past it.
+// Bytes as a datagram of the bridge: what is decoded encodes to the same bytes, and neither side of the
+// bridge gives a force for it. The first datagram is taken as it is, and once more with a right CRC, so that
+// the fuzzer gets past it.
 #include <algorithm>
 #include <cstdint>
 #include <cstdlib>
