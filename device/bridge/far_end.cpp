@@ -194,8 +194,9 @@ void FarEnd::tell(const DeviceState& state) noexcept {
   datagram.answers = accepted_;
   datagram.vector = state.position_mm;
   datagram.buttons = state.buttons;
-  const double age_us =
-      kUsPerNs * static_cast<double>(std::max<std::int64_t>(0, clock_.now_ns() - state.packet_ns));
+  // A device that tells no time of its packets has none that is old.
+  const std::int64_t old_ns = state.packet_ns > 0 ? clock_.now_ns() - state.packet_ns : 0;
+  const double age_us = kUsPerNs * static_cast<double>(std::max<std::int64_t>(0, old_ns));
   constexpr double kMostUs = 4e9;
   datagram.age_us = static_cast<std::uint32_t>(std::min(age_us, kMostUs));
   datagram.flags = static_cast<std::uint16_t>(static_cast<unsigned>(state.status) << Datagram::kStatusShift);

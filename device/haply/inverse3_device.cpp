@@ -120,8 +120,8 @@ Status Inverse3Device::wait_for_device() {
     wait();
   }
   if (talk.texts() == 0)
-    return Error{"the service says nothing", "start it again: systemctl restart haply-inverse-service", name(),
-                 0};
+    return Error{"the service says nothing", "start it again: systemctl restart haply-inverse-service",
+                 name(), 0};
   if (talk.malformed_in_a_row() > 0)
     return Error{"what the service says is not understood", "install version 3.1 or later of it", name(), 0};
   return Error{options_.device_id.empty() ? "the service is there, and no Inverse3"

@@ -73,19 +73,22 @@ Result<MadeDevice> make_inverse3(const DeviceRequest& request, const Clock& cloc
     return Error{"the Inverse3 has no description file", "leave it out", request.description.string(), 0};
   for (const auto& [key, value] : request.options) PALPATE_TRY(set_option(options, key, value));
   MadeDevice made;
-  auto device = std::make_unique<Inverse3Device>(std::make_unique<WebSocketLink>(options.service), clock, options);
+  auto device =
+      std::make_unique<Inverse3Device>(std::make_unique<WebSocketLink>(options.service), clock, options);
   made.facts = [device = device.get()] { return device->facts(); };
   made.device = std::move(device);
   made.zero = [options] { return release_inverse3(options); };
-  made.unproven = {"the Inverse3 was never connected: positions, forces, axes, limits and the service's filters "
-                   "are as its maker's pages tell"};
+  made.unproven = {
+      "the Inverse3 was never connected: positions, forces, axes, limits and the service's filters "
+      "are as its maker's pages tell"};
   return made;
 }
 
 std::vector<DeviceEntry> look_for_inverse3() {
   HttpRequest request;
   request.port = kInverse3Port;
-  DeviceEntry entry{"inverse3", "Haply Inverse3, through its maker's local service", DeviceStatus::kReady, {}};
+  DeviceEntry entry{
+      "inverse3", "Haply Inverse3, through its maker's local service", DeviceStatus::kReady, {}};
   // Whoever answers there is taken for it: what is connected shows when it is opened.
   if (!http_request(request)) {
     entry.status = DeviceStatus::kMissing;

@@ -63,7 +63,8 @@ std::string command_text(const std::string& device_id, const char* section, Serv
 Inverse3Text parsed_inverse3(std::string_view text, const std::string& wanted_id) {
   Inverse3Text read;
   constexpr bool kThrows = false;
-  // Nesting is bounded: the library descends by recursion only where it destroys, and a text is 64 KB at most.
+  // Nesting is bounded: the library descends by recursion only where it destroys, and a text is 64 KB at
+  // most.
   const ServiceJson whole = ServiceJson::parse(text, nullptr, kThrows);
   if (whole.is_discarded() || !whole.is_object()) return read;
   read.is_json = true;

@@ -1,5 +1,6 @@
 // The texts of the local service that its maker ships with the Haply Inverse3 (format 3.1 and later): states
-// that come, commands that go. Facts from the maker's public pages, version 3.5; no service of theirs was run.
+// that come, commands that go. Facts from the maker's public pages, version 3.5; no service of theirs was
+// run.
 #pragma once
 
 #include <cstdint>

@@ -54,9 +54,9 @@ std::string_view head_field(std::string_view head, std::string_view name) {
   for (std::size_t at = head.find("\r\n"); at != std::string_view::npos; at = head.find("\r\n", at + 2)) {
     const std::string_view line = head.substr(at + 2, head.find("\r\n", at + 2) - at - 2);
     if (line.size() <= name.size() || line[name.size()] != ':') continue;
-    const bool same = std::equal(name.begin(), name.end(), line.begin(), [](unsigned char a, unsigned char b) {
-      return std::tolower(a) == std::tolower(b);
-    });
+    const bool same =
+        std::equal(name.begin(), name.end(), line.begin(),
+                   [](unsigned char a, unsigned char b) { return std::tolower(a) == std::tolower(b); });
     if (!same) continue;
     std::string_view value = line.substr(name.size() + 1);
     while (!value.empty() && value.front() == ' ') value.remove_prefix(1);
@@ -77,7 +77,8 @@ std::string joined_chunks(std::string_view body) {
   while (true) {
     const std::size_t end = body.find("\r\n");
     std::size_t size = 0;
-    if (end == std::string_view::npos || !read_number_of(body.substr(0, end), size, kHexadecimal) || size == 0)
+    if (end == std::string_view::npos || !read_number_of(body.substr(0, end), size, kHexadecimal) ||
+        size == 0)
       return whole;
     body.remove_prefix(end + 2);
     whole.append(body.substr(0, size));
@@ -139,8 +140,8 @@ Result<HttpAnswer> http_request(const HttpRequest& request) {
     return no_http(request, "refused");
   int failed = 0;
   socklen_t size = sizeof failed;
-  if (!socket.ready(POLLOUT, watch) ||
-      ::getsockopt(socket.fd(), SOL_SOCKET, SO_ERROR, &failed, &size) != 0 || failed != 0)
+  if (!socket.ready(POLLOUT, watch) || ::getsockopt(socket.fd(), SOL_SOCKET, SO_ERROR, &failed, &size) != 0 ||
+      failed != 0)
     return no_http(request, "refused");
   std::string text = request.method + " " + request.path + " HTTP/1.1\r\nHost: " + request.host + ":" +
                      std::to_string(request.port) + "\r\nConnection: close\r\nAccept: application/json\r\n";

@@ -17,7 +17,8 @@ constexpr lws_usec_t kAskEveryUs = 1000;  // the peer, for texts that answer not
 constexpr std::chrono::seconds kConnectPatience{3};
 constexpr std::chrono::milliseconds kLastPatience{100};
 constexpr int kLwsGoOn = 0, kLwsClose = -1;
-// Some of a handful of sockets; without a bound the library asks for memory for every file a process may open.
+// Some of a handful of sockets; without a bound the library asks for memory for every file a process may
+// open.
 constexpr unsigned kMostSockets = 16;
 
 }  // namespace
@@ -33,9 +34,9 @@ struct WebSocketLink::State {
   TextPeer* peer = nullptr;
   lws_context* context = nullptr;
   lws* socket = nullptr;
-  std::string text;                 // of the fragments so far
-  bool too_long = false;            // what comes of it is thrown away
-  std::vector<unsigned char> out;   // what the library wants in front, then the text
+  std::string text;                // of the fragments so far
+  bool too_long = false;           // what comes of it is thrown away
+  std::vector<unsigned char> out;  // what the library wants in front, then the text
   std::string outgoing;
   bool last_sent = false;
   std::atomic<bool> ending{false};
@@ -127,8 +128,8 @@ bool WebSocketLink::State::connect(const ServiceAddress& address) {
   lws_context_creation_info info{};
   info.port = CONTEXT_PORT_NO_LISTEN;
   info.protocols = kProtocols;
-  info.gid = static_cast<gid_t>(-1);
-  info.uid = static_cast<uid_t>(-1);
+  info.gid = -1;
+  info.uid = -1;
   info.fd_limit_per_thread = kMostSockets;
   info.user = this;
   context = lws_create_context(&info);
@@ -176,8 +177,8 @@ Status WebSocketLink::open(TextPeer& peer) {
   std::string why;
   {
     std::unique_lock lock(state.mutex);
-    const bool told = state.changed.wait_for(
-        lock, kConnectPatience, [&] { return state.connection != State::Connection::kTrying; });
+    const bool told = state.changed.wait_for(lock, kConnectPatience,
+                                             [&] { return state.connection != State::Connection::kTrying; });
     if (told && state.connection == State::Connection::kMade) return Done{};
     why = told ? state.why : "no answer in 3 s";
   }

@@ -56,7 +56,8 @@ class WebSocketLink final : public TextLink {
   explicit WebSocketLink(ServiceAddress address);
   ~WebSocketLink() override;
 
-  /// Waits up to 3 s for the connection. An Error says why there is none. Texts of over kMostText are dropped.
+  /// Waits up to 3 s for the connection. An Error says why there is none. Texts of over kMostText are
+  /// dropped.
   [[nodiscard]] Status open(TextPeer& peer) override;
   /// Waits up to 100 ms for the last text to leave.
   void close() noexcept override;

@@ -43,7 +43,7 @@ struct FakeInverse3Service::State {
     if (!one.contains("commands")) return;
     const json& values = one["commands"]["set_cursor_force"]["values"];
     const std::lock_guard lock(mutex);
-    held_n = Vec3{values["x"], values["y"], values["z"]};
+    held_n = Vec3{values["x"].get<double>(), values["y"].get<double>(), values["z"].get<double>()};
     ++commands;
   }
   int answer_http(lws* wsi) {
@@ -113,8 +113,8 @@ FakeInverse3Service::FakeInverse3Service(Mood mood) : state_(std::make_unique<St
   info.port = 0;
   info.iface = "127.0.0.1";
   info.protocols = kProtocols;
-  info.gid = static_cast<gid_t>(-1);
-  info.uid = static_cast<uid_t>(-1);
+  info.gid = -1;
+  info.uid = -1;
   info.fd_limit_per_thread = 64;
   info.user = state_.get();
   state_->context = lws_create_context(&info);

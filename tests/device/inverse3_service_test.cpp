@@ -31,7 +31,8 @@ struct ServiceRig {
     Inverse3Options options;
     options.service = {"127.0.0.1", service->port(), "/"};
     options.open_tries = 500;
-    device = std::make_unique<Inverse3Device>(std::make_unique<WebSocketLink>(options.service), clock, options);
+    device =
+        std::make_unique<Inverse3Device>(std::make_unique<WebSocketLink>(options.service), clock, options);
   }
   /// Frames at about 1 kHz with this force wanted.
   void frame(const Vec3& wanted_n) {
@@ -152,8 +153,10 @@ TEST(Inverse3Service, TheGuardsHandleOfItsOwnLetsGo) {
   }));
   Drivers drivers;
   register_inverse3_driver(drivers);
-  const auto made = drivers.of("inverse3")->make(
-      {"inverse3", {}, {{"service", "127.0.0.1:" + std::to_string(rig.service->port())}}}, rig.clock);
+  const auto made =
+      drivers.of("inverse3")
+          ->make({"inverse3", {}, {{"service", "127.0.0.1:" + std::to_string(rig.service->port())}}},
+                 rig.clock);
   ASSERT_TRUE(made);
   EXPECT_TRUE(made->zero());
 }

@@ -13,7 +13,8 @@
 #include "device/interface/force_governor.h"
 #include "toolkit/core/random.h"
 
-extern "C" int palpate_fuzz_inverse3(const std::uint8_t* data, std::size_t size);  // tests/fuzz/fuzz_inverse3.cpp
+extern "C" int palpate_fuzz_inverse3(const std::uint8_t* data,
+                                     std::size_t size);  // tests/fuzz/fuzz_inverse3.cpp
 
 namespace palpate::device {
 namespace {
@@ -31,7 +32,7 @@ std::string state_text(const std::string& id, double x_m, double y_m, double z_m
 
 Vec3 force_in(const std::string& text) {
   const json values = json::parse(text)["inverse3"][0]["commands"]["set_cursor_force"]["values"];
-  return Vec3{values["x"], values["y"], values["z"]};
+  return Vec3{values["x"].get<double>(), values["y"].get<double>(), values["z"].get<double>()};
 }
 
 TEST(Inverse3Texts, AStateIsInMillimetres) {
@@ -89,7 +90,8 @@ TEST(HttpAnswers, AreReadWholeInPiecesOrNotAtAll) {
   const auto body = [](const std::string& text) { return parsed_http_answer(text)->body; };
   EXPECT_EQ(body("HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n{}more"), "{}");
   EXPECT_EQ(body("HTTP/1.1 404 Not Found\r\n\r\ngone"), "gone");
-  EXPECT_EQ(body("HTTP/1.1 200 OK\r\ntransfer-encoding: chunked\r\n\r\n2\r\nab\r\n1\r\nc\r\n0\r\n\r\n"), "abc");
+  EXPECT_EQ(body("HTTP/1.1 200 OK\r\ntransfer-encoding: chunked\r\n\r\n2\r\nab\r\n1\r\nc\r\n0\r\n\r\n"),
+            "abc");
   EXPECT_EQ(body("HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\nffffffffff\r\nab"), "ab");
   EXPECT_EQ(parsed_http_answer("HTTP/1.1 404 Not Found\r\n\r\n")->status, 404);
   for (const char* text : {"", "hello", "HTTP/1.1 2", "HTTP/1.1 abc\r\n\r\n"})
@@ -269,7 +271,8 @@ TEST(Inverse3Driver, ReadsItsOptionsAndRefusesOthers) {
 
 TEST(Inverse3Fuzz, TheCorpusIsRead) {
   int files = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(PALPATE_SOURCE_ROOT "/tests/corpus/inverse3")) {
+  for (const auto& entry :
+       std::filesystem::directory_iterator(PALPATE_SOURCE_ROOT "/tests/corpus/inverse3")) {
     std::ifstream in(entry.path(), std::ios::binary);
     const std::vector<char> text{std::istreambuf_iterator<char>(in), {}};
     EXPECT_EQ(palpate_fuzz_inverse3(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()), 0);
