@@ -15,8 +15,19 @@ constexpr std::array kKnown = {
     KnownUsb{"1234", "0006", UsbNode::kHidraw, "WoodenHaptics (mbed)", "arm", true},
     KnownUsb{"16c0", "0486", UsbNode::kHidraw, "Polhem, WoodenHaptics (Teensy RawHID)", "arm", true},
     KnownUsb{"16c0", "0483", UsbNode::kTty, "Polhem (Teensy serial)", "arm", true},
-    KnownUsb{"256f", "", UsbNode::kHidraw, kSpacemouse, "spacemouse", false},
-    // The older ones carry Logitech's vendor id, as mice and keyboards do: product by product.
+    // Product by product: the maker's keyboards and mice must stay closed to everybody but their own driver.
+    KnownUsb{"256f", "c62e", UsbNode::kHidraw, kSpacemouse, "spacemouse", false},
+    KnownUsb{"256f", "c62f", UsbNode::kHidraw, kSpacemouse, "spacemouse", false},
+    KnownUsb{"256f", "c631", UsbNode::kHidraw, kSpacemouse, "spacemouse", false},
+    KnownUsb{"256f", "c632", UsbNode::kHidraw, kSpacemouse, "spacemouse", false},
+    KnownUsb{"256f", "c633", UsbNode::kHidraw, kSpacemouse, "spacemouse", false},
+    KnownUsb{"256f", "c635", UsbNode::kHidraw, kSpacemouse, "spacemouse", false},
+    KnownUsb{"256f", "c636", UsbNode::kHidraw, kSpacemouse, "spacemouse", false},
+    KnownUsb{"256f", "c638", UsbNode::kHidraw, kSpacemouse, "spacemouse", false},
+    KnownUsb{"256f", "c63a", UsbNode::kHidraw, kSpacemouse, "spacemouse", false},
+    KnownUsb{"256f", "c641", UsbNode::kHidraw, kSpacemouse, "spacemouse", false},
+    KnownUsb{"256f", "c652", UsbNode::kHidraw, kSpacemouse, "spacemouse", false},
+    // The older ones carry Logitech's vendor id.
     KnownUsb{"046d", "c603", UsbNode::kHidraw, kSpacemouse, "spacemouse", false},
     KnownUsb{"046d", "c605", UsbNode::kHidraw, kSpacemouse, "spacemouse", false},
     KnownUsb{"046d", "c606", UsbNode::kHidraw, kSpacemouse, "spacemouse", false},

@@ -47,7 +47,8 @@ void tick_until(device::FarEnd& far, const MonotonicClock& clock, const BridgeAr
   device::enter_real_time({}, mode);
   device::DueTimes due(std::llround(arguments.rate_hz));
   due.begin(clock.now_ns());
-  const double end_ns = arguments.seconds > 0.0 ? kNsPerS * arguments.seconds : 1e300;
+  const auto begun_ns = static_cast<double>(clock.now_ns());
+  const double end_ns = arguments.seconds > 0.0 ? begun_ns + kNsPerS * arguments.seconds : 1e300;
   while (static_cast<double>(clock.now_ns()) < end_ns && !ending.wanted.load()) {
     sleep_to(clock.start_ns() + due.due_ns());
     static_cast<void>(due.take(clock.now_ns()));

@@ -2,7 +2,7 @@
 // is not finite, and what is sent is always a text with a finite force.
 #include <cstdint>
 #include <cstdlib>
-#include <nlohmann/json.hpp>
+#include <string>
 #include <string_view>
 
 #include "device/haply/inverse3_device.h"
@@ -30,11 +30,9 @@ extern "C" int palpate_fuzz_inverse3(const std::uint8_t* data, std::size_t size)
   talk.force(palpate::Vec3{1.0, -2.0, 0.5});
   std::string sent;
   for (int i = 0; i < 3; ++i)
-    if (talk.give(sent)) holds(nlohmann::json::accept(sent));
-  if (talk.last(sent)) {
-    const auto document = nlohmann::json::parse(sent);
-    holds(document["inverse3"][0]["commands"]["set_cursor_force"]["values"]["x"] == 0.0);
-  }
+    if (talk.give(sent)) holds(sent.starts_with("{\"inverse3\":[{") && sent.ends_with("}]}"));
+  if (talk.last(sent))
+    holds(sent.find(R"("set_cursor_force":{"values":{"x":0.0,"y":0.0,"z":0.0}})") != std::string::npos);
   static_cast<void>(parsed_http_answer(std::string(text)));
   return 0;
 }
