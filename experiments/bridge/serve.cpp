@@ -24,12 +24,12 @@ namespace palpate::experiments {
 namespace {
 
 constexpr const char* kBridgeSchema = "palpate-bridge/1";
-constexpr double kSPerMs = 1e-3, kNsPerS = 1e9;
+constexpr double kFarSPerMs = 1e-3, kFarNsPerS = 1e9;
 constexpr std::int64_t kNsInS = 1'000'000'000;
 // Fifty periods of the slowest loop: one that hangs is not waited for, its force is cut.
 constexpr std::int64_t kStopPatienceNs = 100'000'000, kStopStepNs = 1'000'000;
 
-void sleep_to(std::int64_t monotonic) noexcept {
+void far_sleep_to(std::int64_t monotonic) noexcept {
   const timespec until{static_cast<std::time_t>(monotonic / kNsInS), static_cast<long>(monotonic % kNsInS)};
   while (::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr) == EINTR) {
   }
@@ -48,9 +48,9 @@ void tick_until(device::FarEnd& far, const MonotonicClock& clock, const BridgeAr
   device::DueTimes due(std::llround(arguments.rate_hz));
   due.begin(clock.now_ns());
   const auto begun_ns = static_cast<double>(clock.now_ns());
-  const double end_ns = arguments.seconds > 0.0 ? begun_ns + kNsPerS * arguments.seconds : 1e300;
+  const double end_ns = arguments.seconds > 0.0 ? begun_ns + kFarNsPerS * arguments.seconds : 1e300;
   while (static_cast<double>(clock.now_ns()) < end_ns && !ending.wanted.load()) {
-    sleep_to(clock.start_ns() + due.due_ns());
+    far_sleep_to(clock.start_ns() + due.due_ns());
     static_cast<void>(due.take(clock.now_ns()));
     far.tick();
   }
@@ -81,8 +81,8 @@ void print_served(const BridgeArguments& arguments, const device::FarEndCounters
 device::FarEndOptions far_options(const BridgeArguments& arguments) {
   device::FarEndOptions options;
   options.rate_hz = arguments.rate_hz;
-  options.watchdog_s = kSPerMs * arguments.watchdog_ms;
-  options.most_age_s = kSPerMs * arguments.most_age_ms;
+  options.watchdog_s = kFarSPerMs * arguments.watchdog_ms;
+  options.most_age_s = kFarSPerMs * arguments.most_age_ms;
   options.user_limit_n = arguments.force_limit_n;
   return options;
 }
@@ -113,7 +113,7 @@ Status serve(const BridgeArguments& arguments) {
   const AtStop at_stop([&made, &ending]() -> std::string {
     ending.wanted.store(true);
     const std::int64_t until = monotonic_ns() + kStopPatienceNs;
-    while (!ending.done.load() && monotonic_ns() < until) sleep_to(monotonic_ns() + kStopStepNs);
+    while (!ending.done.load() && monotonic_ns() < until) far_sleep_to(monotonic_ns() + kStopStepNs);
     static_cast<void>(made.device->cut_force());
     return {};
   });

@@ -9,7 +9,7 @@
 namespace palpate::experiments {
 
 struct BridgeArguments {
-  DeviceArguments device;
+  OneDevice device;
   std::string listen = "127.0.0.1:47800";
   double seconds = 0.0;  ///< 0: until it is stopped
   double rate_hz = 1000.0;

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "device/drivers/all_drivers.h"
-#include "experiments/command/device_options.h"
+#include "experiments/command/one_device.h"
 #include "experiments/command/subcommands.h"
 #include "experiments/live/device_report.h"
 #include "experiments/live/doctor.h"
@@ -24,7 +24,7 @@ struct DevicesArguments {
   bool doctor = false;
   bool json = false;
   bool replace = false;
-  DeviceArguments report{.name = {}, .file = {}, .options = {}};
+  OneDevice report{.name = {}, .file = {}, .options = {}};
   ReportOptions look;
   std::string out;
 };
@@ -84,8 +84,8 @@ void print_checks(const std::vector<Check>& checks) {
   std::size_t warnings = 0, problems = 0;
   fmt::print("\n");
   for (const Check& check : checks) {
-    warnings += check.verdict == Verdict::kWarning ? 1 : 0;
-    problems += check.verdict == Verdict::kProblem ? 1 : 0;
+    warnings += check.verdict == CheckVerdict::kWarning ? 1 : 0;
+    problems += check.verdict == CheckVerdict::kProblem ? 1 : 0;
     fmt::print("{:<7}  {}: {}\n", verdict_name(check.verdict), check.about, check.found);
     for (const std::string& line : check.remedy) fmt::print("         {}\n", line);
   }
@@ -113,7 +113,8 @@ void declare_devices(const Declaration& declare, DevicesArguments& a) {
   declare.number("--seconds", a.look.seconds, kSeconds, "how long the report looks (default: 5)");
   declare.number("--rate", a.look.rate_hz, kRates, "how often, Hz (default: 1000)");
   declare.text("--device-file", a.report.file, "the device description of the reported device");
-  declare.text("--device-option", a.report.options, "KEY=VALUE,..: what the reported device's driver takes");
+  declare.repeated("--device-option", a.report.options,
+                   "KEY=VALUE for the reported device's driver; may be given again for others");
 }
 
 /// Exit status 1 where the device does not open: the report says why.
@@ -143,7 +144,7 @@ int run_devices(const DevicesArguments& arguments, Context& context) {
     if (arguments.doctor) print_checks(checks);
   }
   const bool problem = std::any_of(checks.begin(), checks.end(),
-                                   [](const Check& c) { return c.verdict == Verdict::kProblem; });
+                                   [](const Check& c) { return c.verdict == CheckVerdict::kProblem; });
   return problem ? kExitFellShort : kExitOk;
 }
 

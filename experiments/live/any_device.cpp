@@ -56,25 +56,22 @@ Error no_driver(const std::string& name, const device::Drivers& drivers) {
 
 }  // namespace
 
-Result<std::vector<std::pair<std::string, std::string>>> device_options(const std::string& text) {
-  std::vector<std::pair<std::string, std::string>> options;
-  for (std::size_t at = 0; at < text.size();) {
-    const std::size_t end = std::min(text.find(',', at), text.size());
-    const std::string one = text.substr(at, end - at);
+Result<std::vector<std::pair<std::string, std::string>>> option_pairs(const std::vector<std::string>& texts) {
+  std::vector<std::pair<std::string, std::string>> pairs;
+  for (const std::string& one : texts) {
     const std::size_t equals = one.find('=');
     if (equals == std::string::npos || equals == 0)
-      return Error{"--device-option '" + one + "' is no option", "write KEY=VALUE,KEY=VALUE,..", "", 0};
-    options.emplace_back(one.substr(0, equals), one.substr(equals + 1));
-    at = end + 1;
+      return Error{"--device-option '" + one + "' is no option", "write KEY=VALUE", "", 0};
+    pairs.emplace_back(one.substr(0, equals), one.substr(equals + 1));
   }
-  return options;
+  return pairs;
 }
 
-Result<device::MadeDevice> any_device(const DeviceArguments& arguments, const device::Drivers& drivers,
+Result<device::MadeDevice> any_device(const OneDevice& arguments, const device::Drivers& drivers,
                                       const Clock& clock, double rate_hz) {
   const device::Driver* driver = drivers.of(arguments.name);
   if (driver == nullptr) return no_driver(arguments.name, drivers);
-  PALPATE_ASSIGN(auto options, device_options(arguments.options));
+  PALPATE_ASSIGN(auto options, option_pairs(arguments.options));
   if (driver->make) return driver->make({arguments.name, arguments.file, std::move(options)}, clock);
   if (driver->name != "sim")
     return Error{"'" + arguments.name + "' is no device that can be used here",

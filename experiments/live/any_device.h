@@ -12,19 +12,19 @@
 namespace palpate::experiments {
 
 /// As the command line has it.
-struct DeviceArguments {
+struct OneDevice {
   std::string name = "sim";
-  std::string file;     ///< a device description
-  std::string options;  ///< KEY=VALUE,KEY=VALUE,..
+  std::string file;                  ///< a device description
+  std::vector<std::string> options;  ///< each KEY=VALUE
   std::string hand = "hand";
 };
 
-/// "KEY=VALUE,.." as pairs. An Error names what is none.
-[[nodiscard]] Result<std::vector<std::pair<std::string, std::string>>> device_options(
-    const std::string& text);
+/// Of each KEY=VALUE. An Error names what is none.
+[[nodiscard]] Result<std::vector<std::pair<std::string, std::string>>> option_pairs(
+    const std::vector<std::string>& texts);
 
 /// Not yet open. It keeps a reference to the clock. An Error lists the drivers where none has the name.
-[[nodiscard]] Result<device::MadeDevice> any_device(const DeviceArguments& arguments,
+[[nodiscard]] Result<device::MadeDevice> any_device(const OneDevice& arguments,
                                                     const device::Drivers& drivers, const Clock& clock,
                                                     double rate_hz);
 

@@ -21,11 +21,11 @@
 namespace palpate::experiments {
 namespace {
 
-using ReportJson = nlohmann::ordered_json;
+using FactsJson = nlohmann::ordered_json;
 
-constexpr double kUsPerNs = 1e-3;
+constexpr double kFactsUsPerNs = 1e-3;
 
-void sleep_to_tick(std::int64_t monotonic) noexcept {
+void facts_sleep_to(std::int64_t monotonic) noexcept {
   constexpr std::int64_t kSecondNs = 1'000'000'000;
   const timespec until{static_cast<std::time_t>(monotonic / kSecondNs),
                        static_cast<long>(monotonic % kSecondNs)};
@@ -33,33 +33,33 @@ void sleep_to_tick(std::int64_t monotonic) noexcept {
   }
 }
 
-ReportJson vector_json(const Vec3& v) {
-  return ReportJson::array({v.x(), v.y(), v.z()});
+FactsJson facts_vector(const Vec3& v) {
+  return FactsJson::array({v.x(), v.y(), v.z()});
 }
 
-ReportJson durations_json(const device::DurationHistogram& histogram) {
+FactsJson facts_durations(const device::DurationHistogram& histogram) {
   const device::DurationStatistics of = histogram.statistics();
-  const auto us = [](std::int64_t ns) { return kUsPerNs * static_cast<double>(ns); };
+  const auto us = [](std::int64_t ns) { return kFactsUsPerNs * static_cast<double>(ns); };
   return {{"count", of.count},
           {"min_us", us(of.min_ns)},
           {"p50_us", us(of.p50_ns)},
           {"p99_us", us(of.p99_ns)},
           {"p999_us", us(of.p999_ns)},
           {"max_us", us(of.max_ns)},
-          {"mean_us", kUsPerNs * of.mean_ns}};
+          {"mean_us", kFactsUsPerNs * of.mean_ns}};
 }
 
-ReportJson bins_json(const PowerBins& bins) {
-  ReportJson list = ReportJson::array();
+FactsJson facts_bins(const PowerBins& bins) {
+  FactsJson list = FactsJson::array();
   for (std::size_t k = 0; k < PowerBins::kBins; ++k)
     if (bins.counts[k] > 0)
       list.push_back(
-          {{"below_us", kUsPerNs * std::ldexp(1.0, static_cast<int>(k))}, {"count", bins.counts[k]}});
+          {{"below_us", kFactsUsPerNs * std::ldexp(1.0, static_cast<int>(k))}, {"count", bins.counts[k]}});
   return list;
 }
 
-ReportJson packets_json(const DeviceWatch& watch) {
-  ReportJson raw = ReportJson::array();
+FactsJson facts_packets(const DeviceWatch& watch) {
+  FactsJson raw = FactsJson::array();
   for (std::size_t i = 0; i < watch.packets_held; ++i) {
     std::string hex;
     for (std::size_t k = 0; k < watch.packets[i].size; ++k)
@@ -72,16 +72,16 @@ ReportJson packets_json(const DeviceWatch& watch) {
           {"garbled", watch.garbled},
           {"lost", watch.lost},
           {"longest_gap_ms", 1e-6 * static_cast<double>(watch.longest_gap_ns)},
-          {"interval", durations_json(watch.interval)},
-          {"interval_bins", bins_json(watch.interval_bins)},
+          {"interval", facts_durations(watch.interval)},
+          {"interval_bins", facts_bins(watch.interval_bins)},
           {"first", std::move(raw)}};
 }
 
-ReportJson limits_json(const device::DeviceLimits& limits) {
+FactsJson facts_limits(const device::DeviceLimits& limits) {
   constexpr const char* kShapes[] = {"box", "ellipsoid", "cylinder"};
   return {{"force_max_n", limits.force_max_n},
-          {"workspace_low_mm", vector_json(limits.workspace_mm.low_mm)},
-          {"workspace_high_mm", vector_json(limits.workspace_mm.high_mm)},
+          {"workspace_low_mm", facts_vector(limits.workspace_mm.low_mm)},
+          {"workspace_high_mm", facts_vector(limits.workspace_mm.high_mm)},
           {"workspace_shape", kShapes[static_cast<std::size_t>(limits.workspace_shape)]},
           {"resolution_mm", limits.resolution_mm},
           {"rate_hz", limits.rate_hz},
@@ -89,23 +89,23 @@ ReportJson limits_json(const device::DeviceLimits& limits) {
           {"damping_max_n_s_per_mm", limits.damping_max_n_s_per_mm}};
 }
 
-void add_watch(ReportJson& document, const DeviceWatch& watch) {
-  document["packets"] = packets_json(watch);
-  document["latency"] = {{"exchange", durations_json(watch.exchange)},
-                         {"age", durations_json(watch.age)},
-                         {"age_bins", bins_json(watch.age_bins)},
-                         {"lateness", durations_json(watch.lateness)}};
+void add_watch(FactsJson& document, const DeviceWatch& watch) {
+  document["packets"] = facts_packets(watch);
+  document["latency"] = {{"exchange", facts_durations(watch.exchange)},
+                         {"age", facts_durations(watch.age)},
+                         {"age_bins", facts_bins(watch.age_bins)},
+                         {"lateness", facts_durations(watch.lateness)}};
   document["homing"] = {{"at_start", watch.homed_at_start},
-                        {"after_s", watch.homed_after_s ? ReportJson(*watch.homed_after_s) : ReportJson()},
+                        {"after_s", watch.homed_after_s ? FactsJson(*watch.homed_after_s) : FactsJson()},
                         {"at_end", watch.homed_at_end}};
-  document["motion"] = {{"low_mm", vector_json(watch.low_mm)},
-                        {"high_mm", vector_json(watch.high_mm)},
-                        {"smallest_step_mm", vector_json(watch.smallest_step_mm)},
+  document["motion"] = {{"low_mm", facts_vector(watch.low_mm)},
+                        {"high_mm", facts_vector(watch.high_mm)},
+                        {"smallest_step_mm", facts_vector(watch.smallest_step_mm)},
                         {"buttons_seen", watch.buttons_seen}};
 }
 
-ReportJson system_json() {
-  ReportJson seen = ReportJson::array();
+FactsJson facts_connected() {
+  FactsJson seen = FactsJson::array();
   for (const UsbDevice& one : connected_usb_devices())
     seen.push_back({{"name", one.name},
                     {"vendor", one.vendor},
@@ -124,7 +124,7 @@ void look_for(DeviceLooker& looker, const MonotonicClock& clock, const ReportOpt
   const std::int64_t end_ns = clock.now_ns() + std::llround(1e9 * options.seconds);
   while (clock.now_ns() < end_ns) {
     const std::int64_t due_ns = due.due_ns();
-    sleep_to_tick(clock.start_ns() + due_ns);
+    facts_sleep_to(clock.start_ns() + due_ns);
     static_cast<void>(due.take(clock.now_ns()));
     heart.beat();
     looker.frame(due_ns);
@@ -134,7 +134,7 @@ void look_for(DeviceLooker& looker, const MonotonicClock& clock, const ReportOpt
 
 /// Guard, device, watchdog, loop, in the order in which they have to come.
 Status look_at(device::MadeDevice& made, const MonotonicClock& clock, const ReportOptions& options,
-               ReportJson& document) {
+               FactsJson& document) {
   device::Heartbeat alone;
   std::optional<device::Guard> guard;
   if (made.zero) {
@@ -161,10 +161,10 @@ Status look_at(device::MadeDevice& made, const MonotonicClock& clock, const Repo
     loop.join();
     watchdog.stop();
   }
-  document["limits"] = limits_json(made.device->limits());
+  document["limits"] = facts_limits(made.device->limits());
   document["scheduling"] = mode.text();
   add_watch(document, looker->watch());
-  ReportJson facts = ReportJson::object();
+  FactsJson facts = FactsJson::object();
   if (made.facts)
     for (const auto& [key, value] : made.facts()) facts[key] = value;
   document["facts"] = std::move(facts);
@@ -240,22 +240,22 @@ void DeviceLooker::took(const device::DeviceState& state, std::int64_t now_ns) n
   before_mm_ = state.position_mm;
 }
 
-Result<ReportedDevice> report_device(const DeviceArguments& arguments, const ReportOptions& options,
+Result<ReportedDevice> report_device(const OneDevice& arguments, const ReportOptions& options,
                                      const metrics::DocumentHead& head) {
   const MonotonicClock clock;
   device::Drivers drivers;
   device::register_all_drivers(drivers);
   PALPATE_ASSIGN(device::MadeDevice made, any_device(arguments, drivers, clock, options.rate_hz));
   const device::Driver& driver = *drivers.of(arguments.name);
-  ReportJson document = {{"schema", kDeviceReportSchema}};
-  document.update(ReportJson::parse(metrics::head_json(head)));
-  ReportJson given = ReportJson::object();
-  PALPATE_ASSIGN(const auto pairs, device_options(arguments.options));
+  FactsJson document = {{"schema", kDeviceReportSchema}};
+  document.update(FactsJson::parse(metrics::head_json(head)));
+  FactsJson given = FactsJson::object();
+  PALPATE_ASSIGN(const auto pairs, option_pairs(arguments.options));
   for (const auto& [key, value] : pairs) given[key] = value;
   document["device"] = {{"name", arguments.name},        {"driver", driver.name},
                         {"transport", driver.transport}, {"description", arguments.file},
                         {"options", std::move(given)},   {"unproven", made.unproven}};
-  document["connected"] = system_json();
+  document["connected"] = facts_connected();
   document["seconds"] = options.seconds;
   document["rate_hz"] = options.rate_hz;
   ReportedDevice reported;

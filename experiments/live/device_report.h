@@ -75,8 +75,7 @@ struct ReportedDevice {
   std::string json;
   std::optional<Error> not_opened;
 };
-[[nodiscard]] Result<ReportedDevice> report_device(const DeviceArguments& device,
-                                                   const ReportOptions& options,
+[[nodiscard]] Result<ReportedDevice> report_device(const OneDevice& device, const ReportOptions& options,
                                                    const metrics::DocumentHead& head);
 
 }  // namespace palpate::experiments
