@@ -88,7 +88,7 @@ device::FarEndOptions far_options(const BridgeArguments& arguments) {
 }
 
 /// Everything around the device, in the order in which it has to come: guard, device, watchdog, loop.
-Status serve(const BridgeArguments& arguments) {
+Status serve_device(const BridgeArguments& arguments) {
   const MonotonicClock clock;
   device::Drivers drivers;
   device::register_all_drivers(drivers);
@@ -137,7 +137,7 @@ Status serve(const BridgeArguments& arguments) {
 }  // namespace
 
 int run_bridge(const BridgeArguments& arguments, Context& context) {
-  const Status served = serve(arguments);
+  const Status served = serve_device(arguments);
   return served ? kExitOk : fail(served.error(), kExitBadInput, &context.progress);
 }
 

@@ -118,7 +118,7 @@ void declare_devices(const Declaration& declare, DevicesArguments& a) {
 }
 
 /// Exit status 1 where the device does not open: the report says why.
-int run_report(const DevicesArguments& a, Context& context) {
+int run_device_report(const DevicesArguments& a, Context& context) {
   if (!a.out.empty())
     if (Status good = check_output({a.out, {"json"}, a.replace}, {}); !good)
       return fail(good.error(), kExitBadInput, &context.progress);
@@ -133,7 +133,7 @@ int run_report(const DevicesArguments& a, Context& context) {
 }
 
 int run_devices(const DevicesArguments& arguments, Context& context) {
-  if (!arguments.report.name.empty()) return run_report(arguments, context);
+  if (!arguments.report.name.empty()) return run_device_report(arguments, context);
   const std::vector<Listed> devices = listed();
   std::vector<Check> checks;
   if (arguments.doctor) checks = examine(read_system_facts());

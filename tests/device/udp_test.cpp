@@ -1,15 +1,19 @@
 // The bridge over real sockets on this machine. Nothing is asked to happen within a time of its own.
 #include <gtest/gtest.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <atomic>
+#include <csignal>
 #include <optional>
 #include <thread>
 
 #include "device/bridge/bridge_driver.h"
 #include "device/bridge/far_end.h"
 #include "device/links/udp_link.h"
+#include "device/safety/guard.h"
 #include "tests/device/bridge_rig.h"
+#include "toolkit/core/at_stop.h"
 
 namespace palpate::device {
 namespace {
@@ -92,33 +96,38 @@ TEST(UdpLink, AnswersOfAnotherAddressAreNotHeard) {
 /// A far end that ticks in a thread.
 class RunningFarEnd {
  public:
-  RunningFarEnd() : port_(UdpAddress::of("127.0.0.1:0").value()), far_(held, port_, clock, patient()) {
+  /// `watchdog_s`: the machine may be busy, and what is tested here is not its speed.
+  explicit RunningFarEnd(double watchdog_s)
+      : port_(UdpAddress::of("127.0.0.1:0").value()), far_(held, port_, clock, patient(watchdog_s)) {
     EXPECT_TRUE(port_.open().ok());
     EXPECT_TRUE(far_.open().ok());
+  }
+  void start() {
     thread_ = std::thread([this] {
       while (!ending_.load()) {
         far_.tick();
         force_x_n.store(held.held_n.x());
+        releases.store(far_.counters().releases);
         ::usleep(500);
       }
     });
   }
   ~RunningFarEnd() {
     ending_ = true;
-    thread_.join();
+    if (thread_.joinable()) thread_.join();
   }
   [[nodiscard]] std::string where() const { return port_.address().text(); }
 
   MonotonicClock clock;
   HeldDevice held{clock};
   std::atomic<double> force_x_n{0.0};
+  std::atomic<std::uint64_t> releases{0};
 
  private:
-  /// The machine may be busy: what is tested here is not its speed.
-  static FarEndOptions patient() {
+  static FarEndOptions patient(double watchdog_s) {
     FarEndOptions options;
     options.rate_hz = 500.0;
-    options.watchdog_s = options.most_age_s = 0.5;
+    options.watchdog_s = options.most_age_s = watchdog_s;
     return options;
   }
   UdpPort port_;
@@ -128,7 +137,8 @@ class RunningFarEnd {
 };
 
 TEST(BridgeOverSockets, IsFeltLetGoAndReleasedByAGuard) {
-  RunningFarEnd far;
+  RunningFarEnd far(0.5);
+  far.start();
   Drivers drivers;
   register_bridge_driver(drivers);
   const MonotonicClock clock;
@@ -174,6 +184,64 @@ TEST(BridgeOverSockets, IsFeltLetGoAndReleasedByAGuard) {
   EXPECT_TRUE(arrives([&] { return far.force_x_n.load() == 0.0; }));
   device.close();
   ASSERT_TRUE(device.open()) << "the same program again";
+}
+
+/// A program that feels the far device until it is killed, guarded or not.
+[[noreturn]] void press_over_bridge(const std::string& where, bool guarded) {
+  Drivers drivers;
+  register_bridge_driver(drivers);
+  const MonotonicClock clock;
+  Result<MadeDevice> made =
+      drivers.of("bridge")->make({"bridge:" + where, {}, {{"most-age-ms", "1000"}}}, clock);
+  if (!made) ::_exit(1);
+  std::optional<Guard> guard;
+  if (guarded) {
+    Result<Guard> started = Guard::start(made->zero);
+    if (!started) ::_exit(2);
+    guard.emplace(std::move(started).value());
+  }
+  Device& device = *made->device;
+  if (!device.open()) ::_exit(3);
+  GovernorOptions patient;
+  patient.late_zero_s = patient.latch_late_s = patient.silence_s = 20.0;
+  patient.soft_start_s = 0.05;
+  Result<ForceGovernor> governor = ForceGovernor::create(device.limits(), patient);
+  if (!governor) ::_exit(4);
+  for (int i = 0;; ++i) {
+    constexpr int kAgain = 4000;  // the far end may have given up on a busy machine
+    if (i % kAgain == 0) governor->arm(clock.now_s());
+    device.send(governor->govern(clock.now_s(), device.read(), Vec3{1.0, 0, 0}));
+    ::usleep(500);
+  }
+}
+
+// Far ends whose own watchdog sleeps for a minute: what lets go here is the guard alone.
+TEST(BridgeOverSockets, AProgramThatIsKilledIsLetGoByItsGuard) {
+  for (const bool guarded : {true, false}) {
+    RunningFarEnd far(60.0);
+    pid_t child = -1;
+    {
+      const auto hold = hold_stop();
+      child = ::fork();  // before there are threads
+      if (child == 0) {
+        forget_stop_actions();
+        press_over_bridge(far.where(), guarded);
+      }
+    }
+    ASSERT_GT(child, 0);
+    far.start();
+    EXPECT_TRUE(arrives([&] { return far.force_x_n.load() > 0.9; }));
+    const std::uint64_t before = far.releases.load();
+    ::kill(child, SIGKILL);
+    ::waitpid(child, nullptr, 0);
+    if (guarded) {
+      EXPECT_TRUE(arrives([&] { return far.releases.load() > before && far.force_x_n.load() == 0.0; }));
+    } else {
+      ::usleep(300'000);
+      EXPECT_EQ(far.releases.load(), before);
+      EXPECT_EQ(far.force_x_n.load(), 1.0) << "without a guard it holds: the test above shows something";
+    }
+  }
 }
 
 TEST(BridgeOverSockets, NobodyThereIsSaid) {
