@@ -38,10 +38,11 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"hunt", {"study", "run", "session", "hunt"}},
     {"ablate", {"study", "run", "data", "report", "session", "ablate"}},
     {"live", {"study", "run", "data", "report", "session", "live"}},
+    {"bridge", {"study", "run", "session", "live", "bridge"}},
     {"goals", {"study", "run", "data", "report", "session", "stability", "goals"}},
     {"command",
      {"study", "run", "data", "report", "session", "behaviours", "stress", "tables", "stability", "trade",
-      "hunt", "ablate", "live", "goals", "command"}},
+      "hunt", "ablate", "live", "bridge", "goals", "command"}},
     {"benchmarks", {"benchmarks"}},
 };
 
