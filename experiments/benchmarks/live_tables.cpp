@@ -3,7 +3,8 @@
 // model take of memory against one. Counted, not timed: the same on every machine but for the memory of
 // libraries. See docs/live.md.
 //
-//   live_tables [KEY=VALUE ...]     scene=sinusoid:points=10201 switches=200 renderers=A,B json=FILE
+//   live_tables [KEY=VALUE ...]     scene=sinusoid:points=10201 switches=200 step_mm=0.5 renderers=A,B
+//   json=FILE
 #include <fmt/format.h>
 #include <malloc.h>
 
@@ -33,7 +34,7 @@ using namespace palpate;
 using Json = nlohmann::ordered_json;
 
 // As the mixer brings up a standby beside the renderer that is felt.
-constexpr render::BringUpOptions kBesideAnotherOne{render::BringUpOptions{}.step_mm, 4};
+constexpr int kStepsATick = 4;
 // After the frame in which it is ready: at once, 10 ms and 100 ms later, where a fade of 150 ms is at 4 and
 // at 75 %.
 constexpr std::size_t kLater[] = {0, 10, 100};
@@ -43,6 +44,7 @@ struct TableArguments {
   std::string scene = "sinusoid:points=10201", json;
   std::vector<std::string> renderers;
   int switches = 200;
+  double step_mm = render::BringUpOptions{}.step_mm;
 };
 
 struct TableScene {
@@ -84,11 +86,13 @@ Result<TableArguments> read_arguments(int argc, char** argv) {
       a.renderers = split_list(value);
     } else if (key == "json") {
       a.json = value;
+    } else if (key == "step_mm") {
+      PALPATE_ASSIGN(a.step_mm, read_number(value, {1e-3, 1e3}));
     } else if (key == "switches") {
       PALPATE_ASSIGN(const long long switches, read_integer(value, {1, 100'000}));
       a.switches = static_cast<int>(switches);
     } else {
-      return Error{"unknown key " + key, "give scene, switches, renderers or json", "", 0};
+      return Error{"unknown key " + key, "give scene, switches, step_mm, renderers or json", "", 0};
     }
   }
   return a;
@@ -154,13 +158,14 @@ Tracked track(render::HapticRenderer& renderer, const trace::ProbePath& path, Ta
 }
 
 void bring_up_errors(render::HapticRenderer& late, const Tracked& tracked, const trace::ProbePath& path,
-                     int switches, TableRow& row) {
+                     const TableArguments& a, TableRow& row) {
   std::vector<double> errors_n[std::size(kLater)];
   late.restart(path.hip_mm.front(), path.t_s.front());
-  const std::size_t wanted = std::min<std::size_t>(static_cast<std::size_t>(switches), tracked.contact.size());
+  const std::size_t wanted =
+      std::min<std::size_t>(static_cast<std::size_t>(a.switches), tracked.contact.size());
   for (std::size_t s = 0; s < wanted; ++s) {
     const std::size_t begin = tracked.contact[s * tracked.contact.size() / wanted];
-    render::BringUp bring_up(kBesideAnotherOne);
+    render::BringUp bring_up({a.step_mm, kStepsATick});
     bring_up.begin(late, tracked.last_free_mm[begin], begin > 0 ? path.t_s[begin - 1] : path.t_s[begin]);
     std::size_t ready = 0;  // frames until it was ready
     for (std::size_t i = begin; i < begin + kMostFrames; ++i) {
@@ -204,12 +209,13 @@ Status weigh(const render::Registry& registry, const NamedOptions& named, const 
 }
 
 Result<TableRow> row_of(const render::Registry& registry, const std::string& text, const TableScene& scene,
-                        int switches) {
+                        const TableArguments& a) {
   TableRow row;
   row.name = text;
   PALPATE_ASSIGN(const NamedOptions named, parse_named_options(text));
   const render::RendererInfo* info = registry.find(named.name);
-  if (info == nullptr) return Error{"there is no renderer " + shown(named.name), "see palpate renderers", "", 0};
+  if (info == nullptr)
+    return Error{"there is no renderer " + shown(named.name), "see palpate renderers", "", 0};
   if (const Status able = registry.check_supports(*info, scene.input); !able) {
     row.not_run = able.error().what;
     return row;
@@ -221,7 +227,7 @@ Result<TableRow> row_of(const render::Registry& registry, const std::string& tex
   }
   PALPATE_ASSIGN(const Renderer there, prepared(registry, named, scene.input, nullptr, nullptr));
   PALPATE_ASSIGN(const Renderer late, prepared(registry, named, scene.input, nullptr, nullptr));
-  bring_up_errors(*late, track(*there, scene.path, row), scene.path, switches, row);
+  bring_up_errors(*late, track(*there, scene.path, row), scene.path, a, row);
   return row;
 }
 
@@ -249,10 +255,11 @@ void print_row(const TableRow& row) {
     fmt::print("| `{}` | not run: {} | | | | | | | | |\n", row.name, row.not_run);
     return;
   }
-  fmt::print("| `{}` | {} | {} | {:.2g} / {:.2g} | {:.2g} / {:.2g} | {:.2g} / {:.2g} | {:.2g} | {} | {} | {} |\n",
-             row.name, row.ready_frames_max, row.contact_differs, row.p50_n[0], row.max_n[0], row.p50_n[1],
-             row.max_n[1], row.p50_n[2], row.max_n[2], row.own_step_p99_n, bytes_text(row.one_bytes),
-             bytes_text(row.two_apart_bytes), bytes_text(row.two_shared_bytes));
+  fmt::print(
+      "| `{}` | {} | {} | {:.2g} / {:.2g} | {:.2g} / {:.2g} | {:.2g} / {:.2g} | {:.2g} | {} | {} | {} |\n",
+      row.name, row.ready_frames_max, row.contact_differs, row.p50_n[0], row.max_n[0], row.p50_n[1],
+      row.max_n[1], row.p50_n[2], row.max_n[2], row.own_step_p99_n, bytes_text(row.one_bytes),
+      bytes_text(row.two_apart_bytes), bytes_text(row.two_shared_bytes));
   std::fflush(stdout);
 }
 
@@ -269,7 +276,7 @@ Status run(const TableArguments& a) {
   fmt::print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |\n");
   Json rows = Json::array();
   for (const std::string& name : names) {
-    PALPATE_ASSIGN(const TableRow row, row_of(registry, name, scene, a.switches));
+    PALPATE_ASSIGN(const TableRow row, row_of(registry, name, scene, a));
     print_row(row);
     rows.push_back(json_of(row));
   }
@@ -278,6 +285,7 @@ Status run(const TableArguments& a) {
                          {"scene", a.scene},
                          {"points", scene.input.models.front().cloud->size()},
                          {"path", scene.path.name},
+                         {"step_mm", a.step_mm},
                          {"rows", std::move(rows)}};
   return write_file(a.json, document.dump(1) + "\n");
 }
