@@ -5,7 +5,7 @@
 namespace palpate::device {
 namespace {
 
-using Kind = RemoteCommand::Kind;
+using RemoteKind = RemoteCommand::Kind;
 using OscKind = OscArgument::Kind;
 
 constexpr std::string_view kPrefix = "/palpate/";
@@ -29,30 +29,30 @@ std::optional<RemoteCommand> selection(const OscMessage& message) {
   const OscArgument& which = message.arguments.front();
   if (which.kind == OscKind::kText) {
     if (which.text.empty()) return std::nullopt;
-    return RemoteCommand{Kind::kSelect, 0, remote_text(which.text)};
+    return RemoteCommand{RemoteKind::kSelect, 0, remote_text(which.text)};
   }
   const std::optional<int> number = number_of(which);
   if (!number || *number == 0) return std::nullopt;
-  return RemoteCommand{Kind::kSelect, *number, {}};
+  return RemoteCommand{RemoteKind::kSelect, *number, {}};
 }
 
 std::optional<RemoteCommand> remark(const OscMessage& message) {
   if (message.count > 1) return std::nullopt;
-  if (message.count == 0) return RemoteCommand{Kind::kMark, 0, {}};
+  if (message.count == 0) return RemoteCommand{RemoteKind::kMark, 0, {}};
   const OscArgument& text = message.arguments.front();
-  if (text.kind == OscKind::kText) return RemoteCommand{Kind::kMark, 0, remote_text(text.text)};
+  if (text.kind == OscKind::kText) return RemoteCommand{RemoteKind::kMark, 0, remote_text(text.text)};
   const std::optional<int> pressed = number_of(text);
   if (!pressed) return std::nullopt;
-  return RemoteCommand{*pressed == 0 ? Kind::kNone : Kind::kMark, 0, {}};
+  return RemoteCommand{*pressed == 0 ? RemoteKind::kNone : RemoteKind::kMark, 0, {}};
 }
 
 /// A button: without an argument, or pressed and let go by a number.
-std::optional<RemoteCommand> button(Kind kind, const OscMessage& message) {
+std::optional<RemoteCommand> button(RemoteKind kind, const OscMessage& message) {
   if (message.count > 1) return std::nullopt;
   if (message.count == 0) return RemoteCommand{kind, 0, {}};
   const std::optional<int> pressed = number_of(message.arguments.front());
   if (!pressed) return std::nullopt;
-  return RemoteCommand{*pressed == 0 ? Kind::kNone : kind, 0, {}};
+  return RemoteCommand{*pressed == 0 ? RemoteKind::kNone : kind, 0, {}};
 }
 
 }  // namespace
@@ -80,9 +80,9 @@ std::string remote_text(std::string_view text) {
 std::optional<RemoteCommand> command_of(const OscMessage& message) {
   if (!message.address.starts_with(kPrefix)) return std::nullopt;
   const std::string_view what = message.address.substr(kPrefix.size());
-  if (what == "switch") return button(Kind::kNext, message);
-  if (what == "cancel") return button(Kind::kCancel, message);
-  if (what == "rearm") return button(Kind::kRearm, message);
+  if (what == "switch") return button(RemoteKind::kNext, message);
+  if (what == "cancel") return button(RemoteKind::kCancel, message);
+  if (what == "rearm") return button(RemoteKind::kRearm, message);
   if (what == "select") return selection(message);
   if (what == "mark") return remark(message);
   return std::nullopt;

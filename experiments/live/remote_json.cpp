@@ -5,7 +5,7 @@
 namespace palpate::experiments {
 namespace {
 
-using Kind = device::RemoteCommand::Kind;
+using RemoteKind = device::RemoteCommand::Kind;
 
 std::optional<device::RemoteCommand> selection_of(const nlohmann::json& object) {
   const auto which = object.find("renderer");
@@ -14,19 +14,20 @@ std::optional<device::RemoteCommand> selection_of(const nlohmann::json& object) 
   if (which->is_number_integer()) {
     const auto number = which->get<std::int64_t>();
     if (number < 1 || number > kMostLaneNumber) return std::nullopt;
-    return device::RemoteCommand{Kind::kSelect, static_cast<int>(number), {}};
+    return device::RemoteCommand{RemoteKind::kSelect, static_cast<int>(number), {}};
   }
   if (!which->is_string()) return std::nullopt;
   std::string label = device::remote_text(which->get_ref<const std::string&>());
   if (label.empty()) return std::nullopt;
-  return device::RemoteCommand{Kind::kSelect, 0, std::move(label)};
+  return device::RemoteCommand{RemoteKind::kSelect, 0, std::move(label)};
 }
 
 std::optional<device::RemoteCommand> remark_of(const nlohmann::json& object) {
   const auto text = object.find("text");
-  if (text == object.end()) return device::RemoteCommand{Kind::kMark, 0, {}};
+  if (text == object.end()) return device::RemoteCommand{RemoteKind::kMark, 0, {}};
   if (!text->is_string()) return std::nullopt;
-  return device::RemoteCommand{Kind::kMark, 0, device::remote_text(text->get_ref<const std::string&>())};
+  return device::RemoteCommand{RemoteKind::kMark, 0,
+                               device::remote_text(text->get_ref<const std::string&>())};
 }
 
 /// How deep brackets stand, at most: the parser goes down with them.
@@ -49,9 +50,9 @@ std::optional<device::RemoteCommand> command_of_json(std::string_view line) {
   const auto asked = object.find("do");
   if (asked == object.end() || !asked->is_string()) return std::nullopt;
   const std::string& what = asked->get_ref<const std::string&>();
-  if (what == "switch") return device::RemoteCommand{Kind::kNext, 0, {}};
-  if (what == "cancel") return device::RemoteCommand{Kind::kCancel, 0, {}};
-  if (what == "rearm") return device::RemoteCommand{Kind::kRearm, 0, {}};
+  if (what == "switch") return device::RemoteCommand{RemoteKind::kNext, 0, {}};
+  if (what == "cancel") return device::RemoteCommand{RemoteKind::kCancel, 0, {}};
+  if (what == "rearm") return device::RemoteCommand{RemoteKind::kRearm, 0, {}};
   if (what == "select") return selection_of(object);
   if (what == "mark") return remark_of(object);
   return std::nullopt;
