@@ -66,7 +66,7 @@ std::string png_of(const GreyImage& image) {
   return packed_png({image.width, image.height, 1, kGrey, Z_BEST_COMPRESSION}, image.pixels);
 }
 
-std::string png_of(const ColourImage& image) {
+std::string colour_png(const ColourImage& image) {
   constexpr char kColours = 2;
   return packed_png({image.width, image.height, 3, kColours, Z_BEST_SPEED}, image.rgb);
 }

@@ -28,7 +28,7 @@ struct ColourImage {
 /// The bytes of a PNG file (ISO/IEC 15948), 8 bits grey; empty where the image is.
 [[nodiscard]] std::string png_of(const GreyImage& image);
 /// 8 bits a colour, packed quickly: a window writes one between two frames.
-[[nodiscard]] std::string png_of(const ColourImage& image);
+[[nodiscard]] std::string colour_png(const ColourImage& image);
 
 /// RFC 4648, with padding.
 [[nodiscard]] std::string base64(const std::string& bytes);

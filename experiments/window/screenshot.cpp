@@ -31,7 +31,7 @@ ColourImage read_window(int width_px, int height_px) {
 }
 
 Status write_png(const ColourImage& image, const std::string& path) {
-  const std::string bytes = png_of(image);
+  const std::string bytes = colour_png(image);
   if (bytes.empty()) return Error{"there is no picture to write", "open the window first", path, 0};
   return write_file(path, bytes);
 }
