@@ -29,8 +29,8 @@ void SessionLink::running(std::shared_ptr<const ShownSession> session, SessionAc
   const std::scoped_lock lock(mutex_);
   view_.session = std::move(session);
   view_.phase.clear();
-  if (view_.touchable_s < 0.0) view_.touchable_s = since_begin_s();
   actions_ = std::move(actions);
+  if (stop_asked() && actions_.stop) actions_.stop();
 }
 
 void SessionLink::ended() {
@@ -78,6 +78,17 @@ void SessionLink::mark(const std::string& text) {
 void SessionLink::change(std::string text) {
   const std::scoped_lock lock(mutex_);
   changes_.push_back(std::move(text));
+}
+
+void SessionLink::ask_stop() {
+  stop_.store(true, std::memory_order_release);
+  const std::scoped_lock lock(mutex_);
+  if (actions_.stop) actions_.stop();
+}
+
+void SessionLink::touchable() {
+  const std::scoped_lock lock(mutex_);
+  if (view_.touchable_s < 0.0) view_.touchable_s = since_begin_s();
 }
 
 void SessionLink::felt() {

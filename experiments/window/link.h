@@ -50,6 +50,7 @@ struct ShownSession {
 struct SessionActions {
   std::function<void(const device::SwitchRequest&)> switch_to;
   std::function<void()> rearm;
+  std::function<void()> stop;
   std::function<Status(const std::string&)> mark;  ///< a remark into the recording
 };
 
@@ -60,6 +61,8 @@ class SessionLink {
   SessionLink& operator=(const SessionLink&) = delete;
 
   // The session's thread.
+  /// From here on a window may open: nothing is forked any more.
+  void device_made() noexcept { ready_.store(true, std::memory_order_release); }
   void show(std::shared_ptr<const ShownScene> scene);
   void progress(std::string_view what, double fraction);
   /// From here on the servo runs; until ended().
@@ -85,9 +88,12 @@ class SessionLink {
   void rearm();
   void mark(const std::string& text);
   void change(std::string text);
-  /// The first contact was seen.
+  /// The first tick was seen, the first contact.
+  void touchable();
   void felt();
-  void ask_stop() noexcept { stop_.store(true, std::memory_order_release); }
+  [[nodiscard]] bool ready_for_window() const noexcept { return ready_.load(std::memory_order_acquire); }
+  /// The session ends as soon as it can; a preparation gives up.
+  void ask_stop();
   /// Before another session: forgets everything. `from_ns`: when it was asked for (monotonic_ns).
   void begin(std::int64_t from_ns);
 
@@ -99,12 +105,13 @@ class SessionLink {
   SessionActions actions_;
   std::vector<std::string> changes_;
   std::int64_t begun_ns_ = monotonic_ns();
-  std::atomic<bool> stop_{false};
+  std::atomic<bool> stop_{false}, ready_{false};
 };
 
-/// Shows progress in two places.
+/// Shows progress in two places; who waits at the window can end the work.
 class LinkedProgress final : public Progress {
  public:
+  /// `link` null: in one.
   LinkedProgress(Progress& terminal, SessionLink* link) : terminal_(terminal), link_(link) {}
   void report(std::string_view what, double fraction) override {
     terminal_.report(what, fraction);

@@ -156,8 +156,10 @@ void Window::State::measure() {
 void Window::State::take_news() {
   view = link.view();
   if (view.scene.get() != scene->scene() && view.scene) {
+    const std::string before = scene->scene() != nullptr ? scene->scene()->name : "";
     scene->show(view.scene);
-    camera = Camera::of(scene->box_mm());
+    // A session that begins anew over the same scene is looked at from where one stood.
+    if (view.scene->name != before) camera = Camera::of(scene->box_mm());
     hand.forget();
     glfwSetWindowTitle(window, ("Palpate: " + view.scene->name).c_str());
   }
@@ -171,6 +173,7 @@ void Window::State::take_news() {
   if (!session) return;
   if (session->feed->acquire()) now = session->feed->newest();
   history.take(session->feed->samples());
+  if (now.ticks > 0 && view.touchable_s < 0.0) link.touchable();
   if (now.tick.frame.contact && !touched) {
     touched = true;
     link.felt();

@@ -44,7 +44,7 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"command",
      {"study", "run", "data", "report", "session", "behaviours", "stress", "tables", "stability", "trade",
       "hunt", "ablate", "live", "goals", "command"}},
-    {"benchmarks", {"benchmarks"}},
+    {"benchmarks", {"window", "benchmarks"}},
 };
 
 // The line of modules inside toolkit: each sees itself and those before it.
