@@ -52,8 +52,8 @@ class SplatDrawer {
   void draw(const Camera& camera, int width_px, int height_px);
   /// Copies the kept picture into the default framebuffer.
   void show() const;
-  /// What the last frame took all told, so that the next one draws as much as fits.
-  void took(double frame_ms) noexcept;
+  /// What the last draw() took, to its end on the graphics processor: the next one draws as much as fits.
+  void took(double draw_ms) noexcept;
 
   [[nodiscard]] std::size_t points() const noexcept { return points_; }
   [[nodiscard]] std::size_t drawn() const noexcept { return drawn_; }

@@ -196,7 +196,10 @@ void Window::State::draw_over() {
 void Window::State::draw() {
   scene->splats().light(panel.lit);
   const int view_px = static_cast<int>(view_width() * scale());
+  const Stopwatch drawing;
   scene->splats().draw(camera, view_px, height_px);
+  glFinish();
+  scene->splats().took(drawing.ms());
   glBindFramebuffer(GL_FRAMEBUFFER, 0);
   glViewport(0, 0, width_px, height_px);
   glClearColor(0.105f, 0.12f, 0.145f, 1.0f);
@@ -246,7 +249,6 @@ bool Window::frame() {
   s.keep_pictures();
   glFinish();
   const double took_ms = static_cast<double>(monotonic_ns() - s.began_ns) / kPictureNsPerMs;
-  s.scene->splats().took(took_ms);
   glfwSwapBuffers(s.window);
   if (s.options.paced && took_ms < kShortestPictureMs)
     std::this_thread::sleep_for(std::chrono::duration<double, std::milli>(kShortestPictureMs - took_ms));
