@@ -77,8 +77,8 @@ void print_checks(const std::vector<Check>& checks) {
   std::size_t warnings = 0, problems = 0;
   fmt::print("\n");
   for (const Check& check : checks) {
-    warnings += check.verdict == Verdict::kWarning ? 1 : 0;
-    problems += check.verdict == Verdict::kProblem ? 1 : 0;
+    warnings += check.verdict == CheckVerdict::kWarning ? 1 : 0;
+    problems += check.verdict == CheckVerdict::kProblem ? 1 : 0;
     fmt::print("{:<7}  {}: {}\n", verdict_name(check.verdict), check.about, check.found);
     for (const std::string& line : check.remedy) fmt::print("         {}\n", line);
   }
@@ -110,7 +110,7 @@ int run_devices(const DevicesArguments& arguments, Context& /*context*/) {
     if (arguments.doctor) print_checks(checks);
   }
   const bool problem = std::any_of(checks.begin(), checks.end(),
-                                   [](const Check& c) { return c.verdict == Verdict::kProblem; });
+                                   [](const Check& c) { return c.verdict == CheckVerdict::kProblem; });
   return problem ? kExitFellShort : kExitOk;
 }
 

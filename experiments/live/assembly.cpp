@@ -117,6 +117,10 @@ void Assembly::show_said(ProgressBar& progress) {
   for (const std::string& sentence : sentences) fmt::print(stderr, "palpate: {}\n", sentence);
 }
 
+const char* Assembly::armed_by() const noexcept {
+  return settings_.auto_rearm ? ", in a second" : " (key r)";
+}
+
 /// A device that is gone is opened again outside the servo's thread.
 void Assembly::replug(double now_s) {
   if (!device_.device().lost() || now_s < next_try_s_) return;
@@ -130,7 +134,7 @@ void Assembly::replug(double now_s) {
   }
   if (!device_.device().here()) return;
   not_open_.clear();
-  say(device_.device().name() + " is back, without force until it is armed again (key r)");
+  say(device_.device().name() + " is back; no force until it is armed again" + armed_by());
 }
 
 void Assembly::work(SessionTasks& tasks, double now_s) {
@@ -142,8 +146,7 @@ void Assembly::work(SessionTasks& tasks, double now_s) {
 void Assembly::prompt() {
   const device::Fault fault = watch_.fault();
   if (fault != fault_said_ && fault != device::Fault::kNone)
-    say(fmt::format("fault: {}; no force until it is armed again{}", device::fault_name(fault),
-                    settings_.auto_rearm ? ", in a second" : " (key r)"));
+    say(fmt::format("fault: {}; no force until it is armed again{}", device::fault_name(fault), armed_by()));
   fault_said_ = fault;
   const bool homing = !watch_.homed();
   if (homing && !homing_said_)

@@ -129,6 +129,7 @@ class Assembly {
   void work(SessionTasks& tasks, double now_s);
   void replug(double now_s);
   void prompt();
+  [[nodiscard]] const char* armed_by() const noexcept;
   void show_said(ProgressBar& progress);
   void note_scheduling(const std::string& scheduling);
   [[nodiscard]] SessionEnd ended(const device::LoopHistograms& histograms);

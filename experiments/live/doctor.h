@@ -41,17 +41,17 @@ struct SystemFacts {
 /// Reads them, and tries: some 0.1 s. Changes nothing that lasts.
 [[nodiscard]] SystemFacts read_system_facts();
 
-enum class Verdict : std::uint8_t {
+enum class CheckVerdict : std::uint8_t {
   kFine,
   kWarning,  ///< a simulated session runs; a device would be felt to suffer
   kProblem,  ///< a simulated session does not run in time
 };
 /// "fine", "warning", "problem".
-[[nodiscard]] const char* verdict_name(Verdict verdict) noexcept;
+[[nodiscard]] const char* verdict_name(CheckVerdict verdict) noexcept;
 
 struct Check {
   std::string about;
-  Verdict verdict = Verdict::kFine;
+  CheckVerdict verdict = CheckVerdict::kFine;
   std::string found;
   std::vector<std::string> remedy;  ///< lines, to be done as they stand; empty where it is fine
 };

@@ -55,8 +55,7 @@ class NearModels {
     near_.clear();
     always_.resize(built_always_);
     listed_.assign(listed_.size(), 0);
-    boxes_->run(t_s, hip_mm, hip_mm);
-    list(boxes_->newest(), enter, [](std::uint32_t) { return false; });
+    ask(hip_mm, hip_mm, t_s, enter, [](std::uint32_t) { return false; });
   }
   /// The HIP goes on from `hip_mm`; every model's contact has been told so.
   void let_go(const Vec3& hip_mm) noexcept { previous_ = hip_mm; }
@@ -68,25 +67,22 @@ class NearModels {
 
   /// Before a frame at `hip_mm`. enter(i, hip, t): model i comes near, and was clear of the HIP up to there
   /// and then; touching(i): it is in contact, and stays however far the HIP has gone through it. False where
-  /// the broad phase is run elsewhere and was too late: all models are listed.
+  /// the broad phase is run elsewhere and was too late: all models are listed. Otherwise O(log n + models
+  /// listed): of a HIP that jumps, those on its way.
   template <class Enter, class Touching>
   [[nodiscard]] bool choose(const Vec3& hip_mm, double now_s, Enter&& enter, Touching&& touching) noexcept {
     const NearbyModels* near = &boxes_->newest();
-    if (near->number != taken_ && near->covers(previous_, now_s)) list(*near, enter, touching);
+    if (elsewhere_ && near->number != taken_ && near->covers(previous_, now_s)) list(*near, enter, touching);
     const auto covered = [&] {
-      return near->number == taken_ && near->covers(previous_, now_s) && near->covers(hip_mm, now_s);
+      return !once_ && near->number == taken_ && near->covers(previous_, now_s) &&
+             near->covers(hip_mm, now_s);
     };
     if (covered()) return true;
     if (elsewhere_) {  // too late: nothing may be missed
-      NearbyModels all;
-      all.too_many = true;
-      all.number = taken_;
-      list(all, enter, touching);
+      list_all(enter, touching);
       return false;
     }
-    boxes_->run(now_s, previous_, hip_mm);
-    near = &boxes_->newest();
-    list(*near, enter, touching);
+    ask(previous_, hip_mm, now_s, enter, touching);
     return true;
   }
   [[nodiscard]] std::span<const std::uint32_t> models() const noexcept { return near_; }
@@ -97,27 +93,61 @@ class NearModels {
   }
 
  private:
-  /// Takes over a list of the broad phase.
+  /// This thread asks. What lay along a jump is no neighbour afterwards, and the box around it holds models
+  /// that are nowhere near: of a jump those on the way are listed, for this one frame.
+  template <class Enter, class Touching>
+  void ask(const Vec3& from_mm, const Vec3& to_mm, double now_s, Enter&& enter,
+           Touching&& touching) noexcept {
+    once_ = boxes_->is_jump(from_mm, to_mm);
+    if (once_) {
+      boxes_->move_to(now_s);
+      list_each([&](auto&& take) { boxes_->on_way(from_mm, to_mm, take); }, enter, touching);
+      return;
+    }
+    boxes_->run(now_s, from_mm, to_mm);
+    list(boxes_->newest(), enter, touching);
+  }
+  /// Takes over an answer of the broad phase. Of too many models the boxes tell, where they are this
+  /// thread's.
   template <class Enter, class Touching>
   void list(const NearbyModels& found, Enter&& enter, Touching&& touching) noexcept {
-    ++lists_;
     taken_ = found.number;
+    if (!found.too_many) {
+      const auto named = [&](auto&& take) {
+        for (std::uint32_t i = 0; i < found.count; ++i) take(found.model[i]);
+      };
+      list_each(named, enter, touching);
+    } else if (elsewhere_) {
+      list_all(enter, touching);
+    } else {
+      list_each([&](auto&& take) { boxes_->within(found.valid, take); }, enter, touching);
+    }
+  }
+  template <class Enter, class Touching>
+  void list_all(Enter&& enter, Touching&& touching) noexcept {
+    const auto all = [&](auto&& take) {
+      for (std::uint32_t i = 0; i < listed_.size(); ++i) take(i);
+    };
+    list_each(all, enter, touching);
+  }
+  /// named(take): calls take(i) for every model that the list names.
+  template <class Named, class Enter, class Touching>
+  void list_each(Named&& named, Enter&& enter, Touching&& touching) noexcept {
+    ++lists_;
     former_.swap(near_);
     near_.clear();
     const auto take = [&](std::uint32_t index) {
+      if (listed_[index] == lists_) return;
       if (listed_[index] + 1 != lists_) enter(index, previous_, previous_s_);
       listed_[index] = lists_;
       near_.push_back(index);
     };
-    if (found.too_many) {
-      for (std::uint32_t i = 0; i < listed_.size(); ++i) take(i);
-      return;
-    }
-    for (std::uint32_t i = 0; i < found.count; ++i) take(found.model[i]);
+    named(take);
+    // Forces add up in the order of the list, and the boxes' own order depends on how they moved.
+    std::sort(near_.begin(), near_.end());
     for (const std::uint32_t index : former_)
-      if (touching(index) && listed_[index] != lists_) take(index);
-    for (const std::uint32_t index : always_)
-      if (listed_[index] != lists_) take(index);
+      if (touching(index)) take(index);
+    for (const std::uint32_t index : always_) take(index);
   }
 
   std::unique_ptr<SceneBoxes> boxes_;
@@ -127,6 +157,7 @@ class NearModels {
   std::size_t built_always_ = 0;              ///< so many of them from the start
   std::uint64_t taken_ = 0;                   ///< the answer of the broad phase that near_ is
   std::uint64_t lists_ = 1;                   ///< answers of the broad phase taken over, 1 = none
+  bool once_ = false;                         ///< near_ is good for the frame it was made for alone
   bool elsewhere_ = false;                    ///< somebody else runs the broad phase
   Vec3 previous_ = Vec3::Zero();              ///< the HIP of the last frame, world
   double previous_s_ = 0.0;

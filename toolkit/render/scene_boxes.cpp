@@ -46,12 +46,15 @@ geometry::Aabb SceneBoxes::box_of(const ModelBox& model) const noexcept {
   return box.grown(pose.angular_velocity_rad_s.norm() * horizon_s_ * arm);
 }
 
-void SceneBoxes::run(double t_s, const Vec3& from_mm, const Vec3& to_mm) noexcept {
+void SceneBoxes::move_to(double t_s) noexcept {
   t_s_ = t_s;
-  if (moves_) {
-    for (std::size_t i = 0; i < models_.size(); ++i) boxes_[i] = box_of(models_[i]);
-    phase_.update(boxes_);
-  }
+  if (!moves_) return;
+  for (std::size_t i = 0; i < models_.size(); ++i) boxes_[i] = box_of(models_[i]);
+  phase_.update(boxes_);
+}
+
+void SceneBoxes::run(double t_s, const Vec3& from_mm, const Vec3& to_mm) noexcept {
+  move_to(t_s);
   geometry::Aabb region;
   region.add(from_mm);
   region.add(to_mm);

@@ -14,7 +14,7 @@
 
 namespace palpate::render {
 
-/// Models that may be near at once; of more, the list says so and the frame looks at all of them.
+/// Models that an answer names; of more it says so, and the frame asks for those on its own way.
 inline constexpr std::size_t kMaxNearbyModels = 32;
 
 /// The models whose boxes meet `valid` at any time up to `until_s`: while the HIP stays inside, no other can
@@ -52,6 +52,23 @@ class SceneBoxes {
   [[nodiscard]] const NearbyModels& newest() noexcept {
     (void)handover_.acquire();
     return handover_.front();
+  }
+  /// Calls item(i) for the models that a HIP on that way comes near, at the time of the last run() or
+  /// move_to(); or for those of a region. Any number of them, in no order to be relied on. For the thread
+  /// that runs run().
+  template <class Item>
+  void on_way(const Vec3& from_mm, const Vec3& to_mm, const Item& item) const noexcept {
+    phase_.on_way(from_mm, to_mm, margin_mm_, item);
+  }
+  template <class Item>
+  void within(const geometry::Aabb& region, const Item& item) const noexcept {
+    phase_.within(region, item);
+  }
+  /// The boxes of that time, for on_way(). O(n) where anything moves.
+  void move_to(double t_s) noexcept;
+  /// A way longer than an answer reaches around its ends: what lies along it is no neighbour afterwards.
+  [[nodiscard]] bool is_jump(const Vec3& from_mm, const Vec3& to_mm) const noexcept {
+    return (to_mm - from_mm).cwiseAbs().maxCoeff() > margin_mm_;
   }
   [[nodiscard]] std::size_t bytes() const noexcept;
 

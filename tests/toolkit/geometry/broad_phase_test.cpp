@@ -194,5 +194,47 @@ TEST(BoxTree, EveryItemIsInOneLeaf) {
     }
 }
 
+TEST(BroadPhase, WhatLiesOnAWayOrInARegionIsAllThatBruteForceFinds) {
+  Random random(5);
+  for (const double scale : {1e-3, 1.0, 1e6}) {
+    std::vector<Aabb> boxes = random_boxes(300, scale, Vec3::Zero(), random);
+    boxes.push_back({Vec3::Constant(-kInf), Vec3::Constant(kInf)});
+    boxes.emplace_back();  // empty
+    boxes.push_back({Vec3::Zero(), Vec3::Zero()});
+    const BroadPhase phase(boxes);
+    for (int round = 0; round < 300; ++round) {
+      const auto place = [&] {
+        return Vec3{scale * random.uniform(-2, 2), scale * random.uniform(-2, 2),
+                    scale * random.uniform(-2, 2)};
+      };
+      const Vec3 from = place();
+      const Vec3 to = round % 5 == 0 ? from : place();
+      const double reach = round % 3 == 0 ? 0.0 : 0.1 * scale;
+      std::vector<std::uint32_t> found, expected;
+      phase.on_way(from, to, reach, [&](std::uint32_t i) { found.push_back(i); });
+      for (std::uint32_t i = 0; i < boxes.size(); ++i) {
+        if (boxes[i].empty()) continue;
+        const Aabb grown = boxes[i].grown(reach);
+        const bool infinite = !is_finite(Vec3(grown.extent_mm()));
+        if (infinite || segment_touches_box({from, to}, grown.centre_mm(), 0.5 * Vec3(grown.extent_mm())))
+          expected.push_back(i);
+      }
+      std::sort(found.begin(), found.end());
+      EXPECT_EQ(found, expected);
+
+      Aabb region;
+      region.add(from);
+      region.add(to);
+      found.clear();
+      phase.within(region, [&](std::uint32_t i) { found.push_back(i); });
+      std::sort(found.begin(), found.end());
+      expected.clear();
+      for (const BoxHit& hit : brute_force(boxes, region)) expected.push_back(hit.item);
+      std::sort(expected.begin(), expected.end());
+      EXPECT_EQ(found, expected);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace palpate::geometry
