@@ -17,12 +17,14 @@ void declare_live(const Declaration& declare, LiveArguments& a) {
       "A,B,..: each NAME[:option=value...][:label=TEXT], at most 7; the first is felt first (default: "
       "the scene's or the plan's, cloud, and a mesh)");
   declare_device(declare, a.device);
-  declare.text(
-      "--hand", a.hand,
-      "what the simulated hand does: explore along the path, press, slide or tap (default: explore)");
+  declare.text("--hand", a.hand,
+               "what the simulated hand does: explore along the path, press, slide or tap; mouse: goes where "
+               "the mouse "
+               "says (default: explore; with --window mouse)");
   declare.text("--grip", a.device.grip,
                "how it holds the device: hand, finger, arm or released (default: hand)");
-  declare.number("--seconds", a.seconds, kSeconds, "how long (default: 10)");
+  declare.number("--seconds", a.seconds, kSeconds,
+                 "how long (default: 10; with --window until it is closed)");
   declare.number("--switch-every", a.switch_every_s, kEvery,
                  "seconds after which the next renderer is asked for, again and again (default: 0, never)");
   declare.text(
@@ -38,6 +40,10 @@ void declare_live(const Declaration& declare, LiveArguments& a) {
   declare.number("--rate", a.rate_hz, kRate, "of the servo, whole Hz (default: 1000)");
   declare.flag("--accelerated", a.accelerated,
                "as fast as it goes, on a clock of its own: the same session every time");
+  declare.flag(
+      "--window", a.window,
+      "a window over the session: the cloud, what is felt, plots, switches by buttons; without a device "
+      "the mouse is the hand. A scan that is dropped on it is opened");
   declare.flag(
       "--headless", a.headless,
       "without a window: keys, the network and the device's buttons switch. The only way where no window "
@@ -67,6 +73,7 @@ Subcommand live_subcommand() {
        "out/live",
        "palpate live sinusoid:points=10201 --renderers cloud,cloud-smooth --device sim:falcon --hand slide "
        "--seconds 60 --switch-every 0.7 --accelerated --out out/slide",
+       "palpate live scan.ply --window",
        "palpate live sinusoid:points=10201 --renderers cloud --changes "
        "2:cloud:stiffness=0.8,4:cloud:shading=none "
        "--seconds 6 --accelerated --out out/changes",

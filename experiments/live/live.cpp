@@ -7,8 +7,10 @@
 #include <cmath>
 #include <filesystem>
 
+#include "experiments/live/hand.h"
 #include "experiments/live/recording_session.h"
 #include "experiments/live/session.h"
+#include "experiments/live/window_hooks.h"
 #include "experiments/report/tables.h"
 #include "experiments/run/choices.h"
 #include "experiments/session/run_key.h"
@@ -73,6 +75,21 @@ int finish_live(const LiveDocument& document, const OutputFolder& folder, bool j
   return status;
 }
 
+Status check_window(const LiveArguments& arguments) {
+  const char* const other = arguments.headless      ? "--headless"
+                            : arguments.accelerated ? "--accelerated"
+                                                    : nullptr;
+  if (other == nullptr) return Done{};
+  return Error{fmt::format("--window and {} exclude each other", other), "leave one of them out", {}, 0};
+}
+
+/// To the window, where there is one: it is seen before anything is prepared.
+void show_stage(const LiveArguments& arguments, const Stage& stage) {
+  if (arguments.link == nullptr) return;
+  arguments.link->show(
+      std::make_shared<const ShownScene>(ShownScene{stage.scene_name, stage.scene.input.models}));
+}
+
 /// Whole Hz, and where a recording is to be.
 Status check_live(const LiveArguments& arguments) {
   if (arguments.rate_hz != std::round(arguments.rate_hz))
@@ -124,11 +141,21 @@ Result<OutputFolder> open_folder(const RunArguments& run, const StageRequest& st
 
 }  // namespace
 
-int run_live(const LiveArguments& arguments, Context& context) {
-  return run_live_with(arguments, session_drivers(), context);
+LiveArguments with_defaults(LiveArguments arguments) {
+  constexpr double kUsualS = 10.0, kLongestS = 86'400.0;
+  if (arguments.hand.empty()) arguments.hand = arguments.link != nullptr ? kMouseHand : "explore";
+  if (arguments.seconds == 0.0) arguments.seconds = arguments.link != nullptr ? kLongestS : kUsualS;
+  return arguments;
 }
 
-int run_live_with(const LiveArguments& arguments, const device::Drivers& drivers, Context& context) {
+int run_live(const LiveArguments& arguments, Context& context) {
+  if (!arguments.window) return run_live_with(arguments, session_drivers(), context);
+  if (const Status right = check_window(arguments); !right) return fail(right.error(), kExitBadInput);
+  return run_live_in_window(arguments, session_drivers(), context);
+}
+
+int run_live_with(const LiveArguments& given, const device::Drivers& drivers, Context& context) {
+  const LiveArguments arguments = with_defaults(given);
   const render::Registry registry = all_renderers();
   if (const Status right = check_live(arguments); !right) return fail(right.error(), kExitBadInput);
   RunArguments run = arguments.run;
@@ -146,8 +173,11 @@ int run_live_with(const LiveArguments& arguments, const device::Drivers& drivers
   // Before threads and a large scene: its guard is forked.
   Result<SessionDevice> device = make_device(*choice, arguments, clock, document);
   if (!device) return fail(device.error(), kExitBadInput);
-  const Result<Stage> stage = set_up(checked->stage, all_readers(), context.progress);
+  if (arguments.link != nullptr) arguments.link->device_made();
+  LinkedProgress seen(context.progress, arguments.link);
+  const Result<Stage> stage = set_up(checked->stage, all_readers(), seen);
   if (!stage) return fail(stage.error(), kExitBadInput, &context.progress);
+  show_stage(arguments, *stage);
   Result<LivePlan> plan = choose_and_plan(arguments, *checked, *stage, registry, drivers, document);
   if (plan && !arguments.record.empty())
     plan->header = recording_header(run.scene, checked->stage.scene, stage->scene, run.surface);

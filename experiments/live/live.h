@@ -14,6 +14,8 @@
 
 namespace palpate::experiments {
 
+class SessionLink;  // experiments/window/link.h
+
 inline constexpr const char* kLiveFile = "live.json";
 /// Goes up when a key changes its meaning or goes away.
 inline constexpr const char* kLiveSchema = "palpate-live/1";
@@ -21,12 +23,18 @@ inline constexpr const char* kLiveSchema = "palpate-live/1";
 struct LiveArguments {
   RunArguments run;  ///< of it: scene, renderers, path, folder, model, surface, json
   DeviceArguments device;
-  std::string hand = "explore", mapping = "1:1", rule = "wait", changes, record;
-  std::string listen;  ///< PORT or ADDRESS:PORT; empty: nobody is heard
-  double seconds = 10.0, switch_every_s = 0.0, rate_hz = 1000.0, fade_ms = 150.0;
-  bool headless = false, accelerated = false, rearm = false;
-  bool replace = false;  ///< a recording that is there
+  std::string hand;  ///< empty: explore, in a window the mouse
+  std::string mapping = "1:1", rule = "wait", changes, record;
+  std::string listen;    ///< PORT or ADDRESS:PORT; empty: nobody is heard
+  double seconds = 0.0;  ///< 0: ten, in a window as long as it is open
+  double switch_every_s = 0.0, rate_hz = 1000.0, fade_ms = 150.0;
+  bool window = false, headless = false, accelerated = false, rearm = false;
+  bool replace = false;         ///< a recording that is there
+  SessionLink* link = nullptr;  ///< of the window over it, which outlives it; null: none
 };
+
+/// What was left open, filled in.
+[[nodiscard]] LiveArguments with_defaults(LiveArguments arguments);
 
 /// A decision of the mixer that a person would ask about.
 struct LiveDecision {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "experiments/window/link.h"
 #include "toolkit/core/try.h"
 
 namespace palpate::experiments {
@@ -23,9 +24,14 @@ void LiveTasks::work(double now_s) {
   while (mixer_.take_retired()) {
   }
   if (pending_ && mixer_.offer(pending_, lane_)) return;
-  if (pending_ || next_ == changes_.size() || now_s < changes_[next_].at_s) return;
-  const LiveChange& change = changes_[next_++];
+  if (link_ != nullptr) take_asked();
+  if (pending_) return;
+  const std::optional<LiveChange> taken = due(now_s);
+  if (!taken) return;
+  const LiveChange& change = *taken;
   Result<std::unique_ptr<render::HapticRenderer>> made = make(change.setting);
+  if (link_ != nullptr)
+    link_->answer(made ? change.setting.request.label + " changed" : made.error().message());
   if (!made) {
     failures_.push_back(fmt::format("The change of {} at {:g} s was not made: {}",
                                     change.setting.request.label, change.at_s, made.error().message()));
@@ -35,6 +41,33 @@ void LiveTasks::work(double now_s) {
   pending_ = *std::move(made);
   lane_ = static_cast<std::uint8_t>(change.lane);
   (void)mixer_.offer(pending_, lane_);
+}
+
+/// What a person typed, on top of all that was changed before.
+void LiveTasks::take_asked() {
+  for (const std::string& text : link_->take_changes()) {
+    const auto parsed = parse_changes("0:" + text, settings_, workshop_.registry);
+    if (!parsed) {
+      link_->answer(parsed.error().message());
+      continue;
+    }
+    for (const LiveChange& change : *parsed) {
+      settings_[change.lane] = change.setting;
+      asked_.push_back(change);
+    }
+  }
+}
+
+std::optional<LiveChange> LiveTasks::due(double now_s) {
+  if (next_ < changes_.size() && now_s >= changes_[next_].at_s) {
+    settings_.resize(std::max(settings_.size(), changes_[next_].lane + 1));
+    settings_[changes_[next_].lane] = changes_[next_].setting;
+    return changes_[next_++];
+  }
+  if (asked_.empty()) return std::nullopt;
+  const LiveChange first = asked_.front();
+  asked_.pop_front();
+  return first;
 }
 
 Result<std::unique_ptr<render::HapticRenderer>> LiveTasks::make(const LiveSetting& setting) {

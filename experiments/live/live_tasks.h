@@ -2,7 +2,9 @@
 // network, switches by a timer.
 #pragma once
 
+#include <deque>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,6 +16,8 @@
 #include "experiments/live/live_recording.h"
 
 namespace palpate::experiments {
+
+class SessionLink;  // experiments/window/link.h
 
 /// Asks for the next renderer at fixed times of the session.
 class SwitchTimer final : public device::TickObserver {
@@ -48,6 +52,11 @@ class LiveTasks final : public SessionTasks {
         clock_(clock),
         places_(places) {}
 
+  /// Changes that are typed into a window are taken from there; null: there is none. Before the session runs.
+  void asked_by(SessionLink* link, std::vector<LiveSetting> settings) {
+    link_ = link;
+    settings_ = std::move(settings);
+  }
   /// Makes what is due, hands it over, and destroys what comes back.
   void work(double now_s) override;
   void key(char pressed) override;
@@ -58,6 +67,8 @@ class LiveTasks final : public SessionTasks {
 
  private:
   Result<std::unique_ptr<render::HapticRenderer>> make(const LiveSetting& setting);
+  void take_asked();
+  [[nodiscard]] std::optional<LiveChange> due(double now_s);
   bool select(const device::RemoteCommand& command);
 
   Workshop& workshop_;
@@ -67,6 +78,9 @@ class LiveTasks final : public SessionTasks {
   const Clock& clock_;
   TaskPlaces places_;
   std::size_t next_ = 0;
+  SessionLink* link_ = nullptr;
+  std::vector<LiveSetting> settings_;  // as they are now, by lane
+  std::deque<LiveChange> asked_;
   std::unique_ptr<render::HapticRenderer> pending_;
   std::uint8_t lane_ = 0;
   std::vector<std::string> failures_;

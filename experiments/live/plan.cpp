@@ -56,6 +56,16 @@ Status keeps_time(const LiveArguments& arguments, const DeviceChoice& device) {
   return Done{};
 }
 
+Status check_hand(const LiveArguments& arguments) {
+  if (arguments.hand == kMouseHand) {
+    if (arguments.link != nullptr) return Done{};
+    return Error{"--hand mouse needs a window to move it in", "add --window", {}, 0};
+  }
+  if (std::find(live_hands().begin(), live_hands().end(), arguments.hand) == live_hands().end())
+    return unknown_word("hand", arguments.hand, live_hands());
+  return Done{};
+}
+
 }  // namespace
 
 Result<LivePlan> plan_live(const LiveArguments& arguments, const std::vector<RendererRequest>& renderers,
@@ -73,8 +83,7 @@ Result<LivePlan> plan_live(const LiveArguments& arguments, const std::vector<Ren
   plan.rule = rule == rules.begin()       ? device::SwitchRule::kContactElseWait
               : rule == rules.begin() + 1 ? device::SwitchRule::kContactElseRefuse
                                           : device::SwitchRule::kFreeSpace;
-  if (std::find(live_hands().begin(), live_hands().end(), arguments.hand) == live_hands().end())
-    return unknown_word("hand", arguments.hand, live_hands());
+  PALPATE_TRY(check_hand(arguments));
   if (renderers.size() > device::kMostLanes)
     return Error{fmt::format("--renderers names {} renderers", renderers.size()),
                  fmt::format("one hand takes at most {}", device::kMostLanes),

@@ -15,6 +15,7 @@
 #include "experiments/live/live_tasks.h"
 #include "experiments/live/moving_scene.h"
 #include "experiments/live/watch.h"
+#include "experiments/live/window_hooks.h"
 #include "toolkit/core/try.h"
 
 namespace palpate::experiments {
@@ -123,10 +124,17 @@ geometry::Aabb scene_box(const render::SceneInput& scene) {
   return box;
 }
 
-/// Where the hand is before the first tick: free. A simulated hand takes the device.
+/// Where the hand is before the first tick: free. A simulated hand takes the device; one that a mouse guides
+/// is left in `guide`.
 Result<Vec3> place_hand(const LiveArguments& arguments, const Stage& stage, render::HapticRenderer& first,
-                        const device::DeviceMap& map, SessionDevice& device) {
+                        const device::DeviceMap& map, SessionDevice& device,
+                        std::shared_ptr<device::HandGuide>& guide) {
   if (!device.is_simulated_hand()) return stage.path.hip_mm.front();
+  if (arguments.hand == kMouseHand) {
+    guide = std::make_shared<device::HandGuide>(map.device_mm(stage.path.hip_mm.front()));
+    device.hold(device::HandScript::guided(kMouseHand, guide));
+    return stage.path.hip_mm.front();
+  }
   PALPATE_ASSIGN(device::HandScript script,
                  live_hand(arguments.hand, stage.path, first, map, arguments.seconds));
   const Vec3 free_mm = map.world_mm(script.at(0.0).position_mm);
@@ -226,11 +234,13 @@ Result<Seat> take_seat(const LiveArguments& arguments, const LivePlan& plan, con
 Status run_session(const LiveArguments& arguments, const LivePlan& plan, Workshop& workshop,
                    SessionClock& clock, SessionDevice& device, ProgressBar& progress,
                    LiveDocument& document) {
-  PALPATE_ASSIGN(std::vector<MadeRenderer> made, prepare_all(plan, workshop, progress, document));
+  LinkedProgress seen(progress, arguments.link);
+  PALPATE_ASSIGN(std::vector<MadeRenderer> made, prepare_all(plan, workshop, seen, document));
   PALPATE_ASSIGN(const Seat seat, take_seat(arguments, plan, workshop.stage, device, document));
   SessionSettings settings = settings_of(arguments);
+  std::shared_ptr<device::HandGuide> guide;
   PALPATE_ASSIGN(settings.free_mm,
-                 place_hand(arguments, workshop.stage, *made.front().renderer, seat.map, device));
+                 place_hand(arguments, workshop.stage, *made.front().renderer, seat.map, device, guide));
   const bool recorded = !arguments.record.empty();
   Felt felt;
   PALPATE_TRY(mix_all(std::move(made), plan, workshop,
@@ -253,6 +263,10 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
         header_of(arguments, plan, seat.limits, seat.map, clock, device.device().name()), *felt.mixer));
     session.record(*felt.recording.recorder());
   }
+  tasks.asked_by(arguments.link, plan.settings);
+  const WindowHooks window(
+      arguments, session, *felt.mixer, workshop.stage.scene.input,
+      {device.device().name(), labels_of(plan), {}, seat.limits, seat.force_limit_n, 0.0, false, {}, guide});
   document.resident_before_bytes = resident_bytes();
   const Result<SessionEnd> end = run_heard(plan, session, tasks, progress, document);
   if (!end) {

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <utility>
 
-#include "device/simulated/simulated_drivers.h"
+#include "device/drivers/all_drivers.h"
 #include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
 
@@ -48,7 +48,7 @@ Status only_plain(const DeviceArguments& arguments) {
 const device::Drivers& session_drivers() {
   static const device::Drivers kDrivers = [] {
     device::Drivers drivers;
-    device::register_simulated_drivers(drivers);
+    device::register_all_drivers(drivers);
     return drivers;
   }();
   return kDrivers;
