@@ -42,6 +42,9 @@ Status FarEnd::open() {
   governed.period_s = 1.0 / options_.rate_hz;
   governed.user_limit_n = options_.user_limit_n > 0.0 ? options_.user_limit_n : welcome_.limits.force_max_n;
   governed.slew_n_per_s = options_.slew_n_per_s;
+  governed.late_zero_s = options_.late_zero_s;
+  governed.latch_late_s = options_.latch_late_s;
+  governed.silence_s = options_.silence_s;
   // The other side's governor has faded at the workspace's edge and with the speed: once is enough.
   governed.edge_share = 0.0;
   governed.fade_from_mm_per_s = 0.0;

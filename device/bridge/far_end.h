@@ -32,6 +32,9 @@ struct FarEndOptions {
   double most_age_s = 0.020;  ///< of the state that a command answers
   double user_limit_n = 0.0;  ///< 0: the device's own limit; the other side has its user's
   double slew_n_per_s = 1000.0;
+  // Of this side's governor, and as there: a loop that is late, and a device that is silent.
+  double late_zero_s = GovernorOptions{}.late_zero_s, latch_late_s = GovernorOptions{}.latch_late_s;
+  double silence_s = GovernorOptions{}.silence_s;
 };
 
 struct FarEndCounters {

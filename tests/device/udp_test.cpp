@@ -128,6 +128,7 @@ class RunningFarEnd {
     FarEndOptions options;
     options.rate_hz = 500.0;
     options.watchdog_s = options.most_age_s = watchdog_s;
+    options.late_zero_s = options.latch_late_s = options.silence_s = 20.0;
     return options;
   }
   UdpPort port_;
@@ -137,13 +138,13 @@ class RunningFarEnd {
 };
 
 TEST(BridgeOverSockets, IsFeltLetGoAndReleasedByAGuard) {
-  RunningFarEnd far(0.5);
+  RunningFarEnd far(2.0);
   far.start();
   Drivers drivers;
   register_bridge_driver(drivers);
   const MonotonicClock clock;
   Result<MadeDevice> made =
-      drivers.of("bridge")->make({"bridge:" + far.where(), {}, {{"most-age-ms", "500"}}}, clock);
+      drivers.of("bridge")->make({"bridge:" + far.where(), {}, {{"most-age-ms", "1000"}}}, clock);
   ASSERT_TRUE(made);
   Device& device = *made->device;
   const Status opened = device.open();
