@@ -27,6 +27,7 @@
   DO(hunt)                      \
   DO(stress)                    \
   DO(devices)                   \
+  DO(bridge)                    \
   DO(fetch)
 
 namespace palpate::experiments {
