@@ -14,8 +14,8 @@
 namespace palpate::experiments {
 namespace {
 
-// The points of a picture may take so long: with the rest of the window some twenty-five pictures a second are
-// left in software drawing, which still move smoothly.
+// The points of a picture may take so long: with the rest of the window some twenty-five pictures a second
+// are left in software drawing, which still move smoothly.
 constexpr double kDrawMs = 25.0;
 constexpr std::size_t kFewestPoints = 10'000, kFirstPoints = 50'000;
 /// A budget grows by no more than this from one frame to the next: a single quick frame proves little.

@@ -118,6 +118,20 @@ GovernorOptions patient() {
   ::_exit(0);
 }
 
+/// As a user who may not: 0 where it is said what helps.
+[[noreturn]] void be_refused() {
+  constexpr unsigned kNobody = 65534;
+  if (::geteuid() == 0 && (::setgid(kNobody) != 0 || ::setuid(kNobody) != 0)) ::_exit(5);
+  Drivers drivers;
+  register_falcon_driver(drivers);
+  const DeviceEntry entry = drivers.all()[0].look().at(0);
+  const std::string rule = usb_udev_rule(kAddress.vendor, kAddress.product);
+  if (entry.status != DeviceStatus::kRefused || entry.needs.at(0).find(rule) == std::string::npos) ::_exit(6);
+  const Status opened = falcon_link()->open();
+  if (opened || opened.error().remedy.find(rule) == std::string::npos) ::_exit(7);
+  ::_exit(0);
+}
+
 class UsbFalcon : public testing::Test {
  protected:
   void SetUp() override {
@@ -156,6 +170,21 @@ TEST_F(UsbFalcon, IsFoundAndListed) {
   const Status opened = falcon_link()->open();
   ASSERT_FALSE(opened);
   EXPECT_NE(opened.error().message().find("0403:cb48"), std::string::npos) << opened.error().message();
+}
+
+TEST_F(UsbFalcon, AUserWhoMayNotOpenItIsToldTheRule) {
+  EXPECT_EQ(
+      usb_udev_rule(0x0403, 0xCB48),
+      R"(SUBSYSTEM=="usb", ATTR{idVendor}=="0403", ATTR{idProduct}=="cb48", MODE="0660", TAG+="uaccess")");
+  usb->forbid();
+  const pid_t child = ::fork();
+  if (child == 0) {
+    ::execl("/proc/self/exe", "test_usb", "--be-refused", static_cast<char*>(nullptr));
+    ::_exit(9);
+  }
+  int status = -1;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_EQ(WIFEXITED(status) ? WEXITSTATUS(status) : -1, 0);
 }
 
 TEST_F(UsbFalcon, LoadsFirmwareFromAFileAndReads) {
@@ -392,6 +421,7 @@ int main(int argc, char** argv) {
   if (first == "--press") press_over_usb(true);
   if (first == "--press-unguarded") press_over_usb(false);
   if (first == "--press-and-stop") press_and_stop();
+  if (first == "--be-refused") be_refused();
   if (const std::string missing = UsbfsDouble::missing(); !missing.empty()) {
     fmt::print(stderr, "skipped: {}\n", missing);
     constexpr int kSkipped = 77;  // what CTest takes for a skipped test

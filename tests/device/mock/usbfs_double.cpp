@@ -5,6 +5,7 @@
 #include <pthread.h>
 #include <sched.h>
 #include <sys/ioctl.h>
+#include <sys/stat.h>
 #include <termios.h>
 #include <time.h>
 #include <umockdev.h>
@@ -381,6 +382,16 @@ void UsbfsDouble::hold_out(bool hold) {
     for (Urb& urb : under_way)
       if (!urb.done && (urb.fields().endpoint & 0x80U) == 0) bed_->begin(urb);
   bed_->show_whether_ready();
+}
+
+void UsbfsDouble::forbid() {
+  gchar* root = umockdev_testbed_get_root_dir(bed_->bed);
+  const std::string folder = root;
+  g_free(root);
+  constexpr mode_t kAllMayListen = 0777;  // sockets on which uevents come are made there
+  ::chmod(folder.c_str(), kAllMayListen);
+  ::chmod((folder + "/ioctl" + kNode).c_str(), kAllMayListen);
+  ::chmod((folder + kNode).c_str(), 0);
 }
 
 void UsbfsDouble::run_at(int priority) {
