@@ -39,9 +39,10 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"ablate", {"study", "run", "data", "report", "session", "ablate"}},
     {"live", {"study", "run", "data", "report", "session", "live"}},
     {"goals", {"study", "run", "data", "report", "session", "stability", "goals"}},
+    {"psychophysics", {"study", "run", "data", "report", "session", "stability", "psychophysics"}},
     {"command",
      {"study", "run", "data", "report", "session", "behaviours", "stress", "tables", "stability", "trade",
-      "hunt", "ablate", "live", "goals", "command"}},
+      "hunt", "ablate", "live", "goals", "psychophysics", "command"}},
     {"benchmarks", {"benchmarks"}},
 };
 
