@@ -12,7 +12,7 @@
 namespace palpate::experiments::psychophysics {
 namespace {
 
-// Answers take about as long as people's do; half a second is the deviation of its logarithm's exponent.
+// Answers take about as long as people's do: the median, and the deviation of the logarithm.
 constexpr double kMedianAnswerS = 1.5, kAnswerSpread = 0.4;
 // Decisions this far from the criterion, in deviations, are called a little, rather, and quite sure.
 constexpr double kSureSteps[] = {0.5, 1.0, 2.0};
@@ -75,10 +75,9 @@ Result<ObserverSpec> parse_observer(const std::string& text) {
   ObserverSpec spec;
   spec.text = text;
   spec.kind = named.name;
-  if (named.name != "simulated" && named.name != "machine")
+  if (named.name != "simulated")
     return Error{"there is no observer " + shown(named.name),
-                 did_you_mean(named.name, {"simulated", "machine"},
-                              "take simulated:dprime=1, simulated:jnd=0.05 or machine"),
+                 "take simulated:dprime=1, or simulated:jnd=0.05 where an option is turned",
                  {},
                  0};
   PALPATE_ASSIGN(const Options options,
@@ -95,11 +94,6 @@ Result<ObserverSpec> parse_observer(const std::string& text) {
   o.strategy = options.text("strategy") == "independent" ? Strategy::kIndependent : Strategy::kDifferencing;
   spec.has_dprime = named.options.has("dprime");
   spec.has_jnd = named.options.has("jnd");
-  if (named.name == "machine" && (spec.has_dprime || spec.has_jnd))
-    return Error{"a machine observer's d' and JND follow from what the renderers do",
-                 "leave dprime and jnd away, or take --observer simulated",
-                 {},
-                 0};
   return spec;
 }
 

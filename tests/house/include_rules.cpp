@@ -39,7 +39,7 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"ablate", {"study", "run", "data", "report", "session", "ablate"}},
     {"live", {"study", "run", "data", "report", "session", "live"}},
     {"goals", {"study", "run", "data", "report", "session", "stability", "goals"}},
-    {"psychophysics", {"study", "run", "data", "report", "session", "stability", "psychophysics"}},
+    {"psychophysics", {"study", "run", "report", "session", "psychophysics"}},
     {"command",
      {"study", "run", "data", "report", "session", "behaviours", "stress", "tables", "stability", "trade",
       "hunt", "ablate", "live", "goals", "psychophysics", "command"}},
