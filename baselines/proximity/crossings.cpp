@@ -13,7 +13,7 @@ namespace palpate::baselines {
 namespace {
 
 /// Facets a chunk, for parallel work; decides nothing about the result.
-constexpr std::size_t kChunk = 16384;
+constexpr std::size_t kCrossingChunk = 16384;
 /// Facets near one border edge that are looked at; of more some are left out.
 constexpr std::size_t kNearBorder = 1024;
 
@@ -135,11 +135,11 @@ void pairs_of_edge(const SurfaceMesh& mesh, const SegmentIndex& index, std::uint
 
 std::vector<Pair> find_all(const SurfaceMesh& mesh, const SegmentIndex& index, int threads) {
   const std::size_t facets = mesh.facets().size(), vertices = mesh.vertices().size();
-  std::vector<std::vector<Pair>> parts((facets + kChunk - 1) / kChunk);
-  parallel_chunks(facets, kChunk, threads, [&](std::size_t begin, std::size_t end) {
+  std::vector<std::vector<Pair>> parts((facets + kCrossingChunk - 1) / kCrossingChunk);
+  parallel_chunks(facets, kCrossingChunk, threads, [&](std::size_t begin, std::size_t end) {
     std::vector<std::uint32_t> met;
     std::vector<NearFacet> near(kNearBorder);
-    std::vector<Pair>& mine = parts[begin / kChunk];
+    std::vector<Pair>& mine = parts[begin / kCrossingChunk];
     for (auto facet = static_cast<std::uint32_t>(begin); facet < end; ++facet)
       for (std::uint32_t e = 0; e < 3; ++e) {
         // Each edge once, from its lower facet; edges of several facets from each, which sorting removes.
@@ -151,10 +151,10 @@ std::vector<Pair> find_all(const SurfaceMesh& mesh, const SegmentIndex& index, i
         pairs_of_edge(mesh, index, facet, e, met, mine);
       }
   });
-  std::vector<std::vector<Pair>> at_vertices((vertices + kChunk - 1) / kChunk);
-  parallel_chunks(vertices, kChunk, threads, [&](std::size_t begin, std::size_t end) {
+  std::vector<std::vector<Pair>> at_vertices((vertices + kCrossingChunk - 1) / kCrossingChunk);
+  parallel_chunks(vertices, kCrossingChunk, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v)
-      pairs_at_vertex(mesh, static_cast<std::uint32_t>(v), at_vertices[begin / kChunk]);
+      pairs_at_vertex(mesh, static_cast<std::uint32_t>(v), at_vertices[begin / kCrossingChunk]);
   });
   std::vector<Pair> all;
   for (const auto* list : {&parts, &at_vertices})

@@ -41,10 +41,10 @@ struct Belief {
   }
 };
 
-struct Entry {
+struct PoleEntry {
   float priority;
   std::uint32_t pole;
-  bool operator<(const Entry& other) const noexcept {
+  bool operator<(const PoleEntry& other) const noexcept {
     return priority != other.priority ? priority < other.priority : pole > other.pole;
   }
 };
@@ -55,7 +55,7 @@ std::vector<bool> label_poles(std::size_t poles, std::span<const PoleLink> links
                               std::span<const std::uint32_t> outside) {
   const Graph graph(poles, links);
   std::vector<Belief> beliefs(poles);
-  std::priority_queue<Entry> queue;
+  std::priority_queue<PoleEntry> queue;
   for (const std::uint32_t pole : outside) {
     beliefs[pole].out = 1.0F;
     queue.push({1.0F, pole});

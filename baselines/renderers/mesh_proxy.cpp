@@ -13,15 +13,15 @@
 namespace palpate::baselines {
 namespace {
 
-constexpr const char* kName = "mesh-proxy";
-constexpr const char* kSummary =
+constexpr const char* kProxyName = "mesh-proxy";
+constexpr const char* kProxySummary =
     "a sphere that stays outside of a triangle mesh and follows the HIP, up to three constraints a move";
-constexpr const char* kSource =
+constexpr const char* kProxySource =
     "Ruspini, Kolarov and Khatib 1997 (the thesis's [71]); exact moves and the skin as tip are ours";
 /// Largest radius that may be asked for, in edges: 2 mm on 0.02 mm spacing.
 constexpr double kMostEdges = 100.0;
 // Measured, what to expect: docs/meshes.md, the median frame.
-constexpr double kFrameUs = 3.1, kMsPerMillionFacets = 380.0;
+constexpr double kProxyFrameUs = 3.1, kProxyMsPerMillionFacets = 380.0;
 
 /// One radius for the scene: the probe is one body.
 struct SphereSize {
@@ -64,8 +64,8 @@ std::unique_ptr<render::HapticRenderer> make_sphere(const Options& options) {
       "two Embree queries a move (each O(log facets))",
       kMaxSphereMoves, kMaxSphereTests, kMaxNearFacets);
   return std::make_unique<MeshScene<SphereProbe>>(
-      render::Description{kName, kSummary, kSource, std::move(bound), options},
-      MeshProbeKind{false, sphere_decision(options), kFrameUs, kMsPerMillionFacets},
+      render::Description{kProxyName, kProxySummary, kProxySource, std::move(bound), options},
+      MeshProbeKind{false, sphere_decision(options), kProxyFrameUs, kProxyMsPerMillionFacets},
       [options, size](const MeshScene<SphereProbe>::Bodies& bodies, render::PrepareReport& report) {
         return choose_radius(options, bodies, *size, report);
       },
@@ -79,9 +79,9 @@ std::unique_ptr<render::HapticRenderer> make_sphere(const Options& options) {
 
 render::RendererInfo mesh_proxy_info() {
   render::RendererInfo info;
-  info.name = kName;
-  info.summary = kSummary;
-  info.source = kSource;
+  info.name = kProxyName;
+  info.summary = kProxySummary;
+  info.source = kProxySource;
   info.role = render::Role::kRival;
   info.geometry = render::Geometry::kMesh;
   info.supports = kMeshFeels;
@@ -114,7 +114,7 @@ render::RendererInfo mesh_proxy_info() {
                           {{"radius", {"0"}, true}}});
   info.make = [](const Options& options) -> std::unique_ptr<render::HapticRenderer> {
     if (options.number("radius") == 0.0 && options.number("radius_mm") == 0.0)
-      return make_point_on_mesh(kName, kSummary, kSource, options);
+      return make_point_on_mesh(kProxyName, kProxySummary, kProxySource, options);
     return make_sphere(options);
   };
   return info;

@@ -28,6 +28,7 @@
   DO(hunt)                      \
   DO(stress)                    \
   DO(devices)                   \
+  DO(bridge)                    \
   DO(fetch)
 
 namespace palpate::experiments {

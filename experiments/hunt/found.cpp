@@ -32,10 +32,10 @@ std::string to_text(const HuntState& state) {
     Json worst = Json::object(), faults = Json::array();
     for (std::size_t g = 0; g < kGoals; ++g)
       if (const auto& found = quest.worst[g])
-        worst[info_of(static_cast<Goal>(g)).name] = {{"score", found->score},
-                                                     {"trial", found->trial},
-                                                     {"frame", found->frame},
-                                                     {"quarry", to_text(found->quarry)}};
+        worst[info_of(static_cast<HuntGoal>(g)).name] = {{"score", found->score},
+                                                         {"trial", found->trial},
+                                                         {"frame", found->frame},
+                                                         {"quarry", to_text(found->quarry)}};
     for (const Fault& fault : quest.faults)
       faults.push_back({{"what", fault.what}, {"trial", fault.trial}, {"quarry", to_text(fault.quarry)}});
     quests.push_back({{"label", quest.renderer.label},
@@ -65,7 +65,7 @@ bool from_text(const std::string& text, HuntState& state) {
       from.at("bound_hits").get_to(quest.bound_hits);
       from.at("faulty").get_to(quest.faulty);
       for (std::size_t g = 0; g < kGoals; ++g) {
-        const char* const name = info_of(static_cast<Goal>(g)).name;
+        const char* const name = info_of(static_cast<HuntGoal>(g)).name;
         if (!from.at("worst").contains(name)) continue;
         const nlohmann::json& one = from.at("worst").at(name);
         Found found{one.at("score").get<double>(),
@@ -131,7 +131,7 @@ Result<std::string> write_found(const OutputFolder& folder, const HuntState& sta
     for (std::size_t g = 0; g < kGoals; ++g) {
       const auto& found = quest.worst[g];
       if (!found || !(found->score > 0.0)) continue;
-      const GoalInfo& goal = info_of(static_cast<Goal>(g));
+      const GoalInfo& goal = info_of(static_cast<HuntGoal>(g));
       PALPATE_ASSIGN(Json one, write(case_name(quest, goal.name), found->quarry));
       Json row = {
           {"goal", goal.name}, {"score", found->score}, {"trial", found->trial}, {"frame", found->frame}};

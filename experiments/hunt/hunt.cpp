@@ -120,7 +120,7 @@ void print(const HuntState& state, const OutputFolder& folder) {
     fmt::print("{}: {} trials ({} without a model or refused), {} frames at the bound, {} broke a promise\n",
                quest.renderer.label, quest.trials, quest.refused, quest.bound_hits, quest.faulty);
     for (std::size_t g = 0; g < kGoals; ++g) {
-      const GoalInfo& goal = info_of(static_cast<Goal>(g));
+      const GoalInfo& goal = info_of(static_cast<HuntGoal>(g));
       const auto& found = quest.worst[g];
       if (found && found->score > 0.0)
         fmt::print("  {:<7} {:>12.6g}  {}; trial {}, frame {}\n", goal.name, found->score, goal.text,

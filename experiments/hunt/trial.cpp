@@ -147,12 +147,12 @@ void judge(const HuntScene& scene, bool doubtful, const std::vector<render::Fram
       continue;
     }
     if (way > kLeastMove * scene.spacing_mm)
-      keep_worst(trial.worst[static_cast<std::size_t>(Goal::kForce)],
+      keep_worst(trial.worst[static_cast<std::size_t>(HuntGoal::kForce)],
                  f.force_n.norm() / (cone * kStiffness * way), k);
     if (k > 0 && frames[k - 1].contact) {
       const double move = (h[k] - h[k - 1]).norm();
       if (move > kLeastMove * scene.spacing_mm)
-        keep_worst(trial.worst[static_cast<std::size_t>(Goal::kJump)],
+        keep_worst(trial.worst[static_cast<std::size_t>(HuntGoal::kJump)],
                    (f.force_n - frames[k - 1].force_n).norm() / (kStiffness * move), k);
     }
     if (known && scene.surface->signed_distance_mm(h[k] - scene.offset_mm) > scene.clear_mm) {
@@ -163,13 +163,13 @@ void judge(const HuntScene& scene, bool doubtful, const std::vector<render::Fram
   if (trial.fault.empty() && frames.back().status == render::FrameStatus::kBoundHit)
     trial.fault = "what was left for the next frame is not done after 30 frames of rest";
   if (stored > 0.0)
-    keep_worst(trial.worst[static_cast<std::size_t>(Goal::kEnergy)], made / stored, made_most_at);
-  keep_worst(trial.worst[static_cast<std::size_t>(Goal::kStick)], static_cast<double>(stuck), stuck_at);
+    keep_worst(trial.worst[static_cast<std::size_t>(HuntGoal::kEnergy)], made / stored, made_most_at);
+  keep_worst(trial.worst[static_cast<std::size_t>(HuntGoal::kStick)], static_cast<double>(stuck), stuck_at);
 }
 
 }  // namespace
 
-const GoalInfo& info_of(Goal goal) {
+const GoalInfo& info_of(HuntGoal goal) {
   static constexpr std::array<GoalInfo, kGoals> kInfos = {{
       {"work", "counted steps of one frame, weighed as instructions"},
       {"force", "force over cone times stiffness times the HIP's way since it was free: at most 1"},
@@ -234,7 +234,7 @@ Result<Trial> try_scene(const HuntScene& scene, render::HapticRenderer& renderer
     const double work = kPerStep * static_cast<double>(now.walk_steps - before.walk_steps) +
                         kPerTest * static_cast<double>(now.box_tests - before.box_tests) +
                         kPerCell * static_cast<double>(now.cells_visited - before.cells_visited);
-    keep_worst(trial.worst[static_cast<std::size_t>(Goal::kWork)], work, k);
+    keep_worst(trial.worst[static_cast<std::size_t>(HuntGoal::kWork)], work, k);
     before = now;
   }
   if (trace::trace_hash(first) != trace::trace_hash(again))

@@ -16,7 +16,7 @@
 namespace palpate::experiments {
 
 /// What is hunted: the larger the worse. All but the first are without unit, so that scale does not count.
-enum class Goal : std::uint8_t {
+enum class HuntGoal : std::uint8_t {
   kWork,    ///< counted steps of one frame, weighed as instructions
   kForce,   ///< force over stiffness times the HIP's way since it was free; 1 is what a spring may reach
   kStick,   ///< frames in contact where the formula has the HIP clear outside
@@ -28,7 +28,7 @@ struct GoalInfo {
   const char* name;
   const char* text;
 };
-[[nodiscard]] const GoalInfo& info_of(Goal goal);
+[[nodiscard]] const GoalInfo& info_of(HuntGoal goal);
 
 /// A quarry made flesh: what a renderer takes, in a model frame that is the world's.
 struct HuntScene {

@@ -12,6 +12,7 @@
 #include <system_error>
 #include <thread>
 
+#include "device/drivers/known_usb.h"
 #include "toolkit/core/clock.h"
 #include "toolkit/core/input_file.h"
 #include "toolkit/core/numbers.h"
@@ -32,16 +33,6 @@ constexpr double kStealPercent = 1.0;
 // The kernel's own default, which leaves the rest of the machine a twentieth.
 constexpr std::int64_t kUsualShareUs = 950'000;
 constexpr std::int64_t kTriedForNs = 100'000'000, kTriedPeriodNs = 1'000'000;
-
-// Devices known by their ids on the bus (an empty product: any of the vendor's).
-struct KnownUsb {
-  const char* vendor;
-  const char* product;
-  const char* name;
-};
-constexpr std::array kKnownUsb = {KnownUsb{"0403", "cb48", "Novint Falcon"},
-                                  KnownUsb{"1234", "0006", "WoodenHaptics"},
-                                  KnownUsb{"16c0", "0486", "Polhem"}, KnownUsb{"256f", "", "3Dconnexion"}};
 
 /// The first line of a file of the system; empty where it is not there.
 std::string line_of(const std::string& path) {
@@ -72,22 +63,22 @@ std::vector<std::string> governors() {
   return found;
 }
 
-std::vector<UsbDevice> known_usb_devices() {
-  std::vector<UsbDevice> found;
-  for (const fs::path& at : entries_of("/sys/bus/usb/devices")) {
-    const std::string vendor = line_of((at / "idVendor").string()),
-                      product = line_of((at / "idProduct").string());
-    for (const KnownUsb& known : kKnownUsb) {
-      if (vendor != known.vendor || (known.product[0] != '\0' && product != known.product)) continue;
-      UsbDevice device{known.name, vendor, product, {}, false};
-      const Result<long long> bus = read_integer(line_of((at / "busnum").string()), {0, 999});
-      const Result<long long> number = read_integer(line_of((at / "devnum").string()), {0, 999});
-      if (bus && number) device.node = fmt::format("/dev/bus/usb/{:03}/{:03}", *bus, *number);
-      device.may_open = ::access(device.node.c_str(), R_OK | W_OK) == 0;
-      found.push_back(std::move(device));
-    }
+/// The node of a device's own kind below its folder in sysfs: "hidraw3", "ttyACM0". Empty: there is none.
+std::string node_below(const fs::path& at, const std::string& kind) {
+  std::error_code none;
+  for (fs::recursive_directory_iterator it(at, none), end; !none && it != end; it.increment(none)) {
+    const std::string name = it->path().filename().string();
+    if (name.starts_with(kind) && name.size() > kind.size()) return "/dev/" + name;
   }
-  return found;
+  return {};
+}
+
+std::string node_of(const fs::path& at, device::UsbNode kind) {
+  if (kind == device::UsbNode::kHidraw) return node_below(at, "hidraw");
+  if (kind == device::UsbNode::kTty) return node_below(at, "ttyACM");
+  const Result<long long> bus = read_integer(line_of((at / "busnum").string()), {0, 999});
+  const Result<long long> number = read_integer(line_of((at / "devnum").string()), {0, 999});
+  return bus && number ? fmt::format("/dev/bus/usb/{:03}/{:03}", *bus, *number) : std::string();
 }
 
 bool in_a_virtual_machine() {
@@ -145,10 +136,10 @@ std::vector<std::string> udev_remedy(const std::string& rule) {
 Check priority(const SystemFacts& facts) {
   if (facts.tried.fifo)
     return {"real-time priority",
-            Verdict::kFine,
+            CheckVerdict::kFine,
             fmt::format("SCHED_FIFO {} is granted", facts.tried.priority),
             {}};
-  return {"real-time priority", Verdict::kWarning,
+  return {"real-time priority", CheckVerdict::kWarning,
           fmt::format(
               "SCHED_FIFO {} is refused (the limit rtprio is {}): whatever else runs makes the servo late",
               device::kWatchdogPriority, facts.rtprio_limit),
@@ -159,8 +150,8 @@ Check memory(const SystemFacts& facts) {
   const std::string limit = facts.memlock_limit_bytes == SystemFacts::kUnlimited
                                 ? "unlimited"
                                 : bytes_text(static_cast<double>(facts.memlock_limit_bytes));
-  if (facts.tried.memory_locked) return {"locked memory", Verdict::kFine, "memory can be locked", {}};
-  return {"locked memory", Verdict::kWarning,
+  if (facts.tried.memory_locked) return {"locked memory", CheckVerdict::kFine, "memory can be locked", {}};
+  return {"locked memory", CheckVerdict::kWarning,
           fmt::format(
               "memory cannot be locked (the limit memlock is {}): a page that was swapped out stops a frame",
               limit),
@@ -170,42 +161,46 @@ Check memory(const SystemFacts& facts) {
 Check kernel(const SystemFacts& facts) {
   const std::string found =
       fmt::format("{} ({})", facts.tried.kernel_release, device::kernel_kind_name(facts.tried.kernel));
-  if (facts.tried.kernel == device::KernelKind::kRealTime) return {"kernel", Verdict::kFine, found, {}};
+  if (facts.tried.kernel == device::KernelKind::kRealTime) return {"kernel", CheckVerdict::kFine, found, {}};
   return {"kernel",
-          Verdict::kWarning,
+          CheckVerdict::kWarning,
           found + ": now and then it makes a tick late by a millisecond and more",
           {"with a device, run a kernel with PREEMPT_RT; on Debian: sudo apt install linux-image-rt-amd64"}};
 }
 
 Check cpus(const SystemFacts& facts) {
   const std::string found = fmt::format("{} may be used", facts.tried.cpus);
-  if (facts.tried.cpus > 1) return {"CPUs", Verdict::kFine, found, {}};
+  if (facts.tried.cpus > 1) return {"CPUs", CheckVerdict::kFine, found, {}};
   return {"CPUs",
-          Verdict::kWarning,
+          CheckVerdict::kWarning,
           found + ": the servo shares it with everything else",
           {"use a machine with two CPUs or more, or allow this process more (taskset, cpuset)"}};
 }
 
 Check governor(const SystemFacts& facts) {
   if (facts.cpu_governors.empty())
-    return {
-        "CPU governor", Verdict::kFine, "the machine does not tell of one: its clock is not scaled here", {}};
+    return {"CPU governor",
+            CheckVerdict::kFine,
+            "the machine does not tell of one: its clock is not scaled here",
+            {}};
   const std::string found = joined(facts.cpu_governors);
   if (facts.cpu_governors == std::vector<std::string>{"performance"})
-    return {"CPU governor", Verdict::kFine, found, {}};
+    return {"CPU governor", CheckVerdict::kFine, found, {}};
   return {"CPU governor",
-          Verdict::kWarning,
+          CheckVerdict::kWarning,
           found + ": a CPU that sleeps between ticks is slow in each",
           {"sudo cpupower frequency-set --governor performance"}};
 }
 
 Check sleep_states(const SystemFacts& facts) {
   if (!facts.has_latency_file)
-    return {
-        "CPU sleep states", Verdict::kFine, "/dev/cpu_dma_latency is not there: nothing to hold awake", {}};
+    return {"CPU sleep states",
+            CheckVerdict::kFine,
+            "/dev/cpu_dma_latency is not there: nothing to hold awake",
+            {}};
   if (facts.tried.latency_held)
-    return {"CPU sleep states", Verdict::kFine, "/dev/cpu_dma_latency can be held at 0", {}};
-  return {"CPU sleep states", Verdict::kWarning,
+    return {"CPU sleep states", CheckVerdict::kFine, "/dev/cpu_dma_latency can be held at 0", {}};
+  return {"CPU sleep states", CheckVerdict::kWarning,
           "/dev/cpu_dma_latency may not be written: CPUs that sleep deeply wake up late",
           udev_remedy("KERNEL==\"cpu_dma_latency\", GROUP=\"realtime\", MODE=\"0660\"")};
 }
@@ -218,27 +213,28 @@ Check timer(const SystemFacts& facts) {
                   duration_text(1e-6 * static_cast<double>(facts.lateness.p99_ns)));
   if (facts.clock_resolution_ns >= kCoarseClockNs)
     return {"timer",
-            Verdict::kProblem,
+            CheckVerdict::kProblem,
             found,
             {"boot a kernel with CONFIG_HIGH_RES_TIMERS, without highres=off"}};
   if (facts.clock_source == "hpet" || facts.clock_source == "acpi_pm" || facts.clock_source == "jiffies")
     return {"timer",
-            Verdict::kWarning,
+            CheckVerdict::kWarning,
             found + ": every reading of this clock takes a microsecond or more",
             {"boot with tsc=reliable where the processor's counter is (see dmesg | grep -i tsc)"}};
   if (facts.lateness.p50_ns > kLateMedianNs)
-    return {"timer", Verdict::kWarning, found, {"stop what else runs, or get real-time priority (above)"}};
-  return {"timer", Verdict::kFine, found, {}};
+    return {
+        "timer", CheckVerdict::kWarning, found, {"stop what else runs, or get real-time priority (above)"}};
+  return {"timer", CheckVerdict::kFine, found, {}};
 }
 
 Check real_time_share(const SystemFacts& facts) {
   if (!facts.real_time_share_us)
-    return {"real-time share", Verdict::kFine, "the kernel does not limit it by a file of its own", {}};
+    return {"real-time share", CheckVerdict::kFine, "the kernel does not limit it by a file of its own", {}};
   const std::int64_t share = *facts.real_time_share_us;
   const std::string found = share < 0 ? std::string("not limited") : fmt::format("{} of 1,000,000 us", share);
-  if (share == kUsualShareUs) return {"real-time share", Verdict::kFine, found, {}};
+  if (share == kUsualShareUs) return {"real-time share", CheckVerdict::kFine, found, {}};
   return {"real-time share",
-          Verdict::kWarning,
+          CheckVerdict::kWarning,
           found + (share < 0 ? ": a renderer that hangs would take a CPU for ever"
                              : ": the kernel stops real-time threads that take more"),
           {fmt::format("sudo sysctl kernel.sched_rt_runtime_us={}", kUsualShareUs)}};
@@ -249,34 +245,59 @@ Check host(const SystemFacts& facts) {
       fmt::format("{}; {:.2f} % of the CPUs' time was stolen since it started",
                   facts.virtual_machine ? "a virtual machine" : "no virtual machine", facts.steal_percent);
   if (!facts.virtual_machine && facts.steal_percent < kStealPercent)
-    return {"host and steal", Verdict::kFine, found, {}};
+    return {"host and steal", CheckVerdict::kFine, found, {}};
   return {"host and steal",
-          Verdict::kWarning,
+          CheckVerdict::kWarning,
           found + ": its host may stop it at any time, and nothing is claimed beyond the 99.9th percentile",
           {"with a device, use a machine of its own"}};
 }
 
 Check usb(const SystemFacts& facts) {
   if (!facts.has_usb)
-    return {"USB permission", Verdict::kFine, "this machine has no USB; simulated devices need none", {}};
+    return {
+        "USB permission", CheckVerdict::kFine, "this machine has no USB; simulated devices need none", {}};
   if (facts.usb.empty())
-    return {"USB permission", Verdict::kFine, "no haptic device that is known by its ids is connected", {}};
-  std::vector<std::string> names, remedy;
+    return {
+        "USB permission", CheckVerdict::kFine, "no haptic device that is known by its ids is connected", {}};
+  std::vector<std::string> names, remedy, rules;
   bool refused = false;
   for (const UsbDevice& device : facts.usb) {
     names.push_back(fmt::format("{} ({}:{}): {}", device.name, device.vendor, device.product,
                                 device.may_open ? "may be opened" : "may not be opened by this user"));
     if (device.may_open) continue;
     refused = true;
-    remedy = udev_remedy(fmt::format(
-        R"(SUBSYSTEM=="usb", ATTR{{idVendor}}=="{}", ATTR{{idProduct}}=="{}", MODE="0660", TAG+="uaccess")",
-        device.vendor, device.product));
+    rules.push_back("    " + device.rule);
   }
-  if (refused) remedy.emplace_back("then unplug the device and plug it in again");
-  return {"USB permission", refused ? Verdict::kWarning : Verdict::kFine, joined(names, "; "), remedy};
+  if (refused) {
+    std::sort(rules.begin(), rules.end());
+    rules.erase(std::unique(rules.begin(), rules.end()), rules.end());
+    remedy = {
+        "write to /etc/udev/rules.d/70-palpate.rules, as root (or install Palpate: it brings that file):"};
+    remedy.insert(remedy.end(), rules.begin(), rules.end());
+    remedy.emplace_back("and then: sudo udevadm control --reload && sudo udevadm trigger");
+    remedy.emplace_back("then unplug the device and plug it in again");
+  }
+  return {"USB permission", refused ? CheckVerdict::kWarning : CheckVerdict::kFine, joined(names, "; "),
+          remedy};
 }
 
 }  // namespace
+
+std::vector<UsbDevice> connected_usb_devices() {
+  std::vector<UsbDevice> found;
+  for (const fs::path& at : entries_of("/sys/bus/usb/devices")) {
+    const std::string vendor = line_of((at / "idVendor").string()),
+                      product = line_of((at / "idProduct").string());
+    for (const device::KnownUsb& known : device::known_usb()) {
+      if (vendor != known.vendor || (known.product[0] != '\0' && product != known.product)) continue;
+      UsbDevice device{known.name, vendor, product, node_of(at, known.node), false, {}};
+      device.may_open = ::access(device.node.c_str(), R_OK | W_OK) == 0;
+      device.rule = device::udev_rule(known);
+      found.push_back(std::move(device));
+    }
+  }
+  return found;
+}
 
 SystemFacts read_system_facts() {
   SystemFacts facts;
@@ -293,18 +314,18 @@ SystemFacts read_system_facts() {
   facts.steal_percent = device::steal_percent({0, 0}, device::steal_times());
   facts.virtual_machine = in_a_virtual_machine();
   facts.has_usb = ::access("/dev/bus/usb", F_OK) == 0;
-  facts.usb = known_usb_devices();
+  facts.usb = connected_usb_devices();
   try_it(facts);
   return facts;
 }
 
-const char* verdict_name(Verdict verdict) noexcept {
+const char* verdict_name(CheckVerdict verdict) noexcept {
   switch (verdict) {
-    case Verdict::kFine:
+    case CheckVerdict::kFine:
       return "fine";
-    case Verdict::kWarning:
+    case CheckVerdict::kWarning:
       return "warning";
-    case Verdict::kProblem:
+    case CheckVerdict::kProblem:
       return "problem";
   }
   return "problem";

@@ -16,8 +16,9 @@ namespace palpate::experiments {
 struct UsbDevice {
   std::string name;
   std::string vendor, product;  ///< four hexadecimal digits
-  std::string node;             ///< under /dev/bus/usb
+  std::string node;             ///< under /dev: of the bus, a hidraw or a tty, as its driver needs it
   bool may_open = false;        ///< this user
+  std::string rule;             ///< of udev, that lets users open it
 };
 
 struct SystemFacts {
@@ -38,20 +39,23 @@ struct SystemFacts {
   std::vector<UsbDevice> usb;
 };
 
+/// Haptic devices that the system sees on USB, by their ids (device/drivers/known_usb.h). Opens none.
+[[nodiscard]] std::vector<UsbDevice> connected_usb_devices();
+
 /// Reads them, and tries: some 0.1 s. Changes nothing that lasts.
 [[nodiscard]] SystemFacts read_system_facts();
 
-enum class Verdict : std::uint8_t {
+enum class CheckVerdict : std::uint8_t {
   kFine,
   kWarning,  ///< a simulated session runs; a device would be felt to suffer
   kProblem,  ///< a simulated session does not run in time
 };
 /// "fine", "warning", "problem".
-[[nodiscard]] const char* verdict_name(Verdict verdict) noexcept;
+[[nodiscard]] const char* verdict_name(CheckVerdict verdict) noexcept;
 
 struct Check {
   std::string about;
-  Verdict verdict = Verdict::kFine;
+  CheckVerdict verdict = CheckVerdict::kFine;
   std::string found;
   std::vector<std::string> remedy;  ///< lines, to be done as they stand; empty where it is fine
 };

@@ -12,7 +12,7 @@
 namespace palpate::experiments {
 namespace {
 
-constexpr double kSPerNs = 1e-9;
+constexpr double kSegmentSPerNs = 1e-9;
 // Between reports of progress.
 constexpr std::uint64_t kTicksAReport = 10'000;
 // Before the first step of a renderer that was made ready before the recording began.
@@ -148,13 +148,13 @@ std::string segments_text(const std::vector<SegmentReplay>& segments) {
     const SegmentReplay& s = segments[i];
     text +=
         fmt::format("segment {}: from {:.3f} s, {} frames, {} in contact{}{}: ", i + 1,
-                    static_cast<double>(s.start_ns) * kSPerNs, s.frames, s.contact_frames,
+                    static_cast<double>(s.start_ns) * kSegmentSPerNs, s.frames, s.contact_frames,
                     s.starts_in_contact ? ", starts in contact" : "", s.faulted ? ", ends in a fault" : "");
     if (s.same())
       text += fmt::format("the same hash, {}\n", s.recorded_hash);
     else
       text += fmt::format("recorded {}, replayed {}, differs from {:.6f} s on{}\n", s.recorded_hash,
-                          s.replayed_hash, static_cast<double>(s.differs_ns) * kSPerNs,
+                          s.replayed_hash, static_cast<double>(s.differs_ns) * kSegmentSPerNs,
                           s.whole ? "" : " (ticks of it were lost, so it may)");
   }
   return text;
@@ -164,8 +164,8 @@ std::string segments_json(const std::vector<SegmentReplay>& segments, const std:
                           const std::string& renderer) {
   nlohmann::ordered_json all = nlohmann::ordered_json::array();
   for (const SegmentReplay& s : segments)
-    all.push_back({{"start_s", static_cast<double>(s.start_ns) * kSPerNs},
-                   {"end_s", static_cast<double>(s.end_ns) * kSPerNs},
+    all.push_back({{"start_s", static_cast<double>(s.start_ns) * kSegmentSPerNs},
+                   {"end_s", static_cast<double>(s.end_ns) * kSegmentSPerNs},
                    {"frames", s.frames},
                    {"contact_frames", s.contact_frames},
                    {"starts_in_contact", s.starts_in_contact},

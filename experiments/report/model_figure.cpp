@@ -13,7 +13,7 @@
 namespace palpate::experiments {
 namespace {
 
-constexpr int kPanelWidth = 360, kPanelHeight = 250, kTitleHeight = 24, kGap = 14;
+constexpr int kPanelWidth = 360, kModelPanelHeight = 250, kTitleHeight = 24, kGap = 14;
 constexpr int kAloneWidth = 720, kAloneHeight = 420;  // one panel that has the page to itself
 constexpr int kMostColumns = 3, kLegendHeight = 26;
 constexpr int kImagePerUnit = 2;             // pixels of the image a unit of the picture: sharp on paper too
@@ -233,7 +233,7 @@ Figure model_figure(const Study& study, const std::string& prefix) {
   }
   const std::vector<std::size_t> renderers = scored(study);
   const bool alone = renderers.empty();
-  const ModelView view(box, alone ? kAloneWidth : kPanelWidth, alone ? kAloneHeight : kPanelHeight);
+  const ModelView view(box, alone ? kAloneWidth : kPanelWidth, alone ? kAloneHeight : kModelPanelHeight);
   std::vector<Panel> panels = {{alone ? "" : "path", ""}};
   for (const std::size_t i : renderers)
     panels.push_back({study.document.renderers[i].label, errors(study, i, view)});

@@ -11,9 +11,9 @@ namespace palpate::experiments {
 namespace {
 
 using R = metrics::RendererResult;
-using Value = std::optional<double>;
+using Maybe = std::optional<double>;
 
-constexpr double kWidth = 540.0, kHeight = 330.0;
+constexpr double kOpeningWidth = 540.0, kOpeningHeight = 330.0;
 constexpr double kLeft = 62.0, kRight = 16.0, kTop = 26.0, kBottom = 46.0;
 constexpr double kDot = 9.0;           // radius: two digits fit
 constexpr double kZeroBand = 30.0;     // below the axis, for what is exact
@@ -24,7 +24,7 @@ struct Number {
   bool bad = false;
 };
 
-bool finite(const Value& v) {
+bool finite(const Maybe& v) {
   return v && std::isfinite(*v);
 }
 
@@ -53,14 +53,14 @@ std::string faults_text(const metrics::Accuracy& a) {
   return text;
 }
 
-Value error_percent(const R& r) {
+Maybe error_percent(const R& r) {
   return settled_score(r, &metrics::Accuracy::force_rms_percent);
 }
 /// All frames count, where they are known: free ones are where boxes are searched.
 const std::optional<trace::FrameStatistics>& frames_of(const R& r) {
   return r.frame_all ? r.frame_all : r.frame;
 }
-Value mean_us(const R& r) {
+Maybe opening_mean_us(const R& r) {
   return frames_of(r) ? frames_of(r)->mean_us : std::nullopt;
 }
 
@@ -68,18 +68,18 @@ Number right_of(const R& r) {
   if (!r.accuracy) return {kNoNumber, "no ground truth"};
   const bool wrong = contact_faults(*r.accuracy) > 0 || feels_too_little(*r.accuracy);
   const std::string contact = wrong ? faults_text(*r.accuracy) : "contact right";
-  const Value percent = error_percent(r);
+  const Maybe percent = error_percent(r);
   if (!percent) return {wrong ? "no" : "contact right", wrong ? contact : "forces are not compared", wrong};
   return {*percent == 0.0 ? "exact" : short_number(*percent) + " % off", contact, wrong};
 }
 
 Number fast_of(const R& r) {
-  if (!finite(mean_us(r))) return {kNoNumber, "no frames"};
+  if (!finite(opening_mean_us(r))) return {kNoNumber, "no frames"};
   std::string more;
   if (r.frame && finite(r.frame->mean_us)) more = "in contact " + short_number(*r.frame->mean_us) + " µs";
   if (finite(frames_of(r)->p999_us))
     more += fmt::format("{}99.9 %: {} µs", more.empty() ? "" : ", ", short_number(*frames_of(r)->p999_us));
-  return {short_number(*mean_us(r)) + " µs", more};
+  return {short_number(*opening_mean_us(r)) + " µs", more};
 }
 
 Number ready_of(const R& r) {
@@ -124,21 +124,21 @@ std::string missing_text(const R& r) {
 /// What stands upward in the picture.
 struct Upward {
   std::string label, nothing;  ///< the axis; what 0 is called
-  Value (*value)(const R&);
+  Maybe (*value)(const R&);
 };
 
 Upward upward_of(const metrics::ResultDocument& document) {
-  const auto any = [&](Value (*value)(const R&)) {
+  const auto any = [&](Maybe (*value)(const R&)) {
     return std::any_of(document.renderers.begin(), document.renderers.end(),
                        [&](const R& r) { return finite(value(r)); });
   };
   if (any(&error_percent)) return {"force error, %", "exact", &error_percent};
   const auto faults = +[](const R& r) {
-    return r.accuracy ? Value(static_cast<double>(contact_faults(*r.accuracy))) : std::nullopt;
+    return r.accuracy ? Maybe(static_cast<double>(contact_faults(*r.accuracy))) : std::nullopt;
   };
   if (any(faults)) return {"frames of wrong contact", "none", faults};
   return {"preparation, ms", "none",
-          +[](const R& r) { return r.prepare ? Value(r.prepare->total_ms) : std::nullopt; }};
+          +[](const R& r) { return r.prepare ? Maybe(r.prepare->total_ms) : std::nullopt; }};
 }
 
 /// A logarithmic axis from `at_low` to `at_high`, in units of the picture.
@@ -191,7 +191,7 @@ void spread(std::vector<Dot>& dots) {
         return std::hypot(other.at_x - dot.at_x, other.at_y - dot.at_y) < kApart;
       });
     };
-    while (covered() && dot.at_x + kApart < kWidth - kRight) dot.at_x += kApart;
+    while (covered() && dot.at_x + kApart < kOpeningWidth - kRight) dot.at_x += kApart;
     if (!covered()) continue;
     dot.at_x = dot.x;
     while (covered() && dot.at_x - kApart > kLeft) dot.at_x -= kApart;
@@ -210,7 +210,7 @@ std::string word(double x, double y, const char* anchor, const std::string& text
 
 std::string axes_svg(const Axis& across, const Axis& upward, const Upward& what, bool zero_band) {
   std::string svg;
-  const double floor = kHeight - kBottom;
+  const double floor = kOpeningHeight - kBottom;
   constexpr double kTen = 10.0;
   for (int power = static_cast<int>(std::ceil(across.low)); power <= across.high; ++power) {
     const double x = across.at(std::pow(kTen, power));
@@ -219,18 +219,18 @@ std::string axes_svg(const Axis& across, const Axis& upward, const Upward& what,
   }
   for (int power = static_cast<int>(std::ceil(upward.low)); power <= upward.high; ++power) {
     const double y = upward.at(std::pow(kTen, power));
-    svg += line(kLeft, y, kWidth - kRight, y, "grid") +
+    svg += line(kLeft, y, kOpeningWidth - kRight, y, "grid") +
            word(kLeft - 7, y + 4, "end", fmt::format("{:g}", std::pow(kTen, power)));
   }
   if (zero_band) svg += word(kLeft - 7, floor - kZeroBand / 2 + 4, "end", what.nothing);
-  svg += line(kLeft, kTop, kLeft, floor, "axis") + line(kLeft, floor, kWidth - kRight, floor, "axis");
-  svg += word((kLeft + kWidth - kRight) / 2, kHeight - 8, "middle",
+  svg += line(kLeft, kTop, kLeft, floor, "axis") + line(kLeft, floor, kOpeningWidth - kRight, floor, "axis");
+  svg += word((kLeft + kOpeningWidth - kRight) / 2, kOpeningHeight - 8, "middle",
               "mean of all frames, µs; from free to contact ○, 99.9 % | (left is faster)");
   return svg + word(4, 14, "start", what.label + " (low is better)");
 }
 
 /// Free, contact and the slowest thousandth of all frames: what the dot's place is a mean of.
-std::array<Value, 3> times_beside(const R& r) {
+std::array<Maybe, 3> times_beside(const R& r) {
   const auto mean = [](const std::optional<trace::FrameStatistics>& s) {
     return s ? s->mean_us : std::nullopt;
   };
@@ -240,9 +240,9 @@ std::array<Value, 3> times_beside(const R& r) {
 /// A line from the fastest to the slowest of them, a ring where contact is, a stroke where 99.9 % is.
 std::string span_svg(const R& r, const Axis& across, double y, const std::string& colour) {
   constexpr double kRing = 4.0, kStroke = 6.0;
-  const std::array<Value, 3> beside = times_beside(r);
-  double low = *mean_us(r), high = low;
-  for (const Value& v : beside) {
+  const std::array<Maybe, 3> beside = times_beside(r);
+  double low = *opening_mean_us(r), high = low;
+  for (const Maybe& v : beside) {
     if (!finite(v) || !(*v > 0.0)) continue;
     low = std::min(low, *v);
     high = std::max(high, *v);
@@ -251,10 +251,10 @@ std::string span_svg(const R& r, const Axis& across, double y, const std::string
   std::string svg =
       fmt::format("<g stroke=\"{}\" fill=\"none\" stroke-opacity=\"0.6\"><path d=\"M{:.1f} {:.1f}H{:.1f}",
                   colour, across.at(low), y, across.at(high));
-  if (const Value& tail = beside[2]; finite(tail) && *tail > 0.0)
+  if (const Maybe& tail = beside[2]; finite(tail) && *tail > 0.0)
     svg += fmt::format("M{:.1f} {:.1f}v{:.1f}", across.at(*tail), y - kStroke, 2.0 * kStroke);
   svg += "\"/>";
-  if (const Value& contact = beside[1]; finite(contact) && *contact > 0.0)
+  if (const Maybe& contact = beside[1]; finite(contact) && *contact > 0.0)
     svg += fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{:g}\"/>", across.at(*contact), y, kRing);
   return svg + "</g>";
 }
@@ -266,18 +266,18 @@ std::string picture(const metrics::ResultDocument& document, const std::vector<L
   bool zero = false;
   for (std::size_t i = 0; i < document.renderers.size(); ++i) {
     const R& r = document.renderers[i];
-    const Value time = mean_us(r), value = what.value(r);
+    const Maybe time = opening_mean_us(r), value = what.value(r);
     if (!finite(time) || !(*time > 0.0) || !finite(value)) continue;
     dots.push_back({i, *time, *value});
     times.push_back(*time);
-    for (const Value& other : times_beside(r))
+    for (const Maybe& other : times_beside(r))
       if (finite(other) && *other > 0.0) times.push_back(*other);
     values.push_back(*value);
     zero = zero || !(*value > 0.0);
   }
   if (dots.empty()) return {};
-  const double floor = kHeight - kBottom;
-  const Axis across = axis_over(times, kLeft + kDot, kWidth - kRight - kDot),
+  const double floor = kOpeningHeight - kBottom;
+  const Axis across = axis_over(times, kLeft + kDot, kOpeningWidth - kRight - kDot),
              upward = axis_over(values, floor - (zero ? kZeroBand : kDot), kTop + kDot);
   std::string spans;
   for (Dot& dot : dots) {
@@ -287,8 +287,8 @@ std::string picture(const metrics::ResultDocument& document, const std::vector<L
     dot.y = dot.y > 0.0 ? upward.at(dot.y) : floor - kZeroBand / 2;
   }
   spread(dots);
-  std::string svg = fmt::format("<svg class=\"trade\" viewBox=\"0 0 {:g} {:g}\" role=\"img\">{}", kWidth,
-                                kHeight, axes_svg(across, upward, what, zero) + spans);
+  std::string svg = fmt::format("<svg class=\"trade\" viewBox=\"0 0 {:g} {:g}\" role=\"img\">{}",
+                                kOpeningWidth, kOpeningHeight, axes_svg(across, upward, what, zero) + spans);
   for (const Dot& dot : dots) {
     const R& r = document.renderers[dot.renderer];
     if (dot.at_x != dot.x) svg += line(dot.x, dot.y, dot.at_x, dot.at_y, "axis");
@@ -310,7 +310,7 @@ std::optional<double> best_of(const metrics::ResultDocument& document, const Of&
   std::optional<double> best;
   std::size_t count = 0;
   for (const R& r : document.renderers) {
-    const Value own = value(r);
+    const Maybe own = value(r);
     if (!competes(r) || !finite(own)) continue;
     ++count;
     best = best ? std::min(*best, *own) : own;
@@ -339,12 +339,12 @@ std::string row(const metrics::ResultDocument& document, std::size_t i, const Lo
     return best && competes(r) && finite(value(r)) && *value(r) <= *best;
   };
   const auto prepare = [](const R& x) {
-    return x.prepare && !prepared_from_cache(x) ? Value(x.prepare->total_ms) : std::nullopt;
+    return x.prepare && !prepared_from_cache(x) ? Maybe(x.prepare->total_ms) : std::nullopt;
   };
   const auto bytes = [](const R& x) {
-    return x.prepare ? Value(static_cast<double>(x.prepare->bytes)) : std::nullopt;
+    return x.prepare ? Maybe(static_cast<double>(x.prepare->bytes)) : std::nullopt;
   };
-  return html + cell(right_of(r), is_best(&error_percent)) + cell(fast_of(r), is_best(&mean_us)) +
+  return html + cell(right_of(r), is_best(&error_percent)) + cell(fast_of(r), is_best(&opening_mean_us)) +
          cell(ready_of(r), is_best(prepare)) + cell(large_of(r), is_best(bytes)) + "</tr>\n";
 }
 

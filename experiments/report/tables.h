@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "toolkit/core/numbers.h"
@@ -16,6 +17,11 @@ struct Cell {
   bool best = false;  ///< the best of its row or column: marked *
   bool bad = false;   ///< falls short: marked !
 };
+
+/// Neither marked.
+[[nodiscard]] inline Cell plain(std::string text) {
+  return {std::move(text), false, false};
+}
 
 struct Table {
   std::string title;

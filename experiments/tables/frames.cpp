@@ -41,10 +41,6 @@ constexpr std::uint64_t kQuickPacedFrames = 20;
 constexpr double kPrepareLimitS = 180.0, kFullPrepareLimitS = 3600.0;
 constexpr double kUsPerMs = 1000.0;
 
-Cell plain(std::string text) {
-  return {std::move(text), false, false};
-}
-
 using R = metrics::RendererResult;
 using Value = std::optional<double>;
 using Count = std::optional<std::uint64_t>;

@@ -7,7 +7,7 @@ namespace {
 
 // Without --full the largest model starts only where the ten minutes of the default run leave room for it.
 constexpr double kRoomForLargestMs = 330'000.0;
-constexpr double kPrepareLimitS = 900.0;
+constexpr double kGrowthLimitS = 900.0;
 constexpr double kMsPerSecond = 1000.0;
 
 struct Row {
@@ -31,7 +31,7 @@ Result<Row> measure(const Manifest& manifest, const ManifestModel& model, Reprod
   Row row{stage->scene.input.models.front().cloud->size(), {}};
   RunOptions options;
   options.threads = r.arguments.threads;
-  options.prepare_limit_s = kPrepareLimitS;
+  options.prepare_limit_s = kGrowthLimitS;
   set_passes(options, r);
   std::vector<RendererRequest> requests;
   for (const ManifestRun& wanted : manifest.runs) {

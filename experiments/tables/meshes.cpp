@@ -20,12 +20,8 @@ constexpr double kMsPerMinute = 60000.0;
 constexpr std::size_t kSamples = 20000;  // places whose distance is measured, either way
 constexpr std::uint64_t kSeed = 1;       // of the points that a thinned model keeps
 
-Cell plain(std::string text) {
-  return {std::move(text), false, false};
-}
-
 /// One method on one model.
-struct Row {
+struct MeshRow {
   std::string method, model;
   std::size_t points = 0;
   double spacing_mm = 0.0;
@@ -42,9 +38,9 @@ struct Row {
   }
 };
 
-Row run(const baselines::Method& method, const ManifestModel& model, const cloud::Cloud& cloud,
-        baselines::MeshCache* cache, Reproduction& r) {
-  Row row;
+MeshRow run(const baselines::Method& method, const ManifestModel& model, const cloud::Cloud& cloud,
+            baselines::MeshCache* cache, Reproduction& r) {
+  MeshRow row;
   row.method = method.name;
   row.model = model.name;
   row.points = cloud.size();
@@ -71,9 +67,9 @@ Row run(const baselines::Method& method, const ManifestModel& model, const cloud
 }
 
 /// Every method on one model: those that this build has, and that take its points.
-std::vector<Row> run_all(const ManifestModel& model, const cloud::Cloud& cloud, baselines::MeshCache* cache,
-                         Reproduction& r) {
-  std::vector<Row> rows;
+std::vector<MeshRow> run_all(const ManifestModel& model, const cloud::Cloud& cloud,
+                             baselines::MeshCache* cache, Reproduction& r) {
+  std::vector<MeshRow> rows;
   for (const baselines::Method& method : baselines::methods()) {
     if (method.raster_only && !cloud.raster) continue;
     if (method.not_built.empty()) {
@@ -83,24 +79,24 @@ std::vector<Row> run_all(const ManifestModel& model, const cloud::Cloud& cloud, 
       rows.back().method = method.name;
       rows.back().failure = {"not in this build", method.not_built, {}, 0};
     }
-    const Row& row = rows.back();
+    const MeshRow& row = rows.back();
     if (!row.made) leave_out(r, fmt::format("table 3, {}, {}", model.name, row.method), row.failure);
   }
   return rows;
 }
 
-std::string spacings(double mm, const Row& row) {
+std::string spacings(double mm, const MeshRow& row) {
   return short_number(settled(mm, row.rounding_mm) / row.spacing_mm);
 }
 
-Table model_table(const ManifestModel& model, const std::vector<Row>& rows) {
+Table model_table(const ManifestModel& model, const std::vector<MeshRow>& rows) {
   constexpr double kMegabyte = 1e6;
   Table table;
   const std::size_t points = rows.empty() ? 0 : rows.front().points;
   table.title = fmt::format("Reconstruction of the {}, {} points", model.name, count_text(points));
   table.columns = {"method",      "time",         "of it normals", "faces",      "peak memory, MB",
                    "points, RMS", "points, most", "mesh, RMS",     "mesh, most", "made"};
-  for (const Row& row : rows) {
+  for (const MeshRow& row : rows) {
     if (!row.made) {
       table.rows.push_back(
           {plain(row.method), {row.failure.gave_up ? "did not finish" : "failed", false, true}});
@@ -132,14 +128,14 @@ Table model_table(const ManifestModel& model, const std::vector<Row>& rows) {
   return table;
 }
 
-const Row* kin_of(const PrintedMesh& printed, const std::vector<Row>& rows) {
-  const auto found = std::find_if(rows.begin(), rows.end(), [&](const Row& row) {
+const MeshRow* kin_of(const PrintedMesh& printed, const std::vector<MeshRow>& rows) {
+  const auto found = std::find_if(rows.begin(), rows.end(), [&](const MeshRow& row) {
     return row.method == printed.kin && row.model == printed.ours;
   });
   return found == rows.end() ? nullptr : &*found;
 }
 
-Table printed_table(const Manifest& manifest, const std::vector<Row>& rows) {
+Table printed_table(const Manifest& manifest, const std::vector<MeshRow>& rows) {
   Table table;
   table.title = manifest.title;
   table.columns = {"thesis", "its model", "its time", "its machine", "nearest kin", "our model", "our time"};
@@ -147,7 +143,7 @@ Table printed_table(const Manifest& manifest, const std::vector<Row>& rows) {
     table.rows.push_back({plain(printed.method), plain(printed.model), plain(printed.time),
                           plain(printed.machine), plain(printed.kin)});
     std::vector<Cell>& cells = table.rows.back();
-    if (const Row* row = kin_of(printed, rows)) {
+    if (const MeshRow* row = kin_of(printed, rows)) {
       cells.push_back(plain(fmt::format("{}, {}", row->model, count_text(row->points))));
       if (row->made)
         cells.push_back(plain(duration_text(row->made->made.total_ms)));
@@ -163,13 +159,13 @@ Table printed_table(const Manifest& manifest, const std::vector<Row>& rows) {
 }
 
 /// docs/meshes.schema.json describes it.
-nlohmann::ordered_json to_json(const std::vector<Row>& rows, const std::vector<std::string>& warnings,
+nlohmann::ordered_json to_json(const std::vector<MeshRow>& rows, const std::vector<std::string>& warnings,
                                const metrics::DocumentHead& head) {
   nlohmann::ordered_json document = {{"schema", "palpate-meshes/1"}};
   document.update(nlohmann::ordered_json::parse(metrics::head_json(head)));
   document["warnings"] = warnings;
   nlohmann::ordered_json& all = document["meshes"] = nlohmann::ordered_json::array();
-  for (const Row& row : rows) {
+  for (const MeshRow& row : rows) {
     nlohmann::ordered_json one = {{"model", row.model}, {"method", row.method}, {"points", row.points}};
     if (row.made) {
       one["total_ms"] = row.made->made.total_ms;
@@ -197,10 +193,10 @@ nlohmann::ordered_json to_json(const std::vector<Row>& rows, const std::vector<s
   return document;
 }
 
-void add_headlines(const Manifest& manifest, const std::vector<Row>& rows, Reproduction& r) {
+void add_headlines(const Manifest& manifest, const std::vector<MeshRow>& rows, Reproduction& r) {
   HeadlineGroup found{manifest.title, {}};
   for (const PrintedMesh& printed : manifest.printed_meshes) {
-    const Row* row = kin_of(printed, rows);
+    const MeshRow* row = kin_of(printed, rows);
     if (row == nullptr || !row->made || printed.minutes.empty()) continue;
     found.lines.push_back({fmt::format("{} as {}", printed.method, row->method),
                            fmt::format("{} for {} points of the {}; the thesis: {} for {}, on {}",
@@ -210,7 +206,7 @@ void add_headlines(const Manifest& manifest, const std::vector<Row>& rows, Repro
   if (!found.lines.empty()) r.page.headlines.push_back(std::move(found));
 }
 
-void write_results(const Manifest& manifest, const std::vector<Row>& rows,
+void write_results(const Manifest& manifest, const std::vector<MeshRow>& rows,
                    const std::vector<std::string>& warnings, Reproduction& r) {
   add_known(r.page, {fmt::format("Table {}", manifest.table), warnings, {}});
   const Result<OutputFolder> folder = r.folder.inside(fmt::format("table{}", manifest.table));
@@ -225,7 +221,7 @@ void write_results(const Manifest& manifest, const std::vector<Row>& rows,
 void reproduce_meshes(const Manifest& manifest, Reproduction& r) {
   std::optional<baselines::MeshCache> cache = baselines::MeshCache::standard();
   std::vector<std::string> warnings;
-  std::vector<Row> rows;
+  std::vector<MeshRow> rows;
   std::vector<Table> tables;
   for (const ManifestModel& model : manifest.models) {
     const Result<scene::SceneFile> scene = scene_of(model, r);
@@ -241,7 +237,7 @@ void reproduce_meshes(const Manifest& manifest, Reproduction& r) {
     add_warnings(warnings, model.name, *loaded);
     const cloud::Cloud& whole = *loaded->input.models.front().cloud;
     const bool thin = !r.arguments.full && model.points_in_time > 0 && model.points_in_time < whole.size();
-    std::vector<Row> some =
+    std::vector<MeshRow> some =
         run_all(model, thin ? cloud::sample_of(whole, model.points_in_time, kSeed) : whole,
                 cache ? &*cache : nullptr, r);
     tables.push_back(model_table(model, some));
@@ -251,7 +247,8 @@ void reproduce_meshes(const Manifest& manifest, Reproduction& r) {
                                                 count_text(whole.size())));
     std::move(some.begin(), some.end(), std::back_inserter(rows));
   }
-  check_done(r, std::any_of(rows.begin(), rows.end(), [](const Row& row) { return row.made.has_value(); }));
+  check_done(r,
+             std::any_of(rows.begin(), rows.end(), [](const MeshRow& row) { return row.made.has_value(); }));
   write_results(manifest, rows, warnings, r);
   tables.insert(tables.begin(), printed_table(manifest, rows));
   add_headlines(manifest, rows, r);

@@ -13,16 +13,12 @@ namespace {
 using R = metrics::RendererResult;
 using Value = std::optional<double>;
 
-constexpr double kPrepareLimitS = 120.0, kFullPrepareLimitS = 3600.0;
+constexpr double kMethodPrepareLimitS = 120.0, kMethodFullPrepareLimitS = 3600.0;
 /// Two renderers of which hands tell the same share of frames from the truth, to the tenth of a percent that
 /// is printed, are equally right.
 constexpr double kSamePercent = 0.1;
 /// A published figure is compared with a model of at most this share more or fewer points.
 constexpr double kSameSize = 0.1;
-
-Cell plain(std::string text) {
-  return {std::move(text), false, false};
-}
 
 Value bytes_per_point(const R& result) {
   if (!result.prepare || !result.model || result.model->points == 0) return std::nullopt;
@@ -140,7 +136,7 @@ Table model_table(const ManifestModel& model, const Manifest& manifest,
                   const metrics::ResultDocument& document) {
   using A = metrics::Accuracy;
   using F = trace::FrameStatistics;
-  using Count = std::optional<std::uint64_t>;
+  using MaybeCount = std::optional<std::uint64_t>;
   ByRenderer by(document);
   const std::uint64_t points = document.renderers.empty() || !document.renderers.front().model
                                    ? 0
@@ -172,8 +168,8 @@ Table model_table(const ManifestModel& model, const Manifest& manifest,
   by.numbers("frames that no hand tells from the truth, %",
              [](const R& r) { return r.accuracy ? r.accuracy->indistinguishable_percent : Value(); });
   by.numbers("force error, RMS, %", [](const R& r) { return settled_score(r, &A::force_rms_percent); });
-  by.faults("missed, frames", [](const A& a) { return Count(a.missed_contact_frames); });
-  by.faults("false, frames", [](const A& a) { return Count(a.false_contact_frames); });
+  by.faults("missed, frames", [](const A& a) { return MaybeCount(a.missed_contact_frames); });
+  by.faults("false, frames", [](const A& a) { return MaybeCount(a.false_contact_frames); });
   by.faults("pop-throughs", [](const A& a) { return a.pop_throughs; });
   for (std::size_t i = 0; i < document.renderers.size(); ++i) {
     const R& r = document.renderers[i];
@@ -278,7 +274,7 @@ Result<metrics::ResultDocument> run_methods(const Manifest& manifest, const Mani
   study.stage = *std::move(stage);
   RunOptions options;
   options.threads = r.arguments.threads;
-  options.prepare_limit_s = r.arguments.full ? kFullPrepareLimitS : kPrepareLimitS;
+  options.prepare_limit_s = r.arguments.full ? kMethodFullPrepareLimitS : kMethodPrepareLimitS;
   set_passes(options, r);
   std::vector<RendererRequest> wanted;
   const std::vector<render::ModelInput>& models = study.stage.scene.input.models;

@@ -18,10 +18,6 @@ constexpr double kMsPerMinute = 60000.0, kPercent = 100.0;
 // Cells a side of a wall in a quick trial.
 constexpr std::uint32_t kQuickWall = 40;
 
-Cell plain(std::string text) {
-  return {std::move(text), false, false};
-}
-
 std::string whole_ms(double ms) {
   return count_text(static_cast<std::uint64_t>(std::llround(ms)));
 }

@@ -82,16 +82,16 @@ const std::vector<Looked>& looked_at() {
   return kAll;
 }
 
-Verdict verdict_on(const Looked& looked, const Measured& before, const Measured& after) {
+ChangeVerdict verdict_on(const Looked& looked, const Measured& before, const Measured& after) {
   if (surely_less(after, before, looked.slack))
-    return looked.more_is_better ? Verdict::kWorse : Verdict::kBetter;
+    return looked.more_is_better ? ChangeVerdict::kWorse : ChangeVerdict::kBetter;
   if (surely_less(before, after, looked.slack))
-    return looked.more_is_better ? Verdict::kBetter : Verdict::kWorse;
-  return Verdict::kSame;
+    return looked.more_is_better ? ChangeVerdict::kBetter : ChangeVerdict::kWorse;
+  return ChangeVerdict::kSame;
 }
 
-const char* verdict_text(Verdict verdict) {
-  return verdict == Verdict::kBetter ? "better" : verdict == Verdict::kWorse ? "worse" : "same";
+const char* verdict_text(ChangeVerdict verdict) {
+  return verdict == ChangeVerdict::kBetter ? "better" : verdict == ChangeVerdict::kWorse ? "worse" : "same";
 }
 
 bool of_one_kind(const metrics::MachineInfo& a, const metrics::MachineInfo& b) {
@@ -127,7 +127,7 @@ Status check_same(const ResultDocument& before, const ResultDocument& after) {
 
 bool Changes::worse_for_sure() const {
   return std::any_of(all.begin(), all.end(),
-                     [](const Change& c) { return c.verdict == Verdict::kWorse && !c.is_time; });
+                     [](const Change& c) { return c.verdict == ChangeVerdict::kWorse && !c.is_time; });
 }
 
 Result<ResultDocument> read_earlier(const std::string& result) {
@@ -153,9 +153,10 @@ Result<Changes> changes_between(const ResultDocument& before, const ResultDocume
       continue;
     }
     if (now.status != then->status)
-      changes.all.push_back({now.label, "status", then->status == metrics::RunStatus::kOk ? 1.0 : 0.0,
-                             now.status == metrics::RunStatus::kOk ? 1.0 : 0.0,
-                             now.status == metrics::RunStatus::kOk ? Verdict::kBetter : Verdict::kWorse});
+      changes.all.push_back(
+          {now.label, "status", then->status == metrics::RunStatus::kOk ? 1.0 : 0.0,
+           now.status == metrics::RunStatus::kOk ? 1.0 : 0.0,
+           now.status == metrics::RunStatus::kOk ? ChangeVerdict::kBetter : ChangeVerdict::kWorse});
     if (now.name != then->name || now.options != then->options)
       changes.notes.push_back(fmt::format("{} has other options than in the earlier run.", now.label));
     for (const Looked& looked : looked_at()) {
@@ -183,7 +184,7 @@ Table changes_table(const Changes& changes) {
         {{c.label},
          {c.number},
          {short_number(c.before)},
-         {short_number(c.after), c.verdict == Verdict::kBetter, c.verdict == Verdict::kWorse},
+         {short_number(c.after), c.verdict == ChangeVerdict::kBetter, c.verdict == ChangeVerdict::kWorse},
          {verdict_text(c.verdict)}});
   table.notes = changes.notes;
   return table;

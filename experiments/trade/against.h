@@ -14,14 +14,14 @@ namespace palpate::experiments {
 inline constexpr const char* kAgainstFile = "against.json";
 inline constexpr const char* kAgainstSchema = "palpate-against/1";
 
-enum class Verdict { kBetter, kWorse, kSame };
+enum class ChangeVerdict { kBetter, kWorse, kSame };
 
 /// One number of one renderer, before and after.
 struct Change {
   std::string label;   ///< of the renderer
   std::string number;  ///< its key in result.json, "frame_all.mean_us"
   double before = 0.0, after = 0.0;
-  Verdict verdict = Verdict::kSame;
+  ChangeVerdict verdict = ChangeVerdict::kSame;
   bool is_time = false;
 };
 

@@ -17,7 +17,7 @@
 namespace palpate::baselines {
 namespace {
 
-constexpr std::uint64_t kSeed = 4711;
+constexpr std::uint64_t kClosestSeed = 4711;
 
 geometry::RigidTransform pose() {
   return {Eigen::Quaterniond(0.3, 0.2, 0.9, -0.1).normalized(), Vec3(7, -8, 9)};
@@ -33,8 +33,8 @@ geometry::TriangleMesh mixed_up(geometry::TriangleMesh mesh, Random& random) {
 }
 
 TEST(ClosestMesh, SignedDistanceOfABoxAtEveryScale) {
-  RecordProperty("seed", static_cast<int>(kSeed));
-  Random random(kSeed);
+  RecordProperty("seed", static_cast<int>(kClosestSeed));
+  Random random(kClosestSeed);
   for (const double scale : {1e-3, 1.0, 1e6}) {
     geometry::RigidTransform where = pose();
     where.translation_mm *= scale;
@@ -64,7 +64,7 @@ TEST(ClosestMesh, SharpFoldsAndThinParts) {
   needle.triangles = {{0, 1, 2}, {0, 2, 3}, {0, 3, 1}, {1, 3, 2}};
   const auto truth = ClosestMesh::build(needle, {});
   ASSERT_TRUE(truth);
-  Random random(kSeed);
+  Random random(kClosestSeed);
   int inside = 0;
   for (int i = 0; i < 20000; ++i) {
     const Vec3 p{random.uniform(-0.5, 0.5), random.uniform(-0.5, 0.5), random.uniform(-1, 11)};
@@ -94,7 +94,7 @@ TEST(ClosestMesh, AgreesWithTheOtherTruthOnAnUnevenBody) {
       cloud::generate(parse_named_options("pebble:points=2000:jitter=0.2:nonuniform=0.6:seed=5").value());
   ASSERT_TRUE(made) << made.error().message();
   ASSERT_NE(made->original_mesh, nullptr);
-  Random random(kSeed);
+  Random random(kClosestSeed);
   const auto ours = MeshTruth::build(*made->original_mesh, pose());
   const auto theirs = ClosestMesh::build(mixed_up(*made->original_mesh, random), pose());
   ASSERT_TRUE(ours && theirs);

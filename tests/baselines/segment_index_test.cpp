@@ -14,7 +14,7 @@ struct Built {
   std::unique_ptr<SegmentIndex> index;
 };
 
-Built build(const geometry::TriangleMesh& mesh) {
+Built indexed(const geometry::TriangleMesh& mesh) {
   Built result;
   auto surface = SurfaceMesh::build(mesh, 1);
   EXPECT_TRUE(surface.ok());
@@ -36,7 +36,7 @@ TEST(SegmentIndex, NoSegmentSlipsThroughEdgesOrVertices) {
     for (const double shift : {0.0, 1e5}) {
       const geometry::RigidTransform motion{Eigen::Quaterniond(0.5, 0.1, -0.7, 0.3).normalized(),
                                             Vec3::Constant(shift * scale)};
-      const Built built = build(test::moved(unit, motion, scale));
+      const Built built = indexed(test::moved(unit, motion, scale));
       const double reach = 3.0 * scale;
       for (int i = 0; i < 30000; ++i) {
         const auto f = static_cast<std::uint32_t>(random.below(built.mesh->facets().size()));
@@ -64,7 +64,7 @@ TEST(SegmentIndex, NoSegmentSlipsThroughEdgesOrVertices) {
 TEST(SegmentIndex, ChainsOfSegmentsMeetTheSurface) {
   RecordProperty("seed", std::to_string(kSeed));
   Random random(kSeed);
-  const Built built = build(test::height_mesh(40, 50.0, test::sinusoid));
+  const Built built = indexed(test::height_mesh(40, 50.0, test::sinusoid));
   std::size_t missed = 0;
   constexpr int kChains = 20000;
   for (int i = 0; i < kChains; ++i) {
@@ -82,7 +82,7 @@ TEST(SegmentIndex, ChainsOfSegmentsMeetTheSurface) {
 TEST(SegmentIndex, WithinAndNearestAgreeWithBruteForce) {
   RecordProperty("seed", std::to_string(kSeed));
   Random random(kSeed);
-  const Built built = build(test::height_mesh(20, 50.0, test::sinusoid));
+  const Built built = indexed(test::height_mesh(20, 50.0, test::sinusoid));
   for (int i = 0; i < 300; ++i) {
     const Vec3 p{random.uniform(-40, 40), random.uniform(-40, 40), random.uniform(-30, 30)};
     double least = 1e300;
@@ -99,12 +99,12 @@ TEST(Crossings, TwoCrossingSheetsAreFoundAndAFoldedOneHasNone) {
   const geometry::TriangleMesh flat = test::height_mesh(8, 10.0, [](double, double) { return 0.0; });
   const geometry::RigidTransform upright{Eigen::Quaterniond(std::sqrt(0.5), 0, std::sqrt(0.5), 0),
                                          Vec3(0.3, 0.1, 0.2)};
-  const Built crossing = build(test::joined(flat, test::moved(flat, upright)));
+  const Built crossing = indexed(test::joined(flat, test::moved(flat, upright)));
   const Crossings found = Crossings::find(*crossing.mesh, *crossing.index, 1);
   EXPECT_TRUE(found.any());
   for (std::uint32_t f = 0; f < crossing.mesh->facets().size(); ++f)
     for (const std::uint32_t g : found.of(f)) EXPECT_NE(f < 128, g < 128);
-  const Built single = build(test::height_mesh(30, 50.0, test::sinusoid));
+  const Built single = indexed(test::height_mesh(30, 50.0, test::sinusoid));
   EXPECT_FALSE(Crossings::find(*single.mesh, *single.index, 2).any());
 }
 

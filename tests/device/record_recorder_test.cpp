@@ -17,7 +17,7 @@
 namespace palpate::device {
 namespace {
 
-constexpr std::uint64_t kSeed = 7;
+constexpr std::uint64_t kRecorderSeed = 7;
 
 std::size_t ticks_of(std::vector<std::byte> bytes, RecordingEnd& end) {
   Result<Recording> recording = open_bytes(std::move(bytes));
@@ -37,7 +37,7 @@ std::size_t ticks_of(std::vector<std::byte> bytes, RecordingEnd& end) {
 
 TEST(Recorder, KeepsEveryTickOfALongSessionWithASmallRing) {
   MemoryDisk disk;
-  RandomTicks source(kSeed);
+  RandomTicks source(kRecorderSeed);
   RecorderOptions options;
   options.ring_bytes = std::size_t{1} << 16;
   ASSERT_TRUE(record(disk, source, 20'000, options));
@@ -65,7 +65,7 @@ TEST(Recorder, KeepsEveryTickOfALongSessionWithASmallRing) {
 
 TEST(Recorder, ASlowDiskCostsTicksThatAreCountedAndNeverTheLoop) {
   MemoryDisk disk;
-  RandomTicks source(kSeed);
+  RandomTicks source(kRecorderSeed);
   source.keeps = false;
   RecorderOptions options;
   options.ring_bytes = 1;  // the least that is given: two of the longest ticks
@@ -91,7 +91,7 @@ TEST(Recorder, ASlowDiskCostsTicksThatAreCountedAndNeverTheLoop) {
 
 TEST(Recorder, ADiskThatIsFullForAWhileCostsNothing) {
   MemoryDisk disk;
-  RandomTicks source(kSeed);
+  RandomTicks source(kRecorderSeed);
   auto made = Recorder::create(std::make_unique<MemoryFile>(disk), some_header(), source, {});
   ASSERT_TRUE(made);
   Recorder& recorder = **made;
@@ -115,7 +115,7 @@ TEST(Recorder, ADiskThatIsFullForAWhileCostsNothing) {
 
 TEST(Recorder, ADiskThatStaysFullLosesTheRestAndSaysWhy) {
   MemoryDisk disk;
-  RandomTicks source(kSeed);
+  RandomTicks source(kRecorderSeed);
   auto made = Recorder::create(std::make_unique<MemoryFile>(disk), some_header(), source, {});
   ASSERT_TRUE(made);
   Recorder& recorder = **made;
@@ -137,7 +137,7 @@ TEST(Recorder, ADiskThatStaysFullLosesTheRestAndSaysWhy) {
 TEST(Recorder, TicksAndTheWriterRunSideBySide) {
   // For ThreadSanitizer: a loop that takes ticks, a writer, and a thread that adds renderers and notes.
   MemoryDisk disk;
-  RandomTicks source(kSeed);
+  RandomTicks source(kRecorderSeed);
   source.keeps = false;
   RecorderOptions options;
   options.ring_bytes = std::size_t{1} << 17;
@@ -165,7 +165,7 @@ TEST(Recorder, TicksAndTheWriterRunSideBySide) {
 
 TEST(Recorder, TakingATickAllocatesNothing) {
   MemoryDisk disk;
-  RandomTicks source(kSeed);
+  RandomTicks source(kRecorderSeed);
   source.keeps = false;
   RecorderOptions options;
   options.chunk_s = 1e6;  // the writer only fetches
@@ -239,7 +239,7 @@ class RecorderOnDisk : public InFolder {
     const pid_t pid = ::fork();
     if (pid != 0) return pid;
     limit();
-    RandomTicks source(kSeed);
+    RandomTicks source(kRecorderSeed);
     source.keeps = false;
     auto made = Recorder::create(path, some_header(), source);
     if (!made) ::_exit(3);
@@ -297,7 +297,7 @@ TEST_F(RecorderOnDisk, AFileThatMayNotGrowKeepsWhatItHasAndTheLoopGoesOn) {
     std::signal(SIGXFSZ, SIG_IGN);
     const rlimit limit{kMostBytes, kMostBytes};
     ::setrlimit(RLIMIT_FSIZE, &limit);
-    RandomTicks source(kSeed);
+    RandomTicks source(kRecorderSeed);
     source.keeps = false;
     auto made = Recorder::create(path, some_header(), source);
     if (!made) ::_exit(3);
@@ -328,7 +328,7 @@ TEST_F(RecorderOnDisk, AFileThatMayNotGrowKeepsWhatItHasAndTheLoopGoesOn) {
 
 TEST_F(RecorderOnDisk, NeverReplacesAFileUnasked) {
   const std::string path = in("twice.palrec");
-  RandomTicks source(kSeed);
+  RandomTicks source(kRecorderSeed);
   {
     auto first = Recorder::create(path, some_header(), source);
     ASSERT_TRUE(first);

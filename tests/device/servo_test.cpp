@@ -13,7 +13,7 @@ namespace palpate::device {
 namespace {
 
 constexpr double kPeriodS = 1e-3;
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kServoNan = std::numeric_limits<double>::quiet_NaN();
 
 // A half space z < 0 in the world with a spring; answers NaN on request.
 class Wall final : public render::HapticRenderer {
@@ -46,7 +46,7 @@ class Wall final : public render::HapticRenderer {
       frame.god_object_mm.z() = 0.0;
       frame.force_n.z() = -0.5 * hip_mm.z();
     }
-    if (steps == nan_at) frame.force_n.setConstant(kNan);
+    if (steps == nan_at) frame.force_n.setConstant(kServoNan);
     return frame;
   }
   render::FrameCounters counters() const noexcept override { return {}; }

@@ -16,7 +16,7 @@ namespace {
 using nlohmann::json;
 
 const char* const kScene = "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1:seed=1";
-const char* const kPath = "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1";
+const char* const kCommandPath = "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1";
 
 class Command : public InFolder {};
 
@@ -148,7 +148,7 @@ TEST_F(Command, InfoWarnsOfCoarseGuessedDuplicatedAndBroken) {
 
 TEST_F(Command, ReplayLeavesTraceAndResult) {
   const ProcessOutcome run = palpate_command(
-      {"replay", kScene, "--renderer", "cloud", "--path", kPath, "--out", in("out"), "--paced", "20"});
+      {"replay", kScene, "--renderer", "cloud", "--path", kCommandPath, "--out", in("out"), "--paced", "20"});
   ASSERT_EQ(run.exit_code, 0) << run.err;
   const std::string trace = file_text(in("out/trace.csv"));
   EXPECT_EQ(trace.substr(0, trace.find('\n')),
@@ -174,7 +174,7 @@ TEST_F(Command, CompareRunsEveryRendererThereIs) {
     labels.insert(info.name);
   }
   const ProcessOutcome run = palpate_command(
-      {"compare", kScene, "--renderers", names, "--path", kPath, "--passes", "2", "--out", in("out")});
+      {"compare", kScene, "--renderers", names, "--path", kCommandPath, "--passes", "2", "--out", in("out")});
   ASSERT_EQ(run.exit_code, 0) << run.err;
   const json result = json::parse(file_text(in("out/result.json")));
   EXPECT_EQ(schema_violations(schema("result"), file_text(in("out/result.json"))), "");
@@ -203,8 +203,8 @@ TEST_F(Command, TracesAreTheSameForAnyThreadsAndFromRunToRun) {
   int run_number = 0;
   for (const char* threads : {"1", "2", "2"}) {
     const std::string out = in("out" + std::to_string(run_number++));
-    const ProcessOutcome run = palpate_command(
-        {"replay", kScene, "--renderer", "cloud", "--path", kPath, "--out", out, "--threads", threads});
+    const ProcessOutcome run = palpate_command({"replay", kScene, "--renderer", "cloud", "--path",
+                                                kCommandPath, "--out", out, "--threads", threads});
     ASSERT_EQ(run.exit_code, 0) << run.err;
     hashes.insert(
         json::parse(file_text(out + "/result.json"))["renderers"][0]["trace_hash"].get<std::string>());
@@ -215,7 +215,7 @@ TEST_F(Command, TracesAreTheSameForAnyThreadsAndFromRunToRun) {
 TEST_F(Command, LabelsNameOneRendererTwice) {
   const ProcessOutcome run =
       palpate_command({"compare", kScene, "--renderers", "cloud,cloud:shading=none:label=bare", "--path",
-                       kPath, "--out", in("out"), "--json"});
+                       kCommandPath, "--out", in("out"), "--json"});
   ASSERT_EQ(run.exit_code, 0) << run.err;
   const json result = json::parse(run.out);
   EXPECT_EQ(result["renderers"][1]["label"], "bare");
@@ -256,8 +256,8 @@ TEST_F(Command, AScenesControlActsAndSaysSo) {
 }
 
 TEST_F(Command, ASecondRunReplacesTheFirst) {
-  const std::vector<std::string> replay = {"replay", kScene, "--renderer", "cloud",
-                                           "--path", kPath,  "--out",      in("out")};
+  const std::vector<std::string> replay = {"replay", kScene,       "--renderer", "cloud",
+                                           "--path", kCommandPath, "--out",      in("out")};
   ASSERT_EQ(palpate_command(replay).exit_code, 0);
   EXPECT_EQ(palpate_command(replay).exit_code, 0);
 }
@@ -265,14 +265,14 @@ TEST_F(Command, ASecondRunReplacesTheFirst) {
 TEST_F(Command, SaveMeshWritesAMeshThatReadsBack) {
   if (all_renderers().find("mesh-godobject") == nullptr) GTEST_SKIP() << "built without mesh-godobject";
   const ProcessOutcome run =
-      palpate_command({"replay", kScene, "--renderer", "mesh-godobject:mesh=original", "--path", kPath,
+      palpate_command({"replay", kScene, "--renderer", "mesh-godobject:mesh=original", "--path", kCommandPath,
                        "--out", in("out"), "--save-mesh", in("mesh.ply")});
   ASSERT_EQ(run.exit_code, 0) << run.err;
   const ProcessOutcome info = palpate_command({"info", in("mesh.ply"), "--json"});
   ASSERT_EQ(info.exit_code, 0) << info.err;
   EXPECT_EQ(json::parse(info.out)["triangles"], 5000);
-  EXPECT_EQ(palpate_command({"replay", kScene, "--renderer", "cloud", "--path", kPath, "--out", in("out"),
-                             "--save-mesh", in("none.ply")})
+  EXPECT_EQ(palpate_command({"replay", kScene, "--renderer", "cloud", "--path", kCommandPath, "--out",
+                             in("out"), "--save-mesh", in("none.ply")})
                 .exit_code,
             1);
 }

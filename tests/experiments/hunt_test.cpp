@@ -61,19 +61,19 @@ Trial tried(Fake::Spoil spoil) {
   Fake fake(std::move(spoil));
   return try_scene(scene, fake).value();
 }
-double score(const Trial& trial, Goal goal) {
+double score(const Trial& trial, HuntGoal goal) {
   return trial.worst[static_cast<std::size_t>(goal)].score;
 }
 
 TEST(Hunt, FindsNothingInARendererThatKeepsItsPromises) {
   const Trial trial = tried([](const Vec3&, render::Frame&) {});
   EXPECT_EQ(trial.fault, "");
-  EXPECT_EQ(score(trial, Goal::kStick), 0.0);
-  EXPECT_EQ(score(trial, Goal::kEnergy), 0.0);
+  EXPECT_EQ(score(trial, HuntGoal::kStick), 0.0);
+  EXPECT_EQ(score(trial, HuntGoal::kEnergy), 0.0);
   // Along a straight stroke the spring is as long as the way in it.
-  EXPECT_GT(score(trial, Goal::kForce), 0.9);
-  EXPECT_LE(score(trial, Goal::kForce), 1.0 + 1e-12);
-  EXPECT_LE(score(trial, Goal::kJump), 1.0 + 1e-9);
+  EXPECT_GT(score(trial, HuntGoal::kForce), 0.9);
+  EXPECT_LE(score(trial, HuntGoal::kForce), 1.0 + 1e-12);
+  EXPECT_LE(score(trial, HuntGoal::kJump), 1.0 + 1e-9);
 }
 
 TEST(Hunt, SeesWhatIsBroken) {
@@ -95,7 +95,7 @@ TEST(Hunt, ScoresContactThatSticksEnergyAndForce) {
     f.contact = stuck;
     f.god_object_mm = stuck ? Vec3(hip.x(), hip.y(), 0.0) : hip;
   });
-  EXPECT_GT(score(sticks, Goal::kStick), 10.0);
+  EXPECT_GT(score(sticks, HuntGoal::kStick), 10.0);
   // On the way back the spring is twice as long.
   double low = 0.0;
   const Trial kicks = tried([&](const Vec3& hip, render::Frame& f) {
@@ -103,11 +103,11 @@ TEST(Hunt, ScoresContactThatSticksEnergyAndForce) {
     low = std::min(low, hip.z());
     if (!f.contact) low = 0.0;
   });
-  EXPECT_GT(score(kicks, Goal::kEnergy), 0.5);
+  EXPECT_GT(score(kicks, HuntGoal::kEnergy), 0.5);
   const Trial pushes = tried([](const Vec3&, render::Frame& f) {
     if (f.contact) f.force_n.z() = 100.0;
   });
-  EXPECT_GT(score(pushes, Goal::kForce), 2.0);
+  EXPECT_GT(score(pushes, HuntGoal::kForce), 2.0);
 }
 
 TEST(Hunt, AQuarryIsWrittenAndReadToTheBit) {

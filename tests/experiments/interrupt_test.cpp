@@ -16,8 +16,9 @@ namespace {
 using nlohmann::json;
 
 constexpr int kInterrupted = 130, kTerminated = 143;
-const char* const kScene = "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1:seed=1";
-const char* const kPath = "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1";
+const char* const kInterruptScene =
+    "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1:seed=1";
+const char* const kInterruptPath = "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1";
 // Minutes of work for brute-force, and hardly any for the others.
 const char* const kLargeScene = "sinusoid:points=160801";
 const char* const kLongPath = "weave:frames=8000:depth_mm=1:seed=1";
@@ -37,7 +38,8 @@ class Interrupt : public InFolder {
     return all;
   }
   std::vector<std::string> compare(const std::string& renderers, const std::string& out = "out",
-                                   const std::string& path = kPath, const std::string& scene = kScene) const {
+                                   const std::string& path = kInterruptPath,
+                                   const std::string& scene = kInterruptScene) const {
     return {"compare", scene, "--renderers", renderers, "--path", path, "--out", in(out)};
   }
   /// A file that is half written, or that only an unfinished run needs.
@@ -134,13 +136,13 @@ TEST_F(Interrupt, WhateverItIsDoing) {
   const std::string large = "sinusoid:points=1002001";
   const std::map<std::string, std::vector<std::string>> works = {
       {"an exploration",
-       {"replay", kScene, "--renderer", "cloud", "--reference", "none", "--path", kEndlessExploration,
-        "--out", in("out")}},
+       {"replay", kInterruptScene, "--renderer", "cloud", "--reference", "none", "--path",
+        kEndlessExploration, "--out", in("out")}},
       {"the reference",
-       {"replay", kScene, "--renderer", "cloud", "--path", kEndlessPath, "--out", in("out")}},
+       {"replay", kInterruptScene, "--renderer", "cloud", "--path", kEndlessPath, "--out", in("out")}},
       {"frames",
-       {"replay", large, "--renderer", "brute-force", "--reference", "none", "--path", kPath, "--out",
-        in("out")}},
+       {"replay", large, "--renderer", "brute-force", "--reference", "none", "--path", kInterruptPath,
+        "--out", in("out")}},
       {"a generator", {"info", "sinusoid:points=100000000"}},
       {"a plan", {"plan", "sinusoid:points=100000000"}},
       {"cleaning", {"clean", large, "--steps", "smooth/iterations=50", "--out", in("cleaned.ply")}},

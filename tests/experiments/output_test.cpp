@@ -13,8 +13,8 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-const char* const kScene = "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1:seed=1";
-const char* const kPath = "tap:frames=800";
+const char* const kOutputScene = "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1:seed=1";
+const char* const kOutputPath = "tap:frames=800";
 
 class Output : public InFolder {
  protected:
@@ -99,8 +99,9 @@ TEST_F(Output, AMeshIsNotSavedOntoTheScan) {
   ASSERT_EQ(palpate_command(clean(in("scan.csv"), in("scan.ply"))).exit_code, 0);
   const std::string before = file_text(in("scan.ply"));
   const auto save = [&](const std::string& mesh, const std::string& more) {
-    std::vector<std::string> arguments = {"replay", in("scan.ply"), "--renderer", "mesh-godobject", "--path",
-                                          kPath,    "--out",        in("out"),    "--save-mesh",    mesh};
+    std::vector<std::string> arguments = {
+        "replay",    in("scan.ply"), "--renderer", "mesh-godobject", "--path",
+        kOutputPath, "--out",        in("out"),    "--save-mesh",    mesh};
     if (!more.empty()) arguments.push_back(more);
     return arguments;
   };
@@ -114,10 +115,10 @@ TEST_F(Output, AMeshIsNotSavedOntoTheScan) {
 
 TEST_F(Output, AResultThatIsReadIsNotReplaced) {
   const auto replay = [&](const std::string& path) {
-    return std::vector<std::string>{"replay", kScene, "--renderer", "cloud",
-                                    "--path", path,   "--out",      in("out")};
+    return std::vector<std::string>{"replay", kOutputScene, "--renderer", "cloud",
+                                    "--path", path,         "--out",      in("out")};
   };
-  ASSERT_EQ(palpate_command(replay(kPath)).exit_code, 0);
+  ASSERT_EQ(palpate_command(replay(kOutputPath)).exit_code, 0);
   // A path of one's own may stand there; a result may not be read.
   write_text(in("out/mine.csv"), "t_s,x_mm,y_mm,z_mm\n0,0,0,5\n0.001,0,0,5\n");
   EXPECT_EQ(palpate_command(replay(in("out/mine.csv"))).exit_code, 0);
@@ -128,8 +129,8 @@ TEST_F(Output, AResultThatIsReadIsNotReplaced) {
 
 TEST_F(Output, ARerunLeavesNoOldTracesOrFigures) {
   const auto compare = [&](const std::string& renderers) {
-    const ProcessOutcome run = palpate_command(
-        {"compare", kScene, "--renderers", renderers, "--path", "weave:frames=600", "--out", in("out")});
+    const ProcessOutcome run = palpate_command({"compare", kOutputScene, "--renderers", renderers, "--path",
+                                                "weave:frames=600", "--out", in("out")});
     EXPECT_EQ(run.exit_code, 0) << run.err;
   };
   compare("cloud,cloud-literal");
@@ -150,8 +151,8 @@ TEST_F(Output, ASecondRunIntoTheSameFolderIsRefused) {
   const Result<OutputFolder> ours = OutputFolder::open(in("out"));
   ASSERT_TRUE(ours.ok());
   for (const std::vector<std::string>& arguments :
-       {std::vector<std::string>{"replay", kScene, "--renderer", "cloud", "--path", kPath},
-        {"compare", kScene, "--renderers", "cloud", "--path", kPath},
+       {std::vector<std::string>{"replay", kOutputScene, "--renderer", "cloud", "--path", kOutputPath},
+        {"compare", kOutputScene, "--renderers", "cloud", "--path", kOutputPath},
         {"reproduce", "--tables", "7", "--quick"},
         {"behaviours", "--only", "hovering", "--renderers", "cloud"}}) {
     std::vector<std::string> all = arguments;

@@ -15,17 +15,17 @@ namespace {
 using nlohmann::json;
 namespace fs = std::filesystem;
 
-const char* const kScene = "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1:seed=1";
-const char* const kPath = "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1";
+const char* const kStudyScene = "sinusoid:points=2601:extent_mm=20:wavelength_mm=20:amplitude_mm=1:seed=1";
+const char* const kStudyPath = "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1";
 
-std::string schema(const std::string& name) {
-  return std::string(PALPATE_DOCS) + "/" + name + ".schema.json";
+std::string study_schema(const std::string& name) {
+  return std::string(PALPATE_DOCS) + "/" + name + ".study_schema.json";
 }
 
 class StudyFolder : public InFolder {
  protected:
   void compare(const std::string& renderers, const std::vector<std::string>& more = {},
-               const std::string& scene = kScene, const std::string& path = kPath) const {
+               const std::string& scene = kStudyScene, const std::string& path = kStudyPath) const {
     std::vector<std::string> words = {"compare", scene, "--renderers", renderers,
                                       "--path",  path,  "--out",       in("out")};
     words.insert(words.end(), more.begin(), more.end());
@@ -99,11 +99,11 @@ TEST_F(StudyFolder, ScoringAgainGivesTheSameNumbers) {
 }
 
 TEST_F(StudyFolder, AReplayIsAStudyToo) {
-  ASSERT_EQ(palpate_command({"replay", kScene, "--renderer", "cloud", "--path", kPath, "--reference", "none",
-                             "--out", in("out")})
+  ASSERT_EQ(palpate_command({"replay", kStudyScene, "--renderer", "cloud", "--path", kStudyPath,
+                             "--reference", "none", "--out", in("out")})
                 .exit_code,
             0);
-  EXPECT_EQ(schema_violations(schema("result"), file_text(in("out/result.json"))), "");
+  EXPECT_EQ(schema_violations(study_schema("result"), file_text(in("out/result.json"))), "");
   EXPECT_TRUE(result()["truth"].is_null());
   ASSERT_EQ(palpate_command({"report", in("out")}).exit_code, 0);
   EXPECT_NE(file_text(in("out/report.html")).find("there is no ground truth here"), std::string::npos);
@@ -115,7 +115,7 @@ TEST_F(StudyFolder, ATableOfTheThesisIsAStudy) {
   const ProcessOutcome run = palpate_command({"reproduce", "--tables", "8", "--quick", "--out", in("out")});
   ASSERT_EQ(run.exit_code, 0) << run.err;
   const std::string page = file_text(in("out/report.html")), text = file_text(in("out/table8/result.json"));
-  EXPECT_EQ(schema_violations(schema("result"), text), "");
+  EXPECT_EQ(schema_violations(study_schema("result"), text), "");
   ASSERT_EQ(palpate_command({"report", in("out/table8")}).exit_code, 0);
   EXPECT_GT(file_text(in("out/table8/report.html")).size(), 10000u);
   ASSERT_EQ(palpate_command({"score", in("out/table8")}).exit_code, 0);
@@ -132,7 +132,7 @@ TEST_F(StudyFolder, TheWholeReportIsDrawnAgainFromItsFolderByteByByte) {
   ASSERT_EQ(run.exit_code, all_renderers().find("mesh-godobject") != nullptr ? 0 : 1) << run.err;
   const std::string first = file_text(in("out/report.html"));
   ASSERT_GT(first.size(), 50000u);
-  EXPECT_EQ(schema_violations(schema("reproduction"), file_text(in("out/reproduction.json"))), "");
+  EXPECT_EQ(schema_violations(study_schema("reproduction"), file_text(in("out/reproduction.json"))), "");
   // The folder alone: elsewhere, without the page and without any picture.
   fs::copy(in("out"), in("elsewhere"), fs::copy_options::recursive);
   fs::remove(in("elsewhere/report.html"));
@@ -175,14 +175,14 @@ TEST_F(StudyFolder, WhatIsNoStudyIsRefused) {
   };
   refused([](json& j) { j["complete"] = false; },
           {"result.json", "half written", "the same command go on", "palpate compare"});
-  refused([](json& j) { j["schema"] = "palpate-result/99"; }, {"result.json", "palpate-result/99"});
+  refused([](json& j) { j["study_schema"] = "palpate-result/99"; }, {"result.json", "palpate-result/99"});
   refused([](json& j) { j["renderers"][0]["files"]["trace"] = "../trace.csv"; },
           {"result.json", "outside of the study"});
   refused([](json& j) { j["renderers"][0]["role"] = "friend"; }, {"result.json", "role", "ours"});
   refused([](json& j) { j["scoring"] = nullptr; }, {"result.json", "no study"});
   refused([](json& j) { j["renderers"][0]["trace_hash"] = "0000000000000000"; },
           {"trace-cloud.csv", "is not the trace of cloud", "run it again"});
-  write_text(in("out/result.json"), "{ \"schema\": ");
+  write_text(in("out/result.json"), "{ \"study_schema\": ");
   expect_refused("out", {"result.json", "not a JSON"});
   write_text(in("out/result.json"), good);
   for (const char* file : {"trace-cloud.csv", "scores-cloud.csv", "reference.csv", "model-1.csv"}) {
@@ -206,7 +206,7 @@ TEST_F(StudyFolder, ForcesThatCannotBeComparedAreNotScored) {
              "0.5\n");
   compare("cloud,cloud-literal", {}, in("rough.toml"),
           "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1");
-  EXPECT_EQ(schema_violations(schema("result"), file_text(in("out/result.json"))), "");
+  EXPECT_EQ(schema_violations(study_schema("result"), file_text(in("out/result.json"))), "");
   const json document = result();
   EXPECT_FALSE(document["scoring"]["forces_comparable"]);
   for (const json& r : document["renderers"]) {
@@ -250,7 +250,7 @@ TEST_F(StudyFolder, SaysWhatEachRendererIsAndLeavesOut) {
 TEST_F(StudyFolder, WhatThePageWarnsOfStandsInTheDocument) {
   // Far above the model: nobody ever touches.
   write_text(folder_ / "far.csv", "t_s,x_mm,y_mm,z_mm\n0,0,0,50\n0.001,0,0,51\n0.002,0,0,52\n");
-  compare("cloud,analytic", {}, kScene, in("far.csv"));
+  compare("cloud,analytic", {}, kStudyScene, in("far.csv"));
   const std::string page = file_text(in("out/report.html"));
   const json document = result();
   ASSERT_FALSE(document["warnings"].empty());

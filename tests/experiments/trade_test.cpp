@@ -391,22 +391,22 @@ metrics::ResultDocument document_with(double mean_us, std::size_t bytes, double 
   return document;
 }
 
-Verdict verdict_of(const Changes& changes, const std::string& number) {
+ChangeVerdict verdict_of(const Changes& changes, const std::string& number) {
   for (const Change& c : changes.all)
     if (c.number == number) return c.verdict;
   ADD_FAILURE() << number;
-  return Verdict::kSame;
+  return ChangeVerdict::kSame;
 }
 
 TEST(Against, SaysWhatIsBetterAndWorseBeyondTheInterval) {
   const auto changes = changes_between(document_with(1.0, 100, 2.0), document_with(1.5, 90, 2.0));
   ASSERT_TRUE(changes);
-  EXPECT_EQ(verdict_of(*changes, "frame_all.mean_us"), Verdict::kWorse);
-  EXPECT_EQ(verdict_of(*changes, "memory.bytes"), Verdict::kBetter);
-  EXPECT_EQ(verdict_of(*changes, "accuracy.force_rms_percent"), Verdict::kSame);
+  EXPECT_EQ(verdict_of(*changes, "frame_all.mean_us"), ChangeVerdict::kWorse);
+  EXPECT_EQ(verdict_of(*changes, "memory.bytes"), ChangeVerdict::kBetter);
+  EXPECT_EQ(verdict_of(*changes, "accuracy.force_rms_percent"), ChangeVerdict::kSame);
   EXPECT_FALSE(changes->worse_for_sure()) << "a time alone is the machine's";
   const auto within = changes_between(document_with(1.0, 100, 2.0), document_with(1.05, 101, 2.0));
-  EXPECT_EQ(verdict_of(*within, "frame_all.mean_us"), Verdict::kSame);
+  EXPECT_EQ(verdict_of(*within, "frame_all.mean_us"), ChangeVerdict::kSame);
   EXPECT_TRUE(within->worse_for_sure()) << "a byte is a byte";
 }
 

@@ -12,7 +12,7 @@
 namespace palpate::cloud {
 namespace {
 
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNoHeight = std::numeric_limits<double>::quiet_NaN();
 
 TEST(HeightField, StandsOnTheLatticeWhateverTheOrder) {
   const Heights ground = rough(3.0, 5);
@@ -65,7 +65,7 @@ TEST(HeightField, ToAndFroIsTheSameField) {
 TEST(HeightField, HolesAreKept) {
   const auto field = height_field_of(
       build_cloud(
-          posts(40, 40, 1.0, [](std::size_t c, std::size_t r) { return c == 20 && r > 3 ? kNone : 0.5; }),
+          posts(40, 40, 1.0, [](std::size_t c, std::size_t r) { return c == 20 && r > 3 ? kNoHeight : 0.5; }),
           NonFinite::kRefuse)
           .value());
   ASSERT_TRUE(field);

@@ -19,7 +19,7 @@ namespace {
 
 const char* const kRound[] = {"ellipsoid", "rounded-box", "bowl", "bowl:rim_deg=150:felt=outside",
                               "shells:gap_mm=2"};
-const char* const kAll[] = {
+const char* const kAllSamplings[] = {
     "sinusoid",    "plane",  "saddle",         "relief:finest_mm=8",  "wedge:angle_deg=70",
     "sphere",      "pebble", "torus",          "slab:thickness_mm=5", "ellipsoid",
     "rounded-box", "bowl",   "shells:gap_mm=2"};
@@ -101,7 +101,7 @@ TEST(Round, RingsAreNumberedOnce) {
 
 TEST(Sampling, EveryWayLiesOnTheSurface) {
   for (const char* scale : {"0.001", "1", "1000000"})
-    for (const char* name : kAll)
+    for (const char* name : kAllSamplings)
       for (const char* how : {"random", "blue", "lines"}) {
         // One way a scale: each makes a table of the surface's areas.
         const bool its_own = how == std::string(scale[0] == '0'   ? "random"

@@ -13,7 +13,7 @@
 namespace palpate::control {
 namespace {
 
-constexpr double kDt = 1e-3;
+constexpr double kPassivityDt = 1e-3;
 constexpr EnergyRule kRules[] = {EnergyRule::kTrapezoid, EnergyRule::kPrinted, EnergyRule::kHold};
 
 TEST(PassivityObserver, ASpringByHand) {
@@ -90,8 +90,8 @@ Outcome run(double out_stiffness, const PassivityOptions& options, EnergyRule ju
   wall.restart(Vec3(0, 0, 0.5), 0.0);
   double t_s = 0.0;
   for (const Vec3& h : taps()) {
-    const Vec3 wanted_n = wall.step(h, t_s += kDt).force_n;
-    const Vec3 force_n = controller.control(h, wanted_n, kDt);
+    const Vec3 wanted_n = wall.step(h, t_s += kPassivityDt).force_n;
+    const Vec3 force_n = controller.control(h, wanted_n, kPassivityDt);
     observer.observe(h, force_n);
     outcome.most_change_n = std::max(outcome.most_change_n, (force_n - wanted_n).norm());
   }
@@ -134,7 +134,7 @@ TEST(PassivityController, DampingStaysWithinItsLimit) {
 TEST(PassivityController, WhatFrictionTookDoesNotPayForAKick) {
   PassivityController controller({EnergyRule::kTrapezoid, kPlenty});
   const auto at = [&](double z, double force) {
-    return controller.control(Vec3(0, 0, z), Vec3(0, 0, force), kDt).z();
+    return controller.control(Vec3(0, 0, z), Vec3(0, 0, force), kPassivityDt).z();
   };
   (void)at(0.0, 0.0);
   for (int i = 1; i <= 10; ++i) (void)at(-0.1 * i, 1.0);  // a mJ is dissipated ..
@@ -146,14 +146,14 @@ TEST(PassivityController, WhatFrictionTookDoesNotPayForAKick) {
 
 TEST(PassivityController, NothingInFreeSpaceAndNothingAtRest) {
   PassivityController controller({EnergyRule::kTrapezoid, kPlenty});
-  (void)controller.control(Vec3::Zero(), Vec3(0, 0, 1), kDt);
+  (void)controller.control(Vec3::Zero(), Vec3(0, 0, 1), kPassivityDt);
   // A force that grew at rest: nothing can be taken while nothing moves.
-  EXPECT_EQ(controller.control(Vec3::Zero(), Vec3(0, 0, 2), kDt), Vec3(0, 0, 2));
+  EXPECT_EQ(controller.control(Vec3::Zero(), Vec3(0, 0, 2), kPassivityDt), Vec3(0, 0, 2));
   PassivityController owing({EnergyRule::kTrapezoid, 1e-12});
-  (void)owing.control(Vec3::Zero(), Vec3(0, 0, 1), kDt);
-  (void)owing.control(Vec3(0, 0, 1), Vec3(0, 0, 1), kDt);
+  (void)owing.control(Vec3::Zero(), Vec3(0, 0, 1), kPassivityDt);
+  (void)owing.control(Vec3(0, 0, 1), Vec3(0, 0, 1), kPassivityDt);
   EXPECT_LT(owing.observer().energy_mj(), -0.9);
-  EXPECT_EQ(owing.control(Vec3(0, 0, 2), Vec3::Zero(), kDt), Vec3::Zero());
+  EXPECT_EQ(owing.control(Vec3(0, 0, 2), Vec3::Zero(), kPassivityDt), Vec3::Zero());
   EXPECT_LT(owing.observer().energy_mj(), -0.9) << "the debt stays";
 }
 
@@ -163,7 +163,7 @@ TEST(PassivityController, KeepsTheForceLimit) {
   for (int i = 0; i < 5000; ++i) {
     const Vec3 h(random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1));
     const Vec3 f(random.normal(), random.normal(), random.normal());
-    ASSERT_LE(controller.control(h, 3.0 * f, kDt, 3.3).norm(), 3.3 * (1 + 1e-12));
+    ASSERT_LE(controller.control(h, 3.0 * f, kPassivityDt, 3.3).norm(), 3.3 * (1 + 1e-12));
   }
 }
 

@@ -14,7 +14,7 @@
 namespace palpate::control {
 namespace {
 
-constexpr double kDt = 1e-3;
+constexpr double kWrapDt = 1e-3;
 
 ControlOptions options(bool couple, bool filter, bool passive) {
   ControlOptions o;
@@ -60,7 +60,7 @@ TEST(Wrap, ComposesWhatIsAskedForInOrder) {
     for (int i = 0; i < 3000; ++i) {
       // As the renderer counts it: the difference of two times.
       const double last_s = t_s;
-      t_s += kDt;
+      t_s += kWrapDt;
       const double dt_s = t_s - last_s;
       z = std::clamp(z + random.uniform(-0.1, 0.1), -3.0, 1.0);
       const Vec3 hip(0.01 * i, 0, z);
@@ -69,7 +69,7 @@ TEST(Wrap, ComposesWhatIsAskedForInOrder) {
       if (o.coupling) f = coupling.couple(hip, expected.god_object_mm, f, expected.contact, dt_s);
       if (o.filter.any()) f = filter.filter(f, dt_s);
       f = o.passivity ? controller.control(hip, f, dt_s, 0.8) : render::limited(f, 0.8);
-      const render::Frame frame = renderer->step(hip, kDt);
+      const render::Frame frame = renderer->step(hip, kWrapDt);
       ASSERT_EQ(frame.force_n, f) << "set " << set << ", frame " << i;
       ASSERT_EQ(frame.contact, expected.contact);
       ASSERT_EQ(frame.god_object_mm, expected.god_object_mm);
@@ -83,16 +83,16 @@ TEST(Wrap, ComposesWhatIsAskedForInOrder) {
 TEST(Wrap, TheLimitIsAppliedAfterTheCouplingSawTheTrueStiffness) {
   // 10 mm of 0.5 N/mm behind 0.5 N/mm are 2.5 N; a renderer that limits to 1 N first would give 0.83.
   const auto renderer = prepared(options(true, false, false), 2.0);
-  EXPECT_NEAR(renderer->step(Vec3(0, 0, -10), kDt).force_n.z(), 2.0, 1e-15);
-  EXPECT_NEAR(renderer->step(Vec3(0, 0, -4), kDt).force_n.z(), 1.0, 1e-15);
+  EXPECT_NEAR(renderer->step(Vec3(0, 0, -10), kWrapDt).force_n.z(), 2.0, 1e-15);
+  EXPECT_NEAR(renderer->step(Vec3(0, 0, -4), kWrapDt).force_n.z(), 1.0, 1e-15);
 }
 
 TEST(Wrap, ExactlyZeroWhenFree) {
   for (int set = 1; set < 8; ++set) {
     const auto renderer = prepared(options((set & 1) != 0, (set & 2) != 0, (set & 4) != 0), 0.0, 2.0);
-    for (const double z : {0.5, -0.5, -1.0, -0.5}) (void)renderer->step(Vec3(0, 0, z), kDt);
+    for (const double z : {0.5, -0.5, -1.0, -0.5}) (void)renderer->step(Vec3(0, 0, z), kWrapDt);
     for (const double z : {0.1, 0.2, 0.3})
-      EXPECT_EQ(renderer->step(Vec3(0, 0, z), kDt).force_n, Vec3::Zero());
+      EXPECT_EQ(renderer->step(Vec3(0, 0, z), kWrapDt).force_n, Vec3::Zero());
   }
 }
 
@@ -101,11 +101,11 @@ TEST(Wrap, ANonFiniteHipGivesNoForceAndChangesNothing) {
   for (int i = 0; i < 200; ++i) {
     const Vec3 hip(0, 0, 0.5 - 0.01 * i);
     if (i % 7 == 0) {
-      const render::Frame odd = a->step(Vec3(0, std::nan(""), 0), kDt);
+      const render::Frame odd = a->step(Vec3(0, std::nan(""), 0), kWrapDt);
       EXPECT_EQ(odd.status, render::FrameStatus::kNonFinite);
       EXPECT_EQ(odd.force_n, Vec3::Zero());
     }
-    ASSERT_EQ(a->step(hip, kDt).force_n, b->step(hip, kDt).force_n) << i;
+    ASSERT_EQ(a->step(hip, kWrapDt).force_n, b->step(hip, kWrapDt).force_n) << i;
   }
 }
 
@@ -115,7 +115,7 @@ TEST(Wrap, RestartGivesTheSameTraceAgain) {
   for (int pass = 0; pass < 2; ++pass) {
     renderer->restart(Vec3(0, 0, 1));
     for (int i = 0; i < 500; ++i) {
-      const Vec3 f = renderer->step(Vec3(0, 0, std::cos(0.05 * i)), kDt).force_n;
+      const Vec3 f = renderer->step(Vec3(0, 0, std::cos(0.05 * i)), kWrapDt).force_n;
       if (pass == 0)
         first.push_back(f);
       else

@@ -16,7 +16,7 @@
 namespace palpate::render {
 namespace {
 
-constexpr double kDt = 1e-3;
+constexpr double kDeformerDt = 1e-3;
 
 PointModel moving_model(const Scene& scene, std::size_t spare, PartitionKind kind = PartitionKind::kGrid) {
   PointModelOptions o;

@@ -18,7 +18,7 @@
 namespace palpate::render {
 namespace {
 
-constexpr double kDt = 1e-3;
+constexpr double kDentDt = 1e-3;
 
 SceneInput yielding(const std::vector<Vec3>& points, const surface::Dent& dent) {
   SceneInput scene = cloud_of(points);
@@ -131,7 +131,7 @@ TEST(StarDent, GivesWayDownToItsYield) {
     const double depth = random.uniform(0.6, 2.5);
     Frame frame;
     for (int i = 0; i < 2500; ++i)
-      frame = renderer->step(top - Vec3(0, 0, (0.5 + depth) * std::min(1.0, i / 500.0)), kDt);
+      frame = renderer->step(top - Vec3(0, 0, (0.5 + depth) * std::min(1.0, i / 500.0)), kDentDt);
     ASSERT_TRUE(frame.contact);
     EXPECT_NEAR(frame.force_n.norm(), 0.5 * 0.4, 0.5 * 0.4 * 0.02) << run;
     EXPECT_GT(frame.force_n.z(), 0.9 * frame.force_n.norm()) << run;
@@ -162,7 +162,7 @@ TEST(StarDent, IsFeltWhereThePointsAre) {
     for (int i = 0; i <= kFrames; ++i) {
       const double t = static_cast<double>(i) / kFrames;
       const Vec3 h = at(11.0 - 4.0 * std::sin(std::numbers::pi * t), t);
-      const Frame frame = renderer->step(h, kDt);
+      const Frame frame = renderer->step(h, kDentDt);
       if (!frame.contact) continue;
       ++held;
       const Vec3 axis = at(0.0, t);
@@ -173,7 +173,7 @@ TEST(StarDent, IsFeltWhereThePointsAre) {
       for (std::size_t k = 0; k < now.size(); ++k) nearest = std::min(nearest, (now.point_mm(k) - h).norm());
       wrong += std::abs(frame.force_n.norm() / 0.5 - nearest) > spacing;
     }
-    lost += renderer->step(at(11.0, 1.0), kDt).contact;
+    lost += renderer->step(at(11.0, 1.0), kDentDt).contact;
   }
   EXPECT_GT(held, 3000);
   EXPECT_EQ(wrong, 0);
@@ -193,7 +193,7 @@ TEST(StarDent, AtABorderTheProbeComesFree) {
     int wrong = 0, touched = 0;
     Frame frame;
     for (int i = 0; i <= 600; ++i) {
-      frame = renderer->step(Vec3(x, y, 1.0 - 2.5 * i / 600.0), kDt);
+      frame = renderer->step(Vec3(x, y, 1.0 - 2.5 * i / 600.0), kDentDt);
       touched += frame.contact;
       wrong += frame.contact && !(frame.force_n.z() >= 0.0);
     }
@@ -201,12 +201,12 @@ TEST(StarDent, AtABorderTheProbeComesFree) {
     EXPECT_EQ(wrong, 0) << run;
     // Out over the border: what stands there of the dent's wall holds it like one, and is not dragged along.
     constexpr double kWay = 5.0;
-    for (int i = 0; i <= 1000; ++i) frame = renderer->step(Vec3(x + kWay * i / 1000.0, y, -1.5), kDt);
+    for (int i = 0; i <= 1000; ++i) frame = renderer->step(Vec3(x + kWay * i / 1000.0, y, -1.5), kDentDt);
     EXPECT_FALSE(frame.contact) << run;
     const cloud::Cloud now = editable.edited(0).value();
     for (std::size_t i = 0; i < now.size(); ++i) ASSERT_LT(now.point_mm(i).x(), 8.1) << run;
     EXPECT_TRUE(editable.undo(0));
-    frame = renderer->step(Vec3(x + kWay, y, -1.5), kDt);
+    frame = renderer->step(Vec3(x + kWay, y, -1.5), kDentDt);
     EXPECT_FALSE(frame.contact) << run << ": nothing moved over it there";
   }
 }
@@ -228,7 +228,7 @@ TEST(StarDent, StaysWithItsSheetOfAThinPlate) {
     bool before = false, lost = false;
     for (int i = 0; i <= 1000; ++i) {
       const Frame frame = renderer->step(
-          top + Vec3(0.5 * std::sin(0.02 * i), 0.5 * std::cos(0.02 * i), -side * 4.0 * i / 1000.0), kDt);
+          top + Vec3(0.5 * std::sin(0.02 * i), 0.5 * std::cos(0.02 * i), -side * 4.0 * i / 1000.0), kDentDt);
       wrong += frame.contact && !(frame.force_n.z() * side > 0.0);
       lost |= before && !frame.contact;
       before = frame.contact;
@@ -260,7 +260,7 @@ Felt felt(const std::vector<Vec3>& points, double scale, int threads) {
     const double t = i / 1500.0;
     const Frame frame = renderer->step(
         scale * Vec3(30.0 + 3.0 * std::sin(7.0 * t), 5.0 * t, 12.0 - 5.0 * std::sin(std::numbers::pi * t)),
-        kDt);
+        kDentDt);
     out.force.push_back(frame.force_n / scale);
     out.contact.push_back(frame.contact);
   }

@@ -12,7 +12,7 @@
 namespace palpate::geometry {
 namespace {
 
-constexpr std::uint64_t kSeed = 20260102;
+constexpr std::uint64_t kSheetSeed = 20260102;
 constexpr double kScales[] = {1e-3, 1.0, 1e6};
 
 TEST(Sheets, MakersRefuseWhatIsNoShape) {
@@ -159,7 +159,7 @@ TEST(Sheets, ABowlEndsAtItsRim) {
 }
 
 TEST(Sheets, PlacesOfParametersLieOnTheSurfaceWithTheirNormals) {
-  Random random(kSeed);
+  Random random(kSheetSeed);
   for (const double k : kScales)
     for (const auto& surface :
          {make_ellipsoid(k * Vec3(30, 18, 22)), make_rounded_box(k * Vec3(40, 20, 30), 2 * k),

@@ -14,7 +14,7 @@
 namespace palpate::render {
 namespace {
 
-constexpr double kStiffness = 0.5;  // N/mm, a model's own
+constexpr double kLiteralStiffness = 0.5;  // N/mm, a model's own
 
 /// Figures 36 and 42 and section 3.5.2 over all points of one model without a pose, unshaded.
 class Printed {
@@ -50,7 +50,7 @@ class Printed {
       god_ = rolled;
       direction_ = (at(god_) - h).normalized();
       frame.god_object_mm = at(god_) + cloud_.origin_mm;
-      frame.force_n = kStiffness * (at(god_) - h);
+      frame.force_n = kLiteralStiffness * (at(god_) - h);
     }
     was_collision_ = collided;
     return frame;
@@ -122,7 +122,7 @@ TEST(CloudLiteral, FollowsTheFiguresToTheLetter) {
         SCOPED_TRACE(testing::Message() << spec << ", friction " << friction << ", " << path_spec);
         Scene scene = generated(spec);
         scene.input.models[0].surface.friction = {friction, friction};
-        ASSERT_EQ(scene.input.models[0].surface.stiffness_n_per_mm, kStiffness);
+        ASSERT_EQ(scene.input.models[0].surface.stiffness_n_per_mm, kLiteralStiffness);
         // Small cells and boxes, so that segments span several and gaps are met.
         const auto renderer = prepared(
             scene.input,

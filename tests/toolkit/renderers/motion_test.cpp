@@ -9,7 +9,7 @@
 namespace palpate::render {
 namespace {
 
-constexpr double kDt = 1e-3;
+constexpr double kMotionDt = 1e-3;
 
 SceneInput moving(const ScriptedMotion& motion, ModelInput model) {
   SceneInput scene;
@@ -56,12 +56,12 @@ TEST(Motion, APlaneRisingPastARestingProbeIsFeltAndNeverLost) {
       const auto renderer = on_clock(scene, "cloud");
       const Vec3 hip(0.1 + 0.013 * run, 0.2, 0);
       renderer->restart(hip);
-      const int frames = static_cast<int>(3.0 / speed / kDt) + 200;
+      const int frames = static_cast<int>(3.0 / speed / kMotionDt) + 200;
       bool before = false;
       bool missing = false;
       double force = 0.0;
       for (int i = 0; i < frames; ++i) {
-        const Frame frame = renderer->step(hip, kDt);
+        const Frame frame = renderer->step(hip, kMotionDt);
         missing |= before && !frame.contact;
         before = frame.contact;
         force = frame.force_n.z();
@@ -81,10 +81,10 @@ TEST(Motion, ATurningPlaneIsNeverLost) {
   const SceneInput scene = moving(motion, plane_at(Vec3::Zero(), 0.2));
   const auto renderer = on_clock(scene, "cloud");
   renderer->restart(Vec3(0, 3, 1));
-  for (int i = 0; i < 500; ++i) (void)renderer->step(Vec3(0, 3, 1 - 0.004 * i), kDt);
-  for (int i = 0; i < 400; ++i) ASSERT_TRUE(renderer->step(Vec3(0, 3, -1), kDt).contact) << i;
+  for (int i = 0; i < 500; ++i) (void)renderer->step(Vec3(0, 3, 1 - 0.004 * i), kMotionDt);
+  for (int i = 0; i < 400; ++i) ASSERT_TRUE(renderer->step(Vec3(0, 3, -1), kMotionDt).contact) << i;
   // The angle is 0.2 rad; the force is square to the plane and as deep as the probe is.
-  const Frame last = renderer->step(Vec3(0, 3, -1), kDt);
+  const Frame last = renderer->step(Vec3(0, 3, -1), kMotionDt);
   const Vec3 normal(0, -std::sin(0.2), std::cos(0.2));
   EXPECT_NEAR(last.force_n.norm(), -0.5 * normal.dot(Vec3(0, 3, -1)), 1e-3);
   EXPECT_LT(last.force_n.normalized().cross(normal).norm(), 1e-3);
@@ -104,8 +104,8 @@ TEST(Motion, MovingModelAndMovingProbeAreTheSameThing) {
   moved->restart(hip);
   rested->restart(hip);
   for (int i = 1; i <= 100; ++i) {
-    const Frame a = moved->step(hip, kDt);
-    const Frame b = rested->step(hip - Vec3(30, 0, 0) * (kDt * i), kDt);
+    const Frame a = moved->step(hip, kMotionDt);
+    const Frame b = rested->step(hip - Vec3(30, 0, 0) * (kMotionDt * i), kMotionDt);
     ASSERT_EQ(a.contact, b.contact) << i;
     EXPECT_LT((a.force_n - b.force_n).norm(), 1e-6) << i;
   }
@@ -131,9 +131,9 @@ TEST(Motion, TheOracleFollowsAndAgrees) {
   rested->restart(hip);
   int contacts = 0, agree = 0;
   for (int i = 1; i <= 300; ++i) {
-    const geometry::RigidTransform pose = motion.at(kDt * i).world_from_model;
-    const Frame a = moved->step(hip, kDt), b = rested->step(pose.inverse() * hip, kDt),
-                c = cloud_moved->step(hip, kDt);
+    const geometry::RigidTransform pose = motion.at(kMotionDt * i).world_from_model;
+    const Frame a = moved->step(hip, kMotionDt), b = rested->step(pose.inverse() * hip, kMotionDt),
+                c = cloud_moved->step(hip, kMotionDt);
     ASSERT_EQ(a.contact, b.contact) << i;
     EXPECT_LT((a.force_n - pose.rotate(b.force_n)).norm(), 1e-9) << i;
     EXPECT_LT((a.god_object_mm - (b.contact ? Vec3(pose * b.god_object_mm) : hip)).norm(), 1e-9) << i;

@@ -1,0 +1,376 @@
+#include "device/links/usb_link.h"
+
+#include <libusb.h>
+#include <poll.h>
+#include <pthread.h>
+#include <sched.h>
+#include <sys/eventfd.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <system_error>
+#include <thread>
+#include <utility>
+
+#include "device/links/usb_session.h"
+#include "toolkit/core/clock.h"
+#include "toolkit/core/try.h"
+
+namespace palpate::device {
+namespace {
+
+// The thread looks at its flags so often where nothing happens: nothing hangs on a wake-up that was lost.
+constexpr int kUsbLookMs = 100;
+// Commands take some 0.1 ms each; a device that has not taken three of them by then takes none.
+constexpr double kUsbDrainMs = 200.0, kUsbCancelMs = 500.0;
+constexpr double kUsbStopMs = 100.0;
+// One transfer fails on a bad cable. So many in a row, and the device is as good as gone.
+constexpr int kUsbMostErrors = 16;
+constexpr unsigned kUsbControlMs = 1000;
+constexpr timespec kUsbLook{0, 100'000};
+
+}  // namespace
+
+struct UsbLink::Io {
+  explicit Io(UsbLink& owner) : link(owner) {}
+
+  struct In {
+    Io* io = nullptr;
+    UsbTransfer transfer;
+    std::array<std::uint8_t, kLinkPacketBytes> bytes{};
+    bool flying = false;
+  };
+  struct Out {
+    Io* io = nullptr;
+    UsbTransfer transfer;
+    LinkPacket packet;
+    std::uint64_t number = 0;
+    bool flying = false;
+  };
+
+  UsbLink& link;
+  UsbSession session;
+  std::array<In, kInTransfers> ins;
+  std::array<Out, kInFlight> outs;
+  std::thread thread;
+  std::atomic<bool> stopping{false};
+  // The thread's:
+  LinkPacket newest;  // of those that wait
+  bool waiting = false;
+  std::uint64_t number = 0;  // of the newest, counted as submit() does
+  bool cancelling = false;
+  int errors_in_a_row = 0;
+
+  [[nodiscard]] Status prepare();
+  [[nodiscard]] bool start(In& in) noexcept;
+  void run() noexcept;
+  void handle_events(int wait_ms) noexcept;
+  void send_newest() noexcept;
+  void drain() noexcept;
+  [[nodiscard]] bool out_flying() const noexcept;
+  [[nodiscard]] bool flying() const noexcept;
+  void lost() noexcept { link.gone_.store(true, std::memory_order_release); }
+  void arrived(In& in) noexcept;
+  void departed(Out& out) noexcept;
+  /// Whether a transfer that ended so may go on.
+  bool endured(libusb_transfer_status status) noexcept;
+};
+
+Status UsbLink::Io::prepare() {
+  for (In& in : ins) {
+    in.io = this;
+    in.transfer.reset(libusb_alloc_transfer(0));
+    if (!in.transfer) return Error{"no memory for USB transfers", "close other programs", link.name_, 0};
+    // Bulk and interrupt endpoints are served alike by the kernel's interface; timeouts: none.
+    libusb_fill_bulk_transfer(
+        in.transfer.get(), session.handle(), link.interface_.in, in.bytes.data(),
+        static_cast<int>(in.bytes.size()),
+        [](libusb_transfer* done) {
+          In& ended = *static_cast<In*>(done->user_data);
+          ended.io->arrived(ended);
+        },
+        &in, 0);
+  }
+  for (Out& out : outs) {
+    out.io = this;
+    out.transfer.reset(libusb_alloc_transfer(0));
+    if (!out.transfer) return Error{"no memory for USB transfers", "close other programs", link.name_, 0};
+    libusb_fill_bulk_transfer(
+        out.transfer.get(), session.handle(), link.interface_.out, out.packet.bytes.data(), 0,
+        [](libusb_transfer* done) {
+          Out& ended = *static_cast<Out*>(done->user_data);
+          ended.io->departed(ended);
+        },
+        &out, 0);
+  }
+  return Done{};
+}
+
+bool UsbLink::Io::start(In& in) noexcept {
+  in.flying = libusb_submit_transfer(in.transfer.get()) == LIBUSB_SUCCESS;
+  return in.flying;
+}
+
+bool UsbLink::Io::endured(libusb_transfer_status status) noexcept {
+  if (status == LIBUSB_TRANSFER_COMPLETED) {
+    errors_in_a_row = 0;
+    return true;
+  }
+  return status != LIBUSB_TRANSFER_NO_DEVICE && ++errors_in_a_row < kUsbMostErrors;
+}
+
+void UsbLink::Io::arrived(In& in) noexcept {
+  in.flying = false;
+  const libusb_transfer_status status = in.transfer->status;
+  if (cancelling || status == LIBUSB_TRANSFER_CANCELLED) return;
+  if (!endured(status)) return lost();
+  if (status == LIBUSB_TRANSFER_COMPLETED) {
+    const auto size = static_cast<std::size_t>(in.transfer->actual_length);
+    link.counts_.received.fetch_add(1, std::memory_order_relaxed);
+    if (size > 0 && !link.packets_.push(std::span(in.bytes).first(size)))
+      link.counts_.overrun.fetch_add(1, std::memory_order_relaxed);
+  } else {
+    link.counts_.in_errors.fetch_add(1, std::memory_order_relaxed);
+  }
+  if (!start(in)) lost();
+}
+
+void UsbLink::Io::departed(Out& out) noexcept {
+  out.flying = false;
+  link.counts_.done.store(out.number, std::memory_order_release);  // the kernel keeps their order
+  const libusb_transfer_status status = out.transfer->status;
+  if (status == LIBUSB_TRANSFER_CANCELLED) return;
+  if (status == LIBUSB_TRANSFER_COMPLETED)
+    link.counts_.sent.fetch_add(1, std::memory_order_relaxed);
+  else
+    link.counts_.out_errors.fetch_add(1, std::memory_order_relaxed);
+  if (!endured(status)) lost();
+}
+
+/// The newest of what frames have submitted goes to the kernel when that has room.
+void UsbLink::Io::send_newest() noexcept {
+  while (link.commands_.pop(newest)) {
+    if (std::exchange(waiting, true)) link.counts_.overtaken.fetch_add(1, std::memory_order_relaxed);
+    ++number;
+  }
+  if (!waiting || link.gone_.load(std::memory_order_relaxed)) return;
+  for (Out& out : outs) {
+    if (out.flying) continue;
+    waiting = false;
+    out.packet = newest;
+    out.number = number;
+    out.transfer->length = static_cast<int>(newest.size);
+    const int failed = libusb_submit_transfer(out.transfer.get());
+    out.flying = failed == LIBUSB_SUCCESS;
+    if (out.flying) return;
+    link.counts_.done.store(number, std::memory_order_release);
+    link.counts_.out_errors.fetch_add(1, std::memory_order_relaxed);
+    if (!endured(failed == LIBUSB_ERROR_NO_DEVICE ? LIBUSB_TRANSFER_NO_DEVICE : LIBUSB_TRANSFER_ERROR))
+      lost();
+    return;
+  }
+}
+
+bool UsbLink::Io::out_flying() const noexcept {
+  for (const Out& out : outs)
+    if (out.flying) return true;
+  return false;
+}
+
+bool UsbLink::Io::flying() const noexcept {
+  for (const In& in : ins)
+    if (in.flying) return true;
+  return out_flying();
+}
+
+/// Waits for libusb's files and the link's own, then lets libusb do what is due.
+void UsbLink::Io::handle_events(int wait_ms) noexcept {
+  std::array<pollfd, UsbSession::kMostFiles + 1> files{};
+  // The file of a device that is gone is always ready, and there is nothing to do.
+  const bool gone = link.gone_.load(std::memory_order_relaxed);
+  const std::size_t count = gone ? 0 : session.files(std::span(files).first(UsbSession::kMostFiles));
+  files[count] = {link.wake_, POLLIN, 0};
+  ::poll(files.data(), static_cast<nfds_t>(count + 1), wait_ms);
+  std::uint64_t wakes = 0;
+  if ((files[count].revents & POLLIN) != 0 && ::read(link.wake_, &wakes, sizeof wakes) < 0) wakes = 0;
+  session.handle_events();
+}
+
+void UsbLink::Io::run() noexcept {
+  if (link.priority_ > 0) {
+    sched_param priority{};
+    priority.sched_priority = link.priority_;
+    ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &priority);  // where it is allowed
+  }
+  for (In& in : ins)
+    if (!start(in)) lost();
+  while (!stopping.load(std::memory_order_acquire)) {
+    send_newest();
+    handle_events(kUsbLookMs);
+  }
+  drain();
+}
+
+/// The end: what was submitted still goes out, then every transfer comes home.
+void UsbLink::Io::drain() noexcept {
+  const Stopwatch watch;
+  do {
+    send_newest();
+    if (!waiting && !out_flying()) break;
+    handle_events(1);
+  } while (!link.gone_.load(std::memory_order_relaxed) && watch.ms() < kUsbDrainMs);
+  cancelling = true;
+  for (In& in : ins)
+    if (in.flying) libusb_cancel_transfer(in.transfer.get());
+  for (Out& out : outs)
+    if (out.flying) libusb_cancel_transfer(out.transfer.get());
+  const Stopwatch cancel_watch;
+  while (flying() && cancel_watch.ms() < kUsbCancelMs) handle_events(1);
+}
+
+UsbLink::UsbLink(UsbAddress address, const UsbInterface& interface, std::string name, int priority)
+    : address_(std::move(address)),
+      interface_(interface),
+      name_(std::move(name)),
+      priority_(priority),
+      wake_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)),
+      at_stop_([this] {
+        wait_until_out();
+        return std::string();
+      }) {}
+
+UsbLink::~UsbLink() {
+  at_stop_.drop();
+  close();
+  if (wake_ >= 0) ::close(wake_);
+}
+
+Status UsbLink::open() {
+  close();
+  if (wake_ < 0) return Error{"the system gives no file for wake-ups", "close other programs", name_, 0};
+  auto io = std::make_unique<Io>(*this);
+  PALPATE_TRY(io->session.open(address_, interface_, name_));
+  PALPATE_TRY(io->prepare());
+  LinkPacket old;
+  while (commands_.pop(old)) {
+  }
+  io->number = counts_.accepted.load();
+  packets_.clear();
+  taken_ = 0;
+  gone_.store(false);
+  io_ = std::move(io);
+  try {
+    io_->thread = std::thread([raw = io_.get()] { raw->run(); });
+  } catch (const std::system_error& failed) {
+    io_.reset();
+    return Error{std::string("no thread for the USB device: ") + failed.what(),
+                 "raise the limit of processes (ulimit -u)", name_, 0};
+  }
+  open_.store(true, std::memory_order_release);
+  return Done{};
+}
+
+void UsbLink::close() noexcept {
+  if (!io_) return;
+  open_.store(false, std::memory_order_release);
+  io_->stopping.store(true, std::memory_order_release);
+  const std::uint64_t one = 1;
+  static_cast<void>(::write(wake_, &one, sizeof one) < 0);
+  io_->thread.join();
+  // A transfer that never came home is still libusb's: its memory is left to it.
+  if (io_->flying())
+    static_cast<void>(io_.release());
+  else
+    io_.reset();
+}
+
+bool UsbLink::submit(std::span<const std::uint8_t> bytes) noexcept {
+  if (!open_.load(std::memory_order_acquire) || gone_.load(std::memory_order_acquire)) return false;
+  if (!commands_.push(bytes)) {
+    counts_.refused.fetch_add(1, std::memory_order_relaxed);
+    return false;
+  }
+  counts_.accepted.fetch_add(1, std::memory_order_release);
+  const std::uint64_t one = 1;
+  static_cast<void>(::write(wake_, &one, sizeof one) < 0);  // full: it is awake
+  return true;
+}
+
+/// A program that ends takes the link's thread with it, and what that has not yet handed to the kernel.
+void UsbLink::wait_until_out() const noexcept {
+  const std::uint64_t until = counts_.accepted.load(std::memory_order_acquire);
+  const Stopwatch watch;
+  while (open_.load() && !gone_.load() && counts_.done.load(std::memory_order_acquire) < until &&
+         watch.ms() < kUsbStopMs)
+    ::nanosleep(&kUsbLook, nullptr);
+}
+
+Polled UsbLink::poll(std::span<std::uint8_t> into) noexcept {
+  const LinkPacket* packet = packets_.front();
+  if (packet == nullptr)
+    return {0, !open_.load(std::memory_order_acquire) || gone_.load(std::memory_order_acquire)};
+  const std::span<const std::uint8_t> left = packet->used().subspan(taken_);
+  const std::size_t size = std::min(left.size(), into.size());
+  std::copy_n(left.begin(), size, into.begin());
+  taken_ += size;
+  if (taken_ == packet->size) {
+    packets_.drop();
+    taken_ = 0;
+  }
+  return {size, false};
+}
+
+Status UsbLink::control(const ControlRequest& request) {
+  const auto failed = [&](const char* what) {
+    return Error{std::string("a control request failed: ") + what,
+                 "unplug the device, plug it in again, and look at its cable and power", name_, 0};
+  };
+  if (!open_.load() || gone_.load()) return failed("the device is gone");
+  // Shared with the callback, which may come after this gave up.
+  struct Pending {
+    std::array<std::uint8_t, LIBUSB_CONTROL_SETUP_SIZE> setup{};
+    std::atomic<int> status{-1};
+  };
+  auto pending = std::make_shared<Pending>();
+  libusb_transfer* transfer = libusb_alloc_transfer(0);
+  if (transfer == nullptr) return failed("no memory");
+  libusb_fill_control_setup(pending->setup.data(), request.type, request.request, request.value,
+                            request.index, 0);
+  auto* keeps = new std::shared_ptr<Pending>(pending);
+  libusb_fill_control_transfer(
+      transfer, io_->session.handle(), pending->setup.data(),
+      [](libusb_transfer* done) {
+        auto* kept = static_cast<std::shared_ptr<Pending>*>(done->user_data);
+        (*kept)->status.store(static_cast<int>(done->status), std::memory_order_release);
+        delete kept;
+      },
+      keeps, kUsbControlMs);
+  transfer->flags = LIBUSB_TRANSFER_FREE_TRANSFER;
+  const int started = libusb_submit_transfer(transfer);
+  if (started != LIBUSB_SUCCESS) {
+    delete keeps;
+    libusb_free_transfer(transfer);
+    return failed(libusb_error_name(started));
+  }
+  const Stopwatch watch;
+  int status = -1;
+  while ((status = pending->status.load(std::memory_order_acquire)) < 0 && watch.ms() < 2.0 * kUsbControlMs)
+    ::nanosleep(&kUsbLook, nullptr);
+  if (status == LIBUSB_TRANSFER_NO_DEVICE) gone_.store(true);
+  if (status == LIBUSB_TRANSFER_COMPLETED) return Done{};
+  return failed(status == LIBUSB_TRANSFER_NO_DEVICE ? "the device is gone"
+                : status == LIBUSB_TRANSFER_STALL   ? "the device refuses it"
+                                                    : "no answer");
+}
+
+UsbLinkCounters UsbLink::counters() const noexcept {
+  const auto of = [](const std::atomic<std::uint64_t>& count) {
+    return count.load(std::memory_order_relaxed);
+  };
+  return {of(counts_.received), of(counts_.overrun),   of(counts_.sent),      of(counts_.overtaken),
+          of(counts_.refused),  of(counts_.in_errors), of(counts_.out_errors)};
+}
+
+}  // namespace palpate::device

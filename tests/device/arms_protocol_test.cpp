@@ -1,0 +1,265 @@
+// What arms say and hear, to the byte; what is no report; description files and their errors.
+#include "device/arms/arm_protocol.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+
+#include "device/arms/arm_description.h"
+#include "tests/device/hid_fake_link.h"
+#include "toolkit/core/random.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data,
+                                      std::size_t size);  // tests/fuzz/fuzz_open_devices.cpp
+
+namespace palpate::device {
+namespace {
+
+std::optional<ArmReport> line_of(const std::string& text) {
+  return decoded_line({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+}
+
+TEST(ArmProtocol, KnownReportsHaveTheseBytes) {
+  const TestBytes eight = {0x01, 0x00, 0xFE, 0xFF, 0x2C, 0x01, 0x34, 0x12};
+  const auto first = decoded_report(ArmForm::kReport8, 0, eight);
+  ASSERT_TRUE(first);
+  EXPECT_EQ(first->counts, (std::array<std::int32_t, 6>{1, -2, 300, 0, 0, 0}));
+  EXPECT_EQ(first->counter, 0x1234);
+  const auto second = decoded_report(ArmForm::kReport14, 64, words({-32768, 32767, 0, 10007, 5, 6, 1}, 64));
+  ASSERT_TRUE(second);
+  EXPECT_EQ(second->counts, (std::array<std::int32_t, 6>{-32768, 32767, 0, 10007, 5, 6}));
+  EXPECT_TRUE(second->calibrate);
+  EXPECT_FALSE(decoded_report(ArmForm::kReport14, 0, words({0, 0, 0, 0, 0, 0, 2}))->calibrate);
+}
+
+TEST(ArmProtocol, AReportHasItsLengthOrIsNone) {
+  for (const ArmForm form : {ArmForm::kReport8, ArmForm::kReport14})
+    for (const std::size_t padded : {std::size_t{0}, std::size_t{64}})
+      for (std::size_t size = 0; size <= 65; ++size) {
+        const bool right = size == (padded == 0 ? report_size(form) : padded);
+        EXPECT_EQ(decoded_report(form, padded, TestBytes(size)).has_value(), right) << size;
+      }
+  EXPECT_FALSE(decoded_report(ArmForm::kText, 0, TestBytes(14)));
+}
+
+TEST(ArmProtocol, CommandsHaveTheseBytes) {
+  const auto eight = encoded_currents(ArmForm::kReport8, 0, {1, -2, 2000});
+  EXPECT_EQ(TestBytes(eight.span().begin(), eight.span().end()), words({1, -2, 2000, 0}));
+  const auto padded = encoded_currents(ArmForm::kReport14, 64, {-2000, 0, 7});
+  EXPECT_EQ(TestBytes(padded.span().begin(), padded.span().end()), words({-2000, 0, 7}, 64));
+  // Command 1: d, e, f where currents stand, 1, then a, b, c.
+  const auto counts = encoded_counts(0, {8327, -10926, 19386, 0, 30, 0});
+  EXPECT_EQ(TestBytes(counts.span().begin(), counts.span().end()), words({0, 30, 0, 1, 8327, -10926, 19386}));
+  const auto text_of = [](const Milliamps& currents) {
+    const CommandBytes command = encoded_currents(ArmForm::kText, 0, currents);
+    return std::string(command.span().begin(), command.span().end());
+  };
+  EXPECT_EQ(text_of({}), "[0,0,0]        \n");
+  EXPECT_EQ(text_of({1, -2, 345}), "[1,-2,345]     \n");
+  EXPECT_EQ(text_of({-32768, -32768, -32768}), "[-32768,-32768,-32768]\n") << "longer than the least";
+}
+
+TEST(ArmProtocol, LinesAreReadOrRefused) {
+  const auto good = line_of("[1,8312,-10366,19764,0,30,-1,0]");
+  ASSERT_TRUE(good);
+  EXPECT_EQ(good->model, 1);
+  EXPECT_EQ(good->counts, (std::array<std::int32_t, 6>{8312, -10366, 19764, 0, 30, -1}));
+  EXPECT_EQ(line_of("  [ 1 , 8312,-10366 ,19764,0,30,-1,0 ]  "), good);
+  for (const char* bad :
+       {"", "[]", "[", "]", "1,2,3,4,5,6,7,8", "[1,2,3,4,5,6,7]", "[1,2,3,4,5,6,7,8,9]", "[1,2,3,4,5,6,7,]",
+        "[1,,3,4,5,6,7,8]", "[1,2,3,4,5,6,7,8", "1,2,3,4,5,6,7,8]", "[1,2,3,4,5,6,7,8]x",
+        "[1,2.5,3,4,5,6,7,8]", "[1,nan,3,4,5,6,7,8]", "[1,0x10,3,4,5,6,7,8]", "[1,99999999999,3,4,5,6,7,8]",
+        "[1,10000001,3,4,5,6,7,8]", "[1,+2,3,4,5,6,7,8]", "[1 2,3,4,5,6,7,8,9]"})
+    EXPECT_FALSE(line_of(bad)) << bad;
+}
+
+TEST(ArmProtocol, LinesAreFoundInADamagedStream) {
+  ArmLineReader reader;
+  const auto feed = [&](const std::string& text) {
+    int found = 0;
+    for (const char c : text) found += reader.take(static_cast<std::uint8_t>(c)).has_value() ? 1 : 0;
+    return found;
+  };
+  EXPECT_EQ(feed("0,0]\n[1,1,2,3,0,0,0,0]\r\n"), 1) << "the first line was torn";
+  EXPECT_EQ(reader.malformed_in_a_row(), 0u);
+  EXPECT_EQ(feed("\n\n[1,4,5,6,"), 0);
+  EXPECT_EQ(reader.malformed_in_a_row(), 0u) << "an empty line is nothing";
+  EXPECT_EQ(feed("0,0,0,0]\n"), 1);
+  EXPECT_EQ(std::string(reader.line().begin(), reader.line().end()), "[1,4,5,6,0,0,0,0]");
+  EXPECT_EQ(feed("noise\nnoise\n[1,2,3]\n"), 0);
+  EXPECT_EQ(reader.malformed_in_a_row(), 3u);
+  EXPECT_EQ(feed("[1,1,2,3,0,0,0,0]\n"), 1);
+  EXPECT_EQ(reader.malformed_in_a_row(), 0u);
+  EXPECT_EQ(feed(std::string(10 * ArmLineReader::kMostLine, 'x')), 0);
+  EXPECT_GE(reader.malformed_in_a_row(), 9u) << "a line that never ends";
+  EXPECT_EQ(feed("[1,1,2,3,0,0,0,0]\n"), 0) << "the end of that line";
+  EXPECT_EQ(feed("[1,1,2,3,0,0,0,0]\n"), 1);
+}
+
+TEST(ArmDescription, KnownOnesAreWhatTheirMakersPublished) {
+  std::vector<std::string> names;
+  for (const KnownArm& known : built_in_arms()) names.push_back(known.name);
+  std::sort(names.begin(), names.end());
+  EXPECT_EQ(names, (std::vector<std::string>{"polhem-v1", "polhem-v2", "polhem-v3", "polhem-vintage",
+                                             "woodenhaptics", "woodenhaptics-serial"}));
+  for (const std::string& name : names) {
+    const auto arm = find_arm(name);
+    ASSERT_TRUE(arm) << arm.error().message();
+    EXPECT_EQ(arm->name, name);
+    EXPECT_FALSE(arm->weight) << name << ": unproven";
+    EXPECT_LE(arm->current_cap_a, 2.0);
+    EXPECT_GT(arm->limits.resolution_mm, 0.005);
+    EXPECT_LT(arm->limits.resolution_mm, 0.2);
+  }
+  // Polhem v3: degrees at the stops of its rest pose as its maker writes them, 120.45, 124.8 and 238.5.
+  const ArmDescription third = find_arm("polhem-v3").value();
+  const ArmAngles rest = third.angles_of(third.rest_counts);
+  constexpr double kDegrees = 57.29577951308232;
+  EXPECT_NEAR(rest[0] * kDegrees, 120.45, 0.01);
+  EXPECT_NEAR(rest[1] * kDegrees, 124.80, 0.01);
+  EXPECT_NEAR(rest[2] * kDegrees, 238.5, 0.1);
+  // One N*mm about A takes 28.8534 / 175 of it from the motor, at 60.3 N*mm/A.
+  EXPECT_NEAR(third.ma_per_n_mm(0), 1000 * 28.8534 / 175 / 60.3, 1e-9);
+  EXPECT_LT(third.ma_per_n_mm(1), 0.0) << "its motor turns against the body";
+  // The chains rest with their forearms level, straight ahead; the aluminium one with its forearm hanging.
+  for (const char* name : {"woodenhaptics", "woodenhaptics-serial", "polhem-v1"}) {
+    const ArmDescription arm = find_arm(name).value();
+    const ArmAngles angles = arm.angles_of(arm.rest_counts);
+    EXPECT_NEAR(angles[0], 0.0, 1e-12) << name;
+    EXPECT_NEAR(angles[1], 0.0, 1e-12) << name;
+    EXPECT_NEAR(angles[2] * kDegrees, 90.0, 1e-9) << name;
+  }
+  const ArmDescription old = find_arm("polhem-vintage").value();
+  EXPECT_NEAR(old.angles_of(old.rest_counts)[1] * kDegrees, 90.0, 1e-9);
+}
+
+std::string wood_text() {
+  for (const KnownArm& known : built_in_arms())
+    if (known.name == "woodenhaptics") return std::string(known.text);
+  return {};
+}
+
+struct WrongDescription {
+  const char* from;
+  const char* to;
+  const char* what;    // part of the message
+  const char* remedy;  // part of the message
+};
+
+TEST(ArmDescription, WhatIsWrongIsSaidWithFileLineAndRemedy) {
+  const WrongDescription wrongs[] = {
+      {"form = \"report8\"", "form = \"report9\"", "there is no form", "did you mean 'report8'"},
+      {"form = \"report8\"", "form = \"text\"", "'vendor' does nothing here", "leave it out"},
+      {"vendor = 0x1234 ", "vendor = 70000", "'vendor'", ""},
+      {"vendor = 0x1234 ", "#", "needs 'vendor' and 'product'", "lsusb"},
+      {"usage = 0x0200", "usage = 0x0200\nreport_bytes = 7", "'report_bytes' is 7", "8 to 64"},
+      {"usage = 0x0200", "usage = 0x0200\nmodel = 1", "'model' does nothing here", "text"},
+      {"linkage = \"chain\"", "linkage = \"five-bar\"", "'lengths_mm' must be a list of 6", "crank"},
+      {"[80, 205, 245]", "[80, 205]", "'lengths_mm' must be a list of 3", "forearm"},
+      {"[80, 205, 245]", "[80, -205, 245]", "above 0", ""},
+      {"signs = [1, -1, 1]", "signs = [1, -1, 0]", "'signs' are 1 or -1", "against the body"},
+      {"capstan_mm = [10, 10, 10] ", "capstan_mm = [10, 1e9, 10]", "one count would turn joint B",
+       "check capstan_mm"},
+      {"capstan_mm = [10, 10, 10] ", "capstan_mm = [10, 10]", "list of 3", "A, B, C"},
+      {"capstan_mm = [10, 10, 10] ", "capstan_mm = [10, 10, nan]", "finite", ""},
+      {"capstan_mm = ", "capstann_mm = ", "capstann_mm", "capstan_mm"},
+      {"current_cap_a = 2 ", "current_cap_a = 20", "to 6", "usual amplifiers"},
+      {"current_cap_a = 2 ", "current_cap_a = 0", "'current_cap_a'", ""},
+      {"when = \"start\"", "when = \"button\"", "calibration button", "start"},
+      {"when = \"start\"", "when = \"start\"\nin_firmware = true", "set their counters",
+       "without in_firmware"},
+      {"angles_deg", "# angles_deg", "either 'counts' or 'angles_deg'", "angles_deg = "},
+      {"[0, 0, 90]", "[0, 0, 90]\ncounts = [0, 0, 0]", "either 'counts' or 'angles_deg'", ""},
+      {"workspace_low_mm = [-100, -100, -100]", "workspace_low_mm = [100, -100, -100]", "workspace is empty",
+       "below"},
+      {"force_n = 2.5", "force_n = -5", "'force_n'", ""},
+      {"force_n = 2.5", "", "'force_n'", ""},
+      {"name = \"woodenhaptics\"", "", "'name'", ""},
+      {"[weight]", "[wait]", "wait", ""},
+      {"[limits]", "[limits", "", "TOML"},
+  };
+  const std::string good = wood_text();
+  ASSERT_TRUE(parse_arm_description(good, "w.toml"));
+  for (const WrongDescription& wrong : wrongs) {
+    std::string text = good;
+    const std::size_t at = text.find(wrong.from);
+    ASSERT_NE(at, std::string::npos) << wrong.from;
+    text.replace(at, std::string(wrong.from).size(), wrong.to);
+    const auto read = parse_arm_description(text, "w.toml");
+    ASSERT_FALSE(read) << wrong.to;
+    const Error& error = read.error();
+    EXPECT_EQ(error.file, "w.toml") << wrong.to;
+    EXPECT_GT(error.line, 0) << wrong.to;
+    EXPECT_NE(error.message().find(wrong.what), std::string::npos) << wrong.to << ": " << error.message();
+    EXPECT_NE(error.message().find(wrong.remedy), std::string::npos) << wrong.to << ": " << error.message();
+  }
+}
+
+TEST(ArmDescription, ALinkageThatCannotRestSoIsRefused) {
+  std::string text;
+  for (const KnownArm& known : built_in_arms())
+    if (known.name == "polhem-v3") text = known.text;
+  const std::string from = "counts = [8312, -10366, 19764]";
+  ASSERT_NE(text.find(from), std::string::npos);
+  text.replace(text.find(from), from.size(), "counts = [8312, 10366, -19764]");
+  const auto read = parse_arm_description(text, "p.toml");
+  ASSERT_FALSE(read);
+  EXPECT_NE(read.error().message().find("rest pose"), std::string::npos);
+}
+
+TEST(ArmDescription, TheUsersOwnStandForThoseBuiltIn) {
+  const std::filesystem::path folder = std::filesystem::temp_directory_path() / "palpate_arms_test";
+  std::filesystem::remove_all(folder);
+  std::filesystem::create_directories(folder / "palpate" / "devices");
+  std::string text = wood_text();
+  text.replace(text.find("force_n = 2.5"), 13, "force_n = 3");
+  std::ofstream(folder / "palpate" / "devices" / "woodenhaptics.toml") << text;
+  std::ofstream(folder / "palpate" / "devices" / "mine.toml") << text;
+  const char* before = std::getenv("XDG_CONFIG_HOME");
+  const std::string kept = before == nullptr ? "" : before;
+  ::setenv("XDG_CONFIG_HOME", folder.c_str(), 1);
+  EXPECT_EQ(find_arm("woodenhaptics")->limits.force_max_n, 3.0);
+  EXPECT_TRUE(find_arm("mine"));
+  const auto none = find_arm("polhem-v4");
+  if (kept.empty())
+    ::unsetenv("XDG_CONFIG_HOME");
+  else
+    ::setenv("XDG_CONFIG_HOME", kept.c_str(), 1);
+  ASSERT_FALSE(none);
+  EXPECT_NE(none.error().remedy.find("did you mean"), std::string::npos) << none.error().message();
+  std::filesystem::remove_all(folder);
+}
+
+TEST(OpenDevicesFuzz, TheCorpusAndManyOthersPass) {
+  int files = 0;
+  for (const auto& entry :
+       std::filesystem::directory_iterator(PALPATE_SOURCE_ROOT "/tests/corpus/open_devices")) {
+    std::ifstream file(entry.path(), std::ios::binary);
+    const TestBytes bytes((std::istreambuf_iterator<char>(file)), {});
+    EXPECT_EQ(LLVMFuzzerTestOneInput(bytes.data(), bytes.size()), 0) << entry.path();
+    ++files;
+  }
+  EXPECT_GE(files, 6);
+  Random random(41);
+  const std::string kinds = "abcspd";
+  const std::string line = "[1,10,20,30,0,0,0,0]\n";
+  for (int run = 0; run < 3000; ++run) {
+    TestBytes bytes = {static_cast<std::uint8_t>(kinds[random.below(kinds.size())])};
+    const std::size_t size = random.below(400);
+    while (bytes.size() < size) {
+      if (random.below(8) == 0) bytes.insert(bytes.end(), line.begin(), line.end());
+      // The plane's address and small reports' numbers come often.
+      bytes.push_back(static_cast<std::uint8_t>(random.below(3) == 0 ? random.below(8) : random.below(256)));
+    }
+    ASSERT_EQ(LLVMFuzzerTestOneInput(bytes.data(), bytes.size()), 0) << "seed 41, run " << run;
+  }
+}
+
+}  // namespace
+}  // namespace palpate::device

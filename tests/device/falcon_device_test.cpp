@@ -1,0 +1,436 @@
+// The Falcon's set-up and the device over it, against a simulated Falcon on virtual time, with the real
+// governor and servo: no frame with force follows a fault.
+#include "device/falcon/falcon_device.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "device/safety/watchdog.h"
+#include "device/servo/servo.h"
+#include "tests/device/mock/falcon_link.h"
+#include "tests/device/rig.h"
+
+namespace palpate::device {
+namespace {
+
+constexpr std::array<int, 3> kCentreCounts = {-96, -96, -96};
+
+std::array<int, 3> counts_at(const Vec3& device_mm) {
+  const Vec3 counts =
+      falcon_counts_of_angles(falcon_angles(device_mm + Vec3{0.0, 0.0, kFalconCentreMm}).value());
+  std::array<int, 3> rounded{};
+  for (int leg = 0; leg < 3; ++leg)
+    rounded[static_cast<std::size_t>(leg)] = static_cast<int>(std::lround(counts[leg]));
+  return rounded;
+}
+
+struct FalconRig {
+  explicit FalconRig(FalconOptions options = {}) {
+    auto owned = std::make_unique<FalconLink>(board, clock);
+    link = owned.get();
+    options.pause = [this](int ms) { clock.advance(1e-3 * ms); };
+    if (!options.firmware) options.firmware = [this] { return check_falcon_firmware(image); };
+    device = std::make_unique<FalconDevice>(std::move(owned), clock, std::move(options));
+  }
+  /// Firmware runs and all legs are homed at the centre.
+  static void prepared(FalconBoard& board) {
+    board.run_firmware();
+    board.home(kCentreCounts);
+  }
+  /// A packet each way.
+  DeviceState exchange() {
+    device->cut_force();
+    clock.advance(2e-3);
+    return device->read();
+  }
+  VirtualClock clock;
+  FalconBoard board;
+  std::vector<std::uint8_t> image = made_up_image();
+  FalconLink* link = nullptr;
+  std::unique_ptr<FalconDevice> device;
+};
+
+// Set-up.
+
+TEST(FalconBoot, LoadsTheImageByteForByteWhereNoneRuns) {
+  FalconRig rig;
+  const Status opened = rig.device->open();
+  ASSERT_TRUE(opened) << opened.error().message();
+  EXPECT_EQ(rig.board.loaded(), rig.image);
+  EXPECT_EQ(rig.board.stage(), FalconBoard::Stage::kRunning);
+  EXPECT_EQ(rig.board.resets(), 1);
+  EXPECT_FALSE(rig.device->booted().was_running);
+  EXPECT_EQ(rig.device->booted().firmware, "unknown image");
+  EXPECT_EQ(rig.device->booted().attempts, 1);
+  EXPECT_EQ(rig.board.latency_ms(), 1);
+  EXPECT_FALSE(rig.board.event_character());
+  EXPECT_FALSE(rig.board.holds_force());
+}
+
+TEST(FalconBoot, ResetsByTheRisingEdgeAtTheRomsRate) {
+  FalconRig rig;
+  ASSERT_TRUE(rig.device->open());
+  std::vector<ControlRequest>& sent = rig.link->controls;
+  const auto at = [&](std::uint8_t request, std::uint16_t value) {
+    return std::find(sent.begin(), sent.end(), ControlRequest{0x40, request, value, 0}) - sent.begin();
+  };
+  EXPECT_LT(at(0x03, 0x4138), at(0x01, 0x0101)) << "9600 baud, then DTR high";
+  EXPECT_LT(at(0x01, 0x0100), at(0x01, 0x0101)) << "DTR low, then high";
+  EXPECT_LT(at(0x01, 0x0101), at(0x03, 0x0015)) << "then the rate for loading";
+  EXPECT_LT(at(0x01, 0x0101), static_cast<std::ptrdiff_t>(sent.size()));
+}
+
+TEST(FalconBoot, RunningFirmwareIsFoundAndLeftAlone) {
+  FalconOptions options;
+  options.firmware = []() -> Result<FalconFirmware> { return Error{"nobody should ask", "", "", 0}; };
+  FalconRig rig(options);
+  rig.board.run_firmware();
+  rig.board.faults.deaf_for = 7;  // replies may be lost
+  ASSERT_TRUE(rig.device->open());
+  EXPECT_TRUE(rig.device->booted().was_running);
+  EXPECT_EQ(rig.board.resets(), 0);
+  EXPECT_LT(rig.clock.now_s(), 0.1);
+}
+
+TEST(FalconBoot, AnAnswerMayBeginWithZero) {
+  FalconRig rig;
+  rig.board.faults.zero_first = true;
+  EXPECT_TRUE(rig.device->open());
+}
+
+TEST(FalconBoot, RepliesInPiecesAndOneByOne) {
+  for (const std::size_t most : {1U, 3U, 5U, 16U, 40U}) {
+    FalconRig rig;
+    FalconRig::prepared(rig.board);
+    rig.board.most_per_packet = most;
+    ASSERT_TRUE(rig.device->open()) << most;
+  }
+}
+
+TEST(FalconBoot, AWrongEchoIsTriedAgainUpToTenTimes) {
+  FalconRig rig;
+  rig.board.faults.wrong_echoes = 3;
+  ASSERT_TRUE(rig.device->open());
+  EXPECT_EQ(rig.device->booted().attempts, 4);
+  EXPECT_EQ(rig.link->opens, 4) << "closed and opened in between";
+  EXPECT_EQ(rig.board.loaded(), rig.image);
+  FalconRig hopeless;
+  hopeless.board.faults.wrong_echoes = 1000;
+  const Status opened = hopeless.device->open();
+  ASSERT_FALSE(opened);
+  EXPECT_NE(opened.error().what.find("echoed"), std::string::npos) << opened.error().message();
+  EXPECT_EQ(hopeless.link->opens, 10);
+  EXPECT_NE(hopeless.board.stage(), FalconBoard::Stage::kRunning);
+}
+
+TEST(FalconBoot, WithoutFirmwareItSaysWhatIsMissingAndSendsNoByteOfIt) {
+  FalconOptions options;
+  options.firmware = [] { return find_falcon_firmware({"", "", {"/nowhere/at/all"}}); };
+  FalconRig rig(options);
+  const Status opened = rig.device->open();
+  ASSERT_FALSE(opened);
+  EXPECT_NE(opened.error().message().find("/nowhere/at/all"), std::string::npos);
+  EXPECT_EQ(rig.board.resets(), 0) << "not even reset";
+  FalconRig wrong;
+  wrong.image[0] = 0xAB;
+  EXPECT_FALSE(wrong.device->open());
+  EXPECT_TRUE(wrong.board.loaded().empty());
+  EXPECT_EQ(wrong.board.resets(), 0);
+}
+
+TEST(FalconBoot, EveryOtherFailureIsBoundedAndSaid) {
+  const auto failure = [](const auto& spoil) {
+    FalconRig rig;
+    spoil(rig);
+    const Status opened = rig.device->open();
+    EXPECT_FALSE(opened);
+    EXPECT_LT(rig.clock.now_s(), 120.0);
+    EXPECT_FALSE(rig.device->cut_force()) << "closed again";
+    return opened ? std::string() : opened.error().what;
+  };
+  EXPECT_NE(failure([](FalconRig& rig) { rig.board.faults.mute_rom = true; }).find("does not answer"),
+            std::string::npos);
+  EXPECT_NE(
+      failure([](FalconRig& rig) { rig.board.faults.dead_image = true; }).find("does not answer packets"),
+      std::string::npos);
+  EXPECT_NE(failure([](FalconRig& rig) { rig.link->jammed = true; }).find("takes no bytes"),
+            std::string::npos);
+  EXPECT_NE(failure([](FalconRig& rig) { rig.link->unplugged = true; }).find("no device"), std::string::npos);
+}
+
+TEST(FalconBoot, TheEventCharacterIsOnInUseAloneAndOnlyWhenAsked) {
+  FalconOptions options;
+  options.event_character = true;
+  FalconRig rig(options);
+  ASSERT_TRUE(rig.device->open());
+  EXPECT_TRUE(rig.board.event_character());
+  EXPECT_EQ(rig.board.loaded(), rig.image) << "images hold its byte too";
+}
+
+// The device.
+
+TEST(FalconDevice, ReadsPositionsButtonsBytesAndTimes) {
+  FalconRig rig;
+  FalconRig::prepared(rig.board);
+  ASSERT_TRUE(rig.device->open());
+  (void)rig.exchange();
+  rig.board.counts = counts_at(Vec3{10, -20, 15});
+  rig.board.buttons = 5;
+  const DeviceState state = rig.exchange();
+  EXPECT_EQ(state.status, ReadStatus::kFresh);
+  EXPECT_LT((state.position_mm - Vec3(10, -20, 15)).norm(), 0.06) << "rounded to counts";
+  EXPECT_TRUE(state.homed);
+  EXPECT_EQ(state.buttons, 5u);
+  EXPECT_EQ(state.packet_ns, rig.clock.now_ns());
+  ASSERT_EQ(state.raw.size, kFalconPacketBytes);
+  EXPECT_TRUE(falcon_reply(std::span(state.raw.bytes).first<kFalconPacketBytes>()));
+  EXPECT_EQ(rig.device->read().status, ReadStatus::kNothingNew) << "two status bytes alone are no news";
+}
+
+TEST(FalconDevice, LimitsAreTwoNewtonsUntilCalibrated) {
+  EXPECT_EQ(FalconRig().device->limits().force_max_n, 2.0);
+  FalconOptions options;
+  options.calibrated = true;
+  EXPECT_EQ(FalconRig(options).device->limits().force_max_n, 8.0);
+  options.counts_per_n_mm = 0.0;
+  EXPECT_FALSE(FalconRig(options).device->open());
+}
+
+/// A governed force, over a soft start.
+GovernedForce governed(ForceGovernor& governor, const Vec3& newtons) {
+  governor.arm(0.0);
+  DeviceState state;
+  state.status = ReadStatus::kFresh;
+  for (int i = 0; i < 600; ++i) (void)governor.govern(i * 1e-3, state, newtons);
+  return governor.govern(0.6, state, newtons);
+}
+
+TEST(FalconDevice, ForceBecomesTheTorquesOfTheKnownPoseTimesK) {
+  for (const double k : {10.0, 3.6}) {
+    FalconOptions options;
+    options.counts_per_n_mm = k;
+    FalconRig rig(options);
+    rig.board.run_firmware();
+    rig.board.home(counts_at(Vec3::Zero()));
+    ASSERT_TRUE(rig.device->open());
+    ASSERT_TRUE(rig.exchange().homed);
+    ForceGovernor governor = ForceGovernor::create(rig.device->limits(), {}).value();
+    rig.device->send(governed(governor, Vec3{1.0, 0.0, 0.0}));
+    const std::array<double, 3> known = {18.64, -62.99, 44.35};  // N mm for 1 N along x
+    for (std::size_t leg = 0; leg < 3; ++leg)
+      EXPECT_NEAR(rig.board.held().motors[leg], -k * known[leg], 0.5 + 0.02 * k) << leg;
+    EXPECT_EQ(rig.board.held().flags, FalconCommand::kHoming | FalconCommand::kGreen);
+    EXPECT_EQ(rig.board.refused(), 0u);
+  }
+}
+
+TEST(FalconDevice, AForceBeyondTheMotorsKeepsItsDirection) {
+  FalconOptions options;
+  options.calibrated = true;
+  options.counts_per_n_mm = 100.0;
+  FalconRig rig(options);
+  FalconRig::prepared(rig.board);
+  ASSERT_TRUE(rig.device->open());
+  ASSERT_TRUE(rig.exchange().homed);
+  GovernorOptions strong;
+  strong.user_limit_n = 8.0;
+  ForceGovernor governor = ForceGovernor::create(rig.device->limits(), strong).value();
+  rig.device->send(governed(governor, Vec3{4.0, 0.0, 0.0}));
+  EXPECT_EQ(rig.board.held().motors[1], 4095);
+  EXPECT_NEAR(rig.board.held().motors[0], -4095.0 * 18.64 / 62.99, 10.0);
+  EXPECT_NEAR(rig.board.held().motors[2], -4095.0 * 44.35 / 62.99, 10.0);
+}
+
+TEST(FalconDevice, HomingIsPromptedAndNothingPushesBeforeIt) {
+  FalconRig rig;
+  rig.board.run_firmware();
+  rig.board.counts = {12'000, -7'000, 31'000};  // nonsense that no pose has
+  ASSERT_TRUE(rig.device->open());
+  EXPECT_NE(falcon_homing_prompt(0).find("Pull the grip all the way out"), std::string::npos);
+  EXPECT_NE(falcon_homing_prompt(5).find("2 of 3"), std::string::npos);
+  EXPECT_TRUE(falcon_homing_prompt(FalconReply::kAllLegs).empty());
+  ForceGovernor governor = ForceGovernor::create(rig.device->limits(), {}).value();
+  for (const std::uint8_t legs : std::array<std::uint8_t, 3>{0, 1, 3}) {
+    rig.board.homed = legs;
+    const DeviceState state = rig.exchange();
+    EXPECT_EQ(state.status, ReadStatus::kFresh);
+    EXPECT_FALSE(state.homed);
+    EXPECT_EQ(rig.device->homed_legs(), legs);
+    EXPECT_EQ(state.position_mm, Vec3::Zero());
+    rig.device->send(governed(governor, Vec3{1.0, 0.0, 0.0}));
+    EXPECT_FALSE(rig.board.holds_force()) << "whatever is asked";
+    EXPECT_EQ(rig.board.held().flags, FalconCommand::kHoming | FalconCommand::kRed);
+  }
+  rig.board.home(counts_at(Vec3{0, 0, 30}));
+  const DeviceState homed = rig.exchange();
+  EXPECT_TRUE(homed.homed);
+  EXPECT_LT((homed.position_mm - Vec3(0, 0, 30)).norm(), 0.1);
+}
+
+TEST(FalconDevice, EveryEndLetsTheMotorsGo) {
+  FalconRig rig;
+  FalconRig::prepared(rig.board);
+  const auto left_over = [&] { rig.board.out(encoded(FalconCommand{{500, 0, 0}, 1}), rig.clock.now_ns()); };
+  rig.board.control({0x40, 0x03, 0x0002, 0}, 0);
+  left_over();
+  ASSERT_TRUE(rig.board.holds_force());
+  ASSERT_TRUE(rig.device->open());
+  EXPECT_FALSE(rig.board.holds_force()) << "what an earlier program left";
+  left_over();
+  EXPECT_TRUE(rig.device->cut_force());
+  EXPECT_FALSE(rig.board.holds_force());
+  left_over();
+  rig.device->close();
+  EXPECT_FALSE(rig.board.holds_force());
+  EXPECT_FALSE(rig.device->cut_force()) << "closed";
+  ASSERT_TRUE(rig.device->open());
+  left_over();
+  rig.device.reset();
+  EXPECT_FALSE(rig.board.holds_force()) << "the destructor";
+}
+
+TEST(FalconDevice, AnglesThatNoPlaceHasHoldThePositionThenAreGarbled) {
+  FalconRig rig;
+  FalconRig::prepared(rig.board);
+  ASSERT_TRUE(rig.device->open());
+  const Vec3 before = rig.exchange().position_mm;
+  rig.board.faults.jump = {20'000, -20'000, 20'000};
+  std::vector<ReadStatus> seen;
+  for (int i = 0; i < 3; ++i) {
+    const DeviceState state = rig.exchange();
+    EXPECT_EQ(state.position_mm, before);
+    seen.push_back(state.status);
+  }
+  EXPECT_EQ(seen, (std::vector{ReadStatus::kNothingNew, ReadStatus::kNothingNew, ReadStatus::kGarbled}));
+  EXPECT_EQ(rig.device->counters().unreachable, 3u);
+  rig.board.faults = {};
+  EXPECT_EQ(rig.exchange().status, ReadStatus::kFresh);
+}
+
+TEST(FalconDevice, AFlagThatDropsInOneOfManyRepliesHasDropped) {
+  FalconRig rig;
+  FalconRig::prepared(rig.board);
+  ASSERT_TRUE(rig.device->open());
+  ASSERT_TRUE(rig.exchange().homed);
+  rig.device->cut_force();
+  rig.board.faults.lost_homing = true;
+  rig.device->cut_force();
+  rig.board.faults.lost_homing = false;
+  rig.device->cut_force();
+  rig.clock.advance(2e-3);
+  EXPECT_FALSE(rig.device->read().homed);
+}
+
+// The whole chain: servo, governor, watchdog.
+
+struct PressRig : FalconRig {
+  PressRig() : plane(0.2), servo(plane, {}, *device, clock, {}), watchdog(*device, heart) {
+    FalconRig::prepared(board);
+    servo.watched_by(&heart);
+    EXPECT_TRUE(servo.start().ok());
+    for (int i = 0; i < 10; ++i) tick();
+    for (int step = 0; step <= 50; ++step) {  // slowly into the plane z = 0
+      board.counts = counts_at(Vec3{0, 0, 1.0 - 0.1 * step});
+      tick();
+    }
+    for (int i = 0; i < 700; ++i) tick();
+    EXPECT_TRUE(board.holds_force()) << "it presses";
+    EXPECT_EQ(servo.governor()->fault(), Fault::kNone);
+  }
+  Tick tick() {
+    clock.advance(1e-3);
+    const Tick tick = servo.tick();
+    watchdog.look(clock.now_ns());
+    return tick;
+  }
+  /// Ticks until a fault; how many, and none of what follows pushes.
+  std::pair<Fault, int> fault_after(int most_ticks) {
+    for (int i = 1; i <= most_ticks; ++i) {
+      const Tick now = tick();
+      if (now.fault == Fault::kNone) continue;
+      EXPECT_EQ(now.sent_n, Vec3::Zero());
+      for (int after = 0; after < 50; ++after) {
+        EXPECT_EQ(tick().sent_n, Vec3::Zero());
+        EXPECT_TRUE(link->unplugged || !board.holds_force());
+      }
+      return {now.fault, i};
+    }
+    return {Fault::kNone, most_ticks};
+  }
+  SpringPlane plane;
+  Heartbeat heart;
+  Servo servo;
+  Watchdog watchdog;
+};
+
+TEST(FalconFaults, EachIsSeenAndFollowedByZero) {
+  const auto after = [](const auto& spoil) {
+    PressRig rig;
+    spoil(rig);
+    return rig.fault_after(40);
+  };
+  const auto [silence, silent_ms] = after([](PressRig& rig) { rig.board.faults.silent = true; });
+  EXPECT_EQ(silence, Fault::kSilence);
+  EXPECT_GE(silent_ms, 20);
+  EXPECT_LE(silent_ms, 24);
+  const auto [garbled, garbled_ms] = after([](PressRig& rig) { rig.board.faults.garbled = true; });
+  EXPECT_EQ(garbled, Fault::kGarbled);
+  EXPECT_LE(garbled_ms, 6);
+  const auto [lost, lost_ms] = after([](PressRig& rig) { rig.link->unplugged = true; });
+  EXPECT_EQ(lost, Fault::kLost);
+  EXPECT_EQ(lost_ms, 1);
+  const auto [homing, homing_ms] = after([](PressRig& rig) { rig.board.faults.lost_homing = true; });
+  EXPECT_EQ(homing, Fault::kHomingLost);
+  EXPECT_LE(homing_ms, 3);
+  const auto [jump, jump_ms] = after([](PressRig& rig) {
+    const std::array<int, 3> far = counts_at(Vec3{0, 12, -4});
+    for (std::size_t leg = 0; leg < 3; ++leg) rig.board.faults.jump[leg] = far[leg] - rig.board.counts[leg];
+  });
+  EXPECT_EQ(jump, Fault::kJump);
+  EXPECT_LE(jump_ms, 3);
+  const auto [lie, lie_ms] = after([](PressRig& rig) { rig.board.faults.jump = {20'000, -20'000, 20'000}; });
+  EXPECT_EQ(lie, Fault::kGarbled);
+  EXPECT_LE(lie_ms, 6);
+}
+
+TEST(FalconFaults, WhatPassesSoonIsFeltThrough) {
+  for (const bool garbled : {false, true}) {
+    PressRig rig;
+    (garbled ? rig.board.faults.garbled : rig.board.faults.silent) = true;
+    for (int i = 0; i < (garbled ? 1 : 10); ++i) EXPECT_EQ(rig.tick().fault, Fault::kNone);
+    rig.board.faults = {};
+    for (int i = 0; i < 200; ++i) EXPECT_EQ(rig.tick().fault, Fault::kNone);
+    EXPECT_TRUE(rig.board.holds_force());
+  }
+}
+
+TEST(FalconFaults, AStuckServoIsZeroedByTheWatchdog) {
+  PressRig rig;
+  for (int i = 0; i < 12; ++i) {
+    rig.clock.advance(1e-3);
+    rig.watchdog.look(rig.clock.now_ns());
+  }
+  EXPECT_FALSE(rig.board.holds_force());
+  EXPECT_EQ(rig.fault_after(2).first, Fault::kStalled);
+}
+
+TEST(FalconFaults, UnpluggedAndBackTenTimes) {
+  PressRig rig;
+  for (int times = 0; times < 10; ++times) {
+    rig.link->unplugged = true;
+    EXPECT_EQ(rig.tick().fault, Fault::kLost);
+    rig.servo.stop();
+    EXPECT_FALSE(rig.servo.start()) << "still away";
+    rig.link->unplugged = false;
+    ASSERT_TRUE(rig.servo.start());
+    EXPECT_FALSE(rig.board.holds_force());
+    for (int i = 0; i < 700; ++i) ASSERT_EQ(rig.tick().fault, Fault::kNone) << i;
+  }
+}
+
+}  // namespace
+}  // namespace palpate::device

@@ -1,0 +1,257 @@
+// The Falcon's packets, its firmware files, and SHA-256.
+#include "device/falcon/falcon_packets.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "device/falcon/falcon_firmware.h"
+#include "device/falcon/sha256.h"
+#include "tests/device/mock/falcon_board.h"
+#include "toolkit/core/random.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data,
+                                      std::size_t size);  // tests/fuzz/fuzz_falcon.cpp
+
+namespace palpate::device {
+namespace {
+
+std::string text_of(const FalconBytes& bytes) {
+  return {bytes.begin(), bytes.end()};
+}
+
+FalconBytes bytes_of(const std::string& text) {
+  FalconBytes bytes{};
+  std::copy(text.begin(), text.end(), bytes.begin());
+  return bytes;
+}
+
+TEST(FalconPackets, KnownOnes) {
+  FalconCommand idle;
+  idle.flags = 0;
+  EXPECT_EQ(text_of(encoded(idle)), "<AAAAAAAAAAAAAA>");
+  // The published walk-through: JFKP are the nibbles 9, 5, A, F of 0xFA59.
+  const auto reply = falcon_reply(bytes_of("<JFKPAAAABAAAAA>"));
+  ASSERT_TRUE(reply);
+  EXPECT_EQ(reply->counts, (std::array<std::int16_t, 3>{-1447, 0, 1}));
+  const FalconCommand command{{-1447, 4095, -4095}, FalconCommand::kHoming | FalconCommand::kRed};
+  EXPECT_EQ(text_of(encoded(command)), "<JFKPPPPABAAPJA>");
+  EXPECT_EQ(falcon_command(encoded(command)), command);
+}
+
+TEST(FalconPackets, AHomedReplyIsAbove0x7FAndRead) {
+  const FalconReply reply{{1, -2, 300}, 0xF, FalconReply::kAllLegs};
+  const FalconBytes bytes = encoded(reply);
+  EXPECT_EQ(bytes[13], 0x41 + 0x7F);
+  EXPECT_EQ(falcon_reply(bytes), reply);
+  FalconBytes beyond = bytes;
+  ++beyond[13];
+  EXPECT_FALSE(falcon_reply(beyond));
+}
+
+TEST(FalconPackets, MotorsAreHeldAtTheirLimitAndNeverWrap) {
+  for (const int asked : {4096, 32768, 40000, 65536, 1'000'000, std::numeric_limits<int>::max()}) {
+    EXPECT_EQ(falcon_command(encoded(FalconCommand{{asked, -asked, 0}, 1}))->motors,
+              (std::array<int, 3>{4095, -4095, 0}));
+  }
+}
+
+TEST(FalconPackets, SaturationKeepsTheDirection) {
+  EXPECT_EQ(falcon_motors(Vec3{1.0, -2.0, 0.05}, 10.0), (std::array<int, 3>{-10, 20, -1}));
+  const auto motors = falcon_motors(Vec3{1000.0, -400.0, 200.0}, 10.0);
+  EXPECT_EQ(motors, (std::array<int, 3>{-4095, 1638, -819}));
+  EXPECT_EQ(falcon_motors(Vec3{1e300, 0.0, 1e300}, 1e9), (std::array<int, 3>{}));  // infinite: none
+  EXPECT_EQ(falcon_motors(Vec3{std::nan(""), 0.0, 0.0}, 10.0), (std::array<int, 3>{}));
+}
+
+FalconReply any_reply(Random& random) {
+  FalconReply reply;
+  for (std::int16_t& count : reply.counts)
+    count = static_cast<std::int16_t>(static_cast<int>(random.below(65536)) - 32768);
+  reply.buttons = static_cast<std::uint8_t>(random.below(16));
+  reply.homed = static_cast<std::uint8_t>(random.below(8));
+  return reply;
+}
+
+TEST(FalconReader, FindsEveryReplyHoweverTheStreamIsTornAndDirty) {
+  Random random(11);
+  for (int run = 0; run < 200; ++run) {
+    FalconReader reader;
+    std::vector<FalconReply> sent, got;
+    std::vector<std::uint8_t> stream;
+    for (int i = 0; i < 20; ++i) {
+      for (std::size_t k = random.below(20); k > 0; --k)
+        stream.push_back(static_cast<std::uint8_t>(random.below('<')));
+      sent.push_back(any_reply(random));
+      const FalconBytes bytes = encoded(sent.back());
+      stream.insert(stream.end(), bytes.begin(), bytes.end());
+    }
+    for (const std::uint8_t byte : stream)
+      if (const auto reply = reader.take(byte)) got.push_back(*reply);
+    ASSERT_EQ(got, sent) << "seed 11, run " << run;
+    ASSERT_EQ(reader.malformed(), 0u);
+  }
+}
+
+TEST(FalconReader, AReplyBehindATornOneIsFoundAndTheDamageCounted) {
+  Random random(5);
+  const FalconReply whole = any_reply(random);
+  const FalconBytes bytes = encoded(whole);
+  for (std::size_t kept = 1; kept < kFalconPacketBytes; ++kept) {
+    FalconReader reader;
+    int found = 0;
+    for (std::size_t i = 0; i < kept; ++i) EXPECT_FALSE(reader.take(bytes[i]));
+    for (int times = 0; times < 2; ++times)
+      for (const std::uint8_t byte : bytes)
+        if (const auto reply = reader.take(byte)) found += *reply == whole ? 1 : 0;
+    EXPECT_EQ(found, 2) << kept;
+    EXPECT_EQ(reader.malformed(), 1u);
+    EXPECT_EQ(reader.malformed_in_a_row(), 0u);
+    EXPECT_EQ(reader.dropped(), kept);
+  }
+}
+
+TEST(Sha256, TheStandardsExamples) {
+  const auto of = [](const std::string& text) {
+    return sha256_hex(std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+  };
+  EXPECT_EQ(of(""), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
+  EXPECT_EQ(of("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+  EXPECT_EQ(of("abcdbcdecdefdefgefghfghighijhijkijkljklmklmnlmnomnopnopq"),
+            "248d6a61d20638b8e5c026930c3e6039a33ce45964ff2167f6ecedd419db06c1");
+  EXPECT_EQ(of(std::string(1'000'000, 'a')),
+            "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0");
+}
+
+TEST(FalconFirmware, AWholeImageIsTaken) {
+  const auto image = check_falcon_firmware(made_up_image(3, 200));
+  ASSERT_TRUE(image) << image.error().message();
+  EXPECT_EQ(image->entry, 0x3F8002u);
+  EXPECT_EQ(image->blocks, 3u);
+  EXPECT_EQ(image->words, 600u);
+  EXPECT_EQ(image->name, "unknown image");
+  EXPECT_EQ(image->sha256.size(), 64u);
+}
+
+TEST(FalconFirmware, EveryShorterAndLongerFileIsRefused) {
+  const std::vector<std::uint8_t> whole = made_up_image(2, 5);
+  for (std::size_t size = 0; size < whole.size(); ++size)
+    EXPECT_FALSE(check_falcon_firmware({whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size)}))
+        << size;
+  std::vector<std::uint8_t> longer = whole;
+  longer.push_back(0);
+  EXPECT_FALSE(check_falcon_firmware(longer));
+}
+
+TEST(FalconFirmware, SaysWhatIsWrongAndWhere) {
+  const auto problem = [](std::size_t at, std::uint8_t value) {
+    std::vector<std::uint8_t> bytes = made_up_image(2, 5);
+    bytes[at] = value;
+    const auto image = check_falcon_firmware(bytes);
+    return image ? std::string("fine") : image.error().what;
+  };
+  EXPECT_NE(problem(0, 0xAB).find("key AA 08 is missing at byte 0"), std::string::npos) << problem(0, 0xAB);
+  EXPECT_NE(problem(18, 0x40).find("entry"), std::string::npos);
+  EXPECT_NE(problem(24, 0x40).find("addresses that the processor does not have"), std::string::npos);
+  EXPECT_NE(problem(22, 200).find("ends within a block"), std::string::npos);
+  EXPECT_EQ(problem(30, 0x77), "fine") << "a word's value is anybody's";
+  // The last address that there is, and one more.
+  std::vector<std::uint8_t> edge = made_up_image(1, 5);
+  edge[24] = 0x3F, edge[25] = 0, edge[26] = 0xFB, edge[27] = 0xFF;
+  EXPECT_TRUE(check_falcon_firmware(edge));
+  edge[26] = 0xFC;
+  EXPECT_FALSE(check_falcon_firmware(edge));
+  EXPECT_FALSE(check_falcon_firmware(made_up_image(0, 0))) << "no block at all";
+}
+
+class FirmwareFolder : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::temp_directory_path() / ("palpate_falcon_" + std::to_string(::getpid()));
+    std::filesystem::create_directories(folder_ / "a");
+    std::filesystem::create_directories(folder_ / "b");
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+  void write(const std::string& name, const std::vector<std::uint8_t>& bytes) const {
+    std::ofstream out(folder_ / name, std::ios::binary);
+    out.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  }
+  [[nodiscard]] std::string path(const std::string& name) const { return (folder_ / name).string(); }
+  std::filesystem::path folder_;
+};
+
+TEST_F(FirmwareFolder, IsSearchedInOrder) {
+  FalconFirmwarePlaces places{"", "", {folder_ / "missing", folder_ / "a", folder_ / "b"}};
+  const auto nothing = find_falcon_firmware(places);
+  ASSERT_FALSE(nothing);
+  EXPECT_NE(nothing.error().remedy.find("firmware=FILE"), std::string::npos);
+  EXPECT_NE(nothing.error().remedy.find(path("a")), std::string::npos) << "where to put it";
+  write("b/second.bin", made_up_image(2, 9));
+  EXPECT_EQ(find_falcon_firmware(places)->path, path("b/second.bin"));
+  write("a/readme.txt", {1});
+  write("a/broken.bin", {1, 2, 3});
+  EXPECT_EQ(find_falcon_firmware(places)->path, path("b/second.bin")) << "what is no image is passed over";
+  write("a/z.bin", made_up_image(1, 9));
+  write("a/y.bin", made_up_image(1, 8));
+  EXPECT_EQ(find_falcon_firmware(places)->path, path("a/y.bin"));
+  places.variable = path("a/z.bin");
+  EXPECT_EQ(find_falcon_firmware(places)->path, path("a/z.bin"));
+  places.file = path("b/second.bin");
+  EXPECT_EQ(find_falcon_firmware(places)->path, path("b/second.bin"));
+  places.file = path("a/broken.bin");
+  const auto named = find_falcon_firmware(places);
+  ASSERT_FALSE(named) << "a file that was named is this or none";
+  EXPECT_EQ(named.error().file, path("a/broken.bin"));
+  places = {"", "", {folder_ / "a"}};
+  std::filesystem::remove(folder_ / "a/y.bin");
+  std::filesystem::remove(folder_ / "a/z.bin");
+  EXPECT_EQ(find_falcon_firmware(places).error().file, path("a/broken.bin")) << "nothing else was there";
+}
+
+TEST_F(FirmwareFolder, PlacesComeFromTheEnvironment) {
+  const char* home = std::getenv("XDG_DATA_HOME");
+  const std::string before = home == nullptr ? "" : home;
+  ::setenv("XDG_DATA_HOME", path("a").c_str(), 1);
+  const FalconFirmwarePlaces places = falcon_firmware_places("one.bin");
+  EXPECT_EQ(places.file, "one.bin");
+  ASSERT_EQ(places.folders.size(), 3u);
+  EXPECT_EQ(places.folders[0], folder_ / "a/palpate/falcon");
+  EXPECT_EQ(places.folders[2], "/lib/firmware/novint");
+  before.empty() ? ::unsetenv("XDG_DATA_HOME") : ::setenv("XDG_DATA_HOME", before.c_str(), 1);
+}
+
+// The fuzz target aborts where something is wrong.
+TEST(FalconFuzz, TheCorpusIsRead) {
+  int files = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(PALPATE_SOURCE_ROOT "/tests/corpus/falcon")) {
+    std::ifstream in(entry.path(), std::ios::binary);
+    const std::vector<char> text{std::istreambuf_iterator<char>(in), {}};
+    EXPECT_EQ(LLVMFuzzerTestOneInput(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()), 0);
+    ++files;
+  }
+  EXPECT_GE(files, 8);
+  Random random(17);
+  for (int run = 0; run < 2000; ++run) {
+    // Mostly starts, replies and torn ones: plain noise holds none.
+    std::vector<std::uint8_t> stream;
+    while (stream.size() < 100) {
+      const FalconBytes bytes = encoded(any_reply(random));
+      const std::size_t from = random.below(3) == 0 ? random.below(kFalconPacketBytes) : 0;
+      const std::size_t to = random.below(3) == 0 ? random.below(kFalconPacketBytes + 1) : kFalconPacketBytes;
+      for (std::size_t i = from; i < to; ++i) stream.push_back(bytes[i]);
+      if (random.below(4) == 0) stream.push_back('<');
+    }
+    ASSERT_EQ(LLVMFuzzerTestOneInput(stream.data(), stream.size()), 0) << "seed 17, run " << run;
+  }
+}
+
+}  // namespace
+}  // namespace palpate::device

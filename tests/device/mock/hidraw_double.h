@@ -1,0 +1,53 @@
+// A HID device that is not there: what hidapi, libudev and the kernel's hidraw would show of it, by umockdev.
+// The program must run under umockdev-wrapper.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace palpate::device {
+
+struct HidrawIdentity {
+  std::uint16_t vendor = 0x1234, product = 0x0006;
+  std::uint16_t usage_page = 0xFFAB, usage = 0x0200;
+  std::string serial = "one", product_name = "Pretended arm";
+  bool numbered = false;  ///< its reports have numbers
+};
+
+/// The functions may be called by any thread; the board's answers are made in umockdev's.
+class HidrawDouble {
+ public:
+  using Bytes = std::vector<std::uint8_t>;
+  /// What the device reports in answer to what was written (with the 0 that stands for no number).
+  using Answer = std::function<std::optional<Bytes>(std::span<const std::uint8_t>)>;
+
+  /// Plugged in. One testbed for all doubles of a program.
+  explicit HidrawDouble(HidrawIdentity identity, Answer answer = {});
+  ~HidrawDouble();
+  HidrawDouble(const HidrawDouble&) = delete;
+  HidrawDouble& operator=(const HidrawDouble&) = delete;
+
+  /// A report that nobody asked for.
+  void report(const Bytes& bytes);
+  void unplug();
+  void plug();
+  /// Answers no more, and takes what is written.
+  void silence(bool silent);
+  [[nodiscard]] std::vector<Bytes> written() const;
+  /// "/dev/hidrawN"; another N each time it is plugged in.
+  [[nodiscard]] std::string node() const;
+
+  /// Whether umockdev's library stands before the system's.
+  [[nodiscard]] static bool possible();
+
+ private:
+  struct Bed;
+  std::unique_ptr<Bed> bed_;
+};
+
+}  // namespace palpate::device

@@ -1,0 +1,401 @@
+// The serial link over a pseudo-terminal, and the hand-over of commands between threads.
+#include "device/links/tty_link.h"
+
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <set>
+#include <thread>
+
+#include "device/arms/arm_device.h"
+#include "device/arms/arm_driver.h"
+#include "device/haply/planar_device.h"
+#include "device/links/newest_command.h"
+#include "device/safety/guard.h"
+#include "tests/device/hid_fake_link.h"
+#include "tests/device/tty_board.h"
+#include "tests/house/allocation_count.h"
+
+namespace palpate::device {
+namespace {
+
+// Not a deadline: after so long a test says that it failed instead of hanging.
+constexpr int kPatienceMs = 20'000;
+
+template <class Condition>
+bool comes_true(const Condition& condition) {
+  for (int ms = 0; ms < kPatienceMs; ++ms) {
+    if (condition()) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  return false;
+}
+
+std::vector<std::uint8_t> bytes_of(const std::string& text) {
+  return {text.begin(), text.end()};
+}
+std::string text_of(const std::vector<std::uint8_t>& bytes) {
+  return {bytes.begin(), bytes.end()};
+}
+
+TEST(NewestCommand, TheNewestIsTakenOnce) {
+  NewestCommand newest;
+  CommandBytes taken;
+  EXPECT_TRUE(newest.empty());
+  EXPECT_FALSE(newest.take(taken));
+  EXPECT_FALSE(newest.put({}));
+  EXPECT_FALSE(newest.put(std::vector<std::uint8_t>(CommandBytes::kMost + 1)));
+  for (std::uint8_t i = 0; i < 100; ++i) EXPECT_TRUE(newest.put(std::vector<std::uint8_t>{i, i}));
+  EXPECT_EQ(newest.replaced(), 99u);
+  ASSERT_TRUE(newest.take(taken));
+  EXPECT_EQ(taken.bytes[0], 99);
+  EXPECT_EQ(taken.size, 2u);
+  EXPECT_FALSE(newest.take(taken));
+}
+
+TEST(NewestCommand, ManyPutAndWhatIsTakenIsWhole) {
+  NewestCommand newest;
+  constexpr int kThreads = 3, kEach = 20'000;
+  std::atomic<int> running{kThreads};
+  std::atomic<std::uint64_t> put{0};
+  std::vector<std::thread> threads;
+  for (int t = 0; t < kThreads; ++t)
+    threads.emplace_back([&, t] {
+      for (int i = 0; i < kEach; ++i) {
+        const std::vector<std::uint8_t> bytes(40, static_cast<std::uint8_t>(t * 80 + i % 80));
+        put += newest.put(bytes) ? 1 : 0;
+      }
+      --running;
+    });
+  std::uint64_t taken = 0;
+  CommandBytes command;
+  for (bool last = false; !last;) {
+    last = running == 0;
+    while (newest.take(command)) {
+      ++taken;
+      ASSERT_EQ(command.size, 40u);
+      ASSERT_EQ(std::set<std::uint8_t>(command.bytes.begin(), command.bytes.begin() + 40).size(), 1u);
+    }
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(put, static_cast<std::uint64_t>(kThreads) * kEach) << "there was always a slot";
+  EXPECT_EQ(taken + newest.replaced(), put);
+}
+
+TEST(TtyLink, CarriesRawBytesBothWays) {
+  TtyBoard board;
+  TtyLink link({board.path()});
+  std::array<std::uint8_t, 16> into{};
+  EXPECT_FALSE(link.submit(bytes_of("x"))) << "closed";
+  EXPECT_TRUE(link.poll(into).gone);
+  ASSERT_TRUE(link.open());
+  EXPECT_EQ(link.poll(into).size, 0u);
+  // What a terminal in its usual mode would change: carriage returns, ends, Ctrl-C, Ctrl-S.
+  const std::vector<std::uint8_t> odd = {0x0D, 0x0A, 0x03, 0x13, 0x11, 0x04, 0x00, 0xFF, 0x7F, 0x1A};
+  EXPECT_TRUE(link.submit(odd));
+  EXPECT_TRUE(comes_true([&] { return board.received() == odd; }));
+  board.say(text_of(odd));
+  std::vector<std::uint8_t> came;
+  EXPECT_TRUE(comes_true([&] {
+    const Polled polled = link.poll(into);
+    came.insert(came.end(), into.begin(), into.begin() + static_cast<std::ptrdiff_t>(polled.size));
+    return came.size() >= odd.size();
+  }));
+  EXPECT_EQ(came, odd);
+  EXPECT_EQ(link.counters().written, 1u);
+  EXPECT_GE(link.counters().received, 1u);
+  link.close();
+  link.close();
+  EXPECT_FALSE(link.submit(odd));
+}
+
+TEST(TtyLink, SaysWhatIsNotRight) {
+  const auto refused = [](const TtyLinkOptions& options) {
+    TtyLink link(options);
+    const auto opened = link.open();
+    return opened ? std::string("opened") : opened.error().message();
+  };
+  EXPECT_NE(refused({"/dev/palpate-none-*"}).find("there is no serial line"), std::string::npos);
+  EXPECT_NE(refused({"/dev/null"}).find("no serial line"), std::string::npos);
+  EXPECT_NE(refused({"/dev/nul[l]", 12345}).find("no rate"), std::string::npos);
+  const std::filesystem::path folder = std::filesystem::temp_directory_path() / "palpate_tty_test";
+  std::filesystem::remove_all(folder);
+  std::filesystem::create_directories(folder);
+  TtyBoard one, two;
+  std::filesystem::create_symlink(one.path(), folder / "usb-Board_1");
+  std::filesystem::create_symlink(two.path(), folder / "usb-Board_2");
+  const std::string both = (folder / "usb-Board_*").string();
+  EXPECT_NE(refused({both}).find("several serial lines fit"), std::string::npos);
+  EXPECT_NE(refused({both}).find("usb-Board_2"), std::string::npos);
+  EXPECT_EQ(tty_lines(both).size(), 2u);
+  EXPECT_TRUE(tty_lines(both).front().allowed);
+  TtyLink link({(folder / "usb-*_2").string()});
+  EXPECT_TRUE(link.open());
+  EXPECT_EQ(link.path(), (folder / "usb-Board_2").string());
+  std::filesystem::remove_all(folder);
+}
+
+TEST(TtyLink, AnUnpluggedBoardIsGone) {
+  auto board = std::make_unique<TtyBoard>();
+  TtyLink link({board->path()});
+  ASSERT_TRUE(link.open());
+  board.reset();
+  std::array<std::uint8_t, 16> into{};
+  EXPECT_TRUE(comes_true([&] { return link.poll(into).gone; }));
+  EXPECT_FALSE(link.submit(bytes_of("x")));
+  link.close();
+}
+
+TEST(TtyLink, AFullLineKeepsCommandsWholeAndTheNewestLast) {
+  TtyBoard board;
+  TtyLink link({board.path()});
+  ASSERT_TRUE(link.open());
+  board.stop_reading(true);
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  // 1 MB: no terminal holds so much.
+  const std::string filling(50, '.');
+  int last = 0;
+  for (; last < 20'000; ++last) {
+    std::string text = std::to_string(last);
+    text = "<" + std::string(8 - text.size(), '0') + text + filling + ">";
+    ASSERT_TRUE(link.submit(bytes_of(text))) << "never blocks, never fails";
+  }
+  EXPECT_GT(link.counters().replaced, 1000u);
+  board.stop_reading(false);
+  std::array<std::uint8_t, 16> into{};
+  const std::string end = "<00019999" + filling + ">";
+  EXPECT_TRUE(comes_true([&] {
+    (void)link.poll(into);  // finishes what was taken in part
+    return text_of(board.received()).ends_with(end);
+  }));
+  const std::string all = text_of(board.received());
+  ASSERT_EQ(all.size() % 60, 0u);
+  int before = -1;
+  for (std::size_t at = 0; at < all.size(); at += 60) {
+    ASSERT_EQ(all[at], '<');
+    ASSERT_EQ(all[at + 59], '>');
+    const int number = std::stoi(all.substr(at + 1, 8));
+    ASSERT_GT(number, before);
+    before = number;
+  }
+}
+
+TEST(TtyLink, ManyThreadsSubmitAndEveryLineIsWhole) {
+  TtyBoard board;
+  TtyLink link({board.path()});
+  ASSERT_TRUE(link.open());
+  std::vector<std::thread> threads;
+  for (int t = 0; t < 3; ++t)
+    threads.emplace_back([&, t] {
+      for (int i = 0; i < 2000; ++i)
+        link.submit(bytes_of("<" + std::string(30, static_cast<char>('a' + t)) + ">"));
+    });
+  std::array<std::uint8_t, 16> into{};
+  for (int i = 0; i < 1000; ++i) (void)link.poll(into);
+  for (std::thread& thread : threads) thread.join();
+  ASSERT_TRUE(comes_true([&] {
+    (void)link.poll(into);
+    return board.received().size() == 32 * link.counters().written && link.counters().written > 0;
+  }));
+  const std::string all = text_of(board.received());
+  for (std::size_t at = 0; at < all.size(); at += 32) {
+    ASSERT_EQ(all[at], '<');
+    ASSERT_EQ(all.substr(at + 1, 30), std::string(30, all[at + 1]));
+    ASSERT_EQ(all[at + 31], '>');
+  }
+  EXPECT_EQ(link.counters().written + link.counters().replaced, 6000u);
+}
+
+TEST(TtyLink, ClosingWhileOthersSubmitIsSound) {
+  TtyBoard board;
+  for (int round = 0; round < 20; ++round) {
+    TtyLink link({board.path()});
+    ASSERT_TRUE(link.open());
+    std::atomic<bool> ending{false};
+    std::thread watchdog([&] {
+      while (!ending) link.submit(bytes_of("[0,0,0]        \n"));
+    });
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    link.close();
+    ending = true;
+    watchdog.join();
+    EXPECT_FALSE(link.submit(bytes_of("x")));
+  }
+}
+
+/// Answers each line with one of its own: as Polhem's board does.
+TtyBoard::Answer text_board(std::atomic<int>& lines, std::string& last, std::mutex& mutex) {
+  return [&, held = std::string()](std::span<const std::uint8_t> bytes) mutable {
+    std::string reply;
+    for (const std::uint8_t byte : bytes) {
+      held.push_back(static_cast<char>(byte));
+      if (byte != '\n') continue;
+      const std::lock_guard lock(mutex);
+      last = held;
+      held.clear();
+      reply += "[1," + std::to_string(lines++ % 50) + ",0,0,0,0,0,0]\n";
+    }
+    return TtyBoard::Bytes(reply.begin(), reply.end());
+  };
+}
+
+TEST(TtyLink, AnArmSpeaksTextOverIt) {
+  std::atomic<int> lines{0};
+  std::string last;
+  std::mutex mutex;
+  auto board = std::make_unique<TtyBoard>(text_board(lines, last, mutex));
+  ArmDescription arm = find_arm("polhem-v3").value();
+  arm.serial_line = board->path();
+  const MonotonicClock clock;
+  ArmDevice device(arm, arm_link(arm), clock);
+  const auto opened = device.open();
+  ASSERT_TRUE(opened) << opened.error().message();
+  int fresh = 0;
+  ASSERT_TRUE(comes_true([&] {
+    const DeviceState state = device.read();
+    fresh += state.status == ReadStatus::kFresh ? 1 : 0;
+    device.send(governed(Vec3(0, 0, 0.5)));
+    return fresh >= 200;
+  }));
+  EXPECT_EQ(device.counters().malformed, 0u);
+  EXPECT_TRUE(comes_true([&] {
+    const std::lock_guard lock(mutex);
+    return last != "[0,0,0]        \n";
+  }));
+  EXPECT_TRUE(device.cut_force());
+  device.close();
+  EXPECT_TRUE(comes_true([&] {
+    const std::lock_guard lock(mutex);
+    return last == "[0,0,0]        \n";
+  })) << "zero is the last that it hears";
+  // The guard's way, with a handle of its own.
+  Drivers drivers;
+  register_arm_driver(drivers);
+  const auto made = drivers.of("arm")->make({"arm:polhem-v3", {}, {{"path", board->path()}}}, clock);
+  ASSERT_TRUE(made);
+  std::this_thread::sleep_for(std::chrono::milliseconds(50));  // what was under way
+  const int before = lines;
+  EXPECT_TRUE(made->zero());
+  EXPECT_TRUE(comes_true([&] { return lines > before; }));
+  // Unplugged in a session, and plugged in again.
+  ASSERT_TRUE(device.open());
+  board.reset();
+  EXPECT_TRUE(comes_true([&] { return device.read().status == ReadStatus::kLost; }));
+  EXPECT_FALSE(device.cut_force());
+  device.close();
+}
+
+TEST(TtyLink, FramesOfAnArmAllocateNothing) {
+  std::atomic<int> lines{0};
+  std::string last;
+  std::mutex mutex;
+  TtyBoard board(text_board(lines, last, mutex));
+  ArmDescription arm = find_arm("polhem-v3").value();
+  arm.serial_line = board.path();
+  const MonotonicClock clock;
+  ArmDevice device(arm, arm_link(arm), clock);
+  ASSERT_TRUE(device.open());
+  ForceGovernor governor = ForceGovernor::create(device.limits(), {}).value();
+  governor.arm(clock.now_s());
+  int fresh = 0;
+  std::uint64_t allocated = 0;
+  {
+    const house::AllocationCount count(house::AllocationCount::Threads::kThisOne);
+    for (int i = 0; i < 2'000'000 && fresh < 300; ++i) {
+      const DeviceState state = device.read();
+      fresh += state.status == ReadStatus::kFresh ? 1 : 0;
+      device.send(governor.govern(clock.now_s(), state, Vec3(0, 0, 0.5)));
+      if (i % 100 == 0) device.cut_force();
+    }
+    allocated = count.count();
+  }
+  EXPECT_GE(fresh, 300);
+  EXPECT_EQ(allocated, 0u);
+}
+
+#if defined(__SANITIZE_THREAD__) || defined(PALPATE_STD_THREADS)
+#define PALPATE_SKIP_FORKS() GTEST_SKIP() << "ThreadSanitizer cannot be forked"
+#else
+#define PALPATE_SKIP_FORKS() static_cast<void>(0)
+#endif
+
+TEST(TtyLink, WhenTheProgramIsKilledTheGuardSendsZeroThroughAHandleOfItsOwn) {
+  PALPATE_SKIP_FORKS();
+  std::atomic<int> lines{0};
+  std::string last;
+  std::mutex mutex;
+  TtyBoard board(text_board(lines, last, mutex));
+  const auto heard = [&] {
+    const std::lock_guard lock(mutex);
+    return last;
+  };
+  const std::string zero = "[0,0,0]        \n";
+  for (int round = 0; round < 3; ++round) {
+    const pid_t program = ::fork();
+    ASSERT_GE(program, 0);
+    if (program == 0) {
+      const MonotonicClock clock;
+      Drivers drivers;
+      register_arm_driver(drivers);
+      auto made = drivers.of("arm")->make({"arm:polhem-v3", {}, {{"path", board.path()}}}, clock);
+      if (!made) ::_exit(1);
+      const Result<Guard> guard = Guard::start(made->zero);
+      if (!guard || !made->device->open()) ::_exit(2);
+      for (;;) {
+        (void)made->device->read();
+        made->device->send(governed(Vec3(0, 0, 0.5)));
+      }
+    }
+    EXPECT_TRUE(comes_true([&] { return !heard().empty() && heard() != zero; }));
+    ::kill(program, SIGKILL);
+    EXPECT_TRUE(comes_true([&] { return heard() == zero; })) << "round " << round;
+    int status = 0;
+    ::waitpid(program, &status, 0);
+    EXPECT_TRUE(WIFSIGNALED(status)) << "it did not end by itself, with " << WEXITSTATUS(status);
+  }
+}
+
+TEST(TtyLink, APlaneSpeaksOverIt) {
+  std::mutex mutex;
+  std::vector<TtyBoard::Bytes> commands;
+  TtyBoard board([&, held = TtyBoard::Bytes()](std::span<const std::uint8_t> bytes) mutable {
+    held.insert(held.end(), bytes.begin(), bytes.end());
+    TtyBoard::Bytes reply;
+    for (std::size_t size = 0; !held.empty() && (size = held[0] == 1 ? 26 : 10) <= held.size();) {
+      const std::lock_guard lock(mutex);
+      commands.emplace_back(held.begin(), held.begin() + static_cast<std::ptrdiff_t>(size));
+      held.erase(held.begin(), held.begin() + static_cast<std::ptrdiff_t>(size));
+      if (size == 26) continue;
+      const float angles[2] = {-20.0F, 200.0F};
+      reply.push_back(5);
+      const auto* from = reinterpret_cast<const std::uint8_t*>(angles);
+      reply.insert(reply.end(), from, from + 8);
+    }
+    return reply;
+  });
+  const MonotonicClock clock;
+  PlanarDevice device(std::make_unique<TtyLink>(TtyLinkOptions{board.path()}), clock, *planar_model(2));
+  const auto opened = device.open();
+  ASSERT_TRUE(opened) << opened.error().message();
+  int fresh = 0;
+  ASSERT_TRUE(comes_true([&] {
+    fresh += device.read().status == ReadStatus::kFresh ? 1 : 0;
+    device.send(governed(Vec3(0.5, 0, 0)));
+    return fresh >= 100;
+  }));
+  device.close();
+  EXPECT_TRUE(comes_true([&] {
+    const std::lock_guard lock(mutex);
+    return commands.back() == TtyBoard::Bytes{2, 5, 0, 0, 0, 0, 0, 0, 0, 0};
+  }));
+  const std::lock_guard lock(mutex);
+  EXPECT_EQ(std::count_if(commands.begin(), commands.end(), [](const auto& c) { return c[0] == 1; }), 1);
+}
+
+}  // namespace
+}  // namespace palpate::device
