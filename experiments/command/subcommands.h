@@ -16,6 +16,7 @@
   DO(tune)                      \
   DO(stability)                 \
   DO(live)                      \
+  DO(study)                     \
   DO(ablate)                    \
   DO(goals)                     \
   DO(record)                    \

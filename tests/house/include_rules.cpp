@@ -42,9 +42,10 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"live", {"study", "run", "data", "report", "session", "window", "live"}},
     {"bridge", {"study", "run", "session", "live", "bridge"}},
     {"goals", {"study", "run", "data", "report", "session", "stability", "goals"}},
+    {"psychophysics", {"study", "run", "report", "session", "psychophysics"}},
     {"command",
      {"study", "run", "data", "report", "session", "behaviours", "stress", "tables", "stability", "trade",
-      "hunt", "ablate", "live", "bridge", "goals", "command"}},
+      "hunt", "ablate", "live", "bridge", "goals", "psychophysics", "command"}},
     {"benchmarks", {"window", "benchmarks"}},
 };
 
