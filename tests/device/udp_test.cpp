@@ -138,7 +138,7 @@ class RunningFarEnd {
 };
 
 TEST(BridgeOverSockets, IsFeltLetGoAndReleasedByAGuard) {
-  RunningFarEnd far(2.0);
+  RunningFarEnd far(60.0);
   far.start();
   Drivers drivers;
   register_bridge_driver(drivers);
@@ -155,17 +155,10 @@ TEST(BridgeOverSockets, IsFeltLetGoAndReleasedByAGuard) {
   patient.soft_start_s = 0.05;
   ForceGovernor governor = ForceGovernor::create(device.limits(), patient).value();
   governor.arm(clock.now_s());
-  // A busy machine may stand still for so long that the far end gives up: then a person would re-arm.
-  constexpr int kGivenUp = 200;
-  int silent = 0;
+  // Both sides are so patient that a busy machine trips nothing.
   const auto feels = [&](double force_n) {
     return arrives([&] {
       const DeviceState state = device.read();
-      silent = state.status == ReadStatus::kFresh ? 0 : silent + 1;
-      if (silent > kGivenUp) {
-        silent = 0;
-        governor.arm(clock.now_s());
-      }
       device.send(governor.govern(clock.now_s(), state, Vec3{force_n, 0, 0}));
       return far.force_x_n.load() >= 0.9 * force_n;
     });
@@ -208,9 +201,8 @@ TEST(BridgeOverSockets, IsFeltLetGoAndReleasedByAGuard) {
   patient.soft_start_s = 0.05;
   Result<ForceGovernor> governor = ForceGovernor::create(device.limits(), patient);
   if (!governor) ::_exit(4);
-  for (int i = 0;; ++i) {
-    constexpr int kAgain = 4000;  // the far end may have given up on a busy machine
-    if (i % kAgain == 0) governor->arm(clock.now_s());
+  governor->arm(clock.now_s());
+  for (;;) {
     device.send(governor->govern(clock.now_s(), device.read(), Vec3{1.0, 0, 0}));
     ::usleep(500);
   }
@@ -240,7 +232,7 @@ TEST(BridgeOverSockets, AProgramThatIsKilledIsLetGoByItsGuard) {
     } else {
       ::usleep(300'000);
       EXPECT_EQ(far.releases.load(), before);
-      EXPECT_EQ(far.force_x_n.load(), 1.0) << "without a guard it holds: the test above shows something";
+      EXPECT_GE(far.force_x_n.load(), 0.9) << "without a guard it holds: the test above shows something";
     }
   }
 }
