@@ -4,6 +4,7 @@
 //   window_frame_rates [KEY=VALUE ...]     points=400000,1000000,3600000 seconds=3
 #include <fmt/format.h>
 
+#include <cstdio>
 #include <memory>
 #include <string>
 #include <vector>
@@ -95,6 +96,7 @@ Status run(const Options& options) {
     const Rate rate = measured(*window, scene->models.front().cloud->size(), seconds);
     fmt::print("| {} | {:.1f} | {} | {:.2f} | {:.1f} |\n", rate.points, rate.turning, rate.points_a_picture,
                rate.whole_s, rate.standing);
+    std::fflush(stdout);  // the largest takes a while
   }
   return Done{};
 }
