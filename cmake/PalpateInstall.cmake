@@ -56,6 +56,9 @@ if(TARGET palpate-reconstruct)
   install(TARGETS palpate-reconstruct RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 endif()
 
+# Who sits at the machine may open the devices. device/drivers/known_usb.cpp says which.
+install(FILES "${PROJECT_SOURCE_DIR}/device/drivers/70-palpate.rules" DESTINATION lib/udev/rules.d)
+
 configure_package_config_file("${CMAKE_CURRENT_LIST_DIR}/palpateConfig.cmake.in"
   "${PROJECT_BINARY_DIR}/palpateConfig.cmake" INSTALL_DESTINATION ${palpate_package_dir})
 write_basic_package_version_file("${PROJECT_BINARY_DIR}/palpateConfigVersion.cmake"

@@ -8,6 +8,7 @@ option(PALPATE_BUILD_BENCHMARKS "Google Benchmark programs" ${PROJECT_IS_TOP_LEV
 option(PALPATE_WITH_PCD "PCD files through PCL, as a target of its own" ${PROJECT_IS_TOP_LEVEL})
 option(PALPATE_WITH_DEM "Height grids (GeoTIFF, SRTM, ..) through GDAL, as a target of its own" ${PROJECT_IS_TOP_LEVEL})
 option(PALPATE_WITH_HDF5 "Recordings exported as HDF5" ${PROJECT_IS_TOP_LEVEL})
+option(PALPATE_WITH_WINDOW "The window of palpate live (GLFW, Dear ImGui, epoxy)" ${PROJECT_IS_TOP_LEVEL})
 option(PALPATE_WITH_VORONOI "Voronoi neighbours through CGAL, as a target of its own" ${PROJECT_IS_TOP_LEVEL})
 option(PALPATE_UNITY "Several source files of a target compile as one: half the time from nothing. Off in the preset dev" OFF)
 option(PALPATE_BUILD_FUZZERS "libFuzzer targets (clang only)" OFF)

@@ -299,11 +299,13 @@ Result<ArmDescription> read_arm_description(const std::string& path) {
 
 std::vector<KnownArm> known_arms() {
   std::vector<KnownArm> all;
-  std::error_code none;
-  if (const std::filesystem::path folder = users_folder(); !folder.empty())
-    for (const auto& entry : std::filesystem::directory_iterator(folder, none))
-      if (entry.path().extension() == ".toml")
-        all.push_back({entry.path().stem().string(), entry.path().string(), {}});
+  const std::filesystem::path folder = users_folder();
+  std::error_code wrong;  // no folder, or one that cannot be read: none of the user's
+  std::filesystem::directory_iterator at;
+  if (!folder.empty()) at = std::filesystem::directory_iterator(folder, wrong);
+  for (; !wrong && at != std::filesystem::directory_iterator(); at.increment(wrong))
+    if (at->path().extension() == ".toml")
+      all.push_back({at->path().stem().string(), at->path().string(), {}});
   for (const KnownArm& one : built_in_arms())
     if (std::none_of(all.begin(), all.end(), [&](const KnownArm& other) { return other.name == one.name; }))
       all.push_back(one);

@@ -47,6 +47,9 @@ struct MadeDevice {
   /// torque after the program's end.
   std::function<bool()> zero;
   std::vector<std::string> unproven;  ///< what no hardware has confirmed, for people, before force is shown
+  /// What the device says of itself once it is open: serial number, firmware, filters of its own,
+  /// calibration. For reports; called by the thread that owns the device. Empty: nothing.
+  std::function<std::vector<std::pair<std::string, std::string>>()> facts{};
 };
 
 struct Driver {

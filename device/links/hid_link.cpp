@@ -12,6 +12,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <mutex>
+#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -188,7 +189,14 @@ Status HidLink::open() {
   state_->ending = false;
   state_->received = 0;
   state_->written = 0;
-  state_->writer = std::thread([this] { state_->write_all(); });
+  try {
+    state_->writer = std::thread([this] { state_->write_all(); });
+  } catch (const std::system_error&) {
+    state_->reading.reset();
+    state_->writing.reset();
+    return Error{"no thread for writing to the device can be started", "close other programs", found->path,
+                 0};
+  }
   state_->open.store(true, std::memory_order_release);
   return Done{};
 }

@@ -178,7 +178,7 @@ void Mixer::step_one(std::size_t at, const Vec3& hip_mm, double t_s) noexcept {
   const double spare_ns =
       at == felt_ ? kUnlimited : options_.budget_share * period_ns - places_[felt_].tracked.mean_ns();
   // On the way back from a renderer that is too slow nobody else is blamed for its time.
-  places_[at].tracked.step(hip_mm, t_s, clock_, turned_back_ ? kUnlimited : spare_ns, options_);
+  places_[at].tracked.step(hip_mm, t_s, clock_, shown_, turned_back_ ? kUnlimited : spare_ns, options_);
 }
 
 void Mixer::judge_load() noexcept {

@@ -93,8 +93,12 @@ struct MixedFrame {
 /// a virtual clock the same calls give the same frames.
 class Mixer final : public render::HapticRenderer {
  public:
-  /// Options must be right: check(). Keeps a reference to the clock.
-  Mixer(const SwitchOptions& options, const Clock& clock) : options_(options), clock_(clock) {}
+  /// Options must be right: check(). Keeps references to the clocks. `shown`: by what the frames are timed
+  /// that last() shows, where that is another one: on a virtual clock a frame takes no time and nobody is
+  /// judged by it, and still somebody may want to know.
+  Mixer(const SwitchOptions& options, const Clock& clock) : Mixer(options, clock, clock) {}
+  Mixer(const SwitchOptions& options, const Clock& clock, const Clock& shown)
+      : options_(options), clock_(clock), shown_(shown) {}
   ~Mixer() override;
 
   /// Before the first frame: takes a renderer into the next lane, the first of which is felt first. At most
@@ -169,6 +173,7 @@ class Mixer final : public render::HapticRenderer {
 
   SwitchOptions options_;
   const Clock& clock_;
+  const Clock& shown_;
   std::array<Place, kMostTracked> places_{};
   std::size_t lanes_ = 0;
   std::uint32_t generations_ = 0;

@@ -82,12 +82,14 @@ void TrackedRenderer::place(const Vec3& hip_mm) noexcept {
   last_free_mm_ = hip_mm;
 }
 
-void TrackedRenderer::step(const Vec3& hip_mm, double t_s, const Clock& clock, double spare_ns,
-                           const SwitchOptions& options) noexcept {
-  const std::int64_t begun_ns = clock.now_ns();
+void TrackedRenderer::step(const Vec3& hip_mm, double t_s, const Clock& clock, const Clock& shown,
+                           double spare_ns, const SwitchOptions& options) noexcept {
+  const bool one_clock = &clock == &shown;
+  const std::int64_t begun_ns = clock.now_ns(), shown_ns = one_clock ? begun_ns : shown.now_ns();
   const bool on_the_way = bring_up_.pending();
   frame_ = on_the_way ? bring_up_.advance(*renderer_, hip_mm, t_s) : renderer_->step(hip_mm, t_s);
-  step_ns_ = clock.now_ns() - begun_ns;
+  step_ns_ = shown.now_ns() - shown_ns;
+  const std::int64_t took_ns = one_clock ? step_ns_ : clock.now_ns() - begun_ns;
   stepped_ = true;
   if (!is_finite(frame_.force_n)) {
     disqualified_ = Disqualified::kNonFinite;
@@ -100,11 +102,10 @@ void TrackedRenderer::step(const Vec3& hip_mm, double t_s, const Clock& clock, d
   }
   watch_.observe(hip_mm, frame_.contact, frame_.force_n.norm(), t_s, options);
   if (!frame_.contact) last_free_mm_ = hip_mm;
-  judge_time(spare_ns, options);
+  judge_time(static_cast<double>(took_ns), spare_ns, options);
 }
 
-void TrackedRenderer::judge_time(double spare_ns, const SwitchOptions& options) noexcept {
-  const double took_ns = static_cast<double>(step_ns_);
+void TrackedRenderer::judge_time(double took_ns, double spare_ns, const SwitchOptions& options) noexcept {
   // A frame that the operating system interrupted counts for a period at most.
   const double counted_ns = std::min(took_ns, options.period_s * kFrameNsPerS);
   mean_ns_ = timed_ ? mean_ns_ + (counted_ns - mean_ns_) / kMeanFrames : counted_ns;

@@ -45,8 +45,9 @@ class TrackedRenderer {
   /// The HIP is known to be free: it goes on from there at once.
   void place(const Vec3& hip_mm) noexcept;
 
-  /// A frame, or some steps of the bring-up; timed by `clock`. `spare_ns`: what its frame may take.
-  void step(const Vec3& hip_mm, double t_s, const Clock& clock, double spare_ns,
+  /// A frame, or some steps of the bring-up; timed by `clock`, and judged by that; what is shown is timed by
+  /// `shown`, which may be the same. `spare_ns`: what its frame may take.
+  void step(const Vec3& hip_mm, double t_s, const Clock& clock, const Clock& shown, double spare_ns,
             const SwitchOptions& options) noexcept;
   /// Not in this frame: the last answer stays.
   void skip() noexcept { stepped_ = false; }
@@ -66,7 +67,7 @@ class TrackedRenderer {
   [[nodiscard]] const std::optional<Vec3>& last_free_mm() const noexcept { return last_free_mm_; }
 
  private:
-  void judge_time(double spare_ns, const SwitchOptions& options) noexcept;
+  void judge_time(double took_ns, double spare_ns, const SwitchOptions& options) noexcept;
 
   std::unique_ptr<render::HapticRenderer> renderer_;
   std::uint32_t generation_ = 0;

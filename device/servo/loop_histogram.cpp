@@ -4,6 +4,11 @@
 #include <cmath>
 
 namespace palpate::device {
+namespace {
+
+constexpr std::size_t kBinsAStretch = DurationHistogram::kPerOctave / 4;
+
+}  // namespace
 
 std::uint64_t DurationHistogram::copy(Counts& counts) const noexcept {
   std::uint64_t total = 0;
@@ -33,6 +38,24 @@ std::int64_t DurationHistogram::percentile_ns(double share) const noexcept {
   Counts counts;
   const std::uint64_t total = copy(counts);
   return percentile_of(counts, total, share);
+}
+
+std::vector<DurationBin> DurationHistogram::bins() const {
+  Counts counts;
+  if (copy(counts) == 0) return {};
+  std::vector<DurationBin> all;
+  std::size_t used = 0;
+  for (std::size_t first = 0; first < kBins; first += kBinsAStretch) {
+    const std::size_t last = std::min(first + kBinsAStretch, kBins) - 1;
+    DurationBin bin{first == 0 ? 0 : static_cast<std::int64_t>(top_of(first - 1)) + 1,
+                    static_cast<std::int64_t>(top_of(last)), 0};
+    for (std::size_t i = first; i <= last; ++i) bin.count += counts[i];
+    if (bin.count == 0 && all.empty()) continue;
+    all.push_back(bin);
+    if (bin.count > 0) used = all.size();
+  }
+  all.resize(used);
+  return all;
 }
 
 DurationStatistics DurationHistogram::statistics() const noexcept {

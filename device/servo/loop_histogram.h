@@ -7,6 +7,7 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
 namespace palpate::device {
 
@@ -16,6 +17,12 @@ struct DurationStatistics {
   std::int64_t min_ns = 0, p50_ns = 0, p99_ns = 0, p999_ns = 0,
                max_ns = 0;  ///< all 0 where nothing was counted
   double mean_ns = 0.0;
+};
+
+/// A stretch of durations, and how many fell into it.
+struct DurationBin {
+  std::int64_t from_ns = 0, to_ns = 0;  ///< both belong to it
+  std::uint64_t count = 0;
 };
 
 /// Log-linear bins: kPerOctave to each doubling, so that a percentile is never below the true one and at most
@@ -54,6 +61,10 @@ class DurationHistogram {
   /// The least value that a share `share`, 0 to 1, of what was counted does not exceed, by the bins: nearest
   /// rank. Any thread.
   [[nodiscard]] std::int64_t percentile_ns(double share) const noexcept;
+
+  /// What was counted, in stretches of a quarter of an octave (below 32 ns: of 8 ns), from the first with
+  /// anything in it to the last; for pictures. Any thread. Allocates.
+  [[nodiscard]] std::vector<DurationBin> bins() const;
 
   /// The bin of a value, and the largest value of a bin.
   [[nodiscard]] static constexpr std::size_t bin_of(std::uint64_t value) noexcept {

@@ -49,7 +49,7 @@ class DueTimes {
 /// begin and tick belong to one thread; request_rearm and histograms are for any.
 class ServoLoop {
  public:
-  static constexpr std::size_t kMostObservers = 8;
+  static constexpr std::size_t kMostObservers = 12;
 
   /// Whole Hz, kLeastServoHz to kMostServoHz; the observers are fixed from here on and called in this order.
   [[nodiscard]] static Result<std::unique_ptr<ServoLoop>> create(

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "device/simulated/hand_guide.h"
+
 namespace palpate::device {
 namespace {
 
@@ -47,7 +49,17 @@ Result<HandScript> HandScript::along(const trace::ProbePath& path) {
   return create(path.name, std::move(t_s), path.hip_mm, Between::kStraight);
 }
 
+HandScript HandScript::guided(std::string name, std::shared_ptr<HandGuide> guide) {
+  HandScript script;
+  script.name_ = std::move(name);
+  script.t_s_ = {0.0};
+  script.goal_mm_ = {guide->at(0.0).position_mm};
+  script.guide_ = std::move(guide);
+  return script;
+}
+
 Goal HandScript::at(double t_s) const noexcept {
+  if (guide_) return guide_->at(t_s);
   if (!(t_s > t_s_.front())) return {goal_mm_.front(), Vec3::Zero()};
   if (t_s >= t_s_.back()) return {goal_mm_.back(), Vec3::Zero()};
   const auto next = static_cast<std::size_t>(std::upper_bound(t_s_.begin(), t_s_.end(), t_s) - t_s_.begin());

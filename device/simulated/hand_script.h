@@ -3,6 +3,7 @@
 #pragma once
 
 #include <limits>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,8 @@ struct Goal {
   Vec3 velocity_mm_s = Vec3::Zero();
 };
 
+class HandGuide;  // hand_guide.h
+
 /// A goal along waypoints; device frame. Before the first and after the last one it rests.
 class HandScript {
  public:
@@ -32,6 +35,10 @@ class HandScript {
   /// A probe path as the goal; its times count from its first sample.
   [[nodiscard]] static Result<HandScript> along(const trace::ProbePath& path);
 
+  /// No waypoints: wherever the guide says. Only one device may follow it, and at() then belongs to its
+  /// thread.
+  [[nodiscard]] static HandScript guided(std::string name, std::shared_ptr<HandGuide> guide);
+
   /// O(log waypoints), no allocation.
   [[nodiscard]] Goal at(double t_s) const noexcept;
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
@@ -42,6 +49,7 @@ class HandScript {
  private:
   HandScript() = default;
   std::string name_;
+  std::shared_ptr<HandGuide> guide_;  // null: the waypoints
   std::vector<double> t_s_;
   std::vector<Vec3> goal_mm_;
   Between between_ = Between::kStraight;

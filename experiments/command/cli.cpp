@@ -59,6 +59,11 @@ void Declaration::several(const std::string& name, std::vector<std::string>& val
   command_.add_option(name, values, help)->required();
 }
 
+void Declaration::repeated(const std::string& name, std::vector<std::string>& values,
+                           const std::string& help) const {
+  command_.add_option(name, values, help)->allow_extra_args(false);
+}
+
 void Declaration::choice(const std::string& name, std::string& value, const std::vector<std::string>& choices,
                          const std::string& help) const {
   command_.add_option(name, value, help)->check(CLI::IsMember(choices));

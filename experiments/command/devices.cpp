@@ -3,11 +3,14 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "device/interface/drivers.h"
-#include "device/simulated/simulated_drivers.h"
+#include "device/drivers/all_drivers.h"
+#include "experiments/command/one_device.h"
 #include "experiments/command/subcommands.h"
+#include "experiments/live/device_report.h"
 #include "experiments/live/doctor.h"
+#include "experiments/run/output_file.h"
 #include "experiments/session/session.h"
+#include "toolkit/core/atomic_file.h"
 #include "toolkit/core/words.h"
 
 namespace palpate::experiments {
@@ -20,6 +23,10 @@ constexpr const char* kDevicesSchema = "palpate-devices/1";
 struct DevicesArguments {
   bool doctor = false;
   bool json = false;
+  bool replace = false;
+  OneDevice report{.name = {}, .file = {}, .options = {}};
+  ReportOptions look;
+  std::string out;
 };
 
 /// A driver's entry, with the driver.
@@ -30,7 +37,7 @@ struct Listed {
 
 std::vector<Listed> listed() {
   device::Drivers drivers;
-  device::register_simulated_drivers(drivers);
+  device::register_all_drivers(drivers);
   std::vector<Listed> all;
   for (const device::Driver& driver : drivers.all())
     for (device::DeviceEntry& entry : driver.look())
@@ -97,9 +104,36 @@ void declare_devices(const Declaration& declare, DevicesArguments& a) {
                "second); exit "
                "status 1 where a simulated session would not run in time");
   declare.flag("--json", a.json, "print JSON");
+  declare.text("--report", a.report.name,
+               "NAME: opens this device, commands zero force, and prints as JSON what its first user sends "
+               "back: ids, packets, latency, homing, calibration. Move it while it runs");
+  declare.text("--out", a.out, "FILE.json: where the report goes (default: standard output)");
+  declare.flag("--force", a.replace, "a report of this name may be replaced");
+  constexpr NumberRange kSeconds{0.1, 3600.0}, kRates{500.0, 8000.0};
+  declare.number("--seconds", a.look.seconds, kSeconds, "how long the report looks (default: 5)");
+  declare.number("--rate", a.look.rate_hz, kRates, "how often, Hz (default: 1000)");
+  declare.text("--device-file", a.report.file, "the device description of the reported device");
+  declare.repeated("--device-option", a.report.options,
+                   "KEY=VALUE for the reported device's driver; may be given again for others");
 }
 
-int run_devices(const DevicesArguments& arguments, Context& /*context*/) {
+/// Exit status 1 where the device does not open: the report says why.
+int run_device_report(const DevicesArguments& a, Context& context) {
+  if (!a.out.empty())
+    if (Status good = check_output({a.out, {"json"}, a.replace}, {}); !good)
+      return fail(good.error(), kExitBadInput, &context.progress);
+  const Result<ReportedDevice> reported = report_device(a.report, a.look, new_head(context.command_line));
+  if (!reported) return fail(reported.error(), kExitBadInput, &context.progress);
+  if (a.out.empty()) {
+    fmt::print("{}", reported->json);
+  } else if (const Status written = write_file(a.out, reported->json); !written) {
+    return fail(written.error(), kExitBadInput, &context.progress);
+  }
+  return reported->not_opened ? fail(*reported->not_opened, kExitFellShort, &context.progress) : kExitOk;
+}
+
+int run_devices(const DevicesArguments& arguments, Context& context) {
+  if (!arguments.report.name.empty()) return run_device_report(arguments, context);
   const std::vector<Listed> devices = listed();
   std::vector<Check> checks;
   if (arguments.doctor) checks = examine(read_system_facts());
@@ -119,7 +153,8 @@ int run_devices(const DevicesArguments& arguments, Context& /*context*/) {
 Subcommand devices_subcommand() {
   return subcommand("devices",
                     "haptic devices: what is connected and what could be; what the machine allows a servo",
-                    {"palpate devices", "palpate devices --doctor", "palpate devices --json"},
+                    {"palpate devices", "palpate devices --doctor", "palpate devices --json",
+                     "palpate devices --report sim:omni --seconds 1 --out report.json"},
                     declare_devices, run_devices);
 }
 

@@ -1,6 +1,7 @@
 #include "experiments/live/live.h"
 
 #include "experiments/command/common_options.h"
+#include "experiments/command/device_options.h"
 #include "experiments/command/subcommands.h"
 
 namespace palpate::experiments {
@@ -15,13 +16,15 @@ void declare_live(const Declaration& declare, LiveArguments& a) {
       "--renderers", run.renderers,
       "A,B,..: each NAME[:option=value...][:label=TEXT], at most 7; the first is felt first (default: "
       "the scene's or the plan's, cloud, and a mesh)");
-  declare.text("--device", a.device,
-               "sim, or sim:NAME: omni, touch, falcon, omega3, admittance (default: sim, which is sim:omni)");
-  declare.text(
-      "--hand", a.hand,
-      "what the simulated hand does: explore along the path, press, slide or tap (default: explore)");
-  declare.text("--grip", a.grip, "how it holds the device: hand, finger, arm or released (default: hand)");
-  declare.number("--seconds", a.seconds, kSeconds, "how long (default: 10)");
+  declare_device(declare, a.device);
+  declare.text("--hand", a.hand,
+               "what the simulated hand does: explore along the path, press, slide or tap; mouse: goes where "
+               "the mouse "
+               "says (default: explore; with --window mouse)");
+  declare.text("--grip", a.device.grip,
+               "how it holds the device: hand, finger, arm or released (default: hand)");
+  declare.number("--seconds", a.seconds, kSeconds,
+                 "how long (default: 10; with --window until it is closed)");
   declare.number("--switch-every", a.switch_every_s, kEvery,
                  "seconds after which the next renderer is asked for, again and again (default: 0, never)");
   declare.text(
@@ -37,8 +40,18 @@ void declare_live(const Declaration& declare, LiveArguments& a) {
   declare.number("--rate", a.rate_hz, kRate, "of the servo, whole Hz (default: 1000)");
   declare.flag("--accelerated", a.accelerated,
                "as fast as it goes, on a clock of its own: the same session every time");
-  declare.flag("--headless", a.headless, "without a window, which this version has none of");
-  declare.flag("--rearm", a.rearm, "arm again a second after a fault");
+  declare.flag(
+      "--window", a.window,
+      "a window over the session: the cloud, what is felt, plots, switches by buttons; without a device "
+      "the mouse is the hand. A scan that is dropped on it is opened");
+  declare.flag(
+      "--headless", a.headless,
+      "without a window: keys, the network and the device's buttons switch. The only way where no window "
+      "is built in");
+  declare.text("--listen", a.listen,
+               "PORT: hears OSC messages and lines of JSON over UDP from this machine (ADDRESS:PORT: from "
+               "others too) that switch, select, cancel, mark and re-arm; 0 finds a port");
+  declare.flag("--rearm", a.rearm, "arm again a second after a fault (simulated devices alone)");
   declare.text("--record", a.record, "FILE.palrec: a recording of the session, every renderer of it");
   declare.flag("--force", a.replace, "replace a recording of that name");
   declare.text("--path", run.path,
@@ -54,15 +67,18 @@ void declare_live(const Declaration& declare, LiveArguments& a) {
 
 Subcommand live_subcommand() {
   return subcommand(
-      "live", "renderers under one hand on a simulated device, switched while they are felt",
+      "live", "renderers under one hand on a device, simulated or real, switched while they are felt",
       {"palpate live sinusoid:points=10201 --renderers cloud,mesh-godobject --seconds 10 --switch-every 1 "
        "--out "
        "out/live",
        "palpate live sinusoid:points=10201 --renderers cloud,cloud-smooth --device sim:falcon --hand slide "
        "--seconds 60 --switch-every 0.7 --accelerated --out out/slide",
+       "palpate live scan.ply --window",
        "palpate live sinusoid:points=10201 --renderers cloud --changes "
        "2:cloud:stiffness=0.8,4:cloud:shading=none "
-       "--seconds 6 --accelerated --out out/changes"},
+       "--seconds 6 --accelerated --out out/changes",
+       "palpate live scan.ply --unit m --renderers cloud,cloud-smooth --device falcon --guard-kill-after 50 "
+       "--listen 7700"},
       declare_live, run_live);
 }
 

@@ -1,4 +1,5 @@
 #include "experiments/command/common_options.h"
+#include "experiments/command/device_options.h"
 #include "experiments/command/subcommands.h"
 #include "experiments/live/recording_session.h"
 
@@ -11,9 +12,8 @@ void declare_record(const Declaration& declare, RecordArguments& a) {
   declare.required("SCENE", a.scene, kSceneHelp);
   declare.text("--renderer", a.renderer,
                "NAME[:option=value...]; default: the scene's, or what `palpate plan` chooses");
-  declare.text("--device", a.device,
-               "sim, or sim:NAME with omni, touch, falcon, omega3 or admittance (default: sim, the omni)");
-  declare.text("--hand", a.hand, "the simulated hand: hand, finger or arm (default: hand)");
+  declare_device(declare, a.device);
+  declare.text("--hand", a.device.grip, "the simulated hand: hand, finger or arm (default: hand)");
   declare.text("--path", a.path,
                "the goal that the hand steers to: a file or a generator, as `palpate compare` takes it "
                "(default: by the model's size, as long as the session)");

@@ -27,6 +27,8 @@ class Declaration {
   void required(const std::string& name, std::string& value, const std::string& help) const;
   /// Words without a name before them, one at least.
   void several(const std::string& name, std::vector<std::string>& values, const std::string& help) const;
+  /// An option that may be given several times, one value each.
+  void repeated(const std::string& name, std::vector<std::string>& values, const std::string& help) const;
   void choice(const std::string& name, std::string& value, const std::vector<std::string>& choices,
               const std::string& help) const;
   void flag(const std::string& name, bool& value, const std::string& help) const;

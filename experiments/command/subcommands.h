@@ -16,6 +16,7 @@
   DO(tune)                      \
   DO(stability)                 \
   DO(live)                      \
+  DO(study)                     \
   DO(ablate)                    \
   DO(goals)                     \
   DO(record)                    \
@@ -27,6 +28,7 @@
   DO(hunt)                      \
   DO(stress)                    \
   DO(devices)                   \
+  DO(bridge)                    \
   DO(fetch)
 
 namespace palpate::experiments {

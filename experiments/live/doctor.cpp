@@ -12,6 +12,7 @@
 #include <system_error>
 #include <thread>
 
+#include "device/drivers/known_usb.h"
 #include "toolkit/core/clock.h"
 #include "toolkit/core/input_file.h"
 #include "toolkit/core/numbers.h"
@@ -32,16 +33,6 @@ constexpr double kStealPercent = 1.0;
 // The kernel's own default, which leaves the rest of the machine a twentieth.
 constexpr std::int64_t kUsualShareUs = 950'000;
 constexpr std::int64_t kTriedForNs = 100'000'000, kTriedPeriodNs = 1'000'000;
-
-// Devices known by their ids on the bus (an empty product: any of the vendor's).
-struct KnownUsb {
-  const char* vendor;
-  const char* product;
-  const char* name;
-};
-constexpr std::array kKnownUsb = {KnownUsb{"0403", "cb48", "Novint Falcon"},
-                                  KnownUsb{"1234", "0006", "WoodenHaptics"},
-                                  KnownUsb{"16c0", "0486", "Polhem"}, KnownUsb{"256f", "", "3Dconnexion"}};
 
 /// The first line of a file of the system; empty where it is not there.
 std::string line_of(const std::string& path) {
@@ -72,22 +63,22 @@ std::vector<std::string> governors() {
   return found;
 }
 
-std::vector<UsbDevice> known_usb_devices() {
-  std::vector<UsbDevice> found;
-  for (const fs::path& at : entries_of("/sys/bus/usb/devices")) {
-    const std::string vendor = line_of((at / "idVendor").string()),
-                      product = line_of((at / "idProduct").string());
-    for (const KnownUsb& known : kKnownUsb) {
-      if (vendor != known.vendor || (known.product[0] != '\0' && product != known.product)) continue;
-      UsbDevice device{known.name, vendor, product, {}, false};
-      const Result<long long> bus = read_integer(line_of((at / "busnum").string()), {0, 999});
-      const Result<long long> number = read_integer(line_of((at / "devnum").string()), {0, 999});
-      if (bus && number) device.node = fmt::format("/dev/bus/usb/{:03}/{:03}", *bus, *number);
-      device.may_open = ::access(device.node.c_str(), R_OK | W_OK) == 0;
-      found.push_back(std::move(device));
-    }
+/// The node of a device's own kind below its folder in sysfs: "hidraw3", "ttyACM0". Empty: there is none.
+std::string node_below(const fs::path& at, const std::string& kind) {
+  std::error_code none;
+  for (fs::recursive_directory_iterator it(at, none), end; !none && it != end; it.increment(none)) {
+    const std::string name = it->path().filename().string();
+    if (name.starts_with(kind) && name.size() > kind.size()) return "/dev/" + name;
   }
-  return found;
+  return {};
+}
+
+std::string node_of(const fs::path& at, device::UsbNode kind) {
+  if (kind == device::UsbNode::kHidraw) return node_below(at, "hidraw");
+  if (kind == device::UsbNode::kTty) return node_below(at, "ttyACM");
+  const Result<long long> bus = read_integer(line_of((at / "busnum").string()), {0, 999});
+  const Result<long long> number = read_integer(line_of((at / "devnum").string()), {0, 999});
+  return bus && number ? fmt::format("/dev/bus/usb/{:03}/{:03}", *bus, *number) : std::string();
 }
 
 bool in_a_virtual_machine() {
@@ -268,23 +259,45 @@ Check usb(const SystemFacts& facts) {
   if (facts.usb.empty())
     return {
         "USB permission", CheckVerdict::kFine, "no haptic device that is known by its ids is connected", {}};
-  std::vector<std::string> names, remedy;
+  std::vector<std::string> names, remedy, rules;
   bool refused = false;
   for (const UsbDevice& device : facts.usb) {
     names.push_back(fmt::format("{} ({}:{}): {}", device.name, device.vendor, device.product,
                                 device.may_open ? "may be opened" : "may not be opened by this user"));
     if (device.may_open) continue;
     refused = true;
-    remedy = udev_remedy(fmt::format(
-        R"(SUBSYSTEM=="usb", ATTR{{idVendor}}=="{}", ATTR{{idProduct}}=="{}", MODE="0660", TAG+="uaccess")",
-        device.vendor, device.product));
+    rules.push_back("    " + device.rule);
   }
-  if (refused) remedy.emplace_back("then unplug the device and plug it in again");
+  if (refused) {
+    std::sort(rules.begin(), rules.end());
+    rules.erase(std::unique(rules.begin(), rules.end()), rules.end());
+    remedy = {
+        "write to /etc/udev/rules.d/70-palpate.rules, as root (or install Palpate: it brings that file):"};
+    remedy.insert(remedy.end(), rules.begin(), rules.end());
+    remedy.emplace_back("and then: sudo udevadm control --reload && sudo udevadm trigger");
+    remedy.emplace_back("then unplug the device and plug it in again");
+  }
   return {"USB permission", refused ? CheckVerdict::kWarning : CheckVerdict::kFine, joined(names, "; "),
           remedy};
 }
 
 }  // namespace
+
+std::vector<UsbDevice> connected_usb_devices() {
+  std::vector<UsbDevice> found;
+  for (const fs::path& at : entries_of("/sys/bus/usb/devices")) {
+    const std::string vendor = line_of((at / "idVendor").string()),
+                      product = line_of((at / "idProduct").string());
+    for (const device::KnownUsb& known : device::known_usb()) {
+      if (vendor != known.vendor || (known.product[0] != '\0' && product != known.product)) continue;
+      UsbDevice device{known.name, vendor, product, node_of(at, known.node), false, {}};
+      device.may_open = ::access(device.node.c_str(), R_OK | W_OK) == 0;
+      device.rule = device::udev_rule(known);
+      found.push_back(std::move(device));
+    }
+  }
+  return found;
+}
 
 SystemFacts read_system_facts() {
   SystemFacts facts;
@@ -301,7 +314,7 @@ SystemFacts read_system_facts() {
   facts.steal_percent = device::steal_percent({0, 0}, device::steal_times());
   facts.virtual_machine = in_a_virtual_machine();
   facts.has_usb = ::access("/dev/bus/usb", F_OK) == 0;
-  facts.usb = known_usb_devices();
+  facts.usb = connected_usb_devices();
   try_it(facts);
   return facts;
 }

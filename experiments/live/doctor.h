@@ -16,8 +16,9 @@ namespace palpate::experiments {
 struct UsbDevice {
   std::string name;
   std::string vendor, product;  ///< four hexadecimal digits
-  std::string node;             ///< under /dev/bus/usb
+  std::string node;             ///< under /dev: of the bus, a hidraw or a tty, as its driver needs it
   bool may_open = false;        ///< this user
+  std::string rule;             ///< of udev, that lets users open it
 };
 
 struct SystemFacts {
@@ -37,6 +38,9 @@ struct SystemFacts {
   bool has_usb = false;
   std::vector<UsbDevice> usb;
 };
+
+/// Haptic devices that the system sees on USB, by their ids (device/drivers/known_usb.h). Opens none.
+[[nodiscard]] std::vector<UsbDevice> connected_usb_devices();
 
 /// Reads them, and tries: some 0.1 s. Changes nothing that lasts.
 [[nodiscard]] SystemFacts read_system_facts();

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "experiments/live/live.h"
@@ -48,6 +49,15 @@ LiveJson renderer_json(const LiveRenderer& r) {
           {"disqualified", r.disqualified}};
 }
 
+LiveJson remote_json(const LiveRemote& remote) {
+  if (remote.where.empty()) return nullptr;
+  return {{"listened", remote.where},
+          {"packets", remote.counts.packets},
+          {"bad", remote.counts.bad},
+          {"refused", remote.counts.refused},
+          {"commands", remote.counts.commands}};
+}
+
 std::string us_text(double us) {
   return short_number(us);
 }
@@ -64,6 +74,11 @@ Table session_table(const LiveDocument& document) {
   row("switches; fades begun", fmt::format("{}, {}", document.switches, document.fades));
   row("refused, waited", fmt::format("{}, {}", document.refused, document.waited));
   row("faults", count_text(document.faults));
+  if (document.replugged > 0) row("the device was gone and came back", count_text(document.replugged));
+  if (!document.remote.where.empty())
+    row("over the network: commands, refused, no command",
+        fmt::format("{}, {}, {}", document.remote.counts.commands, document.remote.counts.refused,
+                    document.remote.counts.bad));
   if (!document.recording.file.empty())
     row("recorded: ticks, of them lost", fmt::format("{}, {} ({})", document.recording.ticks,
                                                      document.recording.lost, document.recording.file));
@@ -89,19 +104,22 @@ Table renderers_table(const LiveDocument& document) {
                    "largest step, N", "made",    "bytes",          "of them shared"};
   for (const LiveRenderer& r : document.renderers) {
     const double all = document.ticks > 0 ? static_cast<double>(document.ticks) : 1.0;
-    table.rows.push_back(
-        {{r.label},
-         {short_number(100.0 * static_cast<double>(r.felt_frames) / all)},
-         {count_text(r.contact_frames)},
-         {document.accelerated ? kNoNumber : us_text(static_cast<double>(r.step.p50_ns) * kUsPerNs)},
-         {document.accelerated ? kNoNumber : us_text(static_cast<double>(r.step.p999_ns) * kUsPerNs)},
-         {short_number(r.largest_step_n)},
-         {count_text(r.made)},
-         {bytes_text(static_cast<double>(r.bytes))},
-         {bytes_text(static_cast<double>(r.shared_bytes))}});
+    table.rows.push_back({{r.label},
+                          {short_number(100.0 * static_cast<double>(r.felt_frames) / all)},
+                          {count_text(r.contact_frames)},
+                          {us_text(static_cast<double>(r.step.p50_ns) * kUsPerNs)},
+                          {us_text(static_cast<double>(r.step.p999_ns) * kUsPerNs)},
+                          {short_number(r.largest_step_n)},
+                          {count_text(r.made)},
+                          {bytes_text(static_cast<double>(r.bytes))},
+                          {bytes_text(static_cast<double>(r.shared_bytes))}});
     if (!r.disqualified.empty())
       table.notes.push_back(fmt::format("{} was disqualified: {}.", r.label, r.disqualified));
   }
+  if (document.accelerated)
+    table.notes.emplace_back(
+        "Frames are timed by the machine's clock and follow one another at once, with warm caches: in real "
+        "time they take longer. By the session's own clock they take nothing, so nobody is judged by them.");
   return table;
 }
 
@@ -142,6 +160,34 @@ Chart force_chart(const LiveDocument& document) {
   return chart;
 }
 
+/// How late ticks began: stretches of a quarter of an octave.
+Chart lateness_chart(const LiveDocument& document) {
+  Chart chart;
+  chart.name = "lateness";
+  chart.title = "How late ticks began";
+  chart.caption = fmt::format(
+      "Ticks of each lateness, in stretches of a quarter of an octave; both axes logarithmic. {} periods of "
+      "{} were missed whole.",
+      count_text(document.loop.missed), count_text(document.ticks + document.loop.missed));
+  chart.x_label = "µs";
+  chart.y_label = "ticks";
+  chart.log_x = chart.log_y = true;
+  chart.style = Chart::Style::kSteps;
+  Series line{"ticks", "#0072B2", {}, {}, {}};
+  // Nothing has no place on a logarithmic axis: half a tick stands for none.
+  constexpr double kNoTick = 0.5, kLeastUs = 1e-3;
+  for (const device::DurationBin& bin : document.lateness) {
+    line.x.push_back(std::max(kLeastUs, static_cast<double>(bin.from_ns) * kUsPerNs));
+    line.y.push_back(bin.count > 0 ? static_cast<double>(bin.count) : kNoTick);
+  }
+  if (!document.lateness.empty()) {
+    line.x.push_back(static_cast<double>(document.lateness.back().to_ns + 1) * kUsPerNs);
+    line.y.push_back(kNoTick);
+  }
+  chart.series.push_back(std::move(line));
+  return chart;
+}
+
 Page live_page(const LiveDocument& document, const OutputFolder& folder) {
   Page page = begin_page("Renderers under one hand", document.head);
   add_known(page, {{}, document.warnings, document.notes});
@@ -149,11 +195,16 @@ Page live_page(const LiveDocument& document, const OutputFolder& folder) {
   section.id = "live";
   section.title = fmt::format("{} on {}", document.scene, document.device);
   section.paragraphs.emplace_back(
-      "A simulated hand holds a simulated device. All renderers follow it in every tick; one is felt at a "
-      "time. No device and no person was measured.");
+      document.grip.empty()
+          ? "A person holds the device. All renderers follow it in every tick; one is felt at a time."
+          : "A simulated hand holds a simulated device. All renderers follow it in every tick; one is felt "
+            "at a "
+            "time. No device and no person was measured.");
   if (const Result<OutputFolder> figures = folder.inside("figures")) {
     const Chart chart = force_chart(document);
     if (has_points(chart)) section.figures.push_back(draw(chart, *figures));
+    // On a virtual clock every tick is at its time.
+    if (!document.accelerated) section.figures.push_back(draw(lateness_chart(document), *figures));
   }
   section.tables = live_tables(document);
   section.facts.push_back({"path of the hand", {document.path}});
@@ -195,6 +246,11 @@ std::string to_json(const LiveDocument& document) {
   json["rearmed"] = document.rearmed;
   json["half_rate_ticks"] = document.half_rate_ticks;
   json["jitter_us"] = durations_json(document.loop.lateness);
+  json["lateness_histogram"] = LiveJson::array();
+  for (const device::DurationBin& bin : document.lateness)
+    json["lateness_histogram"].push_back({{"from_us", static_cast<double>(bin.from_ns) * kUsPerNs},
+                                          {"to_us", static_cast<double>(bin.to_ns) * kUsPerNs},
+                                          {"count", bin.count}});
   json["exchange_us"] = durations_json(document.loop.exchange);
   json["resident_bytes"] = {{"before", document.resident_before_bytes},
                             {"after", document.resident_after_bytes}};
@@ -204,6 +260,13 @@ std::string to_json(const LiveDocument& document) {
   for (const LiveDecision& d : document.decisions) json["decisions"].push_back(decision_json(d));
   json["decisions_lost"] = document.decisions_lost;
   json["watchdog_trips"] = document.watchdog_trips;
+  json["replugged"] = document.replugged;
+  json["guarded"] = document.guarded;
+  json["unproven"] = document.unproven;
+  json["marks"] = LiveJson::array();
+  for (const SessionMark& mark : document.marks)
+    json["marks"].push_back({{"t_s", mark.t_s}, {"text", mark.text}});
+  json["remote"] = remote_json(document.remote);
   const LiveRecorded& recording = document.recording;
   json["recording"] = recording.file.empty() ? LiveJson(nullptr)
                                              : LiveJson{{"file", recording.file},

@@ -11,6 +11,9 @@
 
 namespace palpate::experiments {
 
+/// Of a window: the hand goes where the mouse says. Not among live_hands(): it needs somebody there.
+inline constexpr const char* kMouseHand = "mouse";
+
 /// "explore", "press", "slide", "tap".
 [[nodiscard]] const std::vector<std::string>& live_hands();
 

@@ -7,8 +7,10 @@
 #include <cmath>
 #include <filesystem>
 
+#include "experiments/live/hand.h"
 #include "experiments/live/recording_session.h"
 #include "experiments/live/session.h"
+#include "experiments/live/window_hooks.h"
 #include "experiments/report/tables.h"
 #include "experiments/run/choices.h"
 #include "experiments/session/run_key.h"
@@ -24,9 +26,10 @@ constexpr double kPathHz = 1000.0;  // of path generators
 
 std::string key_of_live(const LiveArguments& a, const StageRequest& stage) {
   RunKey key;
-  for (const std::string& text :
-       {a.run.scene, a.run.renderers, a.run.path, a.device, a.hand, a.grip, a.mapping, a.rule, a.changes})
+  for (const std::string& text : {a.run.scene, a.run.renderers, a.run.path, a.device.device, a.device.file,
+                                  a.hand, a.device.grip, a.mapping, a.rule, a.changes})
     key.add(text);
+  for (const std::string& option : a.device.options) key.add(option);
   key.add(a.seconds).add(a.switch_every_s).add(a.rate_hz).add(a.fade_ms);
   for (const std::string& file : files_read(stage)) key.add_file(file);
   return key.word();
@@ -37,9 +40,9 @@ void begin_live(const LiveArguments& arguments, const LivePlan& plan, const Stag
   document.head = new_head(context.command_line);
   document.scene = stage.scene_name;
   document.path = stage.path.name;
-  document.device = "sim:" + plan.rig.device_name();
-  document.hand = arguments.hand;
-  document.grip = arguments.grip;
+  document.device = plan.device.name();
+  document.hand = plan.device.rig ? arguments.hand : "a person";
+  document.grip = plan.device.rig ? arguments.device.grip : "";
   document.rule = arguments.rule;
   document.accelerated = arguments.accelerated;
   document.rate_hz = arguments.rate_hz;
@@ -72,6 +75,21 @@ int finish_live(const LiveDocument& document, const OutputFolder& folder, bool j
   return status;
 }
 
+Status check_window(const LiveArguments& arguments) {
+  const char* const other = arguments.headless      ? "--headless"
+                            : arguments.accelerated ? "--accelerated"
+                                                    : nullptr;
+  if (other == nullptr) return Done{};
+  return Error{fmt::format("--window and {} exclude each other", other), "leave one of them out", {}, 0};
+}
+
+/// To the window, where there is one: it is seen before anything is prepared.
+void show_stage(const LiveArguments& arguments, const Stage& stage) {
+  if (arguments.link == nullptr) return;
+  arguments.link->show(
+      std::make_shared<const ShownScene>(ShownScene{stage.scene_name, stage.scene.input.models}));
+}
+
 /// Whole Hz, and where a recording is to be.
 Status check_live(const LiveArguments& arguments) {
   if (arguments.rate_hz != std::round(arguments.rate_hz))
@@ -82,7 +100,8 @@ Status check_live(const LiveArguments& arguments) {
 
 /// The renderers where none was named: what compare would take.
 Result<LivePlan> choose_and_plan(const LiveArguments& arguments, CheckedRun& checked, const Stage& stage,
-                                 const render::Registry& registry, LiveDocument& document) {
+                                 const render::Registry& registry, const device::Drivers& drivers,
+                                 LiveDocument& document) {
   if (checked.renderers.empty()) {
     Chosen chosen = usual_renderers(stage.scene.input, checked.own, registry);
     checked.renderers = std::move(chosen.renderers);
@@ -90,33 +109,76 @@ Result<LivePlan> choose_and_plan(const LiveArguments& arguments, CheckedRun& che
   }
   for (const RendererRequest& request : checked.renderers)
     PALPATE_TRY(registry.check_supports(*registry.find(request.name), stage.scene.input));
-  return plan_live(arguments, checked.renderers, registry);
+  return plan_live(arguments, checked.renderers, registry, drivers);
+}
+
+/// What is wrong with the arguments is said before a large model is loaded, or a device is touched.
+Result<DeviceChoice> check_early(const LiveArguments& arguments, const CheckedRun& checked,
+                                 const render::Registry& registry, const device::Drivers& drivers) {
+  if (!checked.renderers.empty()) {
+    PALPATE_ASSIGN(LivePlan plan, plan_live(arguments, checked.renderers, registry, drivers));
+    return std::move(plan.device);
+  }
+  return choose_device(arguments.device, drivers);
+}
+
+/// Made, guarded, not open; what hardware has not confirmed is said before there is any force.
+Result<SessionDevice> make_device(const DeviceChoice& choice, const LiveArguments& arguments,
+                                  const SessionClock& clock, LiveDocument& document) {
+  PALPATE_ASSIGN(SessionDevice device, SessionDevice::make(choice, clock.clock(), 1.0 / arguments.rate_hz));
+  document.guarded = device.guarded();
+  document.unproven = device.unproven();
+  device.say_unproven();
+  return device;
+}
+
+Result<OutputFolder> open_folder(const RunArguments& run, const StageRequest& stage) {
+  PALPATE_ASSIGN(OutputFolder folder,
+                 OutputFolder::open(run.out.empty() ? usual_folder("live", run.scene) : run.out));
+  PALPATE_TRY(folder.check_not_read(files_read(stage)));
+  return folder;
 }
 
 }  // namespace
 
+LiveArguments with_defaults(LiveArguments arguments) {
+  constexpr double kUsualS = 10.0, kLongestS = 86'400.0;
+  if (arguments.hand.empty()) arguments.hand = arguments.link != nullptr ? kMouseHand : "explore";
+  if (arguments.seconds == 0.0) arguments.seconds = arguments.link != nullptr ? kLongestS : kUsualS;
+  return arguments;
+}
+
 int run_live(const LiveArguments& arguments, Context& context) {
+  if (!arguments.window) return run_live_with(arguments, session_drivers(), context);
+  if (const Status right = check_window(arguments); !right) return fail(right.error(), kExitBadInput);
+  return run_live_in_window(arguments, session_drivers(), context);
+}
+
+int run_live_with(const LiveArguments& given, const device::Drivers& drivers, Context& context) {
+  const LiveArguments arguments = with_defaults(given);
   const render::Registry registry = all_renderers();
   if (const Status right = check_live(arguments); !right) return fail(right.error(), kExitBadInput);
   RunArguments run = arguments.run;
   run.reference = "none";  // nothing is scored
   Result<CheckedRun> checked = check_run(run, registry, context.progress);
   if (!checked) return fail(checked.error(), kExitBadInput);
-  // What is wrong with the other arguments is said before a large model is loaded.
-  if (const auto early = plan_live(arguments, checked->renderers, registry);
-      !early && !checked->renderers.empty())
-    return fail(early.error(), kExitBadInput);
+  const Result<DeviceChoice> choice = check_early(arguments, *checked, registry, drivers);
+  if (!choice) return fail(choice.error(), kExitBadInput);
   checked->stage.usual_frames =
       static_cast<int>(std::lround(std::min(arguments.seconds, kLongestPathS) * kPathHz));
-  const Result<OutputFolder> folder =
-      OutputFolder::open(run.out.empty() ? usual_folder("live", run.scene) : run.out);
+  const Result<OutputFolder> folder = open_folder(run, checked->stage);
   if (!folder) return fail(folder.error(), kExitBadInput);
-  if (const Status apart = folder->check_not_read(files_read(checked->stage)); !apart)
-    return fail(apart.error(), kExitBadInput);
-  const Result<Stage> stage = set_up(checked->stage, all_readers(), context.progress);
-  if (!stage) return fail(stage.error(), kExitBadInput, &context.progress);
   LiveDocument document;
-  Result<LivePlan> plan = choose_and_plan(arguments, *checked, *stage, registry, document);
+  SessionClock clock(arguments.accelerated);
+  // Before threads and a large scene: its guard is forked.
+  Result<SessionDevice> device = make_device(*choice, arguments, clock, document);
+  if (!device) return fail(device.error(), kExitBadInput);
+  if (arguments.link != nullptr) arguments.link->device_made();
+  LinkedProgress seen(context.progress, arguments.link);
+  const Result<Stage> stage = set_up(checked->stage, all_readers(), seen);
+  if (!stage) return fail(stage.error(), kExitBadInput, &context.progress);
+  show_stage(arguments, *stage);
+  Result<LivePlan> plan = choose_and_plan(arguments, *checked, *stage, registry, drivers, document);
   if (plan && !arguments.record.empty())
     plan->header = recording_header(run.scene, checked->stage.scene, stage->scene, run.surface);
   if (!plan) return fail(plan.error(), kExitBadInput, &context.progress);
@@ -124,7 +186,8 @@ int run_live(const LiveArguments& arguments, Context& context) {
     return fail(begun.error(), kExitFellShort, &context.progress);
   begin_live(arguments, *plan, *stage, context, document);
   Workshop workshop{*stage, registry, run.load.threads};
-  if (const Status ran = run_session(arguments, *plan, workshop, context.progress, document); !ran)
+  if (const Status ran = run_session(arguments, *plan, workshop, clock, *device, context.progress, document);
+      !ran)
     return fail(ran.error(), kExitBadInput, &context.progress);
   return finish_live(document, *folder, run.json, context);
 }

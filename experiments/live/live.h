@@ -1,5 +1,5 @@
 // The whole of `palpate live`: several renderers under one hand, of which one is felt, switched while they
-// are felt. On a simulated device, in real time or as fast as it goes.
+// are felt. On a simulated device, in real time or as fast as it goes, or on any that a driver makes.
 #pragma once
 
 #include <optional>
@@ -7,11 +7,14 @@
 #include <vector>
 
 #include "device/live/mixer.h"
-#include "device/servo/servo_loop.h"
+#include "experiments/live/assembly.h"
+#include "experiments/live/remote.h"
 #include "experiments/report/page.h"
 #include "experiments/session/study_run.h"
 
 namespace palpate::experiments {
+
+class SessionLink;  // experiments/window/link.h
 
 inline constexpr const char* kLiveFile = "live.json";
 /// Goes up when a key changes its meaning or goes away.
@@ -19,12 +22,19 @@ inline constexpr const char* kLiveSchema = "palpate-live/1";
 
 struct LiveArguments {
   RunArguments run;  ///< of it: scene, renderers, path, folder, model, surface, json
-  std::string device = "sim", hand = "explore", grip = "hand";
+  DeviceArguments device;
+  std::string hand;  ///< empty: explore, in a window the mouse
   std::string mapping = "1:1", rule = "wait", changes, record;
-  double seconds = 10.0, switch_every_s = 0.0, rate_hz = 1000.0, fade_ms = 150.0;
-  bool headless = false, accelerated = false, rearm = false;
-  bool replace = false;  ///< a recording that is there
+  std::string listen;    ///< PORT or ADDRESS:PORT; empty: nobody is heard
+  double seconds = 0.0;  ///< 0: ten, in a window as long as it is open
+  double switch_every_s = 0.0, rate_hz = 1000.0, fade_ms = 150.0;
+  bool window = false, headless = false, accelerated = false, rearm = false;
+  bool replace = false;         ///< a recording that is there
+  SessionLink* link = nullptr;  ///< of the window over it, which outlives it; null: none
 };
+
+/// What was left open, filled in.
+[[nodiscard]] LiveArguments with_defaults(LiveArguments arguments);
 
 /// A decision of the mixer that a person would ask about.
 struct LiveDecision {
@@ -63,6 +73,12 @@ struct LiveRecorded {
   std::uint64_t ticks = 0, written = 0, lost = 0, bytes = 0;
 };
 
+/// What came over the network; no address: nobody was heard.
+struct LiveRemote {
+  std::string where;
+  RemoteCounts counts;
+};
+
 struct LiveDocument {
   metrics::DocumentHead head;
   std::string scene, device, hand, grip, path, rule, scheduling;
@@ -71,6 +87,7 @@ struct LiveDocument {
   double world_per_device = 1.0, stiffness_n_per_mm = 0.0, felt_stiffness_n_per_mm = 0.0;
   double force_limit_n = 0.0;  ///< of the governor
   device::LoopStatistics loop;
+  std::vector<device::DurationBin> lateness;
   std::uint64_t ticks = 0, faults = 0, rearmed = 0, half_rate_ticks = 0;
   std::uint64_t switches = 0, fades = 0, refused = 0, waited = 0;
   double largest_step_n = 0.0;    ///< of the force that goes out
@@ -79,7 +96,12 @@ struct LiveDocument {
   std::uint64_t resident_before_bytes = 0, resident_after_bytes = 0;
   std::uint64_t decisions_lost = 0;
   LiveRecorded recording;
-  std::uint64_t watchdog_trips = 0;  ///< real time alone
+  std::uint64_t watchdog_trips = 0;   ///< real time alone
+  std::uint64_t replugged = 0;        ///< how often the device was gone and came back
+  bool guarded = false;               ///< by a process of its own
+  std::vector<std::string> unproven;  ///< of the device, without hardware
+  LiveRemote remote;
+  std::vector<SessionMark> marks;
   std::vector<std::string> fault_names;
   std::vector<LiveDecision> decisions;
   std::vector<LiveRenderer> renderers;
@@ -94,5 +116,7 @@ struct LiveDocument {
 
 /// The exit status: 1 where the session ended with a fault latched.
 int run_live(const LiveArguments& arguments, Context& context);
+/// The same with these drivers.
+int run_live_with(const LiveArguments& arguments, const device::Drivers& drivers, Context& context);
 
 }  // namespace palpate::experiments

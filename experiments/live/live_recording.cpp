@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 
 #include "toolkit/core/try.h"
 
@@ -69,6 +70,12 @@ Status LiveRecording::open(const std::string& path, bool replace, device::Record
     PALPATE_TRY(recorder_->add_renderer(entry));
   }
   return Done{};
+}
+
+void LiveRecording::discard(const std::string& path) {
+  recorder_.reset();
+  std::error_code code;
+  std::filesystem::remove(path, code);
 }
 
 void LiveRecording::fill(const device::Tick& tick, device::RecordedTick& out) noexcept {

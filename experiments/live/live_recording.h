@@ -25,6 +25,8 @@ class LiveRecording final : public device::TickSource {
   /// The file, with what was tracked until now. Every renderer of the mixer must have come from tracked().
   [[nodiscard]] Status open(const std::string& path, bool replace, device::RecordingHeader header,
                             const device::Mixer& mixer);
+  /// Nothing was felt: the file goes away.
+  void discard(const std::string& path);
   /// Null before open().
   [[nodiscard]] device::Recorder* recorder() noexcept { return recorder_.get(); }
 

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 
-#include "device/simulated/arm_models.h"
 #include "experiments/live/hand.h"
 #include "experiments/live/session.h"
 #include "toolkit/core/try.h"
@@ -39,21 +38,52 @@ Result<device::WorkspaceOptions> workspace_of(const std::string& mapping) {
   return options;
 }
 
+/// Whether what is asked for goes with the time that passes, and with a hand that is a person's.
+Status keeps_time(const LiveArguments& arguments, const DeviceChoice& device) {
+  if (arguments.accelerated && !arguments.listen.empty())
+    return Error{"--listen hears in real time, and --accelerated has none", "leave one of them out", {}, 0};
+  if (!device.is_real()) return Done{};
+  if (arguments.accelerated)
+    return Error{fmt::format("{} runs in real time, not --accelerated", shown(device.name())),
+                 "leave --accelerated out",
+                 {},
+                 0};
+  if (arguments.rearm)
+    return Error{fmt::format("{} is armed again by a person alone, not by --rearm", shown(device.name())),
+                 "leave --rearm out; key r arms again",
+                 {},
+                 0};
+  return Done{};
+}
+
+Status check_hand(const LiveArguments& arguments) {
+  if (arguments.hand == kMouseHand) {
+    if (arguments.link != nullptr) return Done{};
+    return Error{"--hand mouse needs a window to move it in", "add --window", {}, 0};
+  }
+  if (std::find(live_hands().begin(), live_hands().end(), arguments.hand) == live_hands().end())
+    return unknown_word("hand", arguments.hand, live_hands());
+  return Done{};
+}
+
 }  // namespace
 
 Result<LivePlan> plan_live(const LiveArguments& arguments, const std::vector<RendererRequest>& renderers,
-                           const render::Registry& registry) {
+                           const render::Registry& registry, const device::Drivers& drivers) {
   const std::vector<std::string> rules = {"wait", "refuse", "free"};
   LivePlan plan;
-  PALPATE_ASSIGN(plan.rig, device::simulated_rig_of_driver(arguments.device, arguments.grip));
+  PALPATE_ASSIGN(plan.device, choose_device(arguments.device, drivers));
+  PALPATE_TRY(keeps_time(arguments, plan.device));
+  if (!arguments.listen.empty()) {
+    PALPATE_ASSIGN(plan.listen, parse_listen(arguments.listen));
+  }
   PALPATE_ASSIGN(plan.workspace, workspace_of(arguments.mapping));
   const auto rule = std::find(rules.begin(), rules.end(), arguments.rule);
   if (rule == rules.end()) return unknown_word("rule", arguments.rule, rules);
   plan.rule = rule == rules.begin()       ? device::SwitchRule::kContactElseWait
               : rule == rules.begin() + 1 ? device::SwitchRule::kContactElseRefuse
                                           : device::SwitchRule::kFreeSpace;
-  if (std::find(live_hands().begin(), live_hands().end(), arguments.hand) == live_hands().end())
-    return unknown_word("hand", arguments.hand, live_hands());
+  PALPATE_TRY(check_hand(arguments));
   if (renderers.size() > device::kMostLanes)
     return Error{fmt::format("--renderers names {} renderers", renderers.size()),
                  fmt::format("one hand takes at most {}", device::kMostLanes),

@@ -1,20 +1,16 @@
 #include "experiments/live/recording_session.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
-#include <atomic>
-#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <thread>
 
+#include "device/live/workspace.h"
 #include "device/record/recorder.h"
-#include "device/servo/servo_thread.h"
-#include "device/simulated/arm_models.h"
 #include "experiments/data/scene_scans.h"
+#include "experiments/live/assembly.h"
 #include "experiments/live/moving_scene.h"
 #include "experiments/run/choices.h"
 #include "experiments/session/version.h"
@@ -28,59 +24,26 @@
 namespace palpate::experiments {
 namespace {
 
-// A fault of a simulated device ends by itself: so long a person needs to let go and arm it again.
-constexpr std::int64_t kRearmAfterNs = 1'000'000'000;
-// The bar is drawn no oftener than somebody looks.
-constexpr std::chrono::milliseconds kLook{100};
-constexpr std::uint64_t kTicksALook = 1000;
-constexpr double kNsPerS = 1e9;
-
-/// Counts, and arms again after a fault.
-class SessionWatch final : public device::TickObserver {
- public:
-  void took(const device::Tick& tick) noexcept override {
-    if (tick.frame.contact) contact_.fetch_add(1, std::memory_order_relaxed);
-    if (tick.missed > 0) missed_.fetch_add(tick.missed, std::memory_order_relaxed);
-    if (tick.fault == device::Fault::kNone) {
-      fault_ns_ = -1;
-      return;
-    }
-    if (fault_ns_ < 0) {
-      fault_ns_ = tick.t_ns;
-      faults_.fetch_add(1, std::memory_order_relaxed);
-    }
-    if (tick.t_ns - fault_ns_ < kRearmAfterNs) return;
-    fault_ns_ = -1;
-    rearm_.store(true, std::memory_order_release);
-  }
-  /// Once after each fault.
-  [[nodiscard]] bool wants_rearm() noexcept { return rearm_.exchange(false, std::memory_order_acquire); }
-  [[nodiscard]] std::uint64_t contact() const noexcept { return contact_.load(); }
-  [[nodiscard]] std::uint64_t faults() const noexcept { return faults_.load(); }
-  [[nodiscard]] std::uint64_t missed() const noexcept { return missed_.load(); }
-
- private:
-  std::int64_t fault_ns_ = -1;  // the servo thread's alone
-  std::atomic<std::uint64_t> contact_{0}, faults_{0}, missed_{0};
-  std::atomic<bool> rearm_{false};
-};
-
-/// Everything that a session is made of before its clock starts.
+/// Everything that a session is made of before its device is opened.
 struct Session {
   Stage stage;
   RendererRequest request;
   std::unique_ptr<render::HapticRenderer> renderer;
-  device::SimulatedRig rig;
-  std::optional<device::HandScript> script;
-  geometry::RigidTransform world_from_device;
   device::RecordingHeader header;
   device::RecordedRenderer recorded;
+};
+
+/// Nothing besides the ticks.
+class NoTasks final : public SessionTasks {
+ public:
+  void work(double /*now_s*/) override {}
+  void key(char /*pressed*/) override {}
 };
 
 /// What a session did.
 struct SessionReport {
   device::RecorderCounts counts;
-  std::uint64_t contact = 0, faults = 0, missed = 0;
+  std::uint64_t contact = 0, faults = 0, missed = 0, replugged = 0;
   std::string scheduling;
   std::optional<Error> lost;  ///< the recording is not whole
 };
@@ -91,18 +54,9 @@ std::string text_of_scene(const scene::SceneFile& scene) {
   return text ? *text : std::string();
 }
 
-void fill_header(const RecordArguments& a, const scene::SceneFile& file, Session& s) {
-  s.header = recording_header(a.scene, file, s.stage.scene, a.surface);
-  s.header.world_from_device = s.world_from_device;
-  s.header.mapping = "one to one";
-  s.header.rate_hz = a.rate_hz;
-  s.header.scheduling = a.accelerated ? "virtual clock" : "real time; what was granted stands in a note";
-}
-
 Result<Session> set_up_session(const RecordArguments& a, const CheckedRun& checked,
                                const render::Registry& registry, Context& context) {
   Session s;
-  PALPATE_ASSIGN(s.rig, device::simulated_rig_of_driver(a.device, a.hand));
   PALPATE_ASSIGN(s.stage, set_up(checked.stage, all_readers(), context.progress));
   if (!checked.renderers.empty()) {
     s.request = checked.renderers.front();
@@ -114,22 +68,8 @@ Result<Session> set_up_session(const RecordArguments& a, const CheckedRun& check
   PALPATE_ASSIGN(s.recorded, recorded_renderer(s.request, registry));
   PALPATE_ASSIGN(s.renderer,
                  prepared_renderer(s.request, registry, s.stage.scene, a.load.threads, context.progress));
-  // The device's middle is that of the hand's way.
-  geometry::Aabb box;
-  for (const Vec3& hip_mm : s.stage.path.hip_mm) box.add(hip_mm);
-  s.world_from_device.translation_mm = box.centre_mm();
-  trace::ProbePath goal = s.stage.path;
-  for (Vec3& hip_mm : goal.hip_mm) hip_mm -= s.world_from_device.translation_mm;
-  PALPATE_ASSIGN(s.script, device::HandScript::along(goal));
-  fill_header(a, checked.stage.scene, s);
+  s.header = recording_header(a.scene, checked.stage.scene, s.stage.scene, a.surface);
   return s;
-}
-
-device::GovernorOptions governor_options(const RecordArguments& a, const device::DeviceLimits& limits) {
-  device::GovernorOptions options;
-  options.period_s = 1.0 / a.rate_hz;
-  options.user_limit_n = limits.force_max_n;
-  return options;
 }
 
 device::RecorderOptions recorder_options(const RecordArguments& a) {
@@ -139,80 +79,71 @@ device::RecorderOptions recorder_options(const RecordArguments& a) {
   return options;
 }
 
-SessionReport report_of(device::Recorder& recorder, const SessionWatch& watch, std::string scheduling) {
-  SessionReport report;
-  const Status finished = recorder.finish();
-  if (!finished) report.lost = finished.error();
-  report.counts = recorder.counts();
-  report.contact = watch.contact();
-  report.faults = watch.faults();
-  report.missed = watch.missed();
-  report.scheduling = std::move(scheduling);
-  return report;
+/// The path's middle in the device's middle, one to one; a simulated hand goes along the path.
+Result<device::DeviceMap> seat_of(const Stage& stage, const device::DeviceLimits& limits,
+                                  SessionDevice& device) {
+  geometry::Aabb box;
+  for (const Vec3& hip_mm : stage.path.hip_mm) box.add(hip_mm);
+  PALPATE_ASSIGN(const device::DeviceMap map, device::map_for(box, limits, {}));
+  if (!device.is_simulated_hand()) return map;
+  trace::ProbePath goal = stage.path;
+  for (Vec3& hip_mm : goal.hip_mm) hip_mm = map.device_mm(hip_mm);
+  PALPATE_ASSIGN(device::HandScript script, device::HandScript::along(goal));
+  device.hold(std::move(script));
+  return map;
 }
 
-/// On a virtual clock. The recorder is waited for.
-Result<SessionReport> run_virtual(const RecordArguments& a, Session& s, Context& context) {
-  VirtualClock clock;
-  const std::unique_ptr<device::SimulatedPlant> plant = s.rig.make(*s.script, clock, 1.0 / a.rate_hz);
-  device::RendererTap tap(*s.renderer, clock);
-  device::TapSource source({&tap}, s.world_from_device);
-  device::Servo servo(tap, governor_options(a, plant->limits()), *plant, clock, s.world_from_device);
-  PALPATE_TRY(servo.start(s.stage.path.hip_mm.front()));
-  s.header.device = plant->name();
-  s.header.limits = plant->limits();
-  PALPATE_ASSIGN(std::unique_ptr<device::Recorder> recorder,
-                 device::Recorder::create(a.out, s.header, source, recorder_options(a)));
-  PALPATE_TRY(recorder->add_renderer(s.recorded));
-  SessionWatch watch;
-  const std::array<device::TickObserver*, 2> observers = {recorder.get(), &watch};
-  PALPATE_ASSIGN(std::unique_ptr<device::ServoLoop> loop,
-                 device::ServoLoop::create(servo, clock, a.rate_hz, observers));
-  const auto until_ns = static_cast<std::int64_t>(a.seconds * kNsPerS);
-  std::uint64_t ticks = 0;
-  device::run_accelerated(*loop, clock, until_ns, [&] {
-    recorder->wait_for_room();
-    if (watch.wants_rearm()) loop->request_rearm();
-    if (ticks++ % kTicksALook == 0)
-      context.progress.report("recording", static_cast<double>(clock.now_ns()) / (a.seconds * kNsPerS));
-    return true;
-  });
-  servo.stop();
-  return report_of(*recorder, watch, "virtual clock");
+void fill_header(const RecordArguments& a, const device::DeviceLimits& limits, const device::DeviceMap& map,
+                 const SessionClock& clock, device::RecordingHeader& header) {
+  header.limits = limits;
+  header.world_from_device = map.world_from_device;
+  header.mapping = "one to one";
+  header.rate_hz = a.rate_hz;
+  header.scheduling = a.accelerated ? "virtual clock" : "real time; what was granted stands in a note";
+  header.clock_start_ns = a.accelerated ? 0 : clock.machine_clock().start_ns();
 }
 
-/// On the machine's clock, in a servo thread.
-Result<SessionReport> run_real(const RecordArguments& a, Session& s, Context& context) {
-  const MonotonicClock clock;
-  const std::unique_ptr<device::SimulatedPlant> plant = s.rig.make(*s.script, clock, 1.0 / a.rate_hz);
-  device::RendererTap tap(*s.renderer, clock);
-  device::TapSource source({&tap}, s.world_from_device);
-  device::Servo servo(tap, governor_options(a, plant->limits()), *plant, clock, s.world_from_device);
-  s.header.device = plant->name();
-  s.header.limits = plant->limits();
-  s.header.clock_start_ns = clock.start_ns();
-  PALPATE_ASSIGN(std::unique_ptr<device::Recorder> recorder,
-                 device::Recorder::create(a.out, s.header, source, recorder_options(a)));
-  PALPATE_TRY(recorder->add_renderer(s.recorded));
-  SessionWatch watch;
-  const std::array<device::TickObserver*, 2> observers = {recorder.get(), &watch};
-  device::ServoThreadOptions options;
-  options.rate_hz = a.rate_hz;
-  options.free_mm = s.stage.path.hip_mm.front();
-  PALPATE_ASSIGN(std::unique_ptr<device::ServoThread> thread,
-                 device::ServoThread::create(servo, clock, options, observers));
-  PALPATE_TRY(thread->start());
-  const std::string scheduling = thread->mode().text();
-  PALPATE_TRY(recorder->note("scheduling: " + scheduling));
-  const std::int64_t begun_ns = clock.now_ns();
-  for (double past_s = 0.0; past_s < a.seconds && thread->running();
-       past_s = static_cast<double>(clock.now_ns() - begun_ns) / kNsPerS) {
-    context.progress.report("recording", past_s / a.seconds);
-    if (watch.wants_rearm()) thread->request_rearm();
-    std::this_thread::sleep_for(kLook);
+/// What it did. The file goes away where nothing was felt.
+Result<SessionReport> run_recorded(const RecordArguments& a, Session& s, SessionClock& clock,
+                                   SessionDevice& device, Context& context) {
+  PALPATE_ASSIGN(const device::DeviceLimits limits, device.limits());
+  PALPATE_ASSIGN(const device::DeviceMap map, seat_of(s.stage, limits, device));
+  SessionSettings settings;
+  settings.rate_hz = a.rate_hz;
+  settings.seconds = a.seconds;
+  settings.free_mm = s.stage.path.hip_mm.front();
+  settings.label = "recording";
+  // A simulated hand bears what its device can; a person begins with less.
+  if (!device.choice().is_real()) {
+    settings.user_limit_n = limits.force_max_n;
+    settings.auto_rearm = true;
   }
-  thread->stop();
-  return report_of(*recorder, watch, scheduling);
+  device::RendererTap tap(*s.renderer, clock.clock());
+  device::TapSource source({&tap}, map.world_from_device);
+  fill_header(a, limits, map, clock, s.header);
+  s.header.device = device.device().name();
+  PALPATE_ASSIGN(std::unique_ptr<device::Recorder> recorder,
+                 device::Recorder::create(a.out, s.header, source, recorder_options(a)));
+  PALPATE_TRY(recorder->add_renderer(s.recorded));
+  Assembly session(settings, clock, device, tap, map);
+  session.record(*recorder);
+  NoTasks nothing;
+  Result<SessionEnd> end = session.run(nothing, context.progress);
+  if (!end) {
+    recorder.reset();
+    std::error_code code;
+    std::filesystem::remove(a.out, code);
+    return std::move(end).error();
+  }
+  SessionReport report;
+  if (const Status finished = recorder->finish(); !finished) report.lost = finished.error();
+  report.counts = recorder->counts();
+  report.contact = session.watch().contact();
+  report.faults = session.watch().faults();
+  report.missed = session.watch().missed();
+  report.scheduling = a.accelerated ? "virtual clock" : end->scheduling;
+  report.replugged = end->replugged;
+  return report;
 }
 
 void print_report(const RecordArguments& a, const Session& s, const SessionReport& report) {
@@ -227,7 +158,8 @@ void print_report(const RecordArguments& a, const Session& s, const SessionRepor
                                               {"bytes", report.counts.bytes},
                                               {"contact_ticks", report.contact},
                                               {"faults", report.faults},
-                                              {"missed_periods", report.missed}}
+                                              {"missed_periods", report.missed},
+                                              {"replugged", report.replugged}}
                            .dump(2));
     return;
   }
@@ -312,6 +244,10 @@ Result<device::RecordedRenderer> recorded_renderer(const RendererRequest& reques
 }
 
 int run_record(const RecordArguments& arguments, Context& context) {
+  return run_record_with(arguments, session_drivers(), context);
+}
+
+int run_record_with(const RecordArguments& arguments, const device::Drivers& drivers, Context& context) {
   const render::Registry registry = all_renderers();
   if (arguments.renderer.find(',') != std::string::npos)
     return fail({"record runs one renderer", "`palpate live --record` runs several", {}, 0}, kExitBadInput);
@@ -327,13 +263,22 @@ int run_record(const RecordArguments& arguments, Context& context) {
     return fail(good.error(), kExitBadInput);
   Result<CheckedRun> checked = check_run(run, registry, context.progress);
   if (!checked) return fail(checked.error(), kExitBadInput, &context.progress);
+  const Result<DeviceChoice> choice = choose_device(arguments.device, drivers);
+  if (!choice) return fail(choice.error(), kExitBadInput, &context.progress);
+  if (choice->is_real() && arguments.accelerated)
+    return fail({"a device runs in real time, not --accelerated", "leave --accelerated out", {}, 0},
+                kExitBadInput, &context.progress);
+  SessionClock clock(arguments.accelerated);
+  // Before threads and a large scene: its guard is forked.
+  Result<SessionDevice> device = SessionDevice::make(*choice, clock.clock(), 1.0 / arguments.rate_hz);
+  if (!device) return fail(device.error(), kExitBadInput, &context.progress);
+  device->say_unproven();
   // Generated paths have 1000 samples a second; the hand keeps moving to the end.
   constexpr double kSamplesPerS = 1000.0;
   checked->stage.usual_frames = static_cast<int>(std::ceil(arguments.seconds * kSamplesPerS)) + 1;
   Result<Session> session = set_up_session(arguments, *checked, registry, context);
   if (!session) return fail(session.error(), kExitBadInput, &context.progress);
-  const Result<SessionReport> report = arguments.accelerated ? run_virtual(arguments, *session, context)
-                                                             : run_real(arguments, *session, context);
+  const Result<SessionReport> report = run_recorded(arguments, *session, clock, *device, context);
   context.progress.clear();
   if (!report) return fail(report.error(), kExitFellShort);
   print_report(arguments, *session, *report);

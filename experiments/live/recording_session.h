@@ -5,14 +5,14 @@
 #include <string>
 
 #include "device/record/recording_header.h"
+#include "experiments/live/session_device.h"
 #include "experiments/session/study_run.h"
 
 namespace palpate::experiments {
 
 struct RecordArguments {
   std::string scene, renderer;
-  std::string device = "sim";  ///< sim or sim:NAME
-  std::string hand = "hand";
+  DeviceArguments device;
   std::string path;  ///< the hand's goal; empty: by the model's size, as long as the session
   std::string traj_columns;
   std::string out;  ///< FILE.palrec
@@ -25,6 +25,8 @@ struct RecordArguments {
   ModelArguments load;
 };
 int run_record(const RecordArguments& arguments, Context& context);
+/// The same with these drivers.
+int run_record_with(const RecordArguments& arguments, const device::Drivers& drivers, Context& context);
 
 /// Whether a recording can be made there; `replace`: of a file that is there. Errors say what to do.
 [[nodiscard]] Status check_recording_file(const std::string& file, bool replace);

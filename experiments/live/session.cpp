@@ -5,25 +5,23 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <chrono>
 #include <fstream>
-#include <thread>
+#include <utility>
 
-#include "device/safety/watchdog.h"
+#include "device/live/triggers.h"
+#include "experiments/live/assembly.h"
 #include "experiments/live/hand.h"
-#include "experiments/live/keys.h"
 #include "experiments/live/live_recording.h"
+#include "experiments/live/live_tasks.h"
 #include "experiments/live/moving_scene.h"
+#include "experiments/live/watch.h"
+#include "experiments/live/window_hooks.h"
 #include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 namespace {
 
-constexpr double kLiveNsPerS = 1e9, kLiveMsPerS = 1e3;
-// How often the main thread looks at keys, changes and the bar: a person sees no delay of it.
-constexpr std::chrono::milliseconds kLook{20};
-// A fault is shown for so long before it is armed again, where that is asked for.
-constexpr double kRearmAfterS = 1.0;
+constexpr double kLiveMsPerS = 1e3;
 
 /// What the process has in memory; what was freed is given back first.
 std::uint64_t resident_bytes() {
@@ -33,105 +31,6 @@ std::uint64_t resident_bytes() {
   file >> pages >> in_memory;
   return in_memory * static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
 }
-
-/// Asks for the next renderer at fixed times of the session.
-class SwitchTimer final : public device::TickObserver {
- public:
-  SwitchTimer(device::Mixer& mixer, double every_s) : mixer_(mixer), every_s_(every_s) {}
-  void took(const device::Tick& tick) noexcept override {
-    if (!begun_) next_s_ = tick.t_s + every_s_;
-    begun_ = true;
-    if (!(every_s_ > 0.0) || tick.t_s < next_s_) return;
-    // Not from the last time on: what was late would add up.
-    while (next_s_ <= tick.t_s) next_s_ += every_s_;
-    mixer_.request({device::SwitchRequest::Kind::kNext, device::SwitchSource::kTimer, 0});
-  }
-
- private:
-  device::Mixer& mixer_;
-  double every_s_;
-  double next_s_ = 0.0;
-  bool begun_ = false;
-};
-
-/// Arms again a while after a fault.
-class Rearmer final : public device::TickObserver {
- public:
-  explicit Rearmer(bool on) : on_(on) {}
-  void took(const device::Tick& tick) noexcept override {
-    const bool faulted = tick.fault != device::Fault::kNone;
-    if (faulted && !faulted_) since_s_ = tick.t_s;
-    faulted_ = faulted;
-    if (!on_ || !faulted || tick.t_s - since_s_ < kRearmAfterS) return;
-    since_s_ = tick.t_s;
-    if (loop_ != nullptr) loop_->request_rearm();
-    if (thread_ != nullptr) thread_->request_rearm();
-  }
-  [[nodiscard]] bool faulted() const noexcept { return faulted_; }
-  /// Before the first tick.
-  void of(device::ServoLoop& loop) noexcept { loop_ = &loop; }
-  void of(device::ServoThread& thread) noexcept { thread_ = &thread; }
-
- private:
-  bool on_;
-  bool faulted_ = false;
-  double since_s_ = 0.0;
-  device::ServoLoop* loop_ = nullptr;
-  device::ServoThread* thread_ = nullptr;
-};
-
-/// Makes renderers while the session runs, hands them over, and destroys those that come back.
-class Worker {
- public:
-  /// `recording`: null where none is made.
-  Worker(Workshop& workshop, const std::vector<LiveChange>& changes, device::Mixer& mixer,
-         const Vec3& free_mm, LiveRecording* recording, const Clock& clock)
-      : workshop_(workshop),
-        changes_(changes),
-        mixer_(mixer),
-        free_mm_(free_mm),
-        recording_(recording),
-        clock_(clock) {}
-
-  /// What is due at `now_s` of the session; may take as long as a preparation. Never in the servo's thread,
-  /// but for a virtual clock, which stands still meanwhile.
-  void work(double now_s) {
-    while (mixer_.take_retired()) {
-    }
-    if (pending_ && mixer_.offer(pending_, lane_)) return;
-    if (pending_ || next_ == changes_.size() || now_s < changes_[next_].at_s) return;
-    const LiveChange& change = changes_[next_++];
-    Result<std::unique_ptr<render::HapticRenderer>> made = make(change.setting);
-    if (!made) {
-      failures_.push_back(fmt::format("The change of {} at {:g} s was not made: {}",
-                                      change.setting.request.label, change.at_s, made.error().message()));
-      return;
-    }
-    (*made)->restart(free_mm_, 0.0);
-    pending_ = *std::move(made);
-    lane_ = static_cast<std::uint8_t>(change.lane);
-    (void)mixer_.offer(pending_, lane_);
-  }
-  [[nodiscard]] const std::vector<std::string>& failures() const { return failures_; }
-
- private:
-  Result<std::unique_ptr<render::HapticRenderer>> make(const LiveSetting& setting) {
-    PALPATE_ASSIGN(MadeRenderer made, make_live(workshop_, setting, no_progress()));
-    if (recording_ == nullptr) return std::move(made.renderer);
-    return recording_->tracked(std::move(made.renderer), setting, workshop_.passivity_apart(), clock_);
-  }
-
-  Workshop& workshop_;
-  const std::vector<LiveChange>& changes_;
-  device::Mixer& mixer_;
-  Vec3 free_mm_;
-  LiveRecording* recording_;
-  const Clock& clock_;
-  std::size_t next_ = 0;
-  std::unique_ptr<render::HapticRenderer> pending_;
-  std::uint8_t lane_ = 0;
-  std::vector<std::string> failures_;
-};
 
 /// The renderers, prepared on one store, as the document has them.
 Result<std::vector<MadeRenderer>> prepare_all(const LivePlan& plan, Workshop& workshop, Progress& progress,
@@ -156,6 +55,12 @@ Result<std::vector<MadeRenderer>> prepare_all(const LivePlan& plan, Workshop& wo
   return all;
 }
 
+std::vector<std::string> labels_of(const LivePlan& plan) {
+  std::vector<std::string> labels;
+  for (const LiveSetting& setting : plan.settings) labels.push_back(setting.request.label);
+  return labels;
+}
+
 device::SwitchOptions switch_options(const LiveArguments& arguments, const LivePlan& plan,
                                      const device::DeviceLimits& limits, const device::DeviceMap& map,
                                      double force_limit_n) {
@@ -167,89 +72,6 @@ device::SwitchOptions switch_options(const LiveArguments& arguments, const LiveP
   options.period_s = 1.0 / arguments.rate_hz;
   options.fade_s = arguments.fade_ms / kLiveMsPerS;
   return options;
-}
-
-/// A key of the terminal. False: end the session.
-bool act_on(char key, device::Mixer& mixer, device::ServoThread& thread) {
-  using Kind = device::SwitchRequest::Kind;
-  if (key == 'q') return false;
-  if (key == 'r') thread.request_rearm();
-  if (key == '\t') mixer.request({Kind::kNext, device::SwitchSource::kKey, 0});
-  if (key == 'c') mixer.request({Kind::kCancel, device::SwitchSource::kKey, 0});
-  if (key >= '1' && key <= '9')
-    mixer.request({Kind::kSelect, device::SwitchSource::kKey, static_cast<std::uint8_t>(key - '1')});
-  return true;
-}
-
-/// The parts of a session that both ways of running it need.
-struct Running {
-  const LiveArguments& arguments;
-  device::Device& device;
-  device::Servo& servo;
-  device::Mixer& mixer;
-  std::vector<device::TickObserver*> observers;
-  Rearmer& rearmer;
-  Worker& worker;
-  device::Recorder* recorder;  // null: none
-  Progress& progress;
-  LiveDocument& document;
-  device::Heartbeat heart{};
-};
-
-Status run_fast(Running& with, VirtualClock& clock) {
-  PALPATE_ASSIGN(
-      std::unique_ptr<device::ServoLoop> loop,
-      device::ServoLoop::create(with.servo, clock, std::llround(with.arguments.rate_hz), with.observers));
-  with.rearmer.of(*loop);
-  const std::int64_t begun_ns = clock.now_ns();
-  const auto until_ns = begun_ns + std::llround(with.arguments.seconds * kLiveNsPerS);
-  std::uint64_t asked = 0;
-  const auto report_every = static_cast<std::uint64_t>(with.arguments.rate_hz);  // a second of the session
-  device::run_accelerated(*loop, clock, until_ns, [&] {
-    const double now_s = static_cast<double>(clock.now_ns() - begun_ns) / kLiveNsPerS;
-    with.worker.work(now_s);
-    if (with.recorder != nullptr) with.recorder->wait_for_room();
-    if (asked++ % report_every == 0)
-      with.progress.report("live, accelerated", now_s / with.arguments.seconds);
-    return true;
-  });
-  with.document.loop = loop->histograms().statistics();
-  with.document.scheduling = "accelerated: a virtual clock, every tick at its due time";
-  return Done{};
-}
-
-Status run_real(Running& with, const MonotonicClock& clock, const Vec3& free_mm) {
-  device::ServoThreadOptions options;
-  options.rate_hz = std::llround(with.arguments.rate_hz);
-  options.free_mm = free_mm;
-  PALPATE_ASSIGN(std::unique_ptr<device::ServoThread> thread,
-                 device::ServoThread::create(with.servo, clock, options, with.observers));
-  with.rearmer.of(*thread);
-  with.servo.watched_by(&with.heart);
-  device::Watchdog watchdog(with.device, with.heart);
-  PALPATE_TRY(watchdog.start());
-  PALPATE_TRY(thread->start());
-  Keys keys;
-  const double begun_s = clock.now_s();
-  bool going_on = true;
-  while (going_on && thread->running()) {
-    std::this_thread::sleep_for(kLook);
-    const double now_s = clock.now_s() - begun_s;
-    with.worker.work(now_s);
-    with.progress.report("live", now_s / with.arguments.seconds);
-    while (const std::optional<char> key = keys.next())
-      going_on = going_on && act_on(*key, with.mixer, *thread);
-    if (now_s >= with.arguments.seconds) going_on = false;
-  }
-  thread->stop();
-  watchdog.stop();
-  with.servo.watched_by(nullptr);
-  with.document.watchdog_trips = watchdog.trips();
-  with.document.loop = thread->histograms().statistics();
-  with.document.scheduling = thread->mode().text();
-  with.document.steal_percent = thread->steal_percent();
-  for (const std::string& sentence : thread->mode().not_obtained) with.document.notes.push_back(sentence);
-  return Done{};
 }
 
 void say_mapping(const geometry::Aabb& box, const device::DeviceMap& map, const device::DeviceLimits& limits,
@@ -268,22 +90,21 @@ void say_mapping(const geometry::Aabb& box, const device::DeviceMap& map, const 
 
 device::RecordingHeader header_of(const LiveArguments& arguments, const LivePlan& plan,
                                   const device::DeviceLimits& limits, const device::DeviceMap& map,
-                                  const Clock& clock) {
+                                  const SessionClock& clock, const std::string& device) {
   device::RecordingHeader header = plan.header;
-  header.device = "sim:" + plan.rig.device_name();
+  header.device = device;
   header.limits = limits;
   header.world_from_device = map.world_from_device;
   header.scale = map.world_per_device;
   header.mapping = arguments.mapping;
   header.rate_hz = arguments.rate_hz;
   header.scheduling = arguments.accelerated ? "virtual clock" : "real time";
-  header.clock_start_ns = arguments.accelerated ? 0 : monotonic_ns() - clock.now_ns();
+  header.clock_start_ns = arguments.accelerated ? 0 : clock.machine_clock().start_ns();
   return header;
 }
 
 /// What was lost is a warning: the session itself was felt.
 void end_recording(const std::string& file, device::Recorder& recorder, LiveDocument& document) {
-  if (!document.scheduling.empty()) (void)recorder.note("scheduling: " + document.scheduling);
   if (const Status whole = recorder.finish(); !whole) document.warnings.push_back(whole.error().message());
   const device::RecorderCounts counts = recorder.counts();
   document.recording = {file, counts.ticks, counts.written, counts.lost, counts.bytes};
@@ -303,84 +124,162 @@ geometry::Aabb scene_box(const render::SceneInput& scene) {
   return box;
 }
 
-}  // namespace
+/// Where the hand is before the first tick: free. A simulated hand takes the device; one that a mouse guides
+/// is left in `guide`.
+Result<Vec3> place_hand(const LiveArguments& arguments, const Stage& stage, render::HapticRenderer& first,
+                        const device::DeviceMap& map, SessionDevice& device,
+                        std::shared_ptr<device::HandGuide>& guide) {
+  if (!device.is_simulated_hand()) return stage.path.hip_mm.front();
+  if (arguments.hand == kMouseHand) {
+    guide = std::make_shared<device::HandGuide>(map.device_mm(stage.path.hip_mm.front()));
+    device.hold(device::HandScript::guided(kMouseHand, guide));
+    return stage.path.hip_mm.front();
+  }
+  PALPATE_ASSIGN(device::HandScript script,
+                 live_hand(arguments.hand, stage.path, first, map, arguments.seconds));
+  const Vec3 free_mm = map.world_mm(script.at(0.0).position_mm);
+  device.hold(std::move(script));
+  return free_mm;
+}
 
-Status run_session(const LiveArguments& arguments, const LivePlan& plan, Workshop& workshop,
-                   Progress& progress, LiveDocument& document) {
-  PALPATE_ASSIGN(std::vector<MadeRenderer> made, prepare_all(plan, workshop, progress, document));
-  VirtualClock virtual_clock;
-  MonotonicClock machine_clock;
-  const Clock& clock = arguments.accelerated ? static_cast<const Clock&>(virtual_clock) : machine_clock;
-  const trace::ProbePath& path = workshop.stage.path;
-  const geometry::Aabb box = scene_box(workshop.stage.scene.input);
-  // Limits are known once a device stands there; where the hand goes, once they are.
-  const device::HandScript nobody =
-      device::HandScript::create("nobody", {0.0}, {Vec3::Zero()}, device::HandScript::Between::kStraight)
-          .value();
-  const device::DeviceLimits limits = plan.rig.make(nobody, clock, 1.0 / arguments.rate_hz)->limits();
-  PALPATE_ASSIGN(const device::DeviceMap map, device::map_for(box, limits, plan.workspace));
-  say_mapping(box, map, limits, document);
-  PALPATE_ASSIGN(const device::HandScript script,
-                 live_hand(arguments.hand, path, *made.front().renderer, map, arguments.seconds));
-  const std::unique_ptr<device::SimulatedPlant> plant = plan.rig.make(script, clock, 1.0 / arguments.rate_hz);
-
-  device::GovernorOptions governed;
-  governed.period_s = 1.0 / arguments.rate_hz;
-  // Of the same limits as the servo's own, which is made once the device is open.
-  PALPATE_ASSIGN(const device::ForceGovernor governor, device::ForceGovernor::create(limits, governed));
-  document.force_limit_n = governor.limit_n();
-  const device::SwitchOptions switching = switch_options(arguments, plan, limits, map, governor.limit_n());
-  PALPATE_TRY(device::check(switching));
-  auto owned_mixer = std::make_unique<device::Mixer>(switching, clock);
-  device::Mixer& mixer = *owned_mixer;
+/// Everything between the renderers and the assembly, in the order in which it must end: last made, first
+/// gone.
+struct Felt {
   LiveRecording recording;
-  const bool recorded = !arguments.record.empty();
+  std::unique_ptr<render::HapticRenderer> renderer;  // the mixer, and what goes around it
+  device::Mixer* mixer = nullptr;
+};
+
+/// The renderers on one mixer, passivity and moving models around it.
+Status mix_all(std::vector<MadeRenderer> made, const LivePlan& plan, const Workshop& workshop,
+               const device::SwitchOptions& switching, const SessionClock& clock, bool recorded, Felt& felt) {
+  PALPATE_TRY(device::check(switching));
+  auto mixer = std::make_unique<device::Mixer>(switching, clock.clock(), clock.machine_clock());
+  felt.mixer = mixer.get();
   for (std::size_t i = 0; i < made.size(); ++i) {
     if (recorded) {
-      PALPATE_ASSIGN(made[i].renderer, recording.tracked(std::move(made[i].renderer), plan.settings[i],
-                                                         workshop.passivity_apart(), clock));
+      PALPATE_ASSIGN(made[i].renderer, felt.recording.tracked(std::move(made[i].renderer), plan.settings[i],
+                                                              workshop.passivity_apart(), clock.clock()));
     }
-    mixer.add(std::move(made[i].renderer));
+    mixer->add(std::move(made[i].renderer));
   }
   control::ControlOptions around_all;
   around_all.passivity = workshop.stage.scene.control.passivity;
-  std::unique_ptr<render::HapticRenderer> felt = control::wrap(std::move(owned_mixer), around_all);
+  felt.renderer = control::wrap(std::move(mixer), around_all);
   // Once for all renderers: they see the models at one place.
   if (workshop.stage.scene.input.simulation)
-    felt = std::make_unique<MovingScene>(std::move(felt), *workshop.stage.scene.input.simulation);
-  device::Servo servo(*felt, governed, *plant, clock, map);
+    felt.renderer =
+        std::make_unique<MovingScene>(std::move(felt.renderer), *workshop.stage.scene.input.simulation);
+  return Done{};
+}
 
-  const Vec3 free_mm = map.world_mm(script.at(0.0).position_mm);
-  LiveWatch watch(mixer, plan.settings.size(), arguments.seconds / static_cast<double>(kLiveSamples));
-  SwitchTimer timer(mixer, arguments.switch_every_s);
-  device::SwitchButton switch_button(mixer);
-  device::ClutchButton clutch(servo, mixer);
-  Rearmer rearmer(arguments.rearm);
-  Worker worker(workshop, plan.changes, mixer, free_mm, recorded ? &recording : nullptr, clock);
-  Running running{arguments, *plant, servo,   mixer,    {&watch, &timer, &switch_button, &clutch, &rearmer},
-                  rearmer,   worker, nullptr, progress, document};
+SessionSettings settings_of(const LiveArguments& arguments) {
+  SessionSettings settings;
+  settings.rate_hz = arguments.rate_hz;
+  settings.seconds = arguments.seconds;
+  settings.auto_rearm = arguments.rearm;
+  return settings;
+}
+
+/// Runs what stands together; the network is heard meanwhile.
+Result<SessionEnd> run_heard(const LivePlan& plan, Assembly& session, LiveTasks& tasks, ProgressBar& progress,
+                             LiveDocument& document) {
+  if (!plan.listen) return session.run(tasks, progress);
+  PALPATE_ASSIGN(const std::unique_ptr<RemoteListener> listener,
+                 RemoteListener::start(*plan.listen, [&](const device::RemoteCommand& command) {
+                   return tasks.act(command, session);
+                 }));
+  session.say("listening on " + listener->where());
+  Result<SessionEnd> end = session.run(tasks, progress);
+  document.remote.where = listener->where();
+  document.remote.counts = listener->counts();
+  return end;
+}
+
+void tell_end(const SessionEnd& end, LiveDocument& document) {
+  document.loop = end.loop;
+  document.lateness = end.lateness;
+  document.scheduling = end.scheduling;
+  document.steal_percent = end.steal_percent;
+  document.watchdog_trips = end.watchdog_trips;
+  document.replugged = end.replugged;
+  document.marks = end.marks;
+  document.notes.insert(document.notes.end(), end.notes.begin(), end.notes.end());
+  if (end.faulted) document.notes.emplace_back("The session ended with a fault latched.");
+}
+
+/// A mapping, a place for the hand and the limits that go with them.
+struct Seat {
+  device::DeviceLimits limits;
+  device::DeviceMap map;
+  double force_limit_n = 0.0;
+};
+Result<Seat> take_seat(const LiveArguments& arguments, const LivePlan& plan, const Stage& stage,
+                       SessionDevice& device, LiveDocument& document) {
+  Seat seat;
+  const geometry::Aabb box = scene_box(stage.scene.input);
+  PALPATE_ASSIGN(seat.limits, device.limits());
+  PALPATE_ASSIGN(seat.map, device::map_for(box, seat.limits, plan.workspace));
+  say_mapping(box, seat.map, seat.limits, document);
+  // Of the same limits as the servo's own, which is made once the device is open.
+  PALPATE_ASSIGN(
+      const device::ForceGovernor governor,
+      device::ForceGovernor::create(seat.limits, Assembly::governor_options(settings_of(arguments))));
+  seat.force_limit_n = document.force_limit_n = governor.limit_n();
+  return seat;
+}
+
+}  // namespace
+
+Status run_session(const LiveArguments& arguments, const LivePlan& plan, Workshop& workshop,
+                   SessionClock& clock, SessionDevice& device, ProgressBar& progress,
+                   LiveDocument& document) {
+  LinkedProgress seen(progress, arguments.link);
+  PALPATE_ASSIGN(std::vector<MadeRenderer> made, prepare_all(plan, workshop, seen, document));
+  PALPATE_ASSIGN(const Seat seat, take_seat(arguments, plan, workshop.stage, device, document));
+  SessionSettings settings = settings_of(arguments);
+  std::shared_ptr<device::HandGuide> guide;
+  PALPATE_ASSIGN(settings.free_mm,
+                 place_hand(arguments, workshop.stage, *made.front().renderer, seat.map, device, guide));
+  const bool recorded = !arguments.record.empty();
+  Felt felt;
+  PALPATE_TRY(mix_all(std::move(made), plan, workshop,
+                      switch_options(arguments, plan, seat.limits, seat.map, seat.force_limit_n), clock,
+                      recorded, felt));
+  Assembly session(settings, clock, device, *felt.renderer, seat.map);
+  LiveWatch watch(*felt.mixer, plan.settings.size(), arguments.seconds / static_cast<double>(kLiveSamples));
+  SwitchTimer timer(*felt.mixer, arguments.switch_every_s);
+  device::SwitchButton switch_button(*felt.mixer);
+  device::ClutchButton clutch(session.servo(), *felt.mixer);
+  for (device::TickObserver* one :
+       {static_cast<device::TickObserver*>(&watch), static_cast<device::TickObserver*>(&timer),
+        static_cast<device::TickObserver*>(&switch_button), static_cast<device::TickObserver*>(&clutch)})
+    session.observe(*one);
+  LiveTasks tasks(workshop, plan.changes, labels_of(plan), *felt.mixer, clock.clock(),
+                  {settings.free_mm, recorded ? &felt.recording : nullptr});
   if (recorded) {
-    PALPATE_TRY(recording.open(arguments.record, arguments.replace,
-                               header_of(arguments, plan, limits, map, clock), mixer));
-    running.recorder = recording.recorder();
-    // First, so that it sees the tick before buttons move the map.
-    running.observers.insert(running.observers.begin(), running.recorder);
+    PALPATE_TRY(felt.recording.open(
+        arguments.record, arguments.replace,
+        header_of(arguments, plan, seat.limits, seat.map, clock, device.device().name()), *felt.mixer));
+    session.record(*felt.recording.recorder());
   }
+  tasks.asked_by(arguments.link, plan.settings);
+  const WindowHooks window(
+      arguments, session, *felt.mixer, workshop.stage.scene.input,
+      {device.device().name(), labels_of(plan), {}, seat.limits, seat.force_limit_n, 0.0, false, {}, guide});
   document.resident_before_bytes = resident_bytes();
-  if (arguments.accelerated) {
-    PALPATE_TRY(servo.start(free_mm));
-    PALPATE_TRY(run_fast(running, virtual_clock));
-    servo.stop();
-  } else {
-    PALPATE_TRY(run_real(running, machine_clock, free_mm));
+  const Result<SessionEnd> end = run_heard(plan, session, tasks, progress, document);
+  if (!end) {
+    if (recorded) felt.recording.discard(arguments.record);
+    return end.error();
   }
-  while (mixer.take_retired()) {
+  while (felt.mixer->take_retired()) {
   }
   document.resident_after_bytes = resident_bytes();
+  tell_end(*end, document);
   watch.tell(document);
-  if (recorded) end_recording(arguments.record, *running.recorder, document);
-  for (const std::string& failure : worker.failures()) document.warnings.push_back(failure);
-  if (rearmer.faulted()) document.notes.emplace_back("The session ended with a fault latched.");
+  if (recorded) end_recording(arguments.record, *felt.recording.recorder(), document);
+  for (const std::string& failure : tasks.failures()) document.warnings.push_back(failure);
   return Done{};
 }
 

@@ -11,7 +11,7 @@
 namespace palpate::experiments {
 namespace {
 
-constexpr double kNsPerUs = 1e3;
+constexpr double kFigureNsPerUs = 1e3;
 constexpr std::size_t kTailPoints = 160;  // of a distribution
 constexpr std::size_t kBins = 320;        // along a path: some two pixels each
 constexpr std::size_t kExcerptFrames =
@@ -65,7 +65,7 @@ Chart frame_times(const Study& study, const std::string& prefix) {
       const double above =
           std::pow(n, static_cast<double>(kTailPoints - 1 - k) / static_cast<double>(kTailPoints - 1));
       const auto rank = static_cast<std::size_t>(std::clamp(n - above, 0.0, n - 1.0));
-      s.x.push_back(static_cast<double>(std::max<std::int64_t>(times[rank], 1)) / kNsPerUs);
+      s.x.push_back(static_cast<double>(std::max<std::int64_t>(times[rank], 1)) / kFigureNsPerUs);
       s.y.push_back(kPercent * above / n);
     }
     chart.series.push_back(std::move(s));

@@ -11,8 +11,8 @@ namespace palpate::experiments {
 namespace {
 
 using metrics::RendererResult;
-using Value = std::function<std::optional<double>(const RendererResult&)>;
-using Show = std::function<std::string(double)>;
+using HeadlineValue = std::function<std::optional<double>(const RendererResult&)>;
+using HeadlineShow = std::function<std::string(double)>;
 
 /// "a", "a and b", "a, b and c".
 std::string listed(const std::vector<std::string>& items) {
@@ -20,12 +20,12 @@ std::string listed(const std::vector<std::string>& items) {
   return joined({items.begin(), items.end() - 1}, ", ") + " and " + items.back();
 }
 
-using GetInterval = std::function<std::optional<Interval>(const RendererResult&)>;
+using HeadlineInterval = std::function<std::optional<Interval>(const RendererResult&)>;
 
 /// "cloud 0.21 µs, mesh-godobject 0.40 µs (1.9 times)", the lowest first; of many the first ones and the
 /// last. Whose interval overlaps that of the first is no worse: "(no difference)".
-std::string ranked(const metrics::ResultDocument& document, const Value& value, const Show& show,
-                   const GetInterval& interval = {}) {
+std::string ranked(const metrics::ResultDocument& document, const HeadlineValue& value,
+                   const HeadlineShow& show, const HeadlineInterval& interval = {}) {
   constexpr std::size_t kMany = 7, kFirst = 5;
   std::vector<const RendererResult*> order;
   for (const RendererResult& r : document.renderers)

@@ -13,7 +13,7 @@
 namespace palpate::experiments {
 namespace {
 
-constexpr int kPanelWidth = 360, kModelPanelHeight = 250, kTitleHeight = 24, kGap = 14;
+constexpr int kPanelWidth = 360, kModelPanelHeight = 250, kTitleHeight = 24, kModelGap = 14;
 constexpr int kAloneWidth = 720, kAloneHeight = 420;  // one panel that has the page to itself
 constexpr int kMostColumns = 3, kLegendHeight = 26;
 constexpr int kImagePerUnit = 2;             // pixels of the image a unit of the picture: sharp on paper too
@@ -156,13 +156,13 @@ std::vector<Entry> legend_of(const Study& study) {
 std::string legend_svg(const Study& study, int y) {
   constexpr int kSample = 26, kLetter = 8, kRoom = 22;
   std::string svg;
-  int x = kGap;
+  int x = kModelGap;
   for (const Entry& entry : legend_of(study)) {
     svg += fmt::format(
         "<line x1=\"{}\" y1=\"{}\" x2=\"{}\" y2=\"{}\" stroke=\"{}\" stroke-width=\"{}\"/><text x=\"{}\" "
         "y=\"{}\">{}</text>",
-        x, y - 4, x + kSample, y - 4, entry.level.colour, entry.level.width + 1.0, x + kSample + kGap / 2, y,
-        html_escaped(entry.text));
+        x, y - 4, x + kSample, y - 4, entry.level.colour, entry.level.width + 1.0,
+        x + kSample + kModelGap / 2, y, html_escaped(entry.text));
     x += kSample + kRoom + kLetter * static_cast<int>(text_width(entry.text));
   }
   return svg;
@@ -188,20 +188,20 @@ std::string svg_of(const Study& study, const std::vector<Panel>& panels, const M
                    const std::string& name) {
   const int columns = std::min<int>(static_cast<int>(panels.size()), kMostColumns);
   const int rows = (static_cast<int>(panels.size()) + columns - 1) / columns;
-  const int width = columns * (view.width() + kGap) + kGap;
-  const int row_height = view.height() + kTitleHeight + kGap;
+  const int width = columns * (view.width() + kModelGap) + kModelGap;
+  const int row_height = view.height() + kTitleHeight + kModelGap;
   const bool legend = panels.size() > 1;
-  const int height = rows * row_height + (legend ? kLegendHeight : 0) + kGap;
+  const int height = rows * row_height + (legend ? kLegendHeight : 0) + kModelGap;
   std::string svg = fmt::format(
       "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0} {1}\" width=\"{0}\" height=\"{1}\" "
       "font-family=\"Helvetica,Arial,sans-serif\" font-size=\"14\" fill=\"#222222\">"
       "<rect width=\"{0}\" height=\"{1}\" fill=\"#ffffff\"/>{2}",
       width, height, shared_parts(study, view, name + "-model"));
-  if (legend) svg += legend_svg(study, kLegendHeight - kGap / 2);
+  if (legend) svg += legend_svg(study, kLegendHeight - kModelGap / 2);
   for (std::size_t i = 0; i < panels.size(); ++i) {
     const int column = static_cast<int>(i) % columns, row = static_cast<int>(i) / columns;
-    const int x = kGap + column * (view.width() + kGap),
-              y = (legend ? kLegendHeight : 0) + kGap + row * row_height;
+    const int x = kModelGap + column * (view.width() + kModelGap),
+              y = (legend ? kLegendHeight : 0) + kModelGap + row * row_height;
     svg += fmt::format(
         "<g transform=\"translate({} {})\"><text x=\"0\" y=\"14\">{}</text><g transform=\"translate(0 {})\" "
         "fill=\"none\" stroke-linejoin=\"round\" stroke-linecap=\"round\"><use "

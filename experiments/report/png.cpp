@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <vector>
 
 namespace palpate::experiments {
 namespace {
@@ -26,31 +27,48 @@ std::string chunk(const std::string& kind, const std::string& data) {
   return big_endian(static_cast<std::uint32_t>(data.size())) + both + big_endian(sum);
 }
 
-}  // namespace
+/// A picture of `bytes` a pixel, each of its own filter row.
+struct Rows {
+  int width, height;
+  std::size_t bytes;
+  char colour_type;  // of the header
+  int level;         // of zlib
+};
 
-std::string png_of(const GreyImage& image) {
+std::string packed_png(const Rows& image, const std::vector<std::uint8_t>& pixels) {
   if (image.width <= 0 || image.height <= 0) return {};
-  const auto width = static_cast<std::size_t>(image.width);
+  const std::size_t row_bytes = image.bytes * static_cast<std::size_t>(image.width);
   std::string rows;
-  for (std::size_t at = 0; at + width <= image.pixels.size(); at += width) {
-    rows += '\1';  // the filter Sub: each pixel less the one before it
-    std::uint8_t before = 0;
-    for (std::size_t i = at; i < at + width; ++i) {
-      rows += static_cast<char>(static_cast<std::uint8_t>(image.pixels[i] - before));
-      before = image.pixels[i];
+  for (std::size_t at = 0; at + row_bytes <= pixels.size(); at += row_bytes) {
+    rows += '\1';  // the filter Sub: each byte less that of the pixel before it
+    for (std::size_t i = 0; i < row_bytes; ++i) {
+      const std::uint8_t before = i < image.bytes ? std::uint8_t{0} : pixels[at + i - image.bytes];
+      rows += static_cast<char>(static_cast<std::uint8_t>(pixels[at + i] - before));
     }
   }
   uLongf size = ::compressBound(static_cast<uLong>(rows.size()));
   std::string packed(size, '\0');
   if (::compress2(reinterpret_cast<Bytef*>(packed.data()), &size, data_of(rows),  // NOLINT: bytes are bytes
-                  static_cast<uLong>(rows.size()), Z_BEST_COMPRESSION) != Z_OK)
+                  static_cast<uLong>(rows.size()), image.level) != Z_OK)
     return {};
   packed.resize(size);
-  // Depth 8, grey, deflate, adaptive filters, not interlaced.
+  // Depth 8, the colour type, deflate, adaptive filters, not interlaced.
   const std::string header = big_endian(static_cast<std::uint32_t>(image.width)) +
                              big_endian(static_cast<std::uint32_t>(image.height)) +
-                             std::string({8, 0, 0, 0, 0});
+                             std::string({8, image.colour_type, 0, 0, 0});
   return "\x89PNG\r\n\x1a\n" + chunk("IHDR", header) + chunk("IDAT", packed) + chunk("IEND", {});
+}
+
+}  // namespace
+
+std::string png_of(const GreyImage& image) {
+  constexpr char kGrey = 0;
+  return packed_png({image.width, image.height, 1, kGrey, Z_BEST_COMPRESSION}, image.pixels);
+}
+
+std::string colour_png(const ColourImage& image) {
+  constexpr char kColours = 2;
+  return packed_png({image.width, image.height, 3, kColours, Z_BEST_SPEED}, image.rgb);
 }
 
 std::string base64(const std::string& bytes) {

@@ -14,7 +14,7 @@
 namespace palpate::experiments {
 namespace {
 
-constexpr double kMsPerMinute = 60000.0, kPercent = 100.0;
+constexpr double kMsAMinute = 60000.0, kPercent = 100.0;
 // Cells a side of a wall in a quick trial.
 constexpr std::uint32_t kQuickWall = 40;
 
@@ -259,7 +259,7 @@ void reproduce_neighbours(const Manifest& manifest, Reproduction& r) {
                        duration_text(one.ms), duration_text(two.ms), printed,
                        // A quick trial takes a small part of the model.
                        r.arguments.quick ? std::string("for the whole model")
-                                         : short_number(*model.printed_min * kMsPerMinute / one.ms) +
+                                         : short_number(*model.printed_min * kMsAMinute / one.ms) +
                                                " times one thread's")});
   }
   check_done(r, !models.empty());

@@ -9,6 +9,7 @@
 
 #include "device/live/triggers.h"
 #include "tests/device/live_rig.h"
+#include "tests/house/allocation_count.h"
 
 namespace palpate::device {
 namespace {
@@ -384,6 +385,59 @@ TEST(Mixer, ArrivalsFromAnotherThreadWhileItRuns) {
   while (rig.mixer.take_retired()) ++back;
   EXPECT_EQ(back, 20) << "every one that was replaced came back";
   EXPECT_EQ(destroyed, 18) << "of the twenty made, two are there";
+}
+
+// Requests, fades, swaps, waits, refusals, arrivals, a fault: everything that a frame can do.
+TEST(Mixer, FramesAllocateNothing) {
+  TwoPlanes rig(bench_options());
+  rig.begin(1.0);
+  rig.rest(-1.0, 10);
+  std::vector<std::unique_ptr<render::HapticRenderer>> arrivals;
+  constexpr int kFrames = 10'000, kEvery = 97, kArrivalEvery = 1009, kFaultAt = 7001;
+  for (int i = 0; i < kFrames / kArrivalEvery + 1; ++i)
+    arrivals.push_back(std::make_unique<HighPlane>(0.6, 0.0));
+  std::size_t next = 0;
+  int decisions = 0, fades = 0, swaps = 0;
+  std::uint64_t counted = 0;
+  for (int i = 0; i < kFrames; ++i) {
+    if (i % kArrivalEvery == 0 && next < arrivals.size())
+      (void)rig.mixer.offer(arrivals[next++], static_cast<std::uint8_t>(i % 2));
+    if (i % kEvery == 0) rig.mixer.request({SwitchRequest::Kind::kNext, SwitchSource::kProgram, 0});
+    // In contact for half a second, out of it for as long.
+    const double z_mm = i / 500 % 2 == 0 ? -1.0 : 3.0;
+    {
+      const house::AllocationCount allocations(house::AllocationCount::Threads::kThisOne);
+      if (i == kFaultAt) rig.mixer.let_go(Vec3(0.0, 0.0, 3.0));
+      (void)rig.step(z_mm);
+      counted += allocations.count();
+    }
+    if (rig.mixer.last().decision != MixDecision::kNone) ++decisions;
+    if (rig.mixer.last().decision == MixDecision::kFadeBegun) ++fades;
+    if (rig.mixer.last().decision == MixDecision::kSwapped) ++swaps;
+    while (rig.mixer.take_retired()) {
+    }
+  }
+  EXPECT_EQ(counted, 0u);
+  EXPECT_GT(decisions, 100);
+  EXPECT_GT(fades, 5);
+  EXPECT_GT(swaps, 5);
+  EXPECT_EQ(next, arrivals.size());
+}
+
+TEST(Mixer, WhatIsShownOfFramesMayBeTimedByAnotherClock) {
+  VirtualClock judged, shown;
+  Mixer mixer(bench_options(), judged, shown);
+  auto slow = std::make_unique<HighPlane>(0.5, 0.0);
+  slow->clock = &shown;
+  slow->takes_s = 0.01;  // ten periods: by the clock that is judged by it takes nothing
+  mixer.add(std::move(slow));
+  mixer.add(std::make_unique<HighPlane>(0.8, 0.0));
+  mixer.restart(Vec3(0.0, 0.0, 1.0), 0.0);
+  for (int i = 1; i <= 200; ++i) (void)mixer.step(Vec3(0.0, 0.0, -1.0), 1e-3 * i);
+  EXPECT_EQ(mixer.last().tracked[0].step_ns, 10'000'000);
+  EXPECT_EQ(mixer.last().tracked[1].step_ns, 0);
+  EXPECT_FALSE(mixer.last().half_rate);
+  EXPECT_EQ(mixer.last().tracked[1].disqualified, Disqualified::kNo);
 }
 
 TEST(Mixer, AHipThatIsNoNumberLeavesAllAsTheyWere) {

@@ -127,5 +127,28 @@ TEST(DurationHistogram, AReaderBesideTheLoopSeesWholeNumbersThatFitEachOther) {
   EXPECT_EQ(histogram.statistics().count, kCounts);
 }
 
+TEST(DurationHistogram, StretchesForAPictureHoldEverythingOnce) {
+  DurationHistogram histogram;
+  EXPECT_TRUE(histogram.bins().empty());
+  const std::vector<std::int64_t> counted = {0, 7, 8, 31, 32, 39, 40, 1000, 1'000'000, 123'456'789};
+  for (const std::int64_t ns : counted) histogram.count(ns);
+  const std::vector<DurationBin> bins = histogram.bins();
+  std::uint64_t all = 0;
+  for (std::size_t i = 0; i < bins.size(); ++i) {
+    all += bins[i].count;
+    if (i > 0) {
+      EXPECT_EQ(bins[i].from_ns, bins[i - 1].to_ns + 1);
+    }
+    std::uint64_t within = 0;
+    for (const std::int64_t ns : counted)
+      if (ns >= bins[i].from_ns && ns <= bins[i].to_ns) ++within;
+    EXPECT_EQ(bins[i].count, within) << bins[i].from_ns;
+    EXPECT_LE(bins[i].to_ns + 1 - bins[i].from_ns, std::max<std::int64_t>(8, bins[i].from_ns / 4));
+  }
+  EXPECT_EQ(all, counted.size());
+  EXPECT_EQ(bins.front().from_ns, 0);
+  EXPECT_GT(bins.back().count, 0u);
+}
+
 }  // namespace
 }  // namespace palpate::device

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "device/drivers/known_usb.h"
 #include "device/simulated/arm_models.h"
 #include "experiments/live/doctor.h"
 #include "tests/experiments/program.h"
@@ -89,8 +90,9 @@ TEST(Doctor, FindsEachFaultAloneAndSaysItsRemedy) {
        [](SystemFacts& f) { f.steal_percent = 3.0; }},
       {"USB permission", Verdict::kWarning, R"(ATTR{idVendor}=="0403", ATTR{idProduct}=="cb48")",
        [](SystemFacts& f) {
-         f.usb.push_back({"Novint Falcon", "0403", "cb48", "/dev/bus/usb/001/004", false});
-         f.usb.push_back({"3Dconnexion", "256f", "c635", "/dev/bus/usb/001/005", true});
+         f.usb.push_back({"Novint Falcon", "0403", "cb48", "/dev/bus/usb/001/004", false,
+                          device::udev_rule(device::known_usb().front())});
+         f.usb.push_back({"3Dconnexion", "256f", "c635", "/dev/hidraw0", true, ""});
        }},
   };
   for (const Case& one : cases) {

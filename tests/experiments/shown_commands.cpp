@@ -283,6 +283,8 @@ std::string why_not_run(const ShownCommand& command) {
   for (const std::string& word : command.words)
     if (word == "--docs") return "writes the pages themselves";
   for (const std::string& word : command.words)
+    if (word == "--window") return "needs a display, and stays until it is closed";
+  for (const std::string& word : command.words)
     if (word.starts_with("out/reproduce")) return "reads what a run of minutes has written";
   for (const std::string& word : command.words)
     if (find_scan(word) != nullptr) return "needs a scan, or the network to fetch it";

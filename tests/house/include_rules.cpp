@@ -37,12 +37,16 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"trade", {"study", "run", "data", "report", "session", "trade"}},
     {"hunt", {"study", "run", "session", "hunt"}},
     {"ablate", {"study", "run", "data", "report", "session", "ablate"}},
-    {"live", {"study", "run", "data", "report", "session", "live"}},
+    // A window knows no session, a session may open a window.
+    {"window", {"report", "window"}},
+    {"live", {"study", "run", "data", "report", "session", "window", "live"}},
+    {"bridge", {"study", "run", "session", "live", "bridge"}},
     {"goals", {"study", "run", "data", "report", "session", "stability", "goals"}},
+    {"psychophysics", {"study", "run", "report", "session", "psychophysics"}},
     {"command",
      {"study", "run", "data", "report", "session", "behaviours", "stress", "tables", "stability", "trade",
-      "hunt", "ablate", "live", "goals", "command"}},
-    {"benchmarks", {"benchmarks"}},
+      "hunt", "ablate", "live", "bridge", "goals", "psychophysics", "command"}},
+    {"benchmarks", {"window", "benchmarks"}},
 };
 
 // The line of modules inside toolkit: each sees itself and those before it.
@@ -82,6 +86,7 @@ const std::vector<Heavy> kHeavy = {
     {"umockdev", {"tests/device/"}, {}},
     {"GLFW/", {"experiments/window/", "tests/experiments/"}, {}},
     {"imgui", {"experiments/window/"}, {}},
+    {"backends/imgui", {"experiments/window/"}, {}},
     {"epoxy/", {"experiments/window/", "tests/experiments/"}, {}},
     {"hdf5", {"experiments/live/", "tests/experiments/"}, {}},
     {"gdal", {"toolkit/dem/", "tests/toolkit/dem/"}, {}},

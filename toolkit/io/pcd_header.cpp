@@ -29,8 +29,8 @@ Error malformed_pcd(std::string what, std::int64_t line = 0) {
       "malformed PCD header: " + std::move(what), "check that the file is a PCD file and whole", {}, line};
 }
 
-// Lines of the text part, with their numbers.
-struct Lines {
+// PcdLines of the text part, with their numbers.
+struct PcdLines {
   std::string_view text;
   std::size_t at = 0;
   std::int64_t number = 0;
@@ -174,7 +174,7 @@ std::uint64_t values_per_point(const PcdHeader& header) {
 }
 
 // PCL would read what is not a number as 0 and does not say where.
-Status check_ascii(const PcdHeader& header, Lines lines) {
+Status check_ascii(const PcdHeader& header, PcdLines lines) {
   const std::uint64_t values = values_per_point(header);
   const std::uint64_t least = header.points() * 2 * values - 1;  // a digit and a separator each, bar the last
   const std::uint64_t have = lines.text.size() - lines.at;
@@ -266,7 +266,7 @@ std::string canonical_header(const PcdHeader& header) {
 Result<PcdHeader> check_pcd(std::span<const std::byte> file, const ReadOptions& options) {
   const std::string_view text(reinterpret_cast<const char*>(file.data()), file.size());
   PALPATE_ASSIGN(const std::size_t mark, byte_order_mark(text));
-  Lines lines{text, mark};
+  PcdLines lines{text, mark};
   Raw raw;
   std::string_view line;
   while (!raw.data) {

@@ -1,0 +1,191 @@
+#include "device/haply/inverse3_device.h"
+
+#include <time.h>
+
+#include <algorithm>
+
+#include "toolkit/core/numbers.h"
+#include "toolkit/core/try.h"
+
+namespace palpate::device {
+namespace {
+
+// Three in a row, and nothing that comes can be believed.
+constexpr int kMostNonsense = 3;
+// The service answers commands. Where an answer was lost, or it has none to give, it is asked again so soon:
+// four times within what counts as silence.
+constexpr std::int64_t kAskAgainNs = 5'000'000;
+
+}  // namespace
+
+void Inverse3Talk::take(std::string_view text) noexcept {
+  texts_.fetch_add(1);
+  const std::string wanted = wanted_id_.empty() ? device_id() : wanted_id_;
+  const Inverse3Text read = parsed_inverse3(text, wanted);
+  if (!read.is_json || (read.has_device && !read.has_position)) {
+    malformed_.store(std::min(malformed_.load() + 1, kMostNonsense));
+    return;
+  }
+  malformed_.store(0);
+  // Texts without a list of devices are about something else.
+  if (!read.has_device) {
+    if (read.devices >= 0) present_.store(false);
+    return;
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    device_id_ = read.device_id;
+    if (!read.config.empty()) config_ = read.config;
+  }
+  answer_due_ = true;
+  seen_.publish({read.position_mm, read.buttons, clock_.now_ns()});
+  present_.store(true);
+}
+
+bool Inverse3Talk::give(std::string& text) noexcept {
+  const std::string id = device_id();
+  if (id.empty()) return false;
+  if (!gate_given_) {
+    gate_given_ = true;
+    text = inverse3_gate_text(id, force_gate_);
+    return true;
+  }
+  const std::int64_t now_ns = monotonic_ns();
+  const Vec3 force_n = force_.load();
+  const bool lets_go = force_n.isZero(0.0) && !given_n_.isZero(0.0);
+  if (!answer_due_ && !lets_go && now_ns - given_ns_ < kAskAgainNs) return false;
+  answer_due_ = false;
+  given_ns_ = now_ns;
+  given_n_ = force_n;
+  text = inverse3_force_text(id, force_n);
+  if (force_n.isZero(0.0)) zero_given_.store(true);
+  return true;
+}
+
+bool Inverse3Talk::last(std::string& text) noexcept {
+  const std::string id = device_id();
+  if (id.empty()) return false;
+  text = inverse3_force_text(id, Vec3::Zero());
+  return true;
+}
+
+bool Inverse3Talk::newest(Seen& seen) noexcept {
+  const bool fresh = seen_.acquire();
+  if (fresh) seen = seen_.front();
+  return fresh;
+}
+
+std::string Inverse3Talk::device_id() const {
+  const std::lock_guard lock(mutex_);
+  return device_id_;
+}
+
+std::string Inverse3Talk::config() const {
+  const std::lock_guard lock(mutex_);
+  return config_;
+}
+
+Inverse3Device::Inverse3Device(std::unique_ptr<TextLink> link, const Clock& clock, Inverse3Options options)
+    : link_(std::move(link)), clock_(clock), options_(std::move(options)) {}
+
+void Inverse3Device::wait() const {
+  constexpr timespec kWait{0, 1'000'000};
+  if (options_.wait)
+    options_.wait();
+  else
+    ::nanosleep(&kWait, nullptr);
+}
+
+Status Inverse3Device::open() {
+  close();
+  talks_.push_back(std::make_unique<Inverse3Talk>(clock_, options_.device_id, options_.force_gate));
+  talk_.store(talks_.back().get());
+  PALPATE_TRY(link_->open(*talks_.back()));
+  state_ = {};
+  open_ = true;
+  Status ready = wait_for_device();
+  if (!ready) {
+    close();
+    return ready;
+  }
+  set_scaling();
+  return Done{};
+}
+
+Status Inverse3Device::wait_for_device() {
+  const Inverse3Talk& talk = *talk_.load();
+  for (int i = 0; i < options_.open_tries; ++i) {
+    if (talk.present() && talk.zero_given()) return Done{};
+    if (talk.gone()) return Error{"the service hung up", "look at its log, start it again", name(), 0};
+    wait();
+  }
+  if (talk.texts() == 0)
+    return Error{"the service says nothing", "start it again: systemctl restart haply-inverse-service",
+                 name(), 0};
+  if (talk.malformed_in_a_row() > 0)
+    return Error{"what the service says is not understood", "install version 3.1 or later of it", name(), 0};
+  return Error{options_.device_id.empty() ? "the service is there, and no Inverse3"
+                                          : "the service lists no Inverse3 '" + options_.device_id + "'",
+               "connect it and switch it on; its light says when it is ready", name(), 0};
+}
+
+/// The service takes this one over HTTP alone. Told back as it answers: what it does with it nobody has seen.
+void Inverse3Device::set_scaling() {
+  const Inverse3Talk& talk = *talk_.load();
+  facts_ = {{"device_id", talk.device_id()},
+            {"service", options_.service.host + ":" + std::to_string(options_.service.port)},
+            {"force_gate_set", short_number(options_.force_gate)},
+            {"torque_scaling_set", options_.torque_scaling ? "on" : "off"},
+            {"config_at_start", talk.config()}};
+  HttpRequest request{options_.service.host, options_.service.port, "POST",
+                      "/inverse3/" + talk.device_id() + "/config/torque_scaling",
+                      inverse3_scaling_body(options_.torque_scaling)};
+  const auto told = [&](const char* what) {
+    const Result<HttpAnswer> answer = options_.http(request);
+    facts_.emplace_back(what, answer ? std::to_string(answer->status) + " " + answer->body
+                                     : "not answered: " + answer.error().what);
+  };
+  told("torque_scaling_answer");
+  request.method = "GET";
+  request.body.clear();
+  told("torque_scaling_now");
+  request.path = "/inverse3/" + talk.device_id() + "/config/force_gate?session=:0";
+  told("force_gate_now");
+}
+
+void Inverse3Device::close() noexcept {
+  if (!open_) return;
+  open_ = false;
+  talk_.load()->zero();
+  link_->close();
+}
+
+DeviceState Inverse3Device::read() noexcept {
+  state_.status = open_ ? ReadStatus::kNothingNew : ReadStatus::kLost;
+  if (!open_) return state_;
+  Inverse3Talk& talk = *talk_.load(std::memory_order_relaxed);
+  Inverse3Talk::Seen seen;
+  if (talk.newest(seen)) {
+    state_.position_mm = seen.position_mm - options_.centre_mm;
+    state_.buttons = seen.buttons;
+    state_.packet_ns = seen.packet_ns;
+    state_.status = ReadStatus::kFresh;
+  } else if (talk.malformed_in_a_row() >= kMostNonsense) {
+    state_.status = ReadStatus::kGarbled;
+  }
+  if (!talk.present()) state_.status = ReadStatus::kLost;
+  return state_;
+}
+
+void Inverse3Device::send(GovernedForce force) noexcept {
+  if (open_) talk_.load(std::memory_order_relaxed)->force(force.newtons());
+}
+
+bool Inverse3Device::cut_force() noexcept {
+  Inverse3Talk* const talk = talk_.load();
+  if (talk == nullptr) return false;
+  talk->zero();
+  return !talk->gone();
+}
+
+}  // namespace palpate::device

@@ -1,0 +1,108 @@
+#include "device/haply/inverse3_driver.h"
+
+#include <time.h>
+
+#include "device/haply/inverse3_device.h"
+#include "device/links/udp_link.h"
+#include "toolkit/core/options.h"
+#include "toolkit/core/try.h"
+
+namespace palpate::device {
+namespace {
+
+Status read_centre(const std::string& value, Vec3& centre_mm) {
+  constexpr NumberRange kRange{-1000.0, 1000.0};
+  std::size_t at = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const std::size_t end = axis < 2 ? value.find('/', at) : value.size();
+    if (end == std::string::npos) return Error{"centre-mm is '" + value + "'", "write X/Y/Z, mm", "", 0};
+    const Result<double> number = read_number(value.substr(at, end - at), kRange);
+    if (!number) return Error{"centre-mm: " + number.error().what, "write X/Y/Z, mm", "", 0};
+    centre_mm[axis] = *number;
+    at = end + 1;
+  }
+  return Done{};
+}
+
+Status set_option(Inverse3Options& options, const std::string& key, const std::string& value) {
+  constexpr NumberRange kShare{0.0, 1.0}, kForce{0.0, 10.0, true};
+  const auto number = [&](const NumberRange& range, double& into) -> Status {
+    const Result<double> read = read_number(value, range);
+    if (!read) return Error{key + ": " + read.error().what, "", "", 0};
+    into = *read;
+    return Done{};
+  };
+  if (key == "force-gate") return number(kShare, options.force_gate);
+  if (key == "force-max-n") return number(kForce, options.limits.force_max_n);
+  if (key == "centre-mm") return read_centre(value, options.centre_mm);
+  if (key == "service") {
+    PALPATE_ASSIGN(const UdpAddress address, UdpAddress::of(value));
+    options.service.host = address.host;
+    options.service.port = address.port;
+    return Done{};
+  }
+  if (key == "torque-scaling") {
+    if (value != "on" && value != "off")
+      return Error{"torque-scaling is '" + value + "'", "write on or off", "", 0};
+    options.torque_scaling = value == "on";
+    return Done{};
+  }
+  return Error{"inverse3 has no option '" + key + "'",
+               "it has service, force-gate, torque-scaling, centre-mm, force-max-n", "", 0};
+}
+
+/// A connection of its own that says zero and leaves.
+bool release_inverse3(const Inverse3Options& options) {
+  constexpr int kTries = 300;
+  constexpr timespec kWait{0, 1'000'000};
+  const MonotonicClock clock;
+  Inverse3Talk talk(clock, options.device_id, options.force_gate);
+  WebSocketLink link(options.service);
+  if (!link.open(talk)) return false;
+  for (int i = 0; i < kTries && !talk.zero_given() && !talk.gone(); ++i) ::nanosleep(&kWait, nullptr);
+  link.close();
+  return talk.zero_given();
+}
+
+Result<MadeDevice> make_inverse3(const DeviceRequest& request, const Clock& clock) {
+  Inverse3Options options;
+  options.name = request.name;
+  if (const std::size_t colon = request.name.find(':'); colon != std::string::npos)
+    options.device_id = request.name.substr(colon + 1);
+  if (!request.description.empty())
+    return Error{"the Inverse3 has no description file", "leave it out", request.description.string(), 0};
+  for (const auto& [key, value] : request.options) PALPATE_TRY(set_option(options, key, value));
+  MadeDevice made;
+  auto device =
+      std::make_unique<Inverse3Device>(std::make_unique<WebSocketLink>(options.service), clock, options);
+  made.facts = [device = device.get()] { return device->facts(); };
+  made.device = std::move(device);
+  made.zero = [options] { return release_inverse3(options); };
+  made.unproven = {
+      "the Inverse3 was never connected: positions, forces, axes, limits and the service's filters "
+      "are as its maker's pages tell"};
+  return made;
+}
+
+std::vector<DeviceEntry> look_for_inverse3() {
+  HttpRequest request;
+  request.port = kInverse3Port;
+  DeviceEntry entry{
+      "inverse3", "Haply Inverse3, through its maker's local service", DeviceStatus::kReady, {}};
+  // Whoever answers there is taken for it: what is connected shows when it is opened.
+  if (!http_request(request)) {
+    entry.status = DeviceStatus::kMissing;
+    entry.needs = {"the maker's service on port " + std::to_string(kInverse3Port) +
+                   ": install the package haply-inverse-service from its maker, then `systemctl start "
+                   "haply-inverse-service`"};
+  }
+  return {entry};
+}
+
+}  // namespace
+
+void register_inverse3_driver(Drivers& drivers) {
+  drivers.add({"inverse3", "network", look_for_inverse3, make_inverse3});
+}
+
+}  // namespace palpate::device

@@ -1,0 +1,144 @@
+#include "experiments/bridge/serve.h"
+
+#include <fmt/format.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cmath>
+#include <ctime>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <thread>
+
+#include "device/bridge/far_end.h"
+#include "device/drivers/all_drivers.h"
+#include "device/links/udp_link.h"
+#include "device/safety/guard.h"
+#include "device/safety/watchdog.h"
+#include "device/servo/scheduling.h"
+#include "device/servo/servo_loop.h"
+#include "toolkit/core/at_stop.h"
+#include "toolkit/core/try.h"
+
+namespace palpate::experiments {
+namespace {
+
+constexpr const char* kBridgeSchema = "palpate-bridge/1";
+constexpr double kFarSPerMs = 1e-3, kFarNsPerS = 1e9;
+constexpr std::int64_t kNsInS = 1'000'000'000;
+// Fifty periods of the slowest loop: one that hangs is not waited for, its force is cut.
+constexpr std::int64_t kStopPatienceNs = 100'000'000, kStopStepNs = 1'000'000;
+
+void far_sleep_to(std::int64_t monotonic) noexcept {
+  const timespec until{static_cast<std::time_t>(monotonic / kNsInS), static_cast<long>(monotonic % kNsInS)};
+  while (::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr) == EINTR) {
+  }
+}
+
+/// What the thread that ticks and the one that ends the program tell each other.
+struct Ending {
+  std::atomic<bool> wanted{false}, done{false};
+};
+
+/// Ticks to the beat, in a thread of its own with what priority the system gives it. Closes at its end, so
+/// that no force follows the last zero.
+void tick_until(device::FarEnd& far, const MonotonicClock& clock, const BridgeArguments& arguments,
+                device::SchedulingMode& mode, Ending& ending) {
+  device::enter_real_time({}, mode);
+  device::DueTimes due(std::llround(arguments.rate_hz));
+  due.begin(clock.now_ns());
+  const auto begun_ns = static_cast<double>(clock.now_ns());
+  const double end_ns = arguments.seconds > 0.0 ? begun_ns + kFarNsPerS * arguments.seconds : 1e300;
+  while (static_cast<double>(clock.now_ns()) < end_ns && !ending.wanted.load()) {
+    far_sleep_to(clock.start_ns() + due.due_ns());
+    static_cast<void>(due.take(clock.now_ns()));
+    far.tick();
+  }
+  far.close();
+  ending.done.store(true);
+}
+
+void print_served(const BridgeArguments& arguments, const device::FarEndCounters& counts,
+                  const std::string& scheduling) {
+  if (arguments.json) {
+    const nlohmann::ordered_json document = {
+        {"schema", kBridgeSchema},       {"device", arguments.device.name},
+        {"scheduling", scheduling},      {"ticks", counts.ticks},
+        {"sessions", counts.sessions},   {"accepted", counts.accepted},
+        {"malformed", counts.malformed}, {"strange", counts.strange},
+        {"overtaken", counts.overtaken}, {"old", counts.old},
+        {"trips", counts.trips},         {"releases", counts.releases}};
+    fmt::print("{}\n", document.dump(2));
+    return;
+  }
+  fmt::print(
+      "{} ticks, {} sessions, {} commands accepted; refused: {} malformed, {} of others, {} overtaken, "
+      "{} old; watchdog {} times\n",
+      counts.ticks, counts.sessions, counts.accepted, counts.malformed, counts.strange, counts.overtaken,
+      counts.old, counts.trips);
+}
+
+device::FarEndOptions far_options(const BridgeArguments& arguments) {
+  device::FarEndOptions options;
+  options.rate_hz = arguments.rate_hz;
+  options.watchdog_s = kFarSPerMs * arguments.watchdog_ms;
+  options.most_age_s = kFarSPerMs * arguments.most_age_ms;
+  options.user_limit_n = arguments.force_limit_n;
+  return options;
+}
+
+/// Everything around the device, in the order in which it has to come: guard, device, watchdog, loop.
+Status serve_device(const BridgeArguments& arguments) {
+  const MonotonicClock clock;
+  device::Drivers drivers;
+  device::register_all_drivers(drivers);
+  PALPATE_ASSIGN(device::MadeDevice made, any_device(arguments.device, drivers, clock, arguments.rate_hz));
+  PALPATE_ASSIGN(const device::UdpAddress listen, device::UdpAddress::of(arguments.listen));
+  device::Heartbeat alone;
+  std::optional<device::Guard> guard;
+  if (made.zero) {
+    PALPATE_ASSIGN(device::Guard started, device::Guard::start(made.zero));
+    guard.emplace(std::move(started));
+  }
+  device::Heartbeat& heart = guard ? guard->heartbeat() : alone;
+  device::UdpPort port(listen);
+  PALPATE_TRY(port.open());
+  device::FarEnd far(*made.device, port, clock, far_options(arguments));
+  far.watched_by(&heart);
+  PALPATE_TRY(far.open());
+  device::SchedulingMode mode;
+  device::SchedulingOptions scheduling;
+  const device::ProcessRealTime process(scheduling, mode);
+  Ending ending;
+  const AtStop at_stop([&made, &ending]() -> std::string {
+    ending.wanted.store(true);
+    const std::int64_t until = monotonic_ns() + kStopPatienceNs;
+    while (!ending.done.load() && monotonic_ns() < until) far_sleep_to(monotonic_ns() + kStopStepNs);
+    static_cast<void>(made.device->cut_force());
+    return {};
+  });
+  device::Watchdog watchdog(*made.device, heart);
+  PALPATE_TRY(watchdog.start());
+  for (const std::string& note : made.unproven) fmt::print(stderr, "palpate: unproven: {}\n", note);
+  if (!arguments.json) {
+    fmt::print("{} at {}: forces up to {:.2f} N, zero after {:.0f} ms without a command\n",
+               made.device->name(), port.address().text(), far.governor()->limit_n(), arguments.watchdog_ms);
+    std::fflush(stdout);
+  }
+  std::thread loop([&] { tick_until(far, clock, arguments, mode, ending); });
+  loop.join();
+  heart.rest();
+  watchdog.stop();
+  if (guard) guard->stop();
+  print_served(arguments, far.counters(), mode.text());
+  return Done{};
+}
+
+}  // namespace
+
+int run_bridge(const BridgeArguments& arguments, Context& context) {
+  const Status served = serve_device(arguments);
+  return served ? kExitOk : fail(served.error(), kExitBadInput, &context.progress);
+}
+
+}  // namespace palpate::experiments

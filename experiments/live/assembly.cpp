@@ -1,0 +1,259 @@
+#include "experiments/live/assembly.h"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cmath>
+#include <thread>
+#include <utility>
+
+#include "device/safety/watchdog.h"
+#include "device/servo/servo_thread.h"
+#include "experiments/live/keys.h"
+#include "toolkit/core/try.h"
+
+namespace palpate::experiments {
+namespace {
+
+constexpr double kSessionNsPerS = 1e9;
+// How often the main thread looks at keys and messages, and the worker at what is due: a person sees no
+// delay.
+constexpr std::chrono::milliseconds kLookEvery{20};
+// A fault of a simulated device ends by itself: so long a person needs to let go and arm it again.
+constexpr double kRearmAfterS = 1.0;
+// A device that is gone is asked for again: soon enough for who plugs it in, seldom enough for the bus.
+constexpr double kTryEveryS = 0.5;
+
+/// A thread that looks again and again until this ends; then it is waited for.
+class LookingThread {
+ public:
+  template <class Look>
+  explicit LookingThread(Look look)
+      : thread_([this, look = std::move(look)] {
+          while (!ending_.load(std::memory_order_acquire)) {
+            look();
+            std::this_thread::sleep_for(kLookEvery);
+          }
+        }) {}
+  LookingThread(const LookingThread&) = delete;
+  LookingThread& operator=(const LookingThread&) = delete;
+  ~LookingThread() {
+    ending_.store(true, std::memory_order_release);
+    thread_.join();
+  }
+
+ private:
+  std::atomic<bool> ending_{false};
+  std::thread thread_;
+};
+
+}  // namespace
+
+void SessionWatch::took(const device::Tick& tick) noexcept {
+  if (tick.frame.contact) contact_.fetch_add(1, std::memory_order_relaxed);
+  if (tick.missed > 0) missed_.fetch_add(tick.missed, std::memory_order_relaxed);
+  const bool here = device_.here();
+  if (here) homed_.store(tick.state.homed, std::memory_order_release);
+  const bool faulted = tick.fault != device::Fault::kNone;
+  const bool before = fault_.exchange(tick.fault, std::memory_order_acq_rel) != device::Fault::kNone;
+  if (faulted && !before) faults_.fetch_add(1, std::memory_order_relaxed);
+  if (!faulted || !before || !here) since_s_ = tick.t_s;
+  const bool asked = asked_.exchange(false, std::memory_order_acquire);
+  if (!faulted || !here) return;
+  if (!asked && !(auto_rearm_ && tick.t_s - since_s_ >= kRearmAfterS)) return;
+  since_s_ = tick.t_s;
+  if (loop_ != nullptr) loop_->request_rearm();
+  if (thread_ != nullptr) thread_->request_rearm();
+}
+
+device::GovernorOptions Assembly::governor_options(const SessionSettings& settings) {
+  device::GovernorOptions options;
+  options.period_s = 1.0 / settings.rate_hz;
+  options.user_limit_n = settings.user_limit_n;
+  return options;
+}
+
+Assembly::Assembly(const SessionSettings& settings, SessionClock& clock, SessionDevice& device,
+                   render::HapticRenderer& felt, const device::DeviceMap& map)
+    : settings_(settings),
+      clock_(clock),
+      device_(device),
+      servo_(felt, governor_options(settings), device.device(), clock.clock(), map),
+      watch_(device.device(), settings.auto_rearm) {}
+
+double Assembly::now_s() const noexcept {
+  return static_cast<double>(clock_.clock().now_ns() - begun_ns_) / kSessionNsPerS;
+}
+
+bool Assembly::request_rearm() noexcept {
+  if (watch_.fault() == device::Fault::kNone || !device_.device().here()) return false;
+  watch_.ask_rearm();
+  return true;
+}
+
+void Assembly::mark(const std::string& text) {
+  const double t_s = now_s();
+  {
+    const std::lock_guard lock(said_mutex_);
+    marks_.push_back({t_s, text});
+  }
+  // What the disk does with it is in the recording's own counts.
+  if (recorder_ != nullptr) (void)recorder_->note("mark: " + text);
+}
+
+void Assembly::say(std::string sentence) {
+  const std::lock_guard lock(said_mutex_);
+  said_.push_back(std::move(sentence));
+}
+
+void Assembly::show_said(ProgressBar& progress) {
+  std::vector<std::string> sentences;
+  {
+    const std::lock_guard lock(said_mutex_);
+    sentences.swap(said_);
+  }
+  if (sentences.empty()) return;
+  progress.clear();
+  for (const std::string& sentence : sentences) fmt::print(stderr, "palpate: {}\n", sentence);
+}
+
+const char* Assembly::armed_by() const noexcept {
+  return settings_.auto_rearm ? ", in a second" : " (key r)";
+}
+
+/// A device that is gone is opened again outside the servo's thread.
+void Assembly::replug(double now_s) {
+  if (!device_.device().lost() || now_s < next_try_s_) return;
+  if (not_open_.empty()) say(device_.device().name() + " is gone; plug it in again");
+  next_try_s_ = now_s + kTryEveryS;
+  const Status opened = device_.device().reopen();
+  if (!opened) {
+    // Once for each reason: that it is not there first, and then perhaps what else is wrong with it.
+    if (std::exchange(not_open_, opened.error().message()) != opened.error().message()) say(not_open_);
+    return;
+  }
+  if (!device_.device().here()) return;
+  not_open_.clear();
+  say(device_.device().name() + " is back; no force until it is armed again" + armed_by());
+}
+
+void Assembly::work(SessionTasks& tasks, double now_s) {
+  replug(now_s);
+  tasks.work(now_s);
+}
+
+/// What a person at the device has to do.
+void Assembly::prompt() {
+  const device::Fault fault = watch_.fault();
+  if (fault != fault_said_ && fault != device::Fault::kNone)
+    say(fmt::format("fault: {}; no force until it is armed again{}", device::fault_name(fault), armed_by()));
+  fault_said_ = fault;
+  const bool homing = !watch_.homed();
+  if (homing && !homing_said_)
+    say("the device does not know its zero yet: bring it to its home position, or move it slowly to all its "
+        "ends; until then there is no force");
+  if (!homing && homing_said_) say("the device knows its zero; force comes with a soft start");
+  homing_said_ = homing;
+}
+
+void Assembly::note_scheduling(const std::string& scheduling) {
+  if (recorder_ != nullptr) (void)recorder_->note("scheduling: " + scheduling);
+}
+
+SessionEnd Assembly::ended(const device::LoopHistograms& histograms) {
+  SessionEnd end;
+  end.loop = histograms.statistics();
+  end.lateness = histograms.lateness.bins();
+  end.replugged = device_.device().times_back();
+  end.faulted = watch_.fault() != device::Fault::kNone;
+  const std::lock_guard lock(said_mutex_);
+  end.marks = marks_;
+  return end;
+}
+
+Result<SessionEnd> Assembly::run(SessionTasks& tasks, ProgressBar& progress) {
+  if (recorder_ != nullptr) observers_.insert(observers_.begin(), recorder_);
+  observers_.push_back(&watch_);
+  Result<SessionEnd> end = clock_.accelerated() ? run_fast(tasks, progress) : run_real(tasks, progress);
+  show_said(progress);
+  return end;
+}
+
+Result<SessionEnd> Assembly::run_fast(SessionTasks& tasks, ProgressBar& progress) {
+  VirtualClock& clock = clock_.virtual_clock();
+  PALPATE_TRY(servo_.start(settings_.free_mm));
+  PALPATE_ASSIGN(std::unique_ptr<device::ServoLoop> loop,
+                 device::ServoLoop::create(servo_, clock, std::llround(settings_.rate_hz), observers_));
+  watch_.rearms_by(*loop);
+  const std::string scheduling = "accelerated: a virtual clock, every tick at its due time";
+  note_scheduling(scheduling);
+  begun_ns_ = clock.now_ns();
+  const std::int64_t until_ns = begun_ns_ + std::llround(settings_.seconds * kSessionNsPerS);
+  const auto report_every = static_cast<std::uint64_t>(settings_.rate_hz);  // a second of the session
+  std::uint64_t asked = 0;
+  device::run_accelerated(*loop, clock, until_ns, [&] {
+    work(tasks, now_s());
+    if (recorder_ != nullptr) recorder_->wait_for_room();
+    if (asked++ % report_every == 0) {
+      prompt();
+      show_said(progress);
+      progress.report(settings_.label + ", accelerated", now_s() / settings_.seconds);
+    }
+    return !stopping_.load(std::memory_order_acquire);
+  });
+  servo_.stop();
+  SessionEnd end = ended(loop->histograms());
+  end.scheduling = scheduling;
+  return end;
+}
+
+void Assembly::look_at_keys(SessionTasks& tasks, double until_s, device::ServoThread& thread,
+                            ProgressBar& progress) {
+  Keys keys;
+  while (thread.running() && now_s() < until_s && !stopping_.load(std::memory_order_acquire)) {
+    std::this_thread::sleep_for(kLookEvery);
+    prompt();
+    show_said(progress);
+    progress.report(settings_.label, now_s() / settings_.seconds);
+    while (const std::optional<char> key = keys.next()) {
+      if (*key == 'q')
+        request_stop();
+      else if (*key == 'r')
+        (void)request_rearm();
+      else
+        tasks.key(*key);
+    }
+  }
+}
+
+Result<SessionEnd> Assembly::run_real(SessionTasks& tasks, ProgressBar& progress) {
+  device::ServoThreadOptions options;
+  options.rate_hz = std::llround(settings_.rate_hz);
+  options.free_mm = settings_.free_mm;
+  PALPATE_ASSIGN(std::unique_ptr<device::ServoThread> thread,
+                 device::ServoThread::create(servo_, clock_.machine_clock(), options, observers_));
+  watch_.rearms_by(*thread);
+  servo_.watched_by(&device_.heart());
+  device::Watchdog watchdog(device_.device(), device_.heart());
+  PALPATE_TRY(watchdog.start());
+  begun_ns_ = clock_.clock().now_ns();
+  PALPATE_TRY(thread->start());
+  begun_ns_ = clock_.clock().now_ns();  // what opening took is not of the session
+  note_scheduling(thread->mode().text());
+  {
+    const LookingThread worker([&] { work(tasks, now_s()); });
+    look_at_keys(tasks, settings_.seconds, *thread, progress);
+    // No force while the worker is waited for, which may be within a preparation.
+    thread->stop();
+    watchdog.stop();
+  }
+  servo_.watched_by(nullptr);
+  SessionEnd end = ended(thread->histograms());
+  end.scheduling = thread->mode().text();
+  end.notes = thread->mode().not_obtained;
+  end.steal_percent = thread->steal_percent();
+  end.watchdog_trips = watchdog.trips();
+  return end;
+}
+
+}  // namespace palpate::experiments

@@ -1,0 +1,117 @@
+#include "experiments/psychophysics/observers.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "experiments/psychophysics/procedures.h"
+#include "toolkit/core/options.h"
+#include "toolkit/core/random.h"
+#include "toolkit/core/try.h"
+#include "toolkit/core/words.h"
+
+namespace palpate::experiments::psychophysics {
+namespace {
+
+// Answers take about as long as people's do: the median, and the deviation of the logarithm.
+constexpr double kMedianAnswerS = 1.5, kAnswerSpread = 0.4;
+// Decisions this far from the criterion, in deviations, are called a little, rather, and quite sure.
+constexpr double kSureSteps[] = {0.5, 1.0, 2.0};
+
+/// Above 0: the second answer. In deviations from where both answers are equally good.
+double decision(const ObserverOptions& observer, const Felt& felt, const std::vector<double>& sensed) {
+  switch (felt.task) {
+    case Task::kAbx: {
+      const double a = sensed[0], b = sensed[1], x = sensed[2];
+      if (observer.strategy == Strategy::kDifferencing)
+        return std::abs(x - a) - std::abs(x - b) + observer.bias;
+      // Who knows both distributions judges X by the middle between them, and the pair by its order.
+      const double middle = 0.5 * (felt.strengths[0] + felt.strengths[1]);
+      return (b > a ? x - middle : middle - x) + observer.bias;
+    }
+    case Task::kSameDifferent:
+      return std::abs(sensed[0] - sensed[1]) - observer.criterion;
+    case Task::kTwoInterval:
+      return sensed[1] - sensed[0] + observer.bias;
+    case Task::kYesNo:
+      break;
+  }
+  return sensed[0] - 0.5 * observer.dprime + observer.bias;
+}
+
+const std::vector<OptionSpec>& simulated_options() {
+  static const std::vector<OptionSpec> kSpecs = [] {
+    const auto spec = [](const char* key, const char* value, const char* help, double low, double high) {
+      OptionSpec one;
+      one.key = key, one.kind = OptionKind::kNumber, one.default_value = value, one.help = help;
+      one.low = low, one.high = high;
+      return one;
+    };
+    std::vector<OptionSpec> all = {spec("dprime", "1", "distance of the two renderers", 0.0, kLargestDprime),
+                                   spec("jnd", "1", "of the option, in its unit", 1e-12, 1e12),
+                                   spec("slope", "1", "exponent of sensation by difference", 0.25, 8.0),
+                                   spec("lapse", "0", "share of answers that are thrown", 0.0, 0.5),
+                                   spec("bias", "0", "towards the second answer, deviations", -5.0, 5.0),
+                                   spec("criterion", "1.5", "difference that is called one", 0.0, 8.0),
+                                   spec("catch_dprime", "5", "distance in catch trials", 0.0, 20.0),
+                                   spec("missed", "0", "share of trials with a missed deadline", 0.0, 1.0)};
+    OptionSpec strategy;
+    strategy.key = "strategy", strategy.kind = OptionKind::kChoice, strategy.default_value = "differencing";
+    strategy.help = "how sensations are compared", strategy.choices = {"differencing", "independent"};
+    all.push_back(strategy);
+    return all;
+  }();
+  return kSpecs;
+}
+
+}  // namespace
+
+double dprime_of_difference(const ObserverOptions& observer, Task task, double difference) noexcept {
+  if (!(difference > 0.0)) return 0.0;
+  return dprime_at_jnd(task) * std::pow(difference / observer.jnd, observer.slope);
+}
+
+Result<ObserverSpec> parse_observer(const std::string& text) {
+  PALPATE_ASSIGN(const NamedOptions named, parse_named_options(text));
+  ObserverSpec spec;
+  spec.text = text;
+  spec.kind = named.name;
+  if (named.name != "simulated")
+    return Error{"there is no observer " + shown(named.name),
+                 "take simulated:dprime=1, or simulated:jnd=0.05 where an option is turned",
+                 {},
+                 0};
+  PALPATE_ASSIGN(const Options options,
+                 validate(named.options, simulated_options(), "observer " + named.name));
+  ObserverOptions& o = spec.options;
+  o.dprime = options.number("dprime");
+  o.jnd = options.number("jnd");
+  o.slope = options.number("slope");
+  o.lapse = options.number("lapse");
+  o.bias = options.number("bias");
+  o.criterion = options.number("criterion");
+  o.catch_dprime = options.number("catch_dprime");
+  o.missed = options.number("missed");
+  o.strategy = options.text("strategy") == "independent" ? Strategy::kIndependent : Strategy::kDifferencing;
+  spec.has_dprime = named.options.has("dprime");
+  spec.has_jnd = named.options.has("jnd");
+  return spec;
+}
+
+Answer answer_of(const ObserverOptions& observer, const Felt& felt, std::uint64_t seed) {
+  Random random(seed_for(seed, felt.trial));
+  std::vector<double> sensed;
+  for (const double strength : felt.strengths) sensed.push_back(strength + random.normal());
+  const double decided = decision(observer, felt, sensed);
+  Answer answer;
+  answer.choice = decided > 0.0 ? 1 : 0;
+  for (const double step : kSureSteps) answer.confidence += std::abs(decided) > step ? 1 : 0;
+  if (random.uniform() < observer.lapse) {
+    answer.choice = random.uniform() < 0.5 ? 0 : 1;
+    answer.confidence = 1;
+  }
+  answer.seconds = kMedianAnswerS * std::exp(kAnswerSpread * random.normal());
+  answer.missed_deadlines = random.uniform() < observer.missed ? 1 : 0;
+  return answer;
+}
+
+}  // namespace palpate::experiments::psychophysics

@@ -1,0 +1,215 @@
+#include <fmt/format.h>
+
+#include "experiments/psychophysics/blinded.h"
+#include "experiments/psychophysics/figures.h"
+#include "toolkit/core/numbers.h"
+#include "toolkit/core/try.h"
+
+namespace palpate::experiments::psychophysics {
+namespace {
+
+std::string percent(double share) {
+  return fmt::format("{:.1f} %", 100.0 * share);
+}
+
+std::string p_text(double p) {
+  constexpr double kLeastShown = 0.0001;
+  return p < kLeastShown ? "<0.0001" : fmt::format("{:.4f}", p);
+}
+
+std::string from_to(const Interval& interval, const std::string& unit) {
+  const auto text = aligned_numbers({interval.low, interval.high});
+  return fmt::format("{} to {}{}{}", text[0], text[1], unit.empty() ? "" : " ", unit);
+}
+
+std::string needed_text(const std::optional<Needed>& needed) {
+  if (!needed) return fmt::format("over {}", count_text(kMostTrials));
+  if (needed->first == needed->safe) return count_text(needed->first);
+  return fmt::format("{}; every number from {}", count_text(needed->first), count_text(needed->safe));
+}
+
+void add_row(Table& table, std::string what, std::string value, std::string interval = kNoNumber) {
+  table.rows.push_back({{std::move(what)}, {std::move(value)}, {std::move(interval)}});
+}
+
+/// d' at the end of what is looked for is no number of its own.
+std::string dprime_interval(const Sensitivity& found) {
+  if (!found.has_interval) return kNoNumber;
+  const Interval& i = found.dprime.interval;
+  if (i.high < kLargestDprime - 1e-3) return from_to(i, {});
+  return "above " + short_number(i.low);
+}
+
+Table difference_table(const Plan& plan, const Difference& d) {
+  Table table;
+  table.title = plan.title;
+  table.columns = {"of the answers", "is", "95 % interval"};
+  add_row(table, "right", fmt::format("{} of {}", d.answers.correct(), d.answers.trials()));
+  add_row(table, "share of right answers", percent(d.share.value),
+          fmt::format("{} to {}", percent(d.share.interval.low), percent(d.share.interval.high)));
+  add_row(table, "p of so many by chance", p_text(d.p));
+  if (d.differencing)
+    add_row(table, d.independent ? "d', differencing" : "d'", short_number(d.differencing->dprime.value),
+            dprime_interval(*d.differencing));
+  if (d.independent)
+    add_row(table, "d', independent observations", short_number(d.independent->dprime.value),
+            dprime_interval(*d.independent));
+  if (d.differencing && d.differencing->criterion)
+    add_row(table, "criterion, deviations", fmt::format("{:.2f}", *d.differencing->criterion));
+  add_row(table, fmt::format("told apart in under {}: p", percent(plan.power.equivalence)),
+          p_text(d.equivalence_p));
+  const bool differs = d.p <= plan.power.alpha, alike = d.equivalence_p <= plan.power.alpha;
+  table.notes.push_back(
+      differs && alike ? "They are told apart, and in fewer trials than the bound."
+      : differs        ? "They are told apart."
+      : alike ? fmt::format("They are told apart in under {}: a difference as large as that was looked for "
+                            "and is not there.",
+                            percent(plan.power.equivalence))
+              : "Neither a difference nor its absence is shown: a missed difference proves nothing.");
+  return table;
+}
+
+Table threshold_table(const Plan& plan, const Threshold& t) {
+  const std::string& unit = plan.option->unit;
+  Table table;
+  table.title = plan.title;
+  table.columns = {fmt::format("of {}", plan.option->key), "is", "95 % interval"};
+  add_row(table, "JND: three of four right", fmt::format("{} {}", short_number(t.jnd.value), unit),
+          from_to(t.jnd.interval, unit));
+  const double standard = plan.option->standard;
+  add_row(table, fmt::format("of the standard, {:g} {}", standard, unit), percent(t.jnd.value / standard),
+          fmt::format("{} to {}", percent(t.jnd.interval.low / standard),
+                      percent(t.jnd.interval.high / standard)));
+  if (t.procedure)
+    add_row(table, t.procedure_says, fmt::format("{} {}", short_number(t.procedure->value), unit),
+            t.procedure->interval.high > t.procedure->interval.low ? from_to(t.procedure->interval, unit)
+                                                                   : std::string(kNoNumber));
+  add_row(table, "slope", short_number(t.fit.function.slope));
+  add_row(table, "deviance", short_number(t.fit.deviance));
+  table.notes.push_back("By " + t.method + ".");
+  return table;
+}
+
+Table trials_table(const Analysis& a) {
+  Table table;
+  table.title = "Trials";
+  table.columns = {"trials", "number"};
+  const auto row = [&](const char* what, std::string text) {
+    table.rows.push_back({{what}, {std::move(text)}});
+  };
+  row("that count", count_text(a.main));
+  row("practice", count_text(a.practice));
+  row("catch, right", fmt::format("{} of {}", a.catches_right, a.catches));
+  row("excluded by the plan's rule", count_text(a.excluded));
+  return table;
+}
+
+std::string described(const ObservedDocument& document) {
+  const Plan& p = document.plan;
+  const std::string what = p.compares() ? fmt::format("A is {}, B is {}", p.a, p.b)
+                                        : fmt::format("A is {} with {} = {:g} {}, B the same with {} of it",
+                                                      p.option->renderer, p.option->key, p.option->standard,
+                                                      p.option->unit, p.option->upwards ? "more" : "less");
+  return fmt::format("Task {}, procedure {}, on {}. {}. Observer {}, participant {}, seed {}.",
+                     name_of(p.task), name_of(p.procedure), p.scene, what, document.observer.text,
+                     p.participant, p.seed);
+}
+
+Page observed_page(const ObservedDocument& document, const OutputFolder& folder) {
+  Page page = begin_page(document.plan.title, document.head);
+  add_known(page, {{}, document.analysis.warnings, document.notes});
+  Section section;
+  section.id = "found";
+  section.title = "What was found";
+  section.paragraphs.push_back(described(document));
+  section.tables = observed_tables(document);
+  section.tables.push_back(power_table(document.plan));
+  if (const Result<OutputFolder> figures = folder.inside("figures"))
+    for (const Chart& chart : charts_of(document)) section.figures.push_back(draw(chart, *figures));
+  page.sections.push_back(std::move(section));
+  Section reading;
+  reading.id = "read";
+  reading.title = "Read the trials";
+  reading.paragraphs.emplace_back(
+      "trials.csv holds a row for each trial, study.json units and meaning of its columns. read.R and "
+      "read.py stand "
+      "beside them:");
+  for (const auto& [name, text] :
+       {std::pair{"read.R", r_snippet(document.plan)}, {"read.py", python_snippet(document.plan)}})
+    reading.facts.push_back({name, {text}});
+  page.sections.push_back(std::move(reading));
+  return page;
+}
+
+}  // namespace
+
+Table power_table(const Plan& plan) {
+  const PowerWish& w = plan.power;
+  Table table;
+  table.title = "Before anybody is asked";
+  table.columns = {fmt::format("at power {:g}, error {:g}", w.wanted, w.alpha), "trials"};
+  table.rows.push_back({{fmt::format("to find what is right in {} of trials", percent(w.detect))},
+                        {needed_text(trials_for_difference(w.detect, w.wanted, w.alpha))}});
+  table.rows.push_back({{fmt::format("to show that it is right in under {}", percent(w.equivalence))},
+                        {needed_text(trials_for_equivalence(w.equivalence, w.wanted, w.alpha))}});
+  if (plan.procedure == ProcedureKind::kFixed) {
+    const std::uint64_t n = Course::fixed_trials(plan);
+    table.rows.push_back(
+        {{plan.compares() ? "the plan has" : "the plan has, over all differences"}, {count_text(n)}});
+    if (plan.compares()) {
+      const std::optional<double> bound = shown_bound(n, w.wanted, w.alpha);
+      table.notes.push_back(fmt::format(
+          "With {} trials a share of {} is found with power {:.2f}; and where nothing is felt, \"told apart "
+          "in under {}\" is "
+          "what they show. A difference that is missed proves no more than that.",
+          n, percent(w.detect), difference_power(n, w.detect, w.alpha), bound ? percent(*bound) : "100 %"));
+      if (difference_power(n, w.detect, w.alpha) < w.wanted)
+        table.notes.emplace_back("These are too few for the wanted power.");
+    }
+  }
+  return table;
+}
+
+std::vector<Table> observed_tables(const ObservedDocument& document) {
+  std::vector<Table> tables;
+  if (document.analysis.difference)
+    tables.push_back(difference_table(document.plan, *document.analysis.difference));
+  if (document.analysis.threshold)
+    tables.push_back(threshold_table(document.plan, *document.analysis.threshold));
+  tables.push_back(trials_table(document.analysis));
+  return tables;
+}
+
+std::string r_snippet(const Plan& plan) {
+  const std::string begin =
+      "d <- read.csv(\"trials.csv\")\n"
+      "d <- d[d$kind == \"main\" & (is.na(d$excluded) | d$excluded == \"\"), ]\n";
+  if (plan.compares()) return begin + "print(binom.test(sum(d$correct), nrow(d), 0.5))\n";
+  return begin +
+         "s <- aggregate(correct ~ level, d, function(x) c(right = sum(x), of = length(x)))\nprint(s)\n"
+         "plot(s$level, s$correct[, \"right\"] / s$correct[, \"of\"], log = \"x\", ylim = c(0, 1))\n";
+}
+
+std::string python_snippet(const Plan& plan) {
+  const std::string begin =
+      "import csv\n"
+      "with open(\"trials.csv\", newline=\"\") as file:\n"
+      "    rows = [r for r in csv.DictReader(file) if r[\"kind\"] == \"main\" and not r[\"excluded\"]]\n";
+  if (plan.compares())
+    return begin + "print(sum(int(r[\"correct\"]) for r in rows), \"right of\", len(rows))\n";
+  return begin +
+         "levels = {}\n"
+         "for r in rows:\n"
+         "    levels.setdefault(float(r[\"level\"]), []).append(int(r[\"correct\"]))\n"
+         "for level, right in sorted(levels.items()):\n"
+         "    print(level, sum(right), \"right of\", len(right))\n";
+}
+
+Status write_observed(const ObservedDocument& document, const OutputFolder& folder) {
+  PALPATE_TRY(folder.write("read.R", r_snippet(document.plan)));
+  PALPATE_TRY(folder.write("read.py", python_snippet(document.plan)));
+  PALPATE_TRY(write_page(observed_page(document, folder), folder));
+  return folder.write(kObservedFile, to_json(document));
+}
+
+}  // namespace palpate::experiments::psychophysics

@@ -1,0 +1,92 @@
+#include "experiments/psychophysics/power.h"
+
+#include <algorithm>
+
+#include "experiments/psychophysics/distributions.h"
+
+namespace palpate::experiments::psychophysics {
+namespace {
+
+// The saw's teeth are some 1/(p - 1/2) trials long, and their heights fall with the number of trials: beyond
+// the first number by half and by so many none reaches below the wanted power any more.
+constexpr std::uint64_t kTeeth = 60;
+constexpr double kThousandth = 0.001;
+constexpr int kThousandths = 499;  // from 0.501 to 0.999
+
+/// Most right answers that show less than `bound`; nothing where none do.
+std::optional<std::uint64_t> most_below(std::uint64_t trials, double bound, double alpha) noexcept {
+  std::uint64_t low = 0, high = trials;
+  if (binomial_at_most(trials, 0, bound) > alpha) return std::nullopt;
+  while (low < high) {
+    const std::uint64_t middle = low + (high - low + 1) / 2;
+    if (binomial_at_most(trials, middle, bound) <= alpha)
+      low = middle;
+    else
+      high = middle - 1;
+  }
+  return low;
+}
+
+template <class Power>
+std::optional<Needed> needed(double power, Power&& power_of) {
+  Needed found;
+  for (std::uint64_t n = 1; n <= kMostTrials && found.first == 0; ++n)
+    if (power_of(n) >= power) found.first = n;
+  if (found.first == 0) return std::nullopt;
+  found.safe = found.first;
+  const std::uint64_t last = found.first + found.first / 2 + kTeeth;
+  for (std::uint64_t n = found.first; n <= last; ++n)
+    if (power_of(n) < power) found.safe = n + 1;
+  return found;
+}
+
+}  // namespace
+
+double difference_p(std::uint64_t trials, std::uint64_t correct) noexcept {
+  return binomial_at_least(trials, correct, kChance);
+}
+
+double equivalence_p(std::uint64_t trials, std::uint64_t correct, double bound) noexcept {
+  return binomial_at_most(trials, correct, bound);
+}
+
+std::uint64_t least_above_chance(std::uint64_t trials, double alpha) noexcept {
+  std::uint64_t low = 0, high = trials + 1;
+  while (low < high) {
+    const std::uint64_t middle = low + (high - low) / 2;
+    if (binomial_at_least(trials, middle, kChance) <= alpha)
+      high = middle;
+    else
+      low = middle + 1;
+  }
+  return low;
+}
+
+double difference_power(std::uint64_t trials, double p, double alpha) noexcept {
+  return binomial_at_least(trials, least_above_chance(trials, alpha), p);
+}
+
+double equivalence_power(std::uint64_t trials, double bound, double alpha) noexcept {
+  const std::optional<std::uint64_t> most = most_below(trials, bound, alpha);
+  return most ? binomial_at_most(trials, *most, kChance) : 0.0;
+}
+
+std::optional<Needed> trials_for_difference(double p, double power, double alpha) {
+  if (!(p > kChance)) return std::nullopt;
+  return needed(power, [&](std::uint64_t n) { return difference_power(n, p, alpha); });
+}
+
+std::optional<Needed> trials_for_equivalence(double bound, double power, double alpha) {
+  if (!(bound > kChance)) return std::nullopt;
+  return needed(power, [&](std::uint64_t n) { return equivalence_power(n, bound, alpha); });
+}
+
+std::optional<double> shown_bound(std::uint64_t trials, double power, double alpha) {
+  for (int i = 1; i <= kThousandths; ++i) {
+    const double bound = kChance + kThousandth * i;
+    if (equivalence_power(trials, bound, alpha) >= power) return bound;
+  }
+  return std::nullopt;
+}
+
+}  // namespace palpate::experiments::psychophysics

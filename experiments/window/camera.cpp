@@ -1,0 +1,114 @@
+#include "experiments/window/camera.h"
+
+#include <Eigen/Geometry>  // cross products
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace palpate::experiments {
+namespace {
+
+/// tan of half the angle of view, from top to bottom: 40 degrees.
+constexpr double kHalfView = 0.364;
+/// So many radii away the whole scene fits: 1 / sin(20 degrees) is 2.92.
+constexpr double kAwayRadii = 2.95;
+/// How near and far one may go, in radii.
+constexpr double kNearestRadii = 0.02, kFarthestRadii = 50.0;
+constexpr double kFirstTurn = -0.6, kFirstTilt = 0.6;
+/// Never quite from above, where right and left are not told apart.
+constexpr double kMostTilt = 0.499 * std::numbers::pi;
+/// The near plane, as a share of the distance where the eye is within the scene.
+constexpr double kNearShare = 0.01;
+
+}  // namespace
+
+Camera Camera::of(const geometry::Aabb& box_mm) {
+  Camera camera;
+  camera.target_mm_ = box_mm.centre_mm();
+  const double radius = 0.5 * box_mm.extent_mm().norm();
+  camera.radius_mm_ = radius > 0.0 ? radius : 1.0;
+  camera.distance_mm_ = kAwayRadii * camera.radius_mm_;
+  camera.turn_rad_ = kFirstTurn;
+  camera.tilt_rad_ = kFirstTilt;
+  return camera;
+}
+
+void Camera::turn(double by_rad, double tilt_rad) noexcept {
+  turn_rad_ = std::remainder(turn_rad_ + by_rad, 2.0 * std::numbers::pi);
+  tilt_rad_ = std::clamp(tilt_rad_ + tilt_rad, -kMostTilt, kMostTilt);
+}
+
+void Camera::zoom(double factor) noexcept {
+  distance_mm_ = std::clamp(distance_mm_ / factor, kNearestRadii * radius_mm_, kFarthestRadii * radius_mm_);
+}
+
+void Camera::pan(double right_px, double down_px, double height_px) noexcept {
+  target_mm_ += (-right_px * right() + down_px * up()) / pixels_per_mm(height_px);
+}
+
+Vec3 Camera::forward() const noexcept {
+  const double level = std::cos(tilt_rad_);
+  return {-std::sin(turn_rad_) * level, std::cos(turn_rad_) * level, -std::sin(tilt_rad_)};
+}
+
+Vec3 Camera::right() const noexcept {
+  return {std::cos(turn_rad_), std::sin(turn_rad_), 0.0};
+}
+
+Vec3 Camera::up() const noexcept {
+  return right().cross(forward());
+}
+
+double Camera::pixels_per_mm(double height_px) const noexcept {
+  return 0.5 * height_px / (kHalfView * distance_mm_);
+}
+
+double Camera::near_mm() const noexcept {
+  // The target may have been moved out of the middle: two radii hold the scene all the same.
+  return std::max(distance_mm_ - 2.0 * radius_mm_, kNearShare * distance_mm_);
+}
+
+double Camera::far_mm() const noexcept {
+  return distance_mm_ + 2.0 * radius_mm_ + distance_mm_;
+}
+
+double Camera::depth_per_mm() const noexcept {
+  const double n = near_mm(), f = far_mm();
+  return f * n / ((f - n) * distance_mm_ * distance_mm_);
+}
+
+Mat4 Camera::clip_from_world(double width_px, double height_px) const noexcept {
+  const Vec3 x = right(), y = up(), z = -forward(), eye = eye_mm();
+  Mat4 eye_from_world = Mat4::Identity();
+  eye_from_world.block<1, 3>(0, 0) = x.transpose();
+  eye_from_world.block<1, 3>(1, 0) = y.transpose();
+  eye_from_world.block<1, 3>(2, 0) = z.transpose();
+  eye_from_world.block<3, 1>(0, 3) = Vec3{-x.dot(eye), -y.dot(eye), -z.dot(eye)};
+  const double n = near_mm(), f = far_mm();
+  Mat4 clip_from_eye = Mat4::Zero();
+  clip_from_eye(0, 0) = height_px / (kHalfView * std::max(1.0, width_px));
+  clip_from_eye(1, 1) = 1.0 / kHalfView;
+  clip_from_eye(2, 2) = -(f + n) / (f - n);
+  clip_from_eye(2, 3) = -2.0 * f * n / (f - n);
+  clip_from_eye(3, 2) = -1.0;
+  return clip_from_eye * eye_from_world;
+}
+
+std::optional<Pixel> project(const Mat4& clip_from_world, const Vec3& world_mm, double width_px,
+                             double height_px) noexcept {
+  const Eigen::Vector4d clip = clip_from_world * world_mm.homogeneous();
+  if (!(clip.w() > 0.0)) return std::nullopt;
+  const Vec3 at = clip.head<3>() / clip.w();
+  if (!is_finite(at)) return std::nullopt;
+  return Pixel{0.5 * (at.x() + 1.0) * width_px, 0.5 * (1.0 - at.y()) * height_px, 0.5 * (at.z() + 1.0)};
+}
+
+Vec3 unproject(const Mat4& clip_from_world, const Pixel& pixel, double width_px, double height_px) noexcept {
+  const Eigen::Vector4d clip{2.0 * pixel.x / width_px - 1.0, 1.0 - 2.0 * pixel.y / height_px,
+                             2.0 * pixel.depth - 1.0, 1.0};
+  const Eigen::Vector4d world = clip_from_world.inverse() * clip;
+  return world.head<3>() / world.w();
+}
+
+}  // namespace palpate::experiments

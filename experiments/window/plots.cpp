@@ -1,0 +1,124 @@
+// Plots of the panel: ImGui's draw lists are all that is needed.
+#include <fmt/format.h>
+#include <imgui.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "experiments/window/panel.h"
+
+namespace palpate::experiments {
+namespace {
+
+constexpr ImU32 kPlotPaper = IM_COL32(22, 26, 32, 255), kPlotEdge = IM_COL32(70, 78, 90, 255),
+                kPlotText = IM_COL32(150, 160, 175, 255), kForceInk = IM_COL32(255, 200, 40, 255),
+                kTimeInk = IM_COL32(110, 200, 255, 255), kLimitInk = IM_COL32(255, 90, 80, 255),
+                kMarkInk = IM_COL32(200, 140, 255, 255);
+/// Frame times are shown from a tenth of a microsecond to ten milliseconds; a period of 1 kHz among them.
+constexpr double kLeastUs = 0.1, kMostUs = 1e4, kPeriodUs = 1e3;
+/// The force plot reaches at least so far, of the limit: small forces are not blown up to noise.
+constexpr double kLeastForceShare = 0.1;
+
+struct PlotArea {
+  ImDrawList* onto;
+  ImVec2 low, high;  // upper left, lower right
+  [[nodiscard]] float width() const { return high.x - low.x; }
+  [[nodiscard]] float height() const { return high.y - low.y; }
+  /// 0 at the bottom, 1 at the top.
+  [[nodiscard]] float y(double share) const {
+    return high.y - static_cast<float>(std::clamp(share, 0.0, 1.0)) * height();
+  }
+  void text(float x, float at_y, const std::string& words) const {
+    onto->AddText({x, at_y}, kPlotText, words.c_str());
+  }
+};
+
+PlotArea begin_plot(float height) {
+  PlotArea area{};
+  area.onto = ImGui::GetWindowDrawList();
+  area.low = ImGui::GetCursorScreenPos();
+  area.high = {area.low.x + ImGui::GetContentRegionAvail().x, area.low.y + height};
+  area.onto->AddRectFilled(area.low, area.high, kPlotPaper);
+  area.onto->AddRect(area.low, area.high, kPlotEdge);
+  ImGui::Dummy({area.width(), height});
+  return area;
+}
+
+void level_line(const PlotArea& area, double share, ImU32 ink) {
+  const float y = area.y(share);
+  area.onto->AddLine({area.low.x, y}, {area.high.x, y}, ink, 1.0f);
+}
+
+/// Neighbouring columns that have a value are joined.
+template <class Share>
+void curve(const PlotArea& area, const std::vector<float>& columns, ImU32 ink, Share&& share) {
+  float last_y = 0.0f;
+  bool has_last = false;
+  for (std::size_t i = 0; i < columns.size(); ++i) {
+    const bool there = columns[i] >= 0.0f;
+    const float x = area.low.x + static_cast<float>(i),
+                y = there ? area.y(share(static_cast<double>(columns[i]))) : 0.0f;
+    if (there && has_last) area.onto->AddLine({x - 1.0f, last_y}, {x, y}, ink, 1.5f);
+    if (there && !has_last) area.onto->AddLine({x, y}, {x + 1.0f, y}, ink, 1.5f);
+    last_y = y;
+    has_last = there;
+  }
+}
+
+double share_of_us(double us) {
+  return std::log10(us / kLeastUs) / std::log10(kMostUs / kLeastUs);
+}
+
+}  // namespace
+
+void plot_force(const History& history, double limit_n, const std::deque<double>& marks_s, float height) {
+  const PlotArea area = begin_plot(height);
+  const auto columns = history.columns(static_cast<std::size_t>(std::max(1.0f, area.width())),
+                                       [](const TickSample& one) { return one.sent_n; });
+  const double most = static_cast<double>(*std::max_element(columns.begin(), columns.end()));
+  const double top = std::max({1.15 * most, kLeastForceShare * limit_n, 1e-9});
+  if (limit_n > 0.0 && limit_n <= top) level_line(area, limit_n / top, kLimitInk);
+  if (!history.samples().empty()) {
+    const double end_s = history.samples().back().t_s;
+    for (const double mark_s : marks_s) {
+      const auto x = area.high.x - static_cast<float>((end_s - mark_s) / History::kSeconds) * area.width();
+      if (x > area.low.x && x <= area.high.x)
+        area.onto->AddLine({x, area.low.y}, {x, area.high.y}, kMarkInk, 1.0f);
+    }
+  }
+  curve(area, columns, kForceInk, [&](double n) { return n / top; });
+  area.text(area.low.x + 4.0f, area.low.y + 2.0f, fmt::format("{:.3g} N", top));
+}
+
+void plot_frame_times(const History& history, float height) {
+  const PlotArea area = begin_plot(height);
+  for (double us = 1.0; us < kMostUs; us *= 10.0)
+    level_line(area, share_of_us(us), us == kPeriodUs ? kLimitInk : kPlotEdge);
+  const auto columns = history.columns(static_cast<std::size_t>(std::max(1.0f, area.width())),
+                                       [](const TickSample& one) { return one.step_us; });
+  curve(area, columns, kTimeInk, [](double us) { return share_of_us(std::max(us, kLeastUs)); });
+  area.text(area.low.x + 4.0f, area.y(share_of_us(kPeriodUs)) - 16.0f, "1 ms");
+  area.text(area.low.x + 4.0f, area.y(share_of_us(1.0)) - 16.0f, "1 us");
+}
+
+void plot_histogram(const FrameTimeHistogram& histogram, float height) {
+  const PlotArea area = begin_plot(height);
+  const double most = std::log1p(static_cast<double>(histogram.most()));
+  const float wide = area.width() / static_cast<float>(FrameTimeHistogram::kBins);
+  for (std::size_t bin = 0; bin < FrameTimeHistogram::kBins; ++bin) {
+    if (histogram.count[bin] == 0) continue;
+    const float x = area.low.x + static_cast<float>(bin) * wide;
+    const double share = std::log1p(static_cast<double>(histogram.count[bin])) / (1.1 * most);
+    area.onto->AddRectFilled({x + 1.0f, area.y(share)}, {x + wide, area.high.y},
+                             FrameTimeHistogram::low_us(bin) < kPeriodUs ? kTimeInk : kLimitInk);
+  }
+  const auto at = [&](double us) {
+    return area.low.x + static_cast<float>(2.0 * std::log2(us / FrameTimeHistogram::kFirstUs)) * wide;
+  };
+  area.onto->AddLine({at(kPeriodUs), area.low.y}, {at(kPeriodUs), area.high.y}, kLimitInk, 1.0f);
+  area.text(at(1.0), area.low.y + 2.0f, "1 us");
+  area.text(at(30.0), area.low.y + 2.0f, "30 us");
+  area.text(at(kPeriodUs) + 3.0f, area.low.y + 2.0f, "1 ms");
+}
+
+}  // namespace palpate::experiments

@@ -1,0 +1,204 @@
+#include "experiments/window/scene_view.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace palpate::experiments {
+namespace {
+
+/// A walk from neighbour to neighbour towards a place ends after so many: a cloud of four million points is
+/// two thousand across.
+constexpr int kLongestWalk = 4'000;
+/// Farther away than so many boxes the walk got stuck, and all points are looked at.
+constexpr double kStuckBoxes = 4.0;
+constexpr int kStarThreads = 1;  // beside a servo
+
+double distance_sq(const cloud::Cloud& cloud, std::uint32_t point, const Vec3& local_mm) {
+  return (cloud.local_mm(point) - local_mm).squaredNorm();
+}
+
+std::uint32_t nearest_of_all(const cloud::Cloud& cloud, const Vec3& local_mm) {
+  std::uint32_t best = 0;
+  double least = distance_sq(cloud, 0, local_mm);
+  for (std::uint32_t i = 1; i < cloud.size(); ++i) {
+    const double now = distance_sq(cloud, i, local_mm);
+    if (now >= least) continue;
+    least = now;
+    best = i;
+  }
+  return best;
+}
+
+}  // namespace
+
+geometry::Aabb box_of(const ShownScene& scene) {
+  geometry::Aabb box;
+  for (const render::ModelInput& model : scene.models) {
+    const geometry::Aabb own = model.cloud->box_mm();
+    for (const Vec3& corner :
+         corners_of(own.low_mm, own.high_mm, [&](const Vec3& p) { return Vec3(model.world_from_model * p); }))
+      box.add(corner);
+  }
+  return box;
+}
+
+void SceneView::show(std::shared_ptr<const ShownScene> scene) {
+  // What is still being found belongs to the scene of before.
+  colours_ = {};
+  surroundings_ = {};
+  stars_ = {};
+  has_normals_ = false;
+  models_.clear();
+  splats_->clear();
+  scene_ = std::move(scene);
+  if (!scene_) return;
+  box_mm_ = box_of(*scene_);
+  ColourScale scale;
+  for (const render::ModelInput& input : scene_->models) {
+    Model model;
+    model.order = even_order(input.cloud->size());
+    model.world_from_model = input.world_from_model;
+    const std::vector<float> places = places_in_order(*input.cloud, model.order);
+    const std::vector<Rgba> colours = colours_in_order(input, model.order, ColourBy::kPlain, scale);
+    splats_->place(splats_->add(places, colours, input.cloud->origin_mm), model.world_from_model);
+    models_.push_back(std::move(model));
+  }
+  surroundings_ = std::async(std::launch::async, [shown = scene_] {
+    std::vector<std::shared_ptr<const Surroundings>> found;
+    for (const render::ModelInput& input : shown->models)
+      found.push_back(std::make_shared<const Surroundings>(find_surroundings(*input.cloud)));
+    return found;
+  });
+  const ColourBy wanted = std::exchange(colour_, ColourBy::kPlain);
+  scale_ = {};
+  colour(wanted);
+}
+
+void SceneView::colour(ColourBy by) {
+  if (by == colour_ || !scene_) {
+    colour_ = by;
+    return;
+  }
+  colour_ = by;
+  std::vector<std::vector<std::uint32_t>> orders;
+  for (const Model& model : models_) orders.push_back(model.order);
+  colours_ = std::async(std::launch::async, [shown = scene_, by, orders = std::move(orders)] {
+    Coloured coloured;
+    for (std::size_t i = 0; i < orders.size(); ++i)
+      coloured.of.push_back(colours_in_order(shown->models[i], orders[i], by, coloured.scale));
+    return coloured;
+  });
+}
+
+const char* SceneView::awaited() const noexcept {
+  if (colours_.valid()) return "colours are being computed";
+  if (surroundings_.valid()) return "normals are being found";
+  return stars_.valid() ? "facets are being found" : "";
+}
+
+void SceneView::take_surroundings() {
+  const std::vector<std::shared_ptr<const Surroundings>> found = surroundings_.get();
+  for (std::size_t i = 0; i < models_.size(); ++i) {
+    models_[i].known = found[i];
+    std::vector<PackedNormal> normals;
+    normals.reserve(models_[i].order.size());
+    for (const std::uint32_t point : models_[i].order) normals.push_back(found[i]->normals[point]);
+    splats_->set_normals(i, normals);
+  }
+  has_normals_ = true;
+}
+
+void SceneView::update(const WatchedTick* now) {
+  if (ready(colours_)) {
+    const Coloured coloured = colours_.get();
+    scale_ = coloured.scale;
+    for (std::size_t i = 0; i < models_.size(); ++i) splats_->recolour(i, coloured.of[i]);
+  }
+  if (ready(surroundings_)) take_surroundings();
+  if (ready(stars_)) {
+    Model& model = models_[stars_of_];
+    model.stars = stars_.get();
+    model.star_place.assign(model.order.size(), stars::kNoPlace);
+    const std::vector<std::uint32_t>& order = model.stars->order();
+    for (std::uint32_t place = 0; place < order.size(); ++place) model.star_place[order[place]] = place;
+  }
+  if (now == nullptr || now->ticks == 0 || !scene_) return;
+  std::size_t moving = 0;
+  for (std::size_t i = 0; i < models_.size(); ++i) {
+    if (!scene_->models[i].motion || moving == kMostShownMotions) continue;
+    models_[i].world_from_model = now->world_from_model[moving++];
+    splats_->place(i, models_[i].world_from_model);
+  }
+}
+
+void SceneView::ask_stars(std::size_t model) {
+  if (stars_.valid() || models_[model].stars) return;
+  stars_of_ = model;
+  stars_ = std::async(std::launch::async, [shown = scene_, model] {
+    return std::make_shared<const stars::StarMesh>(
+        stars::StarMesh::build(*shown->models[model].cloud, kStarThreads));
+  });
+}
+
+std::optional<std::uint32_t> SceneView::nearest(std::size_t index, const Vec3& local_mm) {
+  Model& model = models_[index];
+  if (!model.known || model.order.empty()) return std::nullopt;
+  const cloud::Cloud& cloud = *scene_->models[index].cloud;
+  double least = distance_sq(cloud, model.nearest, local_mm);
+  for (int step = 0; step < kLongestWalk; ++step) {
+    const std::uint32_t from = model.nearest;
+    for (const std::uint32_t other : model.known->neighbours.of[from]) {
+      const double sq = distance_sq(cloud, other, local_mm);
+      if (sq >= least) continue;
+      least = sq;
+      model.nearest = other;
+    }
+    if (model.nearest == from) break;
+  }
+  const double box_mm = model.known->half_box_mm(cloud, model.nearest).norm();
+  if (least > kStuckBoxes * kStuckBoxes * box_mm * box_mm) model.nearest = nearest_of_all(cloud, local_mm);
+  return model.nearest;
+}
+
+void SceneView::draw_facets(const Overlay& overlay, const Model& model, std::uint32_t point) const {
+  const std::uint32_t place = model.star_place[point];
+  if (place == stars::kNoPlace) return;
+  const stars::Ring ring = model.stars->ring(place);
+  const auto world = [&](std::uint32_t at) {
+    return Vec3(model.world_from_model * Vec3(model.stars->origin_mm() + model.stars->at(at)));
+  };
+  for (std::uint32_t k = 0; k < ring.size; ++k)
+    if (ring.has_sector(k))
+      overlay.triangle({world(place), world(ring.of[k]), world(ring.of[ring.next(k)])}, kFacetColour);
+}
+
+void SceneView::draw_near(const Overlay& overlay, const WatchedTick& now, const NearChoice& choice) {
+  const render::Frame& frame = now.tick.frame;
+  if (!choice.any() || !frame.contact || frame.model < 0) return;
+  const auto index = static_cast<std::size_t>(frame.model);
+  if (index >= models_.size()) return;
+  if (choice.facets) ask_stars(index);
+  Model& model = models_[index];
+  const render::ModelInput& input = scene_->models[index];
+  const cloud::Cloud& cloud = *input.cloud;
+  const Vec3 local_mm = model.world_from_model.inverse() * frame.god_object_mm - cloud.origin_mm;
+  const std::optional<std::uint32_t> point = nearest(index, local_mm);
+  if (!point) return;
+  const auto world = [&](std::uint32_t at) { return Vec3(model.world_from_model * cloud.point_mm(at)); };
+  if (choice.facets && model.stars) draw_facets(overlay, model, *point);
+  for (const std::uint32_t other : model.known->neighbours.of[*point]) {
+    if (other == *point) continue;
+    if (choice.neighbours) {
+      overlay.line(world(*point), world(other), kNearColour, 2.0f);
+      overlay.ball(world(other), kNearColour, 3.5f, true);
+    }
+    if (!choice.boxes) continue;
+    const Vec3 half_mm = model.known->half_box_mm(cloud, other), at_mm = cloud.point_mm(other);
+    overlay.box(corners_of(Vec3(at_mm - half_mm), Vec3(at_mm + half_mm),
+                           [&](const Vec3& p) { return Vec3(model.world_from_model * p); }),
+                kBoxColour, 1.0f, 0.6f);
+  }
+}
+
+}  // namespace palpate::experiments

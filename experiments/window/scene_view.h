@@ -1,0 +1,87 @@
+// The scene as the window draws it: its points, their colours, and what is near the god object. What takes
+// long (normals, neighbours, errors, stars) is found beside the window and shown when it is there.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <future>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "experiments/window/link.h"
+#include "experiments/window/overlay.h"
+#include "experiments/window/splats.h"
+#include "toolkit/stars/star_mesh.h"
+
+namespace palpate::experiments {
+
+/// What is drawn on request about the place that is touched.
+struct NearChoice {
+  bool neighbours = false, boxes = false, facets = false;
+  [[nodiscard]] bool any() const noexcept { return neighbours || boxes || facets; }
+};
+
+/// The window's thread alone. Futures that are not ready are waited for by the destructor.
+class SceneView {
+ public:
+  explicit SceneView(std::unique_ptr<SplatDrawer> splats) : splats_(std::move(splats)) {}
+
+  /// Replaces what is shown. O(points).
+  void show(std::shared_ptr<const ShownScene> scene);
+  [[nodiscard]] const ShownScene* scene() const noexcept { return scene_.get(); }
+  [[nodiscard]] const geometry::Aabb& box_mm() const noexcept { return box_mm_; }
+  [[nodiscard]] double radius_mm() const noexcept { return 0.5 * box_mm_.extent_mm().norm(); }
+
+  void colour(ColourBy by);
+  [[nodiscard]] ColourBy coloured() const noexcept { return colour_; }
+  [[nodiscard]] const ColourScale& scale() const noexcept { return scale_; }
+  [[nodiscard]] bool has_normals() const noexcept { return has_normals_; }
+  /// What is still being found; empty: nothing.
+  [[nodiscard]] const char* awaited() const noexcept;
+
+  /// Takes what has become ready; moving models go where the tick says.
+  void update(const WatchedTick* now);
+  void draw_near(const Overlay& overlay, const WatchedTick& now, const NearChoice& choice);
+  [[nodiscard]] SplatDrawer& splats() noexcept { return *splats_; }
+  [[nodiscard]] const SplatDrawer& splats() const noexcept { return *splats_; }
+
+ private:
+  struct Model {
+    std::vector<std::uint32_t> order;
+    geometry::RigidTransform world_from_model;
+    std::shared_ptr<const Surroundings> known;
+    std::shared_ptr<const stars::StarMesh> stars;
+    std::vector<std::uint32_t> star_place;  // of the cloud's points
+    std::uint32_t nearest = 0;              // the last one found
+  };
+  struct Coloured {
+    ColourScale scale;
+    std::vector<std::vector<Rgba>> of;
+  };
+  template <class T>
+  static bool ready(const std::future<T>& future) {
+    return future.valid() && future.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
+  }
+  void take_surroundings();
+  void ask_stars(std::size_t model);
+  [[nodiscard]] std::optional<std::uint32_t> nearest(std::size_t model, const Vec3& local_mm);
+  void draw_facets(const Overlay& overlay, const Model& model, std::uint32_t point) const;
+
+  std::unique_ptr<SplatDrawer> splats_;
+  std::shared_ptr<const ShownScene> scene_;
+  geometry::Aabb box_mm_;
+  std::vector<Model> models_;
+  ColourBy colour_ = ColourBy::kPlain;
+  ColourScale scale_;
+  bool has_normals_ = false;
+  std::future<Coloured> colours_;
+  std::future<std::vector<std::shared_ptr<const Surroundings>>> surroundings_;
+  std::future<std::shared_ptr<const stars::StarMesh>> stars_;
+  std::size_t stars_of_ = 0;
+};
+
+/// The box of all models where they begin, world.
+[[nodiscard]] geometry::Aabb box_of(const ShownScene& scene);
+
+}  // namespace palpate::experiments

@@ -1,0 +1,65 @@
+// Internal to the window: what it holds. OpenGL and GLFW stay out of headers.
+#pragma once
+
+#include <array>
+#include <deque>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "experiments/window/mouse_hand.h"
+#include "experiments/window/window.h"
+
+struct GLFWwindow;
+
+namespace palpate::experiments {
+
+/// What person or program did with mouse and keys since the last picture.
+struct WindowInput {
+  double x = -1.0, y = -1.0;
+  std::array<bool, 3> down{};  ///< by Window::Button
+  double wheel = 0.0;
+  double last_x = -1.0, last_y = -1.0;  ///< in the picture before
+  bool pressing = false;                ///< the left button went down over the cloud
+};
+
+struct Window::State {
+  State(SessionLink& with, const WindowOptions& wanted) : link(with), options(wanted) {}
+
+  SessionLink& link;
+  WindowOptions options;
+  GLFWwindow* window = nullptr;
+  bool has_interface = false;
+  std::unique_ptr<SceneView> scene;
+  Camera camera;
+  PanelState panel;
+  History history;
+  MouseHand hand;
+  WindowInput input;
+
+  SessionLink::View view;
+  std::shared_ptr<const ShownSession> session;  // whose feed is read
+  WatchedTick now;                              // ticks 0: none
+  bool touched = false;                         // there was contact in this session
+  std::string dropped;
+  bool record = false;
+  PanelWishes wishes;
+  std::uint64_t exported = 0, shots = 0;
+
+  int width = 0, height = 0;         // window units
+  int width_px = 0, height_px = 0;   // of the framebuffer
+  std::int64_t began_ns = 0;         // this picture
+  std::deque<std::int64_t> ends_ns;  // of the last ones
+
+  [[nodiscard]] double view_width() const;
+  [[nodiscard]] double scale() const { return width > 0 ? static_cast<double>(width_px) / width : 1.0; }
+
+  void measure();
+  void take_news();
+  void steer();
+  void draw_over();
+  void draw();
+  void keep_pictures();
+};
+
+}  // namespace palpate::experiments

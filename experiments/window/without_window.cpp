@@ -1,0 +1,27 @@
+// In place of the window where the program was built without one: it says so.
+#include "experiments/window/window.h"
+
+namespace palpate::experiments {
+
+struct Window::State {};
+
+Result<std::unique_ptr<Window>> Window::open(SessionLink&, const WindowOptions&) {
+  return Error{"this program was built without a window",
+               "use --headless, or configure with -DPALPATE_WITH_WINDOW=ON (GLFW, Dear ImGui and epoxy)",
+               {},
+               0};
+}
+Window::~Window() = default;
+// Nobody has a window to call these on.
+bool Window::frame() {
+  return false;
+}
+std::string Window::take_dropped() {
+  return {};
+}
+bool Window::take_record() {
+  return false;
+}
+void Window::forget() {}
+
+}  // namespace palpate::experiments

@@ -1,0 +1,266 @@
+// The bridge over real sockets on this machine. Nothing is asked to happen within a time of its own.
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <csignal>
+#include <optional>
+#include <thread>
+
+#include "device/bridge/bridge_driver.h"
+#include "device/bridge/far_end.h"
+#include "device/links/udp_link.h"
+#include "device/safety/guard.h"
+#include "tests/device/bridge_rig.h"
+#include "toolkit/core/at_stop.h"
+
+namespace palpate::device {
+namespace {
+
+template <class Condition>
+bool arrives(const Condition& condition) {
+  const Stopwatch watch;
+  constexpr double kPatienceMs = 20'000.0;
+  while (!condition()) {
+    if (watch.ms() > kPatienceMs) return false;
+    ::usleep(300);
+  }
+  return true;
+}
+
+TEST(UdpAddress, IsReadAndWritten) {
+  for (const char* good : {"localhost:47800", "127.0.0.1:1", "[::1]:65535", "host.example:0"})
+    EXPECT_EQ(UdpAddress::of(good)->text(), good);
+  for (const char* bad : {"", "localhost", ":5", "a:b", "a:-1", "a:65536", "::1:5", "[::1:5", "a b:1x"})
+    EXPECT_FALSE(UdpAddress::of(bad)) << bad;
+}
+
+TEST(UdpLink, CarriesDatagramsBothWaysEachWhole) {
+  for (const char* at : {"127.0.0.1:0", "[::1]:0"}) {
+    UdpPort port(UdpAddress::of(at).value());
+    if (!port.open() && at[0] == '[') continue;  // a machine without IPv6
+    UdpLink link(port.address());
+    const std::array<std::uint8_t, 5> bytes = {1, 2, 3, 4, 5};
+    EXPECT_FALSE(link.submit(bytes)) << "not open";
+    ASSERT_TRUE(link.open());
+    EXPECT_EQ(link.poll(std::span<std::uint8_t>()).size, 0u);
+    ASSERT_TRUE(link.submit(bytes));
+    ASSERT_TRUE(link.submit(std::span(bytes).first(2)));
+    std::array<std::uint8_t, 16> into{};
+    Peer from;
+    EXPECT_TRUE(arrives([&] { return port.receive(into, from) == 5; })) << "one at a time";
+    EXPECT_TRUE(arrives([&] { return port.receive(into, from) == 2; }));
+    EXPECT_TRUE(port.send(std::span(bytes).first(3), from));
+    EXPECT_TRUE(arrives([&] { return link.poll(into).size == 3; }));
+    link.close();
+    EXPECT_TRUE(link.poll(into).gone) << "closed";
+    EXPECT_TRUE(link.submit(bytes)) << "and yet";
+    ASSERT_TRUE(link.open());
+    EXPECT_FALSE(link.poll(into).gone) << "what waited is gone, the link is not";
+  }
+}
+
+TEST(UdpLink, ATakenPortAndAnUnknownHostAreSaid) {
+  UdpPort port(UdpAddress::of("127.0.0.1:0").value());
+  ASSERT_TRUE(port.open());
+  UdpPort second(port.address());
+  const Status taken = second.open();
+  ASSERT_FALSE(taken);
+  EXPECT_NE(taken.error().message().find("another port"), std::string::npos) << taken.error().message();
+  UdpLink lost(UdpAddress{"no.such.host.invalid", 5});
+  const Status opened = lost.open();
+  ASSERT_FALSE(opened);
+  EXPECT_NE(opened.error().message().find("no.such.host.invalid"), std::string::npos);
+}
+
+TEST(UdpLink, AnswersOfAnotherAddressAreNotHeard) {
+  UdpPort port(UdpAddress::of("127.0.0.1:0").value()), stranger(UdpAddress::of("127.0.0.1:0").value());
+  ASSERT_TRUE(port.open() && stranger.open());
+  UdpLink link(port.address());
+  ASSERT_TRUE(link.open());
+  const std::array<std::uint8_t, 4> bytes = {9, 9, 9, 9};
+  ASSERT_TRUE(link.submit(bytes));
+  std::array<std::uint8_t, 8> into{};
+  Peer from;
+  ASSERT_TRUE(arrives([&] { return port.receive(into, from) == 4; }));
+  EXPECT_TRUE(stranger.send(std::span(bytes).first(1), from));
+  EXPECT_TRUE(port.send(std::span(bytes).first(2), from));
+  EXPECT_TRUE(arrives([&] {
+    const std::size_t size = link.poll(into).size;
+    EXPECT_NE(size, 1u);
+    return size == 2;
+  }));
+}
+
+/// A far end that ticks in a thread.
+class RunningFarEnd {
+ public:
+  /// `watchdog_s`: the machine may be busy, and what is tested here is not its speed.
+  explicit RunningFarEnd(double watchdog_s)
+      : port_(UdpAddress::of("127.0.0.1:0").value()), far_(held, port_, clock, patient(watchdog_s)) {
+    EXPECT_TRUE(port_.open().ok());
+    EXPECT_TRUE(far_.open().ok());
+  }
+  void start() {
+    thread_ = std::thread([this] {
+      while (!ending_.load()) {
+        far_.tick();
+        force_x_n.store(held.held_n.x());
+        releases.store(far_.counters().releases);
+        ::usleep(500);
+      }
+    });
+  }
+  ~RunningFarEnd() {
+    ending_ = true;
+    if (thread_.joinable()) thread_.join();
+  }
+  [[nodiscard]] std::string where() const { return port_.address().text(); }
+
+  MonotonicClock clock;
+  HeldDevice held{clock};
+  std::atomic<double> force_x_n{0.0};
+  std::atomic<std::uint64_t> releases{0};
+
+ private:
+  static FarEndOptions patient(double watchdog_s) {
+    FarEndOptions options;
+    options.rate_hz = 500.0;
+    options.watchdog_s = options.most_age_s = watchdog_s;
+    options.late_zero_s = options.latch_late_s = options.silence_s = 20.0;
+    return options;
+  }
+  UdpPort port_;
+  FarEnd far_;
+  std::atomic<bool> ending_{false};
+  std::thread thread_;
+};
+
+TEST(BridgeOverSockets, IsFeltLetGoAndReleasedByAGuard) {
+  RunningFarEnd far(2.0);
+  far.start();
+  Drivers drivers;
+  register_bridge_driver(drivers);
+  const MonotonicClock clock;
+  Result<MadeDevice> made =
+      drivers.of("bridge")->make({"bridge:" + far.where(), {}, {{"most-age-ms", "1000"}}}, clock);
+  ASSERT_TRUE(made);
+  Device& device = *made->device;
+  const Status opened = device.open();
+  ASSERT_TRUE(opened) << opened.error().message();
+  EXPECT_EQ(device.limits().force_max_n, 5.0);
+  GovernorOptions patient;
+  patient.late_zero_s = patient.latch_late_s = patient.silence_s = 20.0;
+  patient.soft_start_s = 0.05;
+  ForceGovernor governor = ForceGovernor::create(device.limits(), patient).value();
+  governor.arm(clock.now_s());
+  // A busy machine may stand still for so long that the far end gives up: then a person would re-arm.
+  constexpr int kGivenUp = 200;
+  int silent = 0;
+  const auto feels = [&](double force_n) {
+    return arrives([&] {
+      const DeviceState state = device.read();
+      silent = state.status == ReadStatus::kFresh ? 0 : silent + 1;
+      if (silent > kGivenUp) {
+        silent = 0;
+        governor.arm(clock.now_s());
+      }
+      device.send(governor.govern(clock.now_s(), state, Vec3{force_n, 0, 0}));
+      return far.force_x_n.load() >= 0.9 * force_n;
+    });
+  };
+  EXPECT_TRUE(feels(1.0));
+  // A guard's own socket, while the program's goes on: it lets go, and force comes again only after a zero.
+  EXPECT_TRUE(made->zero());
+  EXPECT_TRUE(arrives([&] { return far.force_x_n.load() == 0.0; }));
+  for (int i = 0; i < 50; ++i) {
+    device.send(governor.govern(clock.now_s(), device.read(), Vec3{1, 0, 0}));
+    ::usleep(1000);
+    EXPECT_EQ(far.force_x_n.load(), 0.0);
+  }
+  governor.arm(clock.now_s());
+  EXPECT_TRUE(feels(1.0));
+  EXPECT_TRUE(device.cut_force());
+  EXPECT_TRUE(arrives([&] { return far.force_x_n.load() == 0.0; }));
+  device.close();
+  ASSERT_TRUE(device.open()) << "the same program again";
+}
+
+/// A program that feels the far device until it is killed, guarded or not.
+[[noreturn]] void press_over_bridge(const std::string& where, bool guarded) {
+  Drivers drivers;
+  register_bridge_driver(drivers);
+  const MonotonicClock clock;
+  Result<MadeDevice> made =
+      drivers.of("bridge")->make({"bridge:" + where, {}, {{"most-age-ms", "1000"}}}, clock);
+  if (!made) ::_exit(1);
+  std::optional<Guard> guard;
+  if (guarded) {
+    Result<Guard> started = Guard::start(made->zero);
+    if (!started) ::_exit(2);
+    guard.emplace(std::move(started).value());
+  }
+  Device& device = *made->device;
+  if (!device.open()) ::_exit(3);
+  GovernorOptions patient;
+  patient.late_zero_s = patient.latch_late_s = patient.silence_s = 20.0;
+  patient.soft_start_s = 0.05;
+  Result<ForceGovernor> governor = ForceGovernor::create(device.limits(), patient);
+  if (!governor) ::_exit(4);
+  for (int i = 0;; ++i) {
+    constexpr int kAgain = 4000;  // the far end may have given up on a busy machine
+    if (i % kAgain == 0) governor->arm(clock.now_s());
+    device.send(governor->govern(clock.now_s(), device.read(), Vec3{1.0, 0, 0}));
+    ::usleep(500);
+  }
+}
+
+// Far ends whose own watchdog sleeps for a minute: what lets go here is the guard alone.
+TEST(BridgeOverSockets, AProgramThatIsKilledIsLetGoByItsGuard) {
+  for (const bool guarded : {true, false}) {
+    RunningFarEnd far(60.0);
+    pid_t child = -1;
+    {
+      const auto hold = hold_stop();
+      child = ::fork();  // before there are threads
+      if (child == 0) {
+        forget_stop_actions();
+        press_over_bridge(far.where(), guarded);
+      }
+    }
+    ASSERT_GT(child, 0);
+    far.start();
+    EXPECT_TRUE(arrives([&] { return far.force_x_n.load() > 0.9; }));
+    const std::uint64_t before = far.releases.load();
+    ::kill(child, SIGKILL);
+    ::waitpid(child, nullptr, 0);
+    if (guarded) {
+      EXPECT_TRUE(arrives([&] { return far.releases.load() > before && far.force_x_n.load() == 0.0; }));
+    } else {
+      ::usleep(300'000);
+      EXPECT_EQ(far.releases.load(), before);
+      EXPECT_EQ(far.force_x_n.load(), 1.0) << "without a guard it holds: the test above shows something";
+    }
+  }
+}
+
+TEST(BridgeOverSockets, NobodyThereIsSaid) {
+  std::string where;
+  {
+    UdpPort port(UdpAddress::of("127.0.0.1:0").value());
+    ASSERT_TRUE(port.open());
+    where = port.address().text();
+  }
+  const MonotonicClock clock;
+  BridgeOptions options;
+  options.open_tries = 20;
+  BridgeDevice device(std::make_unique<UdpLink>(UdpAddress::of(where).value()), clock, options);
+  const Status opened = device.open();
+  ASSERT_FALSE(opened);
+  EXPECT_NE(opened.error().message().find("nobody listens"), std::string::npos) << opened.error().message();
+  EXPECT_FALSE(release_far_end(where));
+}
+
+}  // namespace
+}  // namespace palpate::device

@@ -1,0 +1,220 @@
+// palpate study, as a user runs it.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "tests/experiments/program.h"
+#include "tests/json_schema.h"
+
+namespace palpate::experiments {
+namespace {
+
+using nlohmann::json;
+
+class Blinded : public InFolder {
+ protected:
+  ProcessOutcome study(const std::string& plan, const std::string& observer, const std::string& out,
+                       std::vector<std::string> more = {}) const {
+    std::vector<std::string> arguments = {"study", plan, "--observer", observer, "--out", in(out)};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return palpate_command(arguments);
+  }
+  json document(const std::string& out) const { return json::parse(file_text(in(out + "/study.json"))); }
+  std::vector<std::map<std::string, std::string>> trials(const std::string& out) const {
+    std::istringstream lines(file_text(in(out + "/trials.csv")));
+    std::vector<std::string> names;
+    std::vector<std::map<std::string, std::string>> rows;
+    for (std::string line; std::getline(lines, line);) {
+      std::istringstream cells(line + ",");
+      std::vector<std::string> values;
+      for (std::string cell; std::getline(cells, cell, ',');) values.push_back(cell);
+      if (names.empty()) {
+        names = values;
+        continue;
+      }
+      EXPECT_EQ(values.size(), names.size()) << line;
+      auto& row = rows.emplace_back();
+      for (std::size_t i = 0; i < names.size() && i < values.size(); ++i) row[names[i]] = values[i];
+    }
+    return rows;
+  }
+  /// The example, with one text put in the place of another.
+  std::string changed(const std::string& example, const std::string& from, const std::string& to) const {
+    const std::string file = in(example + "-changed.toml");
+    std::filesystem::remove(file);
+    EXPECT_EQ(palpate_command({"study", example, "--save-plan", file}).exit_code, 0);
+    std::string text = file_text(file);
+    const std::size_t at = text.find(from);
+    EXPECT_NE(at, std::string::npos) << from;
+    if (at != std::string::npos) text.replace(at, from.size(), to);
+    write_text(file, text);
+    return file;
+  }
+};
+
+TEST_F(Blinded, AbxFindsItsObserver) {
+  const ProcessOutcome run = study("abx", "simulated:dprime=2.5", "out");
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_NE(run.out.find("69"), std::string::npos) << "trials to find 65 % are said beforehand: " << run.out;
+  EXPECT_EQ(
+      schema_violations(std::string(PALPATE_DOCS) + "/observed.schema.json", file_text(in("out/study.json"))),
+      "");
+  const json found = document("out");
+  EXPECT_EQ(found["trials"]["main"], 80);
+  EXPECT_EQ(found["design"]["power"]["trials_to_detect"]["first"], 69);
+  EXPECT_LE(found["interval"][0].get<double>(), 2.5);
+  EXPECT_GE(found["interval"][1].get<double>(), 2.5);
+  EXPECT_LT(found["difference"]["p_by_chance"].get<double>(), 0.001);
+  // What is in the rows is what is counted; every order equally often, and shams among the switches.
+  std::map<std::string, int> shown;
+  int right = 0, shams = 0, catches = 0;
+  for (const auto& row : trials("out")) {
+    catches += row.at("kind") == "catch" ? 1 : 0;
+    if (row.at("kind") != "main") continue;
+    ++shown[row.at("shown")];
+    right += row.at("correct") == "1" ? 1 : 0;
+    shams += row.at("sham_switches") == "1" ? 1 : 0;
+    EXPECT_EQ(row.at("switch_delay_s"), "0.500") << "of sham and real switches";
+    for (const auto& [name, cell] : row) EXPECT_EQ(cell.find("cloud"), std::string::npos) << name;
+  }
+  EXPECT_EQ(shown, (std::map<std::string, int>{{"ABA", 20}, {"ABB", 20}, {"BAA", 20}, {"BAB", 20}}));
+  EXPECT_EQ(shams, 40);
+  EXPECT_GT(catches, 6);
+  EXPECT_EQ(found["difference"]["correct"], right);
+  for (const char* file : {"report.html", "plan.toml", "read.R", "read.py", "figures/share.svg"})
+    EXPECT_TRUE(std::filesystem::exists(in(std::string("out/") + file))) << file;
+}
+
+TEST_F(Blinded, NothingFeltIsShownToBeNothing) {
+  const std::string plan = changed("abx", "count = 80", "count = 160");
+  ASSERT_EQ(study(plan, "simulated:dprime=0", "out").exit_code, 0);
+  const json found = document("out");
+  EXPECT_LT(found["difference"]["equivalence"]["p"].get<double>(), 0.05);
+  EXPECT_GT(found["difference"]["p_by_chance"].get<double>(), 0.05);
+  EXPECT_DOUBLE_EQ(found["interval"][0].get<double>(), 0.0);
+}
+
+TEST_F(Blinded, EveryProcedureFindsTheJnd) {
+  for (const char* example : {"constant", "staircase", "psi"}) {
+    const ProcessOutcome run = study(example, "simulated:jnd=0.05", example);
+    ASSERT_EQ(run.exit_code, 0) << example << run.err;
+    EXPECT_EQ(schema_violations(std::string(PALPATE_DOCS) + "/observed.schema.json",
+                                file_text(in(std::string(example) + "/study.json"))),
+              "")
+        << example;
+    const json found = document(example);
+    EXPECT_EQ(found["estimate"]["name"], "jnd");
+    EXPECT_EQ(found["estimate"]["unit"], "N/mm");
+    // One study each: within a factor of two of the truth, and the interval holds its own value.
+    EXPECT_GT(found["estimate"]["value"].get<double>(), 0.025) << example;
+    EXPECT_LT(found["estimate"]["value"].get<double>(), 0.1) << example;
+    EXPECT_LE(found["interval"][0], found["estimate"]["value"]);
+    EXPECT_GE(found["interval"][1], found["estimate"]["value"]);
+    EXPECT_TRUE(std::filesystem::exists(in(std::string(example) + "/figures/function.svg")));
+  }
+}
+
+TEST_F(Blinded, GoesOnWhereItStopped) {
+  for (const char* example : {"abx", "staircase"}) {
+    const std::string observer = std::string(example) == "abx" ? "simulated:dprime=1" : "simulated:jnd=0.05";
+    const std::string whole = std::string(example) + "-whole", parts = std::string(example) + "-parts";
+    ASSERT_EQ(study(example, observer, whole).exit_code, 0);
+    ASSERT_EQ(study(example, observer, parts, {"--stop-after", "7"}).exit_code, 0);
+    EXPECT_EQ(trials(parts).size(), 7u);
+    EXPECT_FALSE(std::filesystem::exists(in(parts + "/study.json"))) << "nothing half done looks whole";
+    ASSERT_EQ(study(example, observer, parts, {"--stop-after", "13"}).exit_code, 0);
+    // As if the machine had lost its power in the middle of a row.
+    write_text(in(parts + "/trials.csv"), file_text(in(parts + "/trials.csv")) + "P01,simul");
+    ASSERT_EQ(study(example, observer, parts).exit_code, 0);
+    EXPECT_EQ(file_text(in(parts + "/trials.csv")), file_text(in(whole + "/trials.csv"))) << example;
+    EXPECT_EQ(document(parts)["estimate"], document(whole)["estimate"]);
+    // Once more: nothing is left to ask.
+    ASSERT_EQ(study(example, observer, parts).exit_code, 0);
+    EXPECT_EQ(file_text(in(parts + "/trials.csv")), file_text(in(whole + "/trials.csv"))) << example;
+  }
+}
+
+TEST_F(Blinded, OtherPlansPeopleAndChangedRowsAreRefused) {
+  ASSERT_EQ(study("abx", "simulated:dprime=1", "out", {"--stop-after", "9"}).exit_code, 0);
+  const std::string before = file_text(in("out/trials.csv"));
+  EXPECT_EQ(study("same-different", "simulated:dprime=1", "out").exit_code, 2);
+  EXPECT_EQ(study("abx", "simulated:dprime=2", "out").exit_code, 2);
+  const ProcessOutcome other = study("abx", "simulated:dprime=1", "out", {"--participant", "P02"});
+  EXPECT_EQ(other.exit_code, 2);
+  EXPECT_NE(other.err.find("trials.csv:2"), std::string::npos) << other.err;
+  EXPECT_EQ(file_text(in("out/trials.csv")), before);
+  std::string forged = before;
+  const std::size_t at = forged.find(",practice,");
+  ASSERT_NE(at, std::string::npos);
+  forged.replace(at, std::string(",practice,").size(), ",main,");
+  write_text(in("out/trials.csv"), forged);
+  EXPECT_EQ(study("abx", "simulated:dprime=1", "out").exit_code, 2);
+  ASSERT_EQ(study("abx", "simulated:dprime=1", "second", {"--participant", "P02"}).exit_code, 0);
+  ASSERT_EQ(study("abx", "simulated:dprime=1", "first").exit_code, 0);
+  int same = 0, all = 0;
+  const auto first = trials("first"), second = trials("second");
+  for (std::size_t i = 0; i < std::min(first.size(), second.size()); ++i, ++all)
+    same += first[i].at("shown") == second[i].at("shown") ? 1 : 0;
+  EXPECT_LT(same, all) << "participants have orders of their own";
+}
+
+TEST_F(Blinded, ExclusionsAreThoseRegistered) {
+  ASSERT_EQ(study("abx", "simulated:dprime=2:missed=0.3", "out").exit_code, 0);
+  const json found = document("out");
+  int excluded = 0;
+  for (const auto& row : trials("out")) {
+    if (row.at("kind") == "practice") continue;
+    EXPECT_EQ(row.at("excluded"), row.at("missed_deadlines") != "0"     ? "missed deadline"
+                                  : std::stod(row.at("answer_s")) < 0.2 ? "too fast"
+                                                                        : "");
+    excluded += row.at("excluded").empty() ? 0 : 1;
+  }
+  EXPECT_GT(excluded, 5);
+  EXPECT_EQ(found["trials"]["excluded"], excluded);
+  EXPECT_EQ(found["difference"]["trials"], found["trials"]["main"]);
+  // Who misses the catch trials counts for nothing, and the report says so.
+  ASSERT_EQ(study("abx", "simulated:dprime=0:catch_dprime=0", "asleep").exit_code, 0);
+  const json asleep = document("asleep");
+  EXPECT_FALSE(asleep["participant_excluded"].get<std::string>().empty());
+  EXPECT_EQ(asleep["warnings"].size(), 1u);
+}
+
+TEST_F(Blinded, WrongPlansNameLineAndRemedy) {
+  const struct {
+    const char *example, *from, *to, *line, *says;
+  } kWrong[] = {
+      {"abx", "task = \"abx\"", "task = \"abc\"", ":3", "abx"},
+      {"abx", "count = 80", "count = 81", ":12", "multiple of 4"},
+      {"abx", "a = \"cloud\"", "a = \"clud\"", ":8", "cloud"},
+      {"abx", "b = \"cloud-smooth\"", "b = \"cloud\"", ":9", "same"},
+      {"abx", "practice = 4", "practise = 4", ":13", "practice"},
+      {"abx", "[compare]", "[compares]", "", "[compare]"},
+      {"constant", "task = \"2ifc\"", "task = \"yes-no\"", ":3", "2ifc"},
+      {"constant", "key = \"stiffness\"", "key = \"stifness\"", ":9", "stiffness"},
+      {"constant", "levels = [0.02, 0.035", "levels = [0.2, 0.035", ":17", "rise"},
+      {"staircase", "reversals = 14", "reversals = 4", ":21", "reversals"},
+      {"staircase", "[up_down]", "[updown]", "", "up_down"},
+      {"psi", "low = 0.005", "low = 5.0", "", "low"},
+      {"psi", "title = ", "title == ", ":2", "TOML"},
+  };
+  for (const auto& wrong : kWrong) {
+    const std::string plan = changed(wrong.example, wrong.from, wrong.to);
+    const ProcessOutcome run = study(plan, "simulated:dprime=1", "out");
+    EXPECT_EQ(run.exit_code, 2) << wrong.to << run.out;
+    EXPECT_NE(run.err.find(plan + wrong.line), std::string::npos) << wrong.to << ": " << run.err;
+    EXPECT_NE(run.err.find(wrong.says), std::string::npos) << wrong.to << ": " << run.err;
+    EXPECT_FALSE(std::filesystem::exists(in("out"))) << wrong.to;
+  }
+  EXPECT_EQ(study("abx", "person", "out").exit_code, 2);
+  EXPECT_EQ(study("abx", "simulated:jnd=0.1", "out").exit_code, 2);
+  EXPECT_EQ(study("psi", "simulated:dprime=1", "out").exit_code, 2);
+  EXPECT_EQ(study("abc", "simulated:dprime=1", "out").exit_code, 2);
+  EXPECT_EQ(study("abx", "simulated:dprime=1", "out", {"--participant", "Jane Doe"}).exit_code, 2);
+  EXPECT_FALSE(std::filesystem::exists(in("out")));
+}
+
+}  // namespace
+}  // namespace palpate::experiments

@@ -1,0 +1,452 @@
+// The window as a person sees it: input is put in, the picture is read back and compared by what is in it.
+#include "experiments/window/window.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdlib>
+#include <thread>
+#include <vector>
+
+#include "device/servo/servo_thread.h"
+#include "experiments/window/mouse_hand.h"
+#include "experiments/window/overlay.h"
+#include "experiments/window/screenshot.h"
+#include "tests/experiments/program.h"
+#include "tests/experiments/window_rig.h"
+
+namespace palpate::experiments {
+namespace {
+
+const char* const kWaves = "sinusoid:points=10201:extent_mm=60:wavelength_mm=30:amplitude_mm=3";
+
+/// Where tests leave their pictures for people; empty: nowhere.
+std::string picture_folder() {
+  const char* folder = std::getenv("PALPATE_PICTURES");
+  return folder != nullptr ? folder : "";
+}
+
+class WindowTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    WindowOptions options;
+    options.paced = false;
+    auto opened = Window::open(link, options);
+    if (!opened)
+      GTEST_SKIP() << "needs a display with OpenGL 3.3, which xvfb-run gives: " << opened.error().message();
+    window = std::move(*opened);
+  }
+  void TearDown() override {
+    if (window && !picture_folder().empty()) {
+      const auto* info = testing::UnitTest::GetInstance()->current_test_info();
+      (void)window->screenshot(picture_folder() + "/" + info->name() + ".png");
+    }
+  }
+  /// Until every point is drawn and nothing is awaited.
+  void settle() {
+    constexpr int kMostFrames = 2'000;
+    for (int i = 0; i < kMostFrames; ++i) {
+      ASSERT_TRUE(window->frame());
+      const SplatDrawer& splats = window->scene().splats();
+      if (*window->scene().awaited() == '\0' && splats.points() > 0 && splats.drawn() == splats.points())
+        return;
+    }
+    FAIL() << "the picture was never whole";
+  }
+  [[nodiscard]] Pixel seen(const Vec3& world_mm) const {
+    return *project(window->camera().clip_from_world(window->view_width(), window->view_height()), world_mm,
+                    window->view_width(), window->view_height());
+  }
+  void point_at(const Vec3& world_mm) {
+    const Pixel at = seen(world_mm);
+    window->mouse_at(at.x, at.y);
+  }
+
+  SessionLink link;
+  std::unique_ptr<Window> window;
+};
+
+bool is_paper(const std::uint8_t* pixel) {
+  return pixel[0] < 60 && pixel[1] < 65 && pixel[2] < 70;
+}
+
+double apart(const std::uint8_t* pixel, const std::array<std::uint8_t, 3>& colour) {
+  double sum = 0.0;
+  for (std::size_t k = 0; k < 3; ++k)
+    sum = std::max(sum, std::abs(static_cast<double>(pixel[k]) - colour[k]));
+  return sum;
+}
+
+/// The middle of all pixels of a colour left of the panel, and how many.
+struct Spot {
+  double x = 0.0, y = 0.0;
+  int count = 0;
+};
+Spot spot_of(const ColourImage& image, const std::array<std::uint8_t, 3>& colour, double width) {
+  Spot spot;
+  for (int y = 0; y < image.height; ++y)
+    for (int x = 0; x < static_cast<int>(width); ++x) {
+      if (apart(image.at(x, y), colour) > 6.0) continue;
+      spot.x += x;
+      spot.y += y;
+      ++spot.count;
+    }
+  if (spot.count > 0) {
+    spot.x /= spot.count;
+    spot.y /= spot.count;
+  }
+  return spot;
+}
+
+TEST_F(WindowTest, PointsStandWhereTheModelProjects) {
+  VirtualSession virtual_session(kWaves);
+  virtual_session.session.show_in(link);
+  settle();
+  window->panel().workspace = false;
+  ASSERT_TRUE(window->frame());
+  const ColourImage image = window->picture();
+  const cloud::Cloud& cloud = *virtual_session.session.input().models.front().cloud;
+  int seen_points = 0, painted = 0;
+  for (std::size_t i = 0; i < cloud.size(); i += 101) {
+    const Pixel at = seen(cloud.point_mm(i));
+    ++seen_points;
+    painted += is_paper(image.at(static_cast<int>(at.x), static_cast<int>(at.y))) ? 0 : 1;
+  }
+  EXPECT_EQ(painted, seen_points) << "where a point is, nothing was drawn";
+  // And nothing where none is: at places of the picture farther from every point than a splat is wide.
+  constexpr double kSplatPx = 16.0;
+  std::vector<Pixel> places;
+  for (std::size_t i = 0; i < cloud.size(); ++i) places.push_back(seen(cloud.point_mm(i)));
+  int stray = 0, empty = 0;
+  for (int y = 20; y < image.height; y += 40)
+    for (int x = 20; x < static_cast<int>(window->view_width()); x += 40) {
+      const bool far = std::none_of(places.begin(), places.end(), [&](const Pixel& p) {
+        return std::abs(p.x - x) < kSplatPx && std::abs(p.y - y) < kSplatPx;
+      });
+      if (!far) continue;
+      ++empty;
+      stray += is_paper(image.at(x, y)) ? 0 : 1;
+    }
+  EXPECT_GT(empty, 50);
+  EXPECT_EQ(stray, 0);
+}
+
+TEST_F(WindowTest, ColoursAreThoseOfWhatWasChosen) {
+  VirtualSession virtual_session("sinusoid:points=10201:extent_mm=60:wavelength_mm=60:amplitude_mm=6");
+  virtual_session.session.show_in(link);
+  settle();
+  window->panel().workspace = false;
+  window->panel().lit = false;
+  window->scene().colour(ColourBy::kHeight);
+  settle();
+  ASSERT_TRUE(window->frame());
+  const ColourImage image = window->picture();
+  const cloud::Cloud& cloud = *virtual_session.session.input().models.front().cloud;
+  const ColourScale& scale = window->scene().scale();
+  EXPECT_NEAR(scale.high - scale.low, cloud.box_mm().extent_mm().z(), 1e-4);
+  int right = 0, looked = 0;
+  for (std::size_t i = 0; i < cloud.size(); i += 97) {
+    const Pixel at = seen(cloud.point_mm(i));
+    const auto hit = window->scene().splats().at(at.x, at.y);
+    // Behind a hill another point is seen.
+    if (!hit || (hit->place_mm - cloud.point_mm(i)).norm() > 1.5) continue;
+    const Rgba expected = ramp((cloud.point_mm(i).z() - scale.low) / (scale.high - scale.low));
+    ++looked;
+    right += apart(image.at(static_cast<int>(at.x), static_cast<int>(at.y)),
+                   {expected[0], expected[1], expected[2]}) < 40.0
+                 ? 1
+                 : 0;
+  }
+  EXPECT_GT(looked, 60);
+  EXPECT_GT(right, 95 * looked / 100);
+  // Points of a formula lie on it: one colour, and no error beyond rounding.
+  window->scene().colour(ColourBy::kError);
+  settle();
+  EXPECT_LT(window->scene().scale().high, 1e-3);
+  window->scene().colour(ColourBy::kFile);
+  settle();
+  EXPECT_FALSE(window->scene().scale().nothing.empty()) << "a generated model has no columns";
+}
+
+TEST_F(WindowTest, GoesOnWithThePictureAndBeginsAnewWhenTheCameraMoves) {
+  VirtualSession virtual_session("sinusoid:points=400000");
+  virtual_session.session.show_in(link);
+  ASSERT_TRUE(window->frame());
+  const SplatDrawer& splats = window->scene().splats();
+  const std::size_t first = splats.drawn();
+  EXPECT_GT(first, 0u);
+  EXPECT_LT(first, splats.points()) << "all at once: nothing to go on with";
+  ASSERT_TRUE(window->frame());
+  EXPECT_GT(splats.drawn(), first);
+  settle();
+  const std::uint64_t begun = splats.begun();
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(window->frame());
+  EXPECT_EQ(splats.begun(), begun) << "nothing moved";
+  Camera camera = window->camera();
+  camera.turn(0.1, 0.0);
+  window->look_from(camera);
+  ASSERT_TRUE(window->frame());
+  EXPECT_EQ(splats.begun(), begun + 1);
+  EXPECT_LT(splats.drawn(), splats.points());
+}
+
+TEST_F(WindowTest, TheMouseHoversPressesAndTheArrowIsTheForce) {
+  VirtualSession virtual_session(kWaves);
+  WindowSession& session = virtual_session.session;
+  session.show_in(link);
+  virtual_session.run(0.6);  // the governor's soft start
+  settle();
+  const Vec3 place_mm = session.input().models.front().cloud->point_mm(5050);
+  point_at(place_mm);
+  const auto live = [&](double seconds) {
+    for (double t = 0.0; t < seconds; t += 0.02) {
+      virtual_session.run(0.02);
+      ASSERT_TRUE(window->frame());
+    }
+  };
+  live(1.0);
+  const WatchedTick hovering = window->drawn_tick();
+  EXPECT_FALSE(hovering.tick.frame.contact);
+  EXPECT_NEAR((hovering.tick.hip_mm - place_mm).norm(), MouseHand::kHoverMm, 0.6)
+      << "over the place under the cursor";
+  window->mouse_button(Window::Button::kLeft, true);
+  live(1.0);
+  const WatchedTick pressing = window->drawn_tick();
+  ASSERT_TRUE(pressing.tick.frame.contact);
+  const double force_n = pressing.tick.sent_n.norm();
+  EXPECT_GT(force_n, 0.2);
+  // The same numbers: what a spring of the surface's stiffness gives, through the governor as it stands.
+  EXPECT_NEAR(
+      force_n,
+      session.stiffness_n_per_mm() * (pressing.tick.frame.god_object_mm - pressing.tick.hip_mm).norm(), 0.02);
+  window->panel().workspace = false;
+  const ColourImage image = window->picture();
+  const Spot arrow = spot_of(image, kForceColour, window->view_width());
+  const Pixel god_object = seen(pressing.tick.frame.god_object_mm);
+  const Pixel tip = seen(pressing.tick.frame.god_object_mm + pressing.tick.sent_n);
+  ASSERT_GT(arrow.count, 30) << "no arrow";
+  const double along = std::hypot(tip.x - god_object.x, tip.y - god_object.y);
+  const double cosine = ((arrow.x - god_object.x) * (tip.x - god_object.x) +
+                         (arrow.y - god_object.y) * (tip.y - god_object.y)) /
+                        (along * std::hypot(arrow.x - god_object.x, arrow.y - god_object.y));
+  EXPECT_GT(cosine, 0.99) << "the arrow does not point as the force does";
+  // The wheel presses deeper, and the force grows.
+  window->wheel(4.0);
+  live(0.6);
+  EXPECT_GT(window->drawn_tick().tick.sent_n.norm(), 1.2 * force_n);
+  window->mouse_button(Window::Button::kLeft, false);
+  live(0.6);
+  EXPECT_FALSE(window->drawn_tick().tick.frame.contact);
+  EXPECT_GT(link.view().felt_s, 0.0) << "the first touch was noticed";
+  window->mouse_button(Window::Button::kLeft, true);
+  live(0.6);
+}
+
+TEST_F(WindowTest, PlotsMoveAndAButtonSwitches) {
+  VirtualSession virtual_session(kWaves);
+  virtual_session.session.show_in(link);
+  virtual_session.run(1.0);
+  settle();
+  const std::size_t samples = window->history().samples().size();
+  EXPECT_GT(samples, 990u);
+  const ColourImage before = window->picture();
+  virtual_session.session.hand().aim(Vec3(0.0, 0.0, -4.0));
+  virtual_session.run(2.0);
+  ASSERT_TRUE(window->frame());
+  const ColourImage after = window->picture();
+  EXPECT_GT(window->history().samples().size(), samples + 1900);
+  // The force plot's ink has moved, within the panel.
+  const auto ink = [&](const ColourImage& image) {
+    std::vector<int> of_column;
+    for (int x = static_cast<int>(window->view_width()); x < image.width; ++x) {
+      int highest = 0;
+      for (int y = 0; y < image.height && highest == 0; ++y)
+        if (apart(image.at(x, y), kForceColour) < 12.0) highest = y;
+      of_column.push_back(highest);
+    }
+    return of_column;
+  };
+  const std::vector<int> first = ink(before), second = ink(after);
+  EXPECT_GT(std::count_if(first.begin(), first.end(), [](int y) { return y > 0; }), 20);
+  EXPECT_NE(first, second);
+  // The second renderer's button.
+  ASSERT_EQ(window->drawn_tick().mixed.tracked[window->drawn_tick().mixed.felt].lane, 0);
+  virtual_session.session.hand().aim(Vec3(0.0, 0.0, 15.0));
+  virtual_session.run(1.5);
+  window->key('2', true);
+  window->key('2', false);
+  virtual_session.run(1.5);
+  ASSERT_TRUE(window->frame());
+  EXPECT_EQ(window->drawn_tick().mixed.tracked[window->drawn_tick().mixed.felt].lane, 1);
+  // By the mouse, where the button's words are: back to the first.
+  bool pressed = false;
+  for (int y = 60; y < 260 && !pressed; y += 6) {
+    window->mouse_at(window->view_width() + 100.0, y);
+    ASSERT_TRUE(window->frame());
+    window->mouse_button(Window::Button::kLeft, true);
+    ASSERT_TRUE(window->frame());
+    window->mouse_button(Window::Button::kLeft, false);
+    ASSERT_TRUE(window->frame());
+    virtual_session.run(0.5);
+    ASSERT_TRUE(window->frame());
+    pressed = window->drawn_tick().mixed.tracked[window->drawn_tick().mixed.felt].lane == 0;
+  }
+  EXPECT_TRUE(pressed) << "no button answered the mouse";
+}
+
+TEST_F(WindowTest, AFaultIsShownWithItsRemedyAndTheButtonArmsAgain) {
+  VirtualSession virtual_session(kWaves);
+  virtual_session.session.show_in(link, [&] { virtual_session.loop().request_rearm(); });
+  virtual_session.run(0.6);
+  settle();
+  const ColourImage before = window->picture();
+  // A tick that comes a tenth of a second late is a fault of the governor.
+  virtual_session.clock.advance(0.1);
+  virtual_session.loop().tick();
+  ASSERT_TRUE(window->frame());
+  ASSERT_EQ(window->drawn_tick().tick.fault, device::Fault::kLate);
+  ASSERT_TRUE(window->frame());
+  const ColourImage faulted = window->picture();
+  if (!picture_folder().empty()) (void)write_png(faulted, picture_folder() + "/fault.png");
+  const auto red = [](const ColourImage& image) {
+    const std::uint8_t* pixel = image.at(500, 8);
+    return pixel[0] > 100 && pixel[1] < 60;
+  };
+  EXPECT_FALSE(red(before));
+  EXPECT_TRUE(red(faulted)) << "no banner";
+  // Its button is the only one over the cloud.
+  bool armed = false;
+  for (int y = 30; y < 90 && !armed; y += 8) {
+    window->mouse_at(60.0, y);
+    ASSERT_TRUE(window->frame());
+    window->mouse_button(Window::Button::kLeft, true);
+    ASSERT_TRUE(window->frame());
+    window->mouse_button(Window::Button::kLeft, false);
+    ASSERT_TRUE(window->frame());
+    virtual_session.run(0.1);
+    ASSERT_TRUE(window->frame());
+    armed = window->drawn_tick().tick.fault == device::Fault::kNone;
+  }
+  EXPECT_TRUE(armed);
+  for (int fault = 1; fault <= static_cast<int>(device::Fault::kOutOfRange); ++fault)
+    EXPECT_STRNE(fault_remedy(static_cast<device::Fault>(fault)), "");
+}
+
+TEST_F(WindowTest, ShowsWhatIsNearTheTouchedPlaceOnRequest) {
+  VirtualSession virtual_session("sinusoid:points=2601:extent_mm=60:wavelength_mm=60:amplitude_mm=3");
+  virtual_session.session.show_in(link);
+  virtual_session.run(0.6);
+  settle();
+  virtual_session.session.hand().aim(Vec3(2.0, 3.0, -4.0));
+  virtual_session.run(1.0);
+  window->panel().workspace = false;
+  ASSERT_TRUE(window->frame());
+  ASSERT_TRUE(window->drawn_tick().tick.frame.contact);
+  const double width = window->view_width();
+  EXPECT_EQ(spot_of(window->picture(), kNearColour, width).count, 0);
+  window->panel().near = {true, true, true};
+  for (int i = 0; i < 50; ++i) {
+    ASSERT_TRUE(window->frame());
+    settle();
+  }
+  const ColourImage image = window->picture();
+  const Pixel god_object = seen(window->drawn_tick().tick.frame.god_object_mm);
+  const Spot near = spot_of(image, kNearColour, width);
+  ASSERT_GT(near.count, 30);
+  EXPECT_LT(std::hypot(near.x - god_object.x, near.y - god_object.y), 25.0) << "about the touched place";
+}
+
+TEST_F(WindowTest, TheServoTicksOnWhileTheWindowStandsStill) {
+  MonotonicClock clock;
+  WindowSession session(kWaves, {"cloud"}, clock);
+  device::ServoThreadOptions options;
+  options.free_mm = Vec3(0.0, 0.0, 10.0);
+  const std::vector<device::TickObserver*> observers = {&session.feed()};
+  auto thread = device::ServoThread::create(session.servo(), clock, options, observers).value();
+  ASSERT_TRUE(thread->start().ok());
+  session.show_in(link, [&] { thread->request_rearm(); });
+  for (int i = 0; i < 5; ++i) ASSERT_TRUE(window->frame());
+  const std::uint64_t before = session.feed().ticks(), drawn = window->drawn_tick().ticks;
+  std::this_thread::sleep_for(std::chrono::seconds(2));  // the window's thread stands still
+  const std::uint64_t after = session.feed().ticks();
+  const device::LoopStatistics loop = thread->histograms().statistics();
+  EXPECT_EQ(window->drawn_tick().ticks, drawn);
+  // Each of the 2,000 periods was either ticked or, on a machine that gave it no time, counted as missed.
+  EXPECT_GE(after - before + loop.missed, 1'900u);
+  EXPECT_GT(after - before, 0u);
+  ASSERT_TRUE(window->frame());
+  EXPECT_GE(window->drawn_tick().ticks, after) << "the newest tick is shown, not one of the past";
+  EXPECT_EQ(session.feed().samples().lost(), 0u) << "two seconds fit into the ring";
+  link.ended();
+  thread->stop();
+}
+
+TEST(HandGuide, FollowsSmoothlyAndNoFasterThanAHand) {
+  using device::HandGuide;
+  HandGuide guide(Vec3::Zero());
+  guide.aim(Vec3(100.0, 0.0, 0.0));
+  double last_mm = 0.0;
+  for (int ms = 1; ms <= 1'000; ++ms) {
+    const device::Goal goal = guide.at(1e-3 * ms);
+    EXPECT_GE(goal.position_mm.x(), last_mm) << "never back";
+    EXPECT_LE(goal.position_mm.x() - last_mm, 1e-3 * HandGuide::kFastestMmS + 1e-12);
+    EXPECT_LE(goal.velocity_mm_s.norm(), HandGuide::kFastestMmS + 1e-9);
+    last_mm = goal.position_mm.x();
+  }
+  EXPECT_NEAR(last_mm, 100.0, 1e-3) << "it arrives";
+  // What is no place is not gone to, and a pause is no jump.
+  guide.aim(Vec3(std::nan(""), 0.0, 0.0));
+  EXPECT_EQ(guide.at(1.1).position_mm.x(), last_mm);
+  guide.aim(Vec3::Zero());
+  EXPECT_GE(guide.at(60.0).position_mm.x(), last_mm - HandGuide::kFastestMmS * HandGuide::kLongestS);
+  // A new session begins at 0 where the hand is.
+  const double there_mm = guide.at(60.001).position_mm.x();
+  EXPECT_EQ(guide.at(0.0).position_mm.x(), there_mm);
+}
+
+class LiveInAWindow : public InFolder {};
+
+TEST_F(LiveInAWindow, OpensPreparesTouchesAndEndsByItself) {
+  {
+    SessionLink link;
+    const auto window = Window::open(link, {});
+    if (!window) GTEST_SKIP() << window.error().message();
+  }
+  const ProcessOutcome run = palpate_command({"live", kWaves, "--renderers", "cloud", "--window", "--hand",
+                                              "press", "--seconds", "6", "--out", in("out")});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_NE(run.err.find("touchable after"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("first touch after"), std::string::npos) << run.err;
+  EXPECT_NE(file_text(in("out/live.json")).find("\"hand\": \"press\""), std::string::npos);
+}
+
+TEST_F(LiveInAWindow, WhatCannotBeIsRefusedWithAReason) {
+  const auto refused = [&](std::vector<std::string> more) {
+    std::vector<std::string> arguments = {"live", kWaves, "--renderers", "cloud", "--out", in("out")};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const ProcessOutcome run = palpate_command(arguments);
+    EXPECT_EQ(run.exit_code, 2) << run.err;
+    return run.err;
+  };
+  EXPECT_NE(refused({"--window", "--accelerated"}).find("--accelerated"), std::string::npos);
+  EXPECT_NE(refused({"--window", "--headless"}).find("--headless"), std::string::npos);
+  EXPECT_NE(refused({"--hand", "mouse"}).find("--window"), std::string::npos);
+}
+
+TEST(WindowFeed, LosesSamplesAndNothingElseWhereNobodyReads) {
+  VirtualSession virtual_session(kWaves, {"cloud"});
+  virtual_session.run(20.0);
+  WindowFeed& feed = virtual_session.session.feed();
+  EXPECT_EQ(feed.ticks(), 20'001u);
+  EXPECT_EQ(feed.samples().lost(), 20'001u - SampleRing::kSize);
+  ASSERT_TRUE(feed.acquire());
+  EXPECT_EQ(feed.newest().ticks, 20'001u);
+  std::vector<TickSample> samples;
+  EXPECT_EQ(feed.samples().drain(samples), SampleRing::kSize);
+  for (std::size_t i = 1; i < samples.size(); ++i) ASSERT_GT(samples[i].t_s, samples[i - 1].t_s);
+}
+
+}  // namespace
+}  // namespace palpate::experiments

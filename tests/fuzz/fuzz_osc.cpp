@@ -1,0 +1,38 @@
+// Bytes as a message of Open Sound Control, and as what it asks of a session.
+#include <cstdint>
+#include <cstdlib>
+#include <span>
+#include <string_view>
+
+#include "device/live/remote_command.h"
+
+namespace palpate::device {
+namespace {
+
+void osc_must(bool sound) {
+  if (!sound) std::abort();
+}
+
+bool lies_in(std::string_view text, std::span<const std::uint8_t> bytes) {
+  const auto* const begin = reinterpret_cast<const char*>(bytes.data());
+  return text.empty() || (text.data() >= begin && text.data() + text.size() <= begin + bytes.size());
+}
+
+}  // namespace
+}  // namespace palpate::device
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace palpate::device;
+  const std::span<const std::uint8_t> bytes(data, size);
+  const auto message = read_osc(bytes);
+  if (!message) return 0;
+  osc_must(size % 4 == 0 && message->address.starts_with('/') && lies_in(message->address, bytes));
+  osc_must(message->count <= OscMessage::kMostArguments);
+  for (std::size_t i = 0; i < message->count; ++i) osc_must(lies_in(message->arguments[i].text, bytes));
+  const auto command = command_of(*message);
+  if (!command) return 0;
+  osc_must(command->text.size() <= kMostRemoteText);
+  if (command->kind == RemoteCommand::Kind::kSelect)
+    osc_must((command->number > 0) != !command->text.empty());
+  return 0;
+}

@@ -1,0 +1,17 @@
+// Bytes as a line of JSON that asks something of a session.
+#include <cstdint>
+#include <cstdlib>
+#include <string_view>
+
+#include "experiments/live/remote_json.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using palpate::device::RemoteCommand;
+  const std::string_view line(reinterpret_cast<const char*>(data), size);
+  const auto command = palpate::experiments::command_of_json(line);
+  if (!command) return 0;
+  if (command->text.size() > palpate::device::kMostRemoteText) std::abort();
+  if (command->kind == RemoteCommand::Kind::kSelect && (command->number > 0) == !command->text.empty())
+    std::abort();
+  return 0;
+}
