@@ -45,8 +45,8 @@ struct UsbLink::Io {
   struct Out {
     Io* io = nullptr;
     UsbTransfer transfer;
-    LinkPacket packet;
-    std::uint64_t number = 0;
+    CommandBytes command;
+    std::uint64_t number = 0;  // so many were submitted up to it
     bool flying = false;
   };
 
@@ -56,11 +56,7 @@ struct UsbLink::Io {
   std::array<Out, kInFlight> outs;
   std::thread thread;
   std::atomic<bool> stopping{false};
-  // The thread's:
-  LinkPacket newest;  // of those that wait
-  bool waiting = false;
-  std::uint64_t number = 0;  // of the newest, counted as submit() does
-  bool cancelling = false;
+  bool cancelling = false;  // the thread's
   int errors_in_a_row = 0;
 
   [[nodiscard]] Status prepare();
@@ -98,7 +94,7 @@ Status UsbLink::Io::prepare() {
     out.transfer.reset(libusb_alloc_transfer(0));
     if (!out.transfer) return Error{"no memory for USB transfers", "close other programs", link.name_, 0};
     libusb_fill_bulk_transfer(
-        out.transfer.get(), session.handle(), link.interface_.out, out.packet.bytes.data(), 0,
+        out.transfer.get(), session.handle(), link.interface_.out, out.command.bytes.data(), 0,
         [](libusb_transfer* done) {
           Out& ended = *static_cast<Out*>(done->user_data);
           ended.io->departed(ended);
@@ -151,25 +147,18 @@ void UsbLink::Io::departed(Out& out) noexcept {
 
 /// The newest of what frames have submitted goes to the kernel when that has room.
 void UsbLink::Io::send_newest() noexcept {
-  while (link.commands_.pop(newest)) {
-    if (std::exchange(waiting, true)) link.counts_.overtaken.fetch_add(1, std::memory_order_relaxed);
-    ++number;
-  }
-  if (!waiting || link.gone_.load(std::memory_order_relaxed)) return;
   for (Out& out : outs) {
     if (out.flying) continue;
-    waiting = false;
-    out.packet = newest;
-    out.number = number;
-    out.transfer->length = static_cast<int>(newest.size);
+    out.number = link.counts_.accepted.load(std::memory_order_acquire);
+    if (link.gone_.load(std::memory_order_relaxed) || !link.command_.take(out.command)) return;
+    out.transfer->length = static_cast<int>(out.command.size);
     const int failed = libusb_submit_transfer(out.transfer.get());
     out.flying = failed == LIBUSB_SUCCESS;
-    if (out.flying) return;
-    link.counts_.done.store(number, std::memory_order_release);
+    if (out.flying) continue;
+    link.counts_.done.store(out.number, std::memory_order_release);
     link.counts_.out_errors.fetch_add(1, std::memory_order_relaxed);
     if (!endured(failed == LIBUSB_ERROR_NO_DEVICE ? LIBUSB_TRANSFER_NO_DEVICE : LIBUSB_TRANSFER_ERROR))
       lost();
-    return;
   }
 }
 
@@ -218,7 +207,7 @@ void UsbLink::Io::drain() noexcept {
   const Stopwatch watch;
   do {
     send_newest();
-    if (!waiting && !out_flying()) break;
+    if (link.command_.empty() && !out_flying()) break;
     handle_events(1);
   } while (!link.gone_.load(std::memory_order_relaxed) && watch.ms() < kUsbDrainMs);
   cancelling = true;
@@ -253,10 +242,9 @@ Status UsbLink::open() {
   auto io = std::make_unique<Io>(*this);
   PALPATE_TRY(io->session.open(address_, interface_, name_));
   PALPATE_TRY(io->prepare());
-  LinkPacket old;
-  while (commands_.pop(old)) {
-  }
-  io->number = counts_.accepted.load();
+  CommandBytes old;
+  static_cast<void>(command_.take(old));
+  counts_.done.store(counts_.accepted.load());
   packets_.clear();
   taken_ = 0;
   gone_.store(false);
@@ -288,7 +276,7 @@ void UsbLink::close() noexcept {
 
 bool UsbLink::submit(std::span<const std::uint8_t> bytes) noexcept {
   if (!open_.load(std::memory_order_acquire) || gone_.load(std::memory_order_acquire)) return false;
-  if (!commands_.push(bytes)) {
+  if (bytes.size() > kLinkPacketBytes || !command_.put(bytes)) {
     counts_.refused.fetch_add(1, std::memory_order_relaxed);
     return false;
   }
@@ -369,7 +357,7 @@ UsbLinkCounters UsbLink::counters() const noexcept {
   const auto of = [](const std::atomic<std::uint64_t>& count) {
     return count.load(std::memory_order_relaxed);
   };
-  return {of(counts_.received), of(counts_.overrun),   of(counts_.sent),      of(counts_.overtaken),
+  return {of(counts_.received), of(counts_.overrun),   of(counts_.sent),      command_.replaced(),
           of(counts_.refused),  of(counts_.in_errors), of(counts_.out_errors)};
 }
 

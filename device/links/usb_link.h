@@ -1,15 +1,13 @@
 // A device on USB, through libusb-1.0: packets in and out by two bulk or interrupt endpoints.
 //
 // libusb allocates and locks in every submission of a transfer, so no frame may call it. A thread of the
-// link's own does: it keeps two 64-byte IN transfers queued, sends what submit() has put into a queue without
-// locks, and puts what comes into a ring. Frames touch queue, ring and an eventfd, nothing else.
+// link's own does: it keeps two 64-byte IN transfers queued, sends the newest command that submit() has left,
+// and puts what comes into a ring. Frames touch that command's place, the ring and an eventfd, nothing else.
 //
-// Of what is commanded the newest goes out. Two commands are with the kernel at most; meanwhile a newer one
-// overtakes the one that waits, so that a device that is slower than the frames is late by what it takes for
-// three packets, and never by a queue. submit() says false where eight came before the thread once looked, or
-// the device is gone: the next frame has a newer one, and a watchdog repeats its zero. Who needs every
-// command taken waits for its answer before the next. Nothing is sent twice. A program that is being stopped
-// waits until what was submitted before is out (at_stop.h), 0.1 s at most.
+// Two commands are with the kernel at most; meanwhile a newer one overtakes the one that waits, so that a
+// device that is slower than the frames is late by what it takes for three packets, and never by a queue. Who
+// needs every command taken waits for its answer before the next. Nothing is sent twice. A program that is
+// being stopped waits until what was submitted before is out (at_stop.h), 0.1 s at most.
 #pragma once
 
 #include <atomic>
@@ -19,7 +17,8 @@
 #include <vector>
 
 #include "device/links/control_link.h"
-#include "device/links/packet_rings.h"
+#include "device/links/newest_command.h"
+#include "device/links/packet_ring.h"
 #include "toolkit/core/at_stop.h"
 
 namespace palpate::device {
@@ -57,14 +56,14 @@ struct UsbLinkCounters {
   std::uint64_t overrun = 0;    ///< packets that came while nobody took them, and are gone
   std::uint64_t sent = 0;       ///< commands that the device took
   std::uint64_t overtaken = 0;  ///< commands that waited until a newer one came
-  std::uint64_t refused = 0;    ///< commands that found no room
+  std::uint64_t refused = 0;    ///< commands that were too long, or of too many threads at once
   std::uint64_t in_errors = 0;  ///< transfers that failed, the device being there
   std::uint64_t out_errors = 0;
 };
 
 class UsbLink final : public ControlLink {
  public:
-  static constexpr std::size_t kInTransfers = 2, kInFlight = 2, kQueued = 8, kRing = 64;
+  static constexpr std::size_t kInTransfers = 2, kInFlight = 2, kRing = 64;
   /// Of the link's thread: above the servo's 80, which waits for it, below the watchdog's 85.
   static constexpr int kPriority = 83;
 
@@ -98,12 +97,11 @@ class UsbLink final : public ControlLink {
   // Alive as long as this, so that submit() may be called at any time.
   int wake_ = -1;
   std::atomic<bool> open_{false}, gone_{false};
-  CommandQueue<kQueued> commands_;
+  NewestCommand command_;
   PacketRing<kRing> packets_;
   std::size_t taken_ = 0;  ///< bytes of the ring's first packet that poll has given
   struct Counts {
     std::atomic<std::uint64_t> received{0}, overrun{0}, sent{0}, refused{0}, in_errors{0}, out_errors{0};
-    std::atomic<std::uint64_t> overtaken{0};
     // Commands that submit() took, and how many of them, from the first on, wait no more.
     std::atomic<std::uint64_t> accepted{0}, done{0};
   } counts_;

@@ -63,8 +63,9 @@ class Meter {
     result.most_ms = share_of(times_ms_, 1.0);
     result.malformed = reader_.malformed();
     result.overrun = link_.counters().overrun;
-    result.overtaken = link_.counters().overtaken - overtaken_before_;
-    result.lost -= std::min(result.lost, result.overtaken);
+    // The probe's last packet may be among those that were overtaken.
+    result.overtaken = std::min(result.lost, link_.counters().overtaken - overtaken_before_);
+    result.lost -= result.overtaken;
     return result;
   }
   RoundTrips result;

@@ -127,7 +127,6 @@ void FalconBoard::take_packet(std::uint8_t byte) {
   }
   held_ = *command;
   ++commands_;
-  if (holds_force()) ++pushed_;
   if (faults.deaf_for > 0) {
     --faults.deaf_for;
     return;

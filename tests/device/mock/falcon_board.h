@@ -56,7 +56,6 @@ class FalconBoard {
   [[nodiscard]] const FalconCommand& held() const { return held_; }
   [[nodiscard]] bool holds_force() const { return held_.motors != std::array<int, 3>{}; }
   [[nodiscard]] std::uint64_t commands() const { return commands_; }
-  [[nodiscard]] std::uint64_t pushed() const { return pushed_; }    ///< commands that were not zero
   [[nodiscard]] std::uint64_t refused() const { return refused_; }  ///< bytes that made no command
   [[nodiscard]] const std::vector<std::uint8_t>& loaded() const { return loaded_; }
   [[nodiscard]] int resets() const { return resets_; }
@@ -78,7 +77,7 @@ class FalconBoard {
   std::int64_t sent_ns_ = 0;  // when the last IN packet went out
   std::vector<std::uint8_t> received_, loaded_;
   FalconCommand held_;
-  std::uint64_t commands_ = 0, refused_ = 0, pushed_ = 0;
+  std::uint64_t commands_ = 0, refused_ = 0;
   int resets_ = 0;
 };
 
