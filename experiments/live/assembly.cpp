@@ -174,8 +174,12 @@ SessionEnd Assembly::ended(const device::LoopHistograms& histograms) {
 Result<SessionEnd> Assembly::run(SessionTasks& tasks, ProgressBar& progress) {
   if (recorder_ != nullptr) observers_.insert(observers_.begin(), recorder_);
   observers_.push_back(&watch_);
+  const std::vector<std::string> facts = device_.facts();
+  if (recorder_ != nullptr)
+    for (const std::string& fact : facts) (void)recorder_->note("device: " + fact);
   Result<SessionEnd> end = clock_.accelerated() ? run_fast(tasks, progress) : run_real(tasks, progress);
   show_said(progress);
+  if (end) end->notes.insert(end->notes.end(), facts.begin(), facts.end());
   return end;
 }
 

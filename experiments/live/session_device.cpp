@@ -109,6 +109,7 @@ Result<SessionDevice> SessionDevice::make(const DeviceChoice& choice, const Cloc
   made.inner_ = std::move(device.device);
   made.device_ = std::make_unique<device::ReplugDevice>(*made.inner_);
   made.unproven_ = std::move(device.unproven);
+  made.facts_ = std::move(device.facts);
   return made;
 }
 
@@ -119,6 +120,13 @@ SessionDevice::~SessionDevice() {
 void SessionDevice::say_unproven() const {
   for (const std::string& what : unproven_)
     fmt::print(stderr, "palpate: not confirmed by hardware: {}\n", what);
+}
+
+std::vector<std::string> SessionDevice::facts() const {
+  std::vector<std::string> sentences;
+  if (!facts_) return sentences;
+  for (const auto& [key, value] : facts_()) sentences.push_back(key + ": " + value);
+  return sentences;
 }
 
 Result<device::DeviceLimits> SessionDevice::limits() {

@@ -2,9 +2,11 @@
 // process that lets its motors go when the program dies.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "device/interface/drivers.h"
@@ -78,6 +80,9 @@ class SessionDevice {
   [[nodiscard]] const std::vector<std::string>& unproven() const noexcept { return unproven_; }
   /// The same on standard error.
   void say_unproven() const;
+  /// What the device says of itself, "key: value" each: filters of its own, calibration, serial number. Once
+  /// it is open, and before a servo has it.
+  [[nodiscard]] std::vector<std::string> facts() const;
   [[nodiscard]] bool guarded() const noexcept { return guard_ != nullptr; }
 
   /// Opens what a driver made, for its limits are known only then; a rig's are known.
@@ -102,6 +107,7 @@ class SessionDevice {
   std::unique_ptr<device::Device> inner_;
   std::unique_ptr<device::ReplugDevice> device_;
   std::vector<std::string> unproven_;
+  std::function<std::vector<std::pair<std::string, std::string>>()> facts_;
 };
 
 }  // namespace palpate::experiments

@@ -123,6 +123,9 @@ inline device::Drivers drivers_with(PacketsPlan& plan) {
              return true;
            };
          made.unproven = {"that its motors let go when its cable is pulled"};
+         made.facts = [] {
+           return std::vector<std::pair<std::string, std::string>>{{"filter", "none of its own"}};
+         };
          return made;
        }});
   return drivers;

@@ -4,11 +4,13 @@
 #include <netinet/in.h>
 #include <sys/socket.h>
 
+#include <algorithm>
 #include <cmath>
 #include <csignal>
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "device/record/recording.h"
 #include "experiments/live/assembly.h"
 #include "experiments/live/live.h"
 #include "experiments/live/recording_session.h"
@@ -95,6 +97,19 @@ TEST_F(LiveDevice, UnpluggedTenTimesInOneSessionOnAVirtualClock) {
   EXPECT_TRUE(said("is back")) << err_;
   EXPECT_EQ(session["guarded"], true);
   EXPECT_EQ(session["recording"]["written"], 36'501);
+  // What the device says of itself is kept with the session.
+  const json& notes = session["notes"];
+  EXPECT_NE(std::find(notes.begin(), notes.end(), "filter: none of its own"), notes.end()) << notes;
+  Result<device::Recording> recording = device::Recording::open(a.record);
+  ASSERT_TRUE(recording) << recording.error().message();
+  device::RecordedTick tick;
+  Result<bool> more = recording->next(tick);
+  while (more && *more) more = recording->next(tick);
+  ASSERT_TRUE(more) << more.error().message();
+  const auto& kept = recording->notes();
+  EXPECT_TRUE(std::any_of(kept.begin(), kept.end(), [](const std::string& note) {
+    return note.find("device: filter: none of its own") != std::string::npos;
+  }));
 }
 
 TEST_F(LiveDevice, UnpluggedTenTimesInRealTimeItComesBackByAnExplicitRearmAlone) {
