@@ -17,8 +17,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uint64_t kMostPlanBytes = 1u << 20;
-
 /// What the observer feels of a trial. This side knows what A and B are; the observer's does not.
 Felt felt_in(const Trial& trial, const Plan& plan, const ObserverOptions& observer) {
   double apart = plan.compares() ? observer.dprime : dprime_of_difference(observer, plan.task, trial.level);

@@ -19,8 +19,7 @@ using scene::Fields;
 using scene::InFile;
 using scene::inner;
 
-constexpr std::uint64_t kMostPlanBytes = 1u << 20;  // a plan is a page
-constexpr std::size_t kLongestCode = 32;            // of a participant: part of every row
+constexpr std::size_t kLongestCode = 32;  // of a participant: part of every row
 const std::vector<std::string> kOptionKinds = {"fixed", "up-down", "psi"};
 // What a scene and a loop have that no renderer names.
 const std::vector<std::string> kSceneKeys = {"stiffness", "spacing", "noise", "rate"};
