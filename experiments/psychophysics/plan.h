@@ -21,6 +21,9 @@ enum class ProcedureKind : std::uint8_t { kFixed, kUpDown, kPsi };
 /// "fixed", "up-down", "psi".
 [[nodiscard]] const char* name_of(ProcedureKind kind) noexcept;
 
+/// A plan is a page: what is larger is something else.
+inline constexpr std::uint64_t kMostPlanBytes = std::uint64_t{1} << 20;
+
 /// What is compared where an option is turned: differences are standard - level or standard + level.
 struct OptionUnderTest {
   std::string renderer;  ///< NAME[:option=value...]

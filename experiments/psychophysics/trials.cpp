@@ -3,8 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
 
 #include "toolkit/core/hash.h"
@@ -263,18 +261,15 @@ Result<TrialFile> TrialFile::append_to(const std::string& file, std::uint64_t wh
   if (std::filesystem::file_size(file, code) > whole_bytes)
     std::filesystem::resize_file(file, whole_bytes, code);
   if (code) return Error{"cannot be shortened to its whole rows: " + code.message(), {}, file, 0};
-  std::FILE* const opened = std::fopen(file.c_str(), "ab");
-  if (opened == nullptr)
-    return Error{fmt::format("cannot be written: {}", std::strerror(errno)), "give --out another folder",
-                 file, 0};
-  return TrialFile(file, opened);
+  std::ofstream opened(file, std::ios::binary | std::ios::app);
+  if (!opened) return Error{"cannot be written", "give --out a folder that you may write", file, 0};
+  return TrialFile(file, std::move(opened));
 }
 
 Status TrialFile::write(const std::string& row) {
-  const std::string line = row + "\n";
-  if (std::fwrite(line.data(), 1, line.size(), file_.get()) == line.size() && std::fflush(file_.get()) == 0)
-    return Done{};
-  return Error{fmt::format("a row could not be written: {}", std::strerror(errno)),
+  file_ << row << '\n' << std::flush;
+  if (file_) return Done{};
+  return Error{"a row could not be written",
                "make room on the disk; the same command goes on from the rows before it", path_, 0};
 }
 

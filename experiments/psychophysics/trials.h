@@ -6,8 +6,7 @@
 #pragma once
 
 #include <cstdint>
-#include <cstdio>
-#include <map>
+#include <fstream>
 #include <memory>
 #include <optional>
 #include <string>
@@ -100,12 +99,9 @@ class TrialFile {
   [[nodiscard]] Status write(const std::string& row);
 
  private:
-  struct Close {
-    void operator()(std::FILE* file) const noexcept { std::fclose(file); }
-  };
-  TrialFile(std::string path, std::FILE* file) : path_(std::move(path)), file_(file) {}
+  TrialFile(std::string path, std::ofstream file) : path_(std::move(path)), file_(std::move(file)) {}
   std::string path_;
-  std::unique_ptr<std::FILE, Close> file_;
+  std::ofstream file_;
 };
 
 }  // namespace palpate::experiments::psychophysics
