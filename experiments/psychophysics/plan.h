@@ -15,8 +15,6 @@
 
 namespace palpate::experiments::psychophysics {
 
-inline constexpr std::uint64_t kMostPlanBytes = 1u << 20;  // a plan is a page
-
 enum class ProcedureKind : std::uint8_t { kFixed, kUpDown, kPsi };
 /// "fixed", "up-down", "psi".
 [[nodiscard]] const char* name_of(ProcedureKind kind) noexcept;
