@@ -161,8 +161,8 @@ void expect_nearest(const Frame& frame, const Vec3& h, const Heights& ground, st
 TEST(HeightFieldRenderer, RestsAtALocalMinimumOnRoughGround) {
   for (const double rise : {0.3, 1.0, 5.0}) {
     const Heights ground = rough(rise, 21);
-    constexpr std::size_t kSide = 30;
-    const auto renderer = prepared(scene_of(posts(kSide, kSide, 1.0, ground)), "heightfield");
+    constexpr std::size_t kPosts = 30;
+    const auto renderer = prepared(scene_of(posts(kPosts, kPosts, 1.0, ground)), "heightfield");
     Random random(17);
     Vec3 at(15, 15, rise + 1.0);
     renderer->restart(at);
@@ -174,7 +174,8 @@ TEST(HeightFieldRenderer, RestsAtALocalMinimumOnRoughGround) {
       ASSERT_EQ(frame.status, FrameStatus::kOk);
       if (!frame.contact) continue;
       ++contacts;
-      for (const double reach : {1e-6, 1e-4}) expect_nearest(frame, at, ground, kSide, kSide, random, reach);
+      for (const double reach : {1e-6, 1e-4})
+        expect_nearest(frame, at, ground, kPosts, kPosts, random, reach);
     }
     EXPECT_GT(contacts, 300);
   }
@@ -183,8 +184,8 @@ TEST(HeightFieldRenderer, RestsAtALocalMinimumOnRoughGround) {
 // On gentle ground the HIP is in contact exactly when it is below the sheet; small and large steps alike.
 TEST(HeightFieldRenderer, ContactIsBeingBelow) {
   const Heights ground = rough(0.2, 33);
-  constexpr std::size_t kSide = 60;
-  const auto renderer = prepared(scene_of(posts(kSide, kSide, 1.0, ground)), "heightfield");
+  constexpr std::size_t kPosts = 60;
+  const auto renderer = prepared(scene_of(posts(kPosts, kPosts, 1.0, ground)), "heightfield");
   for (const double step : {0.003, 0.1, 2.0}) {
     Random random(23);
     Vec3 at(30, 30, 1), to = at;
@@ -196,7 +197,7 @@ TEST(HeightFieldRenderer, ContactIsBeingBelow) {
         to = {random.uniform(5, 55), random.uniform(5, 55), random.uniform(-0.2, 0.4)};
       at += std::min(1.0, step / (to - at).norm()) * (to - at);
       const Frame frame = renderer->step(at, 1e-3);
-      const double over = at.z() - bilinear(ground, kSide, kSide, at.x(), at.y());
+      const double over = at.z() - bilinear(ground, kPosts, kPosts, at.x(), at.y());
       if (std::abs(over) < 1e-6) continue;
       ASSERT_EQ(frame.contact, over < 0.0) << step << " " << i << " " << at.transpose() << " " << over;
       contacts += frame.contact;
