@@ -61,7 +61,9 @@ Result<std::vector<std::pair<std::string, std::string>>> option_pairs(const std:
   for (const std::string& one : texts) {
     const std::size_t equals = one.find('=');
     if (equals == std::string::npos || equals == 0)
-      return Error{"--device-option '" + one + "' is no option", "write KEY=VALUE", "", 0};
+      return Error{"--device-option " + shown(one) + " is no KEY=VALUE",
+                   "write it as com=14; `palpate devices` names the drivers, docs/devices.md their options",
+                   "", 0};
     pairs.emplace_back(one.substr(0, equals), one.substr(equals + 1));
   }
   return pairs;

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "device/drivers/all_drivers.h"
+#include "experiments/live/any_device.h"
 #include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
 
@@ -14,20 +15,6 @@ namespace {
 
 constexpr const char* kRigDriver = "sim";
 constexpr double kGuardMsPerS = 1e3;
-
-Result<std::vector<std::pair<std::string, std::string>>> pairs_of(const std::vector<std::string>& options) {
-  std::vector<std::pair<std::string, std::string>> pairs;
-  for (const std::string& one : options) {
-    const std::size_t equals = one.find('=');
-    if (equals == std::string::npos || equals == 0)
-      return Error{fmt::format("--device-option {} is no KEY=VALUE", shown(one)),
-                   "write it as com=14; `palpate devices` names the drivers, docs/devices.md their options",
-                   {},
-                   0};
-    pairs.emplace_back(one.substr(0, equals), one.substr(equals + 1));
-  }
-  return pairs;
-}
 
 /// Nothing but a driver reads a description or options.
 Status only_plain(const DeviceArguments& arguments) {
@@ -89,7 +76,7 @@ Result<DeviceChoice> choose_device(const DeviceArguments& arguments, const devic
   choice.driver = driver;
   choice.request.name = arguments.device;
   choice.request.description = arguments.file;
-  PALPATE_ASSIGN(choice.request.options, pairs_of(arguments.options));
+  PALPATE_ASSIGN(choice.request.options, option_pairs(arguments.options));
   choice.guard_kill_after_s = arguments.guard_kill_after_ms / kGuardMsPerS;
   return choice;
 }
