@@ -38,7 +38,7 @@ SystemFacts good_machine() {
 /// The only check that is not fine; its name is empty where there is none or more than one.
 Check only_finding(const SystemFacts& facts) {
   const std::vector<Check> checks = examine(facts);
-  const auto not_fine = [](const Check& check) { return check.verdict != Verdict::kFine; };
+  const auto not_fine = [](const Check& check) { return check.verdict != CheckVerdict::kFine; };
   if (std::count_if(checks.begin(), checks.end(), not_fine) != 1) return {};
   return *std::find_if(checks.begin(), checks.end(), not_fine);
 }
@@ -50,7 +50,7 @@ bool any_line(const Check& check, const std::string& says) {
 
 TEST(Doctor, FindsNothingOnAGoodMachine) {
   for (const Check& check : examine(good_machine())) {
-    EXPECT_EQ(check.verdict, Verdict::kFine) << check.about << ": " << check.found;
+    EXPECT_EQ(check.verdict, CheckVerdict::kFine) << check.about << ": " << check.found;
     EXPECT_TRUE(check.remedy.empty()) << check.about;
     EXPECT_FALSE(check.found.empty()) << check.about;
   }
@@ -59,36 +59,36 @@ TEST(Doctor, FindsNothingOnAGoodMachine) {
 TEST(Doctor, FindsEachFaultAloneAndSaysItsRemedy) {
   struct Case {
     const char* about;
-    Verdict verdict;
+    CheckVerdict verdict;
     const char* remedy;
     void (*spoil)(SystemFacts&);
   };
   const Case cases[] = {
-      {"real-time priority", Verdict::kWarning, "@realtime - rtprio 85",
+      {"real-time priority", CheckVerdict::kWarning, "@realtime - rtprio 85",
        [](SystemFacts& f) { f.tried.fifo = false; }},
-      {"locked memory", Verdict::kWarning, "@realtime - memlock unlimited",
+      {"locked memory", CheckVerdict::kWarning, "@realtime - memlock unlimited",
        [](SystemFacts& f) { f.tried.memory_locked = false; }},
-      {"kernel", Verdict::kWarning, "linux-image-rt-amd64",
+      {"kernel", CheckVerdict::kWarning, "linux-image-rt-amd64",
        [](SystemFacts& f) { f.tried.kernel = device::KernelKind::kDynamic; }},
-      {"CPUs", Verdict::kWarning, "two CPUs", [](SystemFacts& f) { f.tried.cpus = 1; }},
-      {"CPU governor", Verdict::kWarning, "--governor performance",
+      {"CPUs", CheckVerdict::kWarning, "two CPUs", [](SystemFacts& f) { f.tried.cpus = 1; }},
+      {"CPU governor", CheckVerdict::kWarning, "--governor performance",
        [](SystemFacts& f) {
          f.cpu_governors = {"performance", "powersave"};
        }},
-      {"CPU sleep states", Verdict::kWarning, "KERNEL==\"cpu_dma_latency\"",
+      {"CPU sleep states", CheckVerdict::kWarning, "KERNEL==\"cpu_dma_latency\"",
        [](SystemFacts& f) { f.tried.latency_held = false; }},
-      {"timer", Verdict::kProblem, "HIGH_RES_TIMERS",
+      {"timer", CheckVerdict::kProblem, "HIGH_RES_TIMERS",
        [](SystemFacts& f) { f.clock_resolution_ns = 4'000'000; }},
-      {"timer", Verdict::kWarning, "tsc=reliable", [](SystemFacts& f) { f.clock_source = "hpet"; }},
-      {"timer", Verdict::kWarning, "stop what else runs",
+      {"timer", CheckVerdict::kWarning, "tsc=reliable", [](SystemFacts& f) { f.clock_source = "hpet"; }},
+      {"timer", CheckVerdict::kWarning, "stop what else runs",
        [](SystemFacts& f) { f.lateness.p50_ns = 500'000; }},
-      {"real-time share", Verdict::kWarning, "sched_rt_runtime_us=950000",
+      {"real-time share", CheckVerdict::kWarning, "sched_rt_runtime_us=950000",
        [](SystemFacts& f) { f.real_time_share_us = -1; }},
-      {"host and steal", Verdict::kWarning, "machine of its own",
+      {"host and steal", CheckVerdict::kWarning, "machine of its own",
        [](SystemFacts& f) { f.virtual_machine = true; }},
-      {"host and steal", Verdict::kWarning, "machine of its own",
+      {"host and steal", CheckVerdict::kWarning, "machine of its own",
        [](SystemFacts& f) { f.steal_percent = 3.0; }},
-      {"USB permission", Verdict::kWarning, R"(ATTR{idVendor}=="0403", ATTR{idProduct}=="cb48")",
+      {"USB permission", CheckVerdict::kWarning, R"(ATTR{idVendor}=="0403", ATTR{idProduct}=="cb48")",
        [](SystemFacts& f) {
          f.usb.push_back({"Novint Falcon", "0403", "cb48", "/dev/bus/usb/001/004", false,
                           device::udev_rule(device::known_usb().front())});
@@ -111,7 +111,7 @@ TEST(Doctor, WhatIsNotThereIsNoFault) {
   facts.has_latency_file = facts.has_usb = facts.tried.latency_held = false;
   facts.real_time_share_us.reset();
   facts.clock_source.clear();
-  for (const Check& check : examine(facts)) EXPECT_EQ(check.verdict, Verdict::kFine) << check.about;
+  for (const Check& check : examine(facts)) EXPECT_EQ(check.verdict, CheckVerdict::kFine) << check.about;
 }
 
 TEST(Doctor, ReadsThisMachine) {
