@@ -7,7 +7,9 @@
 
 #include "experiments/command/command_line.h"
 #include "experiments/command/subcommands.h"
+#include "experiments/psychophysics/plan.h"
 #include "experiments/report/page_figures.h"
+#include "experiments/session/session.h"
 #include "tests/experiments/program.h"
 #include "tests/experiments/shown_commands.h"
 #include "tests/house/source_tree.h"
@@ -207,6 +209,11 @@ TEST(Pages, ScenesOnPagesAreScenes) {
   for (const std::string& page : pages())
     for (const Block& block : blocks_of(page, house::text_of(page), "toml")) {
       ++seen;
+      if (block.text.find("\ntask =") != std::string::npos) {  // the plan of a study
+        const auto plan = psychophysics::parse_plan(block.text, "page.toml", all_renderers());
+        EXPECT_TRUE(plan) << block.where << ": " << (plan ? "" : plan.error().message());
+        continue;
+      }
       const bool whole = block.text.find("[[model]]") != std::string::npos;
       const auto scene =
           scene::parse_scene((whole ? "" : "[[model]]\ngenerate = \"plane\"\n") + block.text, "page.toml");
