@@ -19,7 +19,7 @@ const char* const kStudyScene = "sinusoid:points=2601:extent_mm=20:wavelength_mm
 const char* const kStudyPath = "weave:frames=1500:depth_mm=0.5:clearance_mm=0.3:period_frames=300:seed=1";
 
 std::string study_schema(const std::string& name) {
-  return std::string(PALPATE_DOCS) + "/" + name + ".study_schema.json";
+  return std::string(PALPATE_DOCS) + "/" + name + ".schema.json";
 }
 
 class StudyFolder : public InFolder {
@@ -175,14 +175,14 @@ TEST_F(StudyFolder, WhatIsNoStudyIsRefused) {
   };
   refused([](json& j) { j["complete"] = false; },
           {"result.json", "half written", "the same command go on", "palpate compare"});
-  refused([](json& j) { j["study_schema"] = "palpate-result/99"; }, {"result.json", "palpate-result/99"});
+  refused([](json& j) { j["schema"] = "palpate-result/99"; }, {"result.json", "palpate-result/99"});
   refused([](json& j) { j["renderers"][0]["files"]["trace"] = "../trace.csv"; },
           {"result.json", "outside of the study"});
   refused([](json& j) { j["renderers"][0]["role"] = "friend"; }, {"result.json", "role", "ours"});
   refused([](json& j) { j["scoring"] = nullptr; }, {"result.json", "no study"});
   refused([](json& j) { j["renderers"][0]["trace_hash"] = "0000000000000000"; },
           {"trace-cloud.csv", "is not the trace of cloud", "run it again"});
-  write_text(in("out/result.json"), "{ \"study_schema\": ");
+  write_text(in("out/result.json"), "{ \"schema\": ");
   expect_refused("out", {"result.json", "not a JSON"});
   write_text(in("out/result.json"), good);
   for (const char* file : {"trace-cloud.csv", "scores-cloud.csv", "reference.csv", "model-1.csv"}) {

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cassert>
 
+#include "toolkit/geometry/segment_box.h"
+
 namespace palpate::geometry {
 namespace {
 
@@ -53,6 +55,29 @@ BoxQuery BroadPhase::query(const Aabb& region, std::span<BoxHit> list) const noe
         insert({i, boxes_[i].distance_sq_mm2(centre_mm)}, list, query);
       });
   return query;
+}
+
+void BroadPhase::within(const Aabb& region, std::vector<std::uint32_t>& out) const noexcept {
+  out.clear();
+  tree_.visit([&](const Aabb& box) { return box.overlaps(region); },
+              [&](std::uint32_t i) { out.push_back(i); });
+  std::sort(out.begin(), out.end());
+}
+
+void BroadPhase::on_way(const Vec3& from_mm, const Vec3& to_mm, double reach_mm,
+                        std::vector<std::uint32_t>& out) const noexcept {
+  out.clear();
+  const SegmentProbe way(from_mm, to_mm);
+  const Vec3 reach = Vec3::Constant(reach_mm);
+  tree_.visit(
+      [&](const Aabb& box) {
+        const Vec3 centre = box.centre_mm();
+        if (box.empty()) return false;
+        if (!is_finite(centre)) return true;  // an infinite box has no centre, and is met by everything
+        return segment_touches_box(way, centre, 0.5 * box.extent_mm() + reach);
+      },
+      [&](std::uint32_t i) { out.push_back(i); });
+  std::sort(out.begin(), out.end());
 }
 
 }  // namespace palpate::geometry

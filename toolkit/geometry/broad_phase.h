@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "toolkit/geometry/box_tree.h"
-#include "toolkit/geometry/segment_box.h"
 
 namespace palpate::geometry {
 
@@ -61,27 +60,12 @@ class BroadPhase {
     out.query = query(Aabb{centre_mm, centre_mm}.grown(reach_mm), out.hit);
   }
 
-  /// Calls item(i) for every box that meets `region`, in the order of the tree: sort what must not depend on
-  /// it.
-  template <class Item>
-  void within(const Aabb& region, const Item& item) const noexcept {
-    tree_.visit([&](const Aabb& box) { return box.overlaps(region); }, item);
-  }
-  /// Calls item(i) for every box that comes within `reach_mm`, along each axis, of the segment, as within().
-  /// Of a long way through many boxes these are few where the box around the way holds nearly all.
-  template <class Item>
-  void on_way(const Vec3& from_mm, const Vec3& to_mm, double reach_mm, const Item& item) const noexcept {
-    const SegmentProbe way(from_mm, to_mm);
-    const Vec3 reach = Vec3::Constant(reach_mm);
-    tree_.visit(
-        [&](const Aabb& box) {
-          const Vec3 centre = box.centre_mm();
-          if (box.empty()) return false;
-          if (!is_finite(centre)) return true;  // an infinite box has no centre, and is met by everything
-          return segment_touches_box(way, centre, 0.5 * box.extent_mm() + reach);
-        },
-        item);
-  }
+  /// Every box that meets `region`, rising. `out` must have room for all.
+  void within(const Aabb& region, std::vector<std::uint32_t>& out) const noexcept;
+  /// The same of every box that comes within `reach_mm`, along each axis, of the segment. Of a long way
+  /// through many boxes these are few where the box around the way holds nearly all.
+  void on_way(const Vec3& from_mm, const Vec3& to_mm, double reach_mm,
+              std::vector<std::uint32_t>& out) const noexcept;
 
   [[nodiscard]] std::uint32_t size() const noexcept { return tree_.size(); }
   [[nodiscard]] std::size_t bytes() const noexcept {

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <numeric>
 #include <span>
 #include <utility>
 #include <vector>
@@ -26,6 +27,7 @@ class NearModels {
     boxes_ = std::make_unique<SceneBoxes>(std::move(boxes), kHorizonS);
     near_.reserve(count);
     former_.reserve(count);
+    met_.reserve(count);
     listed_.assign(count, 0);
     always_.reserve(count);
     always_.clear();
@@ -72,14 +74,16 @@ class NearModels {
   template <class Enter, class Touching>
   [[nodiscard]] bool choose(const Vec3& hip_mm, double now_s, Enter&& enter, Touching&& touching) noexcept {
     const NearbyModels* near = &boxes_->newest();
-    if (elsewhere_ && near->number != taken_ && near->covers(previous_, now_s)) list(*near, enter, touching);
+    if (elsewhere_ && near->number != taken_ && near->covers(previous_, now_s))
+      take_answer(*near, enter, touching);
     const auto covered = [&] {
       return !once_ && near->number == taken_ && near->covers(previous_, now_s) &&
              near->covers(hip_mm, now_s);
     };
     if (covered()) return true;
     if (elsewhere_) {  // too late: nothing may be missed
-      list_all(enter, touching);
+      name_all();
+      list(met_, enter, touching);
       return false;
     }
     ask(previous_, hip_mm, now_s, enter, touching);
@@ -101,57 +105,52 @@ class NearModels {
     once_ = boxes_->is_jump(from_mm, to_mm);
     if (once_) {
       boxes_->move_to(now_s);
-      list_each([&](auto&& take) { boxes_->on_way(from_mm, to_mm, take); }, enter, touching);
+      boxes_->on_way(from_mm, to_mm, met_);
+      list(met_, enter, touching);
       return;
     }
     boxes_->run(now_s, from_mm, to_mm);
-    list(boxes_->newest(), enter, touching);
+    take_answer(boxes_->newest(), enter, touching);
   }
   /// Takes over an answer of the broad phase. Of too many models the boxes tell, where they are this
   /// thread's.
   template <class Enter, class Touching>
-  void list(const NearbyModels& found, Enter&& enter, Touching&& touching) noexcept {
+  void take_answer(const NearbyModels& found, Enter&& enter, Touching&& touching) noexcept {
     taken_ = found.number;
     if (!found.too_many) {
-      const auto named = [&](auto&& take) {
-        for (std::uint32_t i = 0; i < found.count; ++i) take(found.model[i]);
-      };
-      list_each(named, enter, touching);
-    } else if (elsewhere_) {
-      list_all(enter, touching);
-    } else {
-      list_each([&](auto&& take) { boxes_->within(found.valid, take); }, enter, touching);
+      list({found.model.data(), found.count}, enter, touching);
+      return;
     }
+    if (elsewhere_)
+      name_all();
+    else
+      boxes_->within(found.valid, met_);
+    list(met_, enter, touching);
+  }
+  void name_all() noexcept {
+    met_.resize(listed_.size());
+    std::iota(met_.begin(), met_.end(), std::uint32_t{0});
   }
   template <class Enter, class Touching>
-  void list_all(Enter&& enter, Touching&& touching) noexcept {
-    const auto all = [&](auto&& take) {
-      for (std::uint32_t i = 0; i < listed_.size(); ++i) take(i);
-    };
-    list_each(all, enter, touching);
-  }
-  /// named(take): calls take(i) for every model that the list names.
-  template <class Named, class Enter, class Touching>
-  void list_each(Named&& named, Enter&& enter, Touching&& touching) noexcept {
+  void list(std::span<const std::uint32_t> named, Enter&& enter, Touching&& touching) noexcept {
     ++lists_;
     former_.swap(near_);
     near_.clear();
     const auto take = [&](std::uint32_t index) {
-      if (listed_[index] == lists_) return;
       if (listed_[index] + 1 != lists_) enter(index, previous_, previous_s_);
       listed_[index] = lists_;
       near_.push_back(index);
     };
-    named(take);
-    // Forces add up in the order of the list, and the boxes' own order depends on how they moved.
-    std::sort(near_.begin(), near_.end());
+    for (const std::uint32_t index : named) take(index);
     for (const std::uint32_t index : former_)
-      if (touching(index)) take(index);
-    for (const std::uint32_t index : always_) take(index);
+      if (touching(index) && listed_[index] != lists_) take(index);
+    for (const std::uint32_t index : always_)
+      if (listed_[index] != lists_) take(index);
   }
 
   std::unique_ptr<SceneBoxes> boxes_;
   std::vector<std::uint32_t> near_, former_;  ///< models looked at, and before; room for all
+  std::vector<std::uint32_t> met_;            ///< what the boxes told last, where they tell; room for all
   std::vector<std::uint64_t> listed_;         ///< the last answer of the broad phase that named a model
   std::vector<std::uint32_t> always_;         ///< models near wherever the HIP is; room for all
   std::size_t built_always_ = 0;              ///< so many of them from the start

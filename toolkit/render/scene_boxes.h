@@ -53,16 +53,13 @@ class SceneBoxes {
     (void)handover_.acquire();
     return handover_.front();
   }
-  /// Calls item(i) for the models that a HIP on that way comes near, at the time of the last run() or
-  /// move_to(); or for those of a region. Any number of them, in no order to be relied on. For the thread
-  /// that runs run().
-  template <class Item>
-  void on_way(const Vec3& from_mm, const Vec3& to_mm, const Item& item) const noexcept {
-    phase_.on_way(from_mm, to_mm, margin_mm_, item);
+  /// The models that a HIP on that way comes near, at the time of the last run() or move_to(), or those of a
+  /// region: any number of them, rising. `out` must have room for all models. For the thread that runs run().
+  void on_way(const Vec3& from_mm, const Vec3& to_mm, std::vector<std::uint32_t>& out) const noexcept {
+    phase_.on_way(from_mm, to_mm, margin_mm_, out);
   }
-  template <class Item>
-  void within(const geometry::Aabb& region, const Item& item) const noexcept {
-    phase_.within(region, item);
+  void within(const geometry::Aabb& region, std::vector<std::uint32_t>& out) const noexcept {
+    phase_.within(region, out);
   }
   /// The boxes of that time, for on_way(). O(n) where anything moves.
   void move_to(double t_s) noexcept;

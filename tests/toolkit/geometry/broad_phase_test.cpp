@@ -211,7 +211,8 @@ TEST(BroadPhase, WhatLiesOnAWayOrInARegionIsAllThatBruteForceFinds) {
       const Vec3 to = round % 5 == 0 ? from : place();
       const double reach = round % 3 == 0 ? 0.0 : 0.1 * scale;
       std::vector<std::uint32_t> found, expected;
-      phase.on_way(from, to, reach, [&](std::uint32_t i) { found.push_back(i); });
+      found.reserve(boxes.size());
+      phase.on_way(from, to, reach, found);
       for (std::uint32_t i = 0; i < boxes.size(); ++i) {
         if (boxes[i].empty()) continue;
         const Aabb grown = boxes[i].grown(reach);
@@ -219,15 +220,12 @@ TEST(BroadPhase, WhatLiesOnAWayOrInARegionIsAllThatBruteForceFinds) {
         if (infinite || segment_touches_box({from, to}, grown.centre_mm(), 0.5 * Vec3(grown.extent_mm())))
           expected.push_back(i);
       }
-      std::sort(found.begin(), found.end());
       EXPECT_EQ(found, expected);
 
       Aabb region;
       region.add(from);
       region.add(to);
-      found.clear();
-      phase.within(region, [&](std::uint32_t i) { found.push_back(i); });
-      std::sort(found.begin(), found.end());
+      phase.within(region, found);
       expected.clear();
       for (const BoxHit& hit : brute_force(boxes, region)) expected.push_back(hit.item);
       std::sort(expected.begin(), expected.end());
