@@ -30,7 +30,7 @@ SceneInput tilted(double slope) {
   return scene;
 }
 
-test::Stepped prepared(const SceneInput& scene, const char* name = "heightfield") {
+test::Stepped stepped_field(const SceneInput& scene, const char* name = "heightfield") {
   Registry registry;
   register_toolkit_renderers(registry);
   auto renderer = registry.make(name, Options{}).value();
@@ -43,7 +43,7 @@ TEST(HeightFieldSurface, SlipHasTheDynamicCoefficientStickDoesNotDrift) {
   for (const double slope : {0.0, 0.75}) {
     SceneInput scene = tilted(slope);
     scene.models[0].surface.friction = {0.5, 0.3};
-    const auto renderer = prepared(scene);
+    const auto renderer = stepped_field(scene);
     const Vec3 normal = Vec3(-slope, 0.0, 1.0).normalized(), along = Vec3(1.0, 0.0, slope).normalized();
     const Vec3 start = Vec3(3.0, 5.0, slope * 3.0) - normal;
     renderer->restart(start + 3.0 * normal);
@@ -67,7 +67,7 @@ TEST(HeightFieldSurface, DeformationSoftensAndItsBorderMakesNoEnergy) {
   for (std::size_t i = 0; i < kSide * kSide; ++i)
     properties->deformation.push_back(i % kSide < kSide / 2 ? 0.5f : 0.0f);
   scene.models[0].surface.per_point = properties;
-  const auto renderer = prepared(scene);
+  const auto renderer = stepped_field(scene);
   const auto force_at = [&](double x) {
     renderer->restart({x, 5.0, 1.0});
     (void)renderer->step({x, 5.0, 1.0}, 1e-3);
@@ -100,7 +100,7 @@ TEST(HeightFieldSurface, DeformationSoftensAndItsBorderMakesNoEnergy) {
 TEST(HeightFieldSurface, ALiteralGodObjectIsRolledBack) {
   SceneInput scene = tilted(0.0);
   scene.models[0].surface.friction = {1.0, 1.0};
-  const auto renderer = prepared(scene, "heightfield-literal");
+  const auto renderer = stepped_field(scene, "heightfield-literal");
   renderer->restart({3.0, 5.0, 1.0});
   (void)renderer->step({3.0, 5.0, -1.0}, 1e-3);
   const Frame frame = renderer->step({5.0, 5.0, -1.0}, 1e-3);
@@ -120,7 +120,7 @@ TEST(HeightFieldSurface, ARisingPlaneIsNeverLost) {
       scene.models[0].world_from_model = motion.start;
       scene.models[0].motion = simulation->add(motion);
       scene.simulation = simulation;
-      const auto renderer = prepared(scene);
+      const auto renderer = stepped_field(scene);
       const Vec3 probe(0.037 * run, 0.021 * run, 0.0);
       simulation->reset();
       renderer->restart(probe);
