@@ -100,15 +100,16 @@ GovernorOptions patient() {
 
 /// A program that presses and is told to stop: Ctrl-C.
 [[noreturn]] void press_and_stop() {
+  // Before any thread begins: one that does not block it would die of a signal that comes before sigwait().
+  sigset_t stop;
+  ::sigemptyset(&stop);
+  ::sigaddset(&stop, SIGTERM);
+  ::pthread_sigmask(SIG_BLOCK, &stop, nullptr);
   const MonotonicClock clock;
   FalconDevice device(falcon_link(), clock, {});
   SpringPlane plane(0.5);
   Servo servo(plane, patient(), device, clock, {});
   if (!servo.start()) ::_exit(5);
-  sigset_t stop;
-  ::sigemptyset(&stop);
-  ::sigaddset(&stop, SIGTERM);
-  ::pthread_sigmask(SIG_BLOCK, &stop, nullptr);
   std::thread([&] {
     for (;;) {
       static_cast<void>(servo.tick());
