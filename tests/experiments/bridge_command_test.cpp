@@ -5,8 +5,8 @@
 #include <nlohmann/json.hpp>
 
 #include "device/drivers/known_usb.h"
-#include "experiments/live/any_device.h"
 #include "experiments/live/device_report.h"
+#include "experiments/live/session_device.h"
 #include "tests/experiments/program.h"
 #include "tests/json_schema.h"
 
@@ -67,13 +67,13 @@ TEST_F(BridgeCommand, CountsWhatItDid) {
 
 TEST_F(BridgeCommand, RefusesWhatMeansNothing) {
   const std::pair<std::vector<std::string>, const char*> cases[] = {
-      {{"bridge", "--device", "sim:falcn"}, "sim:falcon"},
+      {{"bridge", "--device", "sim:falcn"}, "falcon"},
       {{"bridge", "--device", "nothing"}, "palpate devices"},
       {{"bridge", "--device", "sim", "--hand", "paw"}, "paw"},
       {{"bridge", "--listen", "nowhere"}, "HOST:PORT"},
       {{"bridge", "--listen", "127.0.0.1:99999"}, "port"},
       {{"bridge", "--device-option", "novalue"}, "KEY=VALUE"},
-      {{"bridge", "--device", "sim", "--device-option", "a=b"}, "neither"},
+      {{"bridge", "--device", "sim", "--device-option", "a=b"}, "leave it out"},
       {{"bridge", "--device", "path"}, "palpate devices"},
       {{"devices", "--report", "nothing"}, "palpate devices"},
       {{"devices", "--report", "sim", "--out", "report.txt"}, ".json"},
@@ -119,7 +119,7 @@ TEST_F(BridgeCommand, ADeviceThatDoesNotOpenIsAReportToo) {
   EXPECT_NE(run.err.find("palpate bridge"), std::string::npos);
 }
 
-TEST(AnyDevice, OptionsAreReadInOrder) {
+TEST(SessionDevice, OptionsAreReadInOrder) {
   const auto options = option_pairs({"k=2.5", "firmware=a=b", "empty="});
   ASSERT_TRUE(options);
   ASSERT_EQ(options->size(), 3u);
