@@ -16,6 +16,7 @@ namespace {
 using nlohmann::json;
 
 const std::string kReportSchema = std::string(PALPATE_DOCS) + "/device-report.schema.json";
+const std::string kCountsSchema = std::string(PALPATE_DOCS) + "/bridge.schema.json";
 
 class BridgeCommand : public InFolder {
  protected:
@@ -58,11 +59,21 @@ TEST_F(BridgeCommand, CountsWhatItDid) {
   const ProcessOutcome run =
       palpate_command({"bridge", "--listen", "127.0.0.1:0", "--seconds", "0.2", "--json"});
   ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_EQ(schema_violations(kCountsSchema, run.out), "");
   const json counts = json::parse(run.out);
-  EXPECT_EQ(counts["schema"], "palpate-bridge/1");
   EXPECT_GT(counts["ticks"], 0);
   EXPECT_EQ(counts["sessions"], 0);
   EXPECT_FALSE(counts["scheduling"].get<std::string>().empty());
+}
+
+TEST_F(BridgeCommand, ItsSchemaRefusesWhatItNeverPrints) {
+  json counts =
+      json::parse(palpate_command({"bridge", "--listen", "127.0.0.1:0", "--seconds", "0.1", "--json"}).out);
+  ASSERT_EQ(schema_violations(kCountsSchema, counts.dump()), "");
+  counts["trips"] = -1;
+  EXPECT_NE(schema_violations(kCountsSchema, counts.dump()), "");
+  counts.erase("trips");
+  EXPECT_NE(schema_violations(kCountsSchema, counts.dump()), "");
 }
 
 TEST_F(BridgeCommand, RefusesWhatMeansNothing) {
