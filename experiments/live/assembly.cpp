@@ -11,6 +11,7 @@
 #include "device/safety/watchdog.h"
 #include "device/servo/servo_thread.h"
 #include "experiments/live/keys.h"
+#include "experiments/live/resident.h"
 #include "toolkit/core/try.h"
 
 namespace palpate::experiments {
@@ -24,6 +25,8 @@ constexpr std::chrono::milliseconds kLookEvery{20};
 constexpr double kRearmAfterS = 1.0;
 // A device that is gone is asked for again: soon enough for who plugs it in, seldom enough for the bus.
 constexpr double kTryEveryS = 0.5;
+// By then the memory of a session in real time is locked and every renderer has been stepped.
+constexpr double kSettledAfterS = 1.0;
 
 /// A thread that looks again and again until this ends; then it is waited for.
 class LookingThread {
@@ -175,6 +178,7 @@ SessionEnd Assembly::ended(const device::LoopHistograms& histograms) {
   end.lateness = histograms.lateness.bins();
   end.replugged = device_.device().times_back();
   end.faulted = watch_.fault() != device::Fault::kNone;
+  end.settled_bytes = settled_bytes_ != 0 ? settled_bytes_ : resident_bytes();
   const std::lock_guard lock(said_mutex_);
   end.marks = marks_;
   return end;
@@ -209,6 +213,7 @@ Result<SessionEnd> Assembly::run_fast(SessionTasks& tasks, ProgressBar& progress
     work(tasks, now_s());
     if (recorder_ != nullptr) recorder_->wait_for_room();
     if (asked++ % report_every == 0) {
+      note_settled();
       prompt();
       show_said(progress);
       progress.report(settings_.label + ", accelerated", now_s() / settings_.seconds);
@@ -219,6 +224,10 @@ Result<SessionEnd> Assembly::run_fast(SessionTasks& tasks, ProgressBar& progress
   SessionEnd end = ended(loop->histograms());
   end.scheduling = scheduling;
   return end;
+}
+
+void Assembly::note_settled() {
+  if (settled_bytes_ == 0 && now_s() >= kSettledAfterS) settled_bytes_ = resident_bytes();
 }
 
 /// How far it is; where nobody feels the force, it stands there as well.
@@ -234,6 +243,7 @@ void Assembly::look_at_keys(SessionTasks& tasks, double until_s, device::ServoTh
   Keys keys;
   while (thread.running() && now_s() < until_s && !stopping_.load(std::memory_order_acquire)) {
     std::this_thread::sleep_for(kLookEvery);
+    note_settled();
     prompt();
     show_said(progress);
     show_going_on(progress);

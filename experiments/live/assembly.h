@@ -96,7 +96,8 @@ struct SessionEnd {
   std::vector<std::string> notes;
   double steal_percent = 0.0;
   std::uint64_t watchdog_trips = 0;
-  std::uint64_t replugged = 0;  ///< how often the device came back
+  std::uint64_t replugged = 0;      ///< how often the device came back
+  std::uint64_t settled_bytes = 0;  ///< in memory a second after it began: locked, and all touched
   std::vector<SessionMark> marks;
   bool faulted = false;  ///< a fault was latched at the end
 };
@@ -137,6 +138,8 @@ class Assembly {
   [[nodiscard]] Result<SessionEnd> run_real(SessionTasks& tasks, ProgressBar& progress);
   void look_at_keys(SessionTasks& tasks, double until_s, device::ServoThread& thread, ProgressBar& progress);
   void work(SessionTasks& tasks, double now_s);
+  /// Measures once what the session has in memory when it has run for a while.
+  void note_settled();
   void replug(double now_s);
   void prompt();
   void show_going_on(ProgressBar& progress);
@@ -160,6 +163,7 @@ class Assembly {
   std::string not_open_;  // why it could not be opened again; empty: it was there
   // The main thread's.
   device::Fault fault_said_ = device::Fault::kNone;
+  std::uint64_t settled_bytes_ = 0;
   HomingTeller homing_;
   double force_full_n_ = 0.0;  // what the shown force is a share of
   std::mutex said_mutex_;

@@ -1,11 +1,8 @@
 #include "experiments/live/session.h"
 
 #include <fmt/format.h>
-#include <malloc.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <fstream>
 #include <utility>
 
 #include "device/live/triggers.h"
@@ -14,6 +11,7 @@
 #include "experiments/live/live_recording.h"
 #include "experiments/live/live_tasks.h"
 #include "experiments/live/moving_scene.h"
+#include "experiments/live/resident.h"
 #include "experiments/live/watch.h"
 #include "experiments/live/window_hooks.h"
 #include "toolkit/core/try.h"
@@ -22,15 +20,6 @@ namespace palpate::experiments {
 namespace {
 
 constexpr double kLiveMsPerS = 1e3;
-
-/// What the process has in memory; what was freed is given back first.
-std::uint64_t resident_bytes() {
-  malloc_trim(0);
-  std::ifstream file("/proc/self/statm");
-  std::uint64_t pages = 0, in_memory = 0;
-  file >> pages >> in_memory;
-  return in_memory * static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
-}
 
 /// The renderers, prepared on one store, as the document has them.
 Result<std::vector<MadeRenderer>> prepare_all(const LivePlan& plan, Workshop& workshop, Progress& progress,
@@ -267,7 +256,6 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
   const WindowHooks window(
       arguments, session, *felt.mixer, workshop.stage.scene.input,
       {device.device().name(), labels_of(plan), {}, seat.limits, seat.force_limit_n, 0.0, false, {}, guide});
-  document.resident_before_bytes = resident_bytes();
   const Result<SessionEnd> end = run_heard(plan, session, tasks, progress, document);
   if (!end) {
     if (recorded) felt.recording.discard(arguments.record);
@@ -276,6 +264,7 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
   while (felt.mixer->take_retired()) {
   }
   document.resident_after_bytes = resident_bytes();
+  document.resident_before_bytes = end->settled_bytes;
   tell_end(*end, document);
   watch.tell(document);
   if (recorded) end_recording(arguments.record, *felt.recording.recorder(), document);
