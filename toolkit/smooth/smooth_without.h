@@ -5,6 +5,7 @@
 namespace palpate::render {
 
 struct SmoothWithout {
+  bool places = false;      ///< the noise of all places is one
   bool robust = false;      ///< every point of a ball counts in a fit, however far off
   bool agreement = false;   ///< fits grow to 6.2 spacings whether they agree with smaller ones or not
   bool growth = false;      ///< fits keep their first radius, 2.2 spacings
