@@ -14,6 +14,9 @@ constexpr double kNoisySpacings = 0.05;
 /// Places around are asked within so many spacings: 800 points, a dozen of places. A crease takes less than
 /// half of them (balls of 3.1 spacings see it in a strip of 6.2), so that the median is not its.
 constexpr double kAroundSpacings = 16.0;
+/// Less than this above the median is chance: the noise at a place is found to a fifth, so the median of a dozen
+/// of them to a twelfth, and this is three of those.
+constexpr double kMoreByChance = 1.25;
 constexpr std::size_t kFieldGrain = 16;
 
 double median_of(std::vector<double>& values) {
@@ -46,7 +49,8 @@ NoiseField::NoiseField(const SmoothPoints& points, int threads, bool everywhere)
                        if (place_of(i / kStride) == i && seen[i / kStride] >= 0.0)
                          near.push_back(seen[i / kStride]);
                      });
-      around_[k] = static_cast<float>(std::max(median_, median_of(near)));
+      const double here = median_of(near);
+      if (here > kMoreByChance * median_) around_[k] = static_cast<float>(here);
     }
   });
 }

@@ -33,8 +33,9 @@ constexpr std::array<Step<stars::StarsWithout>, 6> kStarSteps = {
      {"borders", &stars::StarsWithout::borders},
      {"crossings", &stars::StarsWithout::crossings}}};
 
-constexpr std::array<Step<render::SmoothWithout>, 13> kSmoothSteps = {
-    {{"robust", &render::SmoothWithout::robust},
+constexpr std::array<Step<render::SmoothWithout>, 14> kSmoothSteps = {
+    {{"places", &render::SmoothWithout::places},
+     {"robust", &render::SmoothWithout::robust},
      {"agreement", &render::SmoothWithout::agreement},
      {"growth", &render::SmoothWithout::growth},
      {"separation", &render::SmoothWithout::separation},
