@@ -6,9 +6,9 @@
 //   felt_surface --ablate [--sets a,b] [--quick] [--json FILE] ..: cloud and cloud-smooth with each step left
 //   out felt_surface --slice FILE.svg [--sets edge|hole|thin|noise] [--renderers list]
 //
-// A set is a name of --list, or a generator with its options; --seed has other points and paths by chance than
-// the usual ones, and --where tells the places where most of the error is.
-// Renderers as the palpate command takes them; label=NAME among the options names their rows.
+// A set is a name of --list, or a generator with its options; --seed has other points and paths by chance
+// than the usual ones, and --where tells the places where most of the error is. Renderers as the palpate
+// command takes them; label=NAME among the options names their rows.
 #include <fmt/format.h>
 
 #include <array>
@@ -79,7 +79,9 @@ void print_row(const Row& row) {
 }
 
 void print_mistakes(const Row& row) {
-  const auto place = [](const Vec3& p) { return fmt::format("({:.2f}, {:.2f}, {:.2f})", p.x(), p.y(), p.z()); };
+  const auto place = [](const Vec3& p) {
+    return fmt::format("({:.2f}, {:.2f}, {:.2f})", p.x(), p.y(), p.z());
+  };
   for (const Mistake& one : row.mistakes)
     fmt::print("  frames {} to {}: {:.1f} % of the error; HIP {}, truth {}, felt {}\n", one.begin, one.end,
                100.0 * one.share, place(one.hip_mm), one.true_contact ? place(one.true_god_mm) : "free",

@@ -14,8 +14,8 @@ constexpr double kNoisySpacings = 0.05;
 /// Places around are asked within so many spacings: 800 points, a dozen of places. A crease takes less than
 /// half of them (balls of 3.1 spacings see it in a strip of 6.2), so that the median is not its.
 constexpr double kAroundSpacings = 16.0;
-/// Less than this above the median is chance: the noise at a place is found to a fifth, so the median of a dozen
-/// of them to a twelfth, and this is three of those.
+/// Less than this above the median is chance: the noise at a place is found to a fifth, so the median of a
+/// dozen of them to a twelfth, and this is three of those.
 constexpr double kMoreByChance = 1.25;
 constexpr std::size_t kFieldGrain = 16;
 
@@ -35,8 +35,7 @@ NoiseField::NoiseField(const SmoothPoints& points, int threads, bool everywhere)
   std::vector<double> seen(count, -1.0), spacing(count, 0.0);
   parallel_chunks(count, kFieldGrain, threads, [&](std::size_t begin, std::size_t end) {
     NoiseProbe probe;
-    for (std::size_t k = begin; k < end; ++k)
-      seen[k] = probe.noise_at(points, place_of(k), spacing[k]);
+    for (std::size_t k = begin; k < end; ++k) seen[k] = probe.noise_at(points, place_of(k), spacing[k]);
   });
   around_.assign(count, static_cast<float>(median_));
   parallel_chunks(count, kFieldGrain, threads, [&](std::size_t begin, std::size_t end) {

@@ -1,5 +1,6 @@
-// How noisy the points are, place by place: scans that were put together with an error of some spacings are rough
-// where they overlap and fine elsewhere, and a fit that takes the one's noise for the other's finds shape in it.
+// How noisy the points are, place by place: scans that were put together with an error of some spacings are
+// rough where they overlap and fine elsewhere, and a fit that takes the one's noise for the other's finds
+// shape in it.
 #pragma once
 
 #include <cstddef>
@@ -13,8 +14,8 @@ namespace palpate::render {
 class NoiseField {
  public:
   NoiseField() = default;
-  /// Parallel; the same for any number of threads and any order of the points. O(n / 64) fits where the points
-  /// are noisy. `everywhere`: one for all places.
+  /// Parallel; the same for any number of threads and any order of the points. O(n / 64) fits where the
+  /// points are noisy. `everywhere`: one for all places.
   NoiseField(const SmoothPoints& points, int threads, bool everywhere = false);
 
   /// The median over some hundreds of places.

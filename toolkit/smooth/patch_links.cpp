@@ -85,7 +85,8 @@ Turn turn_between(const SmoothPoints& points, const Patch& a, const Patch& b) {
   if (sine < std::max(kCreaseSine, kCreaseErrors * std::hypot(a.slope_error, b.slope_error)))
     return Turn::kNone;
   const double spacing = std::max(a.spacing, b.spacing);
-  const double on = std::max(kOnFaceSigmas * std::max({a.sigma, b.sigma, a.noise, b.noise}), kOnFaceSpacings * spacing);
+  const double on =
+      std::max(kOnFaceSigmas * std::max({a.sigma, b.sigma, a.noise, b.noise}), kOnFaceSpacings * spacing);
   int all = 0, of_a = 0, of_b = 0, ridge = 0, valley = 0;
   points.in_ball(at, kFirstRadius * spacing, [&](std::uint32_t, const Vec3& d, double) {
     const double ra = a.quadric.residual(at + d), rb = b.quadric.residual(at + d);

@@ -140,8 +140,7 @@ Result<std::shared_ptr<const SmoothSurface>> build_surface(const cloud::Cloud& c
   if (!build.without.folds) part_folded(points, cover.patches, context.threads);
   phases.end();
   phases.begin("sheets");
-  const PatchLinks links =
-      link_patches(points, cover.patches, context.threads, build.without);
+  const PatchLinks links = link_patches(points, cover.patches, context.threads, build.without);
   phases.end();
   phases.begin("bricks");
   out->grid = bake_bricks(points, cover.patches, links, measured.voxel_mm, context.threads, build.without);

@@ -33,7 +33,7 @@ constexpr std::array<Step<stars::StarsWithout>, 6> kStarSteps = {
      {"borders", &stars::StarsWithout::borders},
      {"crossings", &stars::StarsWithout::crossings}}};
 
-constexpr std::array<Step<render::SmoothWithout>, 14> kSmoothSteps = {
+constexpr std::array<Step<render::SmoothWithout>, 17> kSmoothSteps = {
     {{"places", &render::SmoothWithout::places},
      {"robust", &render::SmoothWithout::robust},
      {"agreement", &render::SmoothWithout::agreement},
@@ -47,7 +47,10 @@ constexpr std::array<Step<render::SmoothWithout>, 14> kSmoothSteps = {
      {"blend", &render::SmoothWithout::blend},
      {"sharpening", &render::SmoothWithout::sharpening},
      {"borders", &render::SmoothWithout::borders},
-     {"enclosure", &render::SmoothWithout::enclosure}}};
+     {"enclosure", &render::SmoothWithout::enclosure},
+     {"hessian", &render::SmoothWithout::hessian},
+     {"settling", &render::SmoothWithout::settling},
+     {"clearing", &render::SmoothWithout::clearing}}};
 
 std::vector<Ablation> ablations() {
   std::vector<Ablation> all;
