@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "toolkit/cloud/generate.h"
 #include "toolkit/core/words.h"
 
 namespace palpate::felt {
@@ -124,7 +125,7 @@ Result<DataSet> choose_set(const std::string& name, std::uint64_t seed) {
   DataSet set;
   if (const DataSet* const known = find_set(name)) {
     set = *known;
-  } else if (name.find(':') != std::string::npos) {
+  } else if (cloud::find_generator(name.substr(0, name.find(':'))) != nullptr) {
     set.name = set.about = name;
     set.generate = set.quick = name + ":mesh=false";
   } else {
