@@ -125,12 +125,14 @@ TEST(Stress, AMeshFarFromItsOriginIsFeltInItsOwnFrame) {
   RendererRequest world = request_of("mesh-godobject");
   world.options.set("frame", "world");
   EXPECT_EQ(run_cell(case_of("scale-unit"), world, registry()).status, CellStatus::kOk);
-  for (const char* name : {"offset-1e6", "offset-1e9"}) {
+  // Embree's answers are taken up in double: as long as it finds the facets at all, nothing is lost.
+  EXPECT_EQ(run_cell(case_of("offset-1e6"), world, registry()).status, CellStatus::kOk);
+  for (const char* name : {"offset-1e9", "offset-closed-1e9"}) {
     const StressCell local = run_cell(case_of(name), request_of("mesh-godobject"), registry());
     EXPECT_EQ(local.status, CellStatus::kOk) << name << ", " << local.check << ": " << local.cause;
     const StressCell lost = run_cell(case_of(name), world, registry());
     EXPECT_EQ(lost.status, CellStatus::kFailed) << name;
-    EXPECT_GT(lost.twin_difference_n, 10.0 * lost.twin_bound_n) << name;
+    EXPECT_EQ(lost.check, "felt") << name;
   }
   const StressCell voxels = run_cell(case_of("offset-closed-1e9"), request_of("sdf-godobject"), registry());
   EXPECT_EQ(voxels.status, CellStatus::kOk) << voxels.check << ": " << voxels.cause;
