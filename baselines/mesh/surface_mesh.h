@@ -40,15 +40,23 @@ enum class MeshOrder : std::uint8_t {
   kCurve,  ///< vertices along a Morton curve, facets by their lowest vertex: near in space, near in memory
 };
 
+/// Where the coordinates of a mesh begin.
+enum class MeshFrame : std::uint8_t {
+  kLocal,  ///< in the middle of its box: single precision resolves the mesh, wherever it lies
+  kWorld,  ///< where the file says: what a library in single precision gets that is handed the file as it is
+};
+
 /// Immutable after building; safe to read from many threads. Everything in mm relative to origin_mm (the
-/// middle of the box), in double. Nothing in the const noexcept members allocates.
+/// middle of the box, or zero in the world's frame), in double. Nothing in the const noexcept members
+/// allocates.
 class SurfaceMesh {
  public:
   /// Welds, numbers and connects. O(n log n) at worst, O(n) in practice, parallel. Indices out of range,
   /// non-finite vertices and meshes without a usable facet are Errors. The same result for any number of
   /// threads.
   [[nodiscard]] static Result<SurfaceMesh> build(const geometry::TriangleMesh& mesh, int threads,
-                                                 MeshOrder order = MeshOrder::kGiven);
+                                                 MeshOrder order = MeshOrder::kGiven,
+                                                 MeshFrame frame = MeshFrame::kLocal);
   /// The mesh as it is walked, model frame: welded, in the order of its numbers, each coordinate within a
   /// rounding of the given one. O(n).
   [[nodiscard]] geometry::TriangleMesh as_mesh() const;

@@ -139,18 +139,21 @@ std::vector<std::uint32_t> first_at_place(const std::vector<Vec3>& given, partit
 
 }  // namespace
 
-Result<SurfaceMesh> SurfaceMesh::build(const geometry::TriangleMesh& mesh, int threads, MeshOrder order) {
+Result<SurfaceMesh> SurfaceMesh::build(const geometry::TriangleMesh& mesh, int threads, MeshOrder order,
+                                       MeshFrame frame) {
   PALPATE_TRY(check(mesh, threads));
   SurfaceMesh result;
   const geometry::Aabb used = box_of(mesh.triangles.size(), threads, [&](std::size_t t, geometry::Aabb& box) {
     for (const std::uint32_t v : mesh.triangles[t]) box.add(mesh.vertices_mm[v]);
   });
-  result.origin_mm_ = used.centre_mm();
+  if (frame == MeshFrame::kLocal) result.origin_mm_ = used.centre_mm();
   const std::vector<std::uint32_t> welded = result.weld(mesh.vertices_mm, used, threads, order);
   result.fill_facets(mesh, welded, threads, order);
   if (result.facets_.empty())
     return Error{"the mesh has no triangle with three different corners", "use a mesh with faces", {}, 0};
-  result.rounding_mm_ = gamma(kOperations) * result.box_.extent_mm().norm();
+  geometry::Aabb numbers = result.box_;  // as large as coordinates are; about its own middle the box itself
+  if (frame == MeshFrame::kWorld) numbers.add(Vec3::Zero());
+  result.rounding_mm_ = gamma(kOperations) * numbers.extent_mm().norm();
   result.connect(threads);
   result.count_flat(threads);
   return result;

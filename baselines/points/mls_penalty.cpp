@@ -9,6 +9,7 @@
 
 #include "baselines/points/gaps.h"
 #include "baselines/points/outward.h"
+#include "baselines/points/repeatable_exp.h"
 #include "baselines/points/rival.h"
 #include "baselines/points/sphere_tree.h"
 #include "toolkit/core/tolerances.h"
@@ -170,7 +171,7 @@ struct MlsPenalty::Sum {
   surface::Symmetric square{};
 
   void add(const Vec3& point, const Vec3& normal, double sq) noexcept {
-    const double weight = std::exp(-sq * per_width_sq);
+    const double weight = repeatable_exp(-sq * per_width_sq);
     const Vec3 d = point - at;
     weights += weight;
     mean += weight * d;

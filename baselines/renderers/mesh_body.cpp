@@ -111,6 +111,13 @@ std::vector<OptionSpec> mesh_renderer_specs() {
                      "force shading by interpolated vertex normals, or none"};
   shading.choices = {"none", "interpolated"};
   specs.push_back(std::move(shading));
+  specs.push_back(
+      {"frame",
+       OptionKind::kChoice,
+       "local",
+       "coordinates begin in the mesh's middle, or where the file says (Embree reads them in single "
+       "precision)",
+       {"local", "world"}});
   specs.push_back({"check",
                    OptionKind::kFlag,
                    "false",
@@ -143,7 +150,7 @@ Result<std::shared_ptr<const MeshGeometry>> build_geometry(const render::ModelIn
   source = refined(std::move(source).value(), input, options, context.threads, phases);
   if (!source.ok()) return std::move(source).error();
   phases.begin("connect facets");
-  auto mesh = SurfaceMesh::build(**source, context.threads, MeshOrder::kCurve);
+  auto mesh = SurfaceMesh::build(**source, context.threads, MeshOrder::kCurve, decided.frame);
   if (!mesh.ok()) return std::move(mesh).error();
   made->mesh = std::move(mesh).value();
   // The scene holds its own faces anyway; any others are given back here.
@@ -195,10 +202,11 @@ std::string key_of(const render::ModelInput& input, const MeshDecision& decided,
       for (int axis = 0; axis < 3; ++axis) faces.u64(std::bit_cast<std::uint64_t>(vertex[axis]));
     faces.values(input.original_mesh->triangles);
   }
-  return fmt::format(
-      "mesh {:016x} {} {:016x} '{}' {} {} {} {} {}", cloud::content_hash(*input.cloud), input.cloud->size(),
-      faces.value(), input.analytic != nullptr ? input.analytic->formula() : "", decided.point,
-      decided.checks, decided.crossings, decided.normals, render::key_text(options, mesh_specs()));
+  return fmt::format("mesh {:016x} {} {:016x} '{}' {} {} {} {} {} {}", cloud::content_hash(*input.cloud),
+                     input.cloud->size(), faces.value(),
+                     input.analytic != nullptr ? input.analytic->formula() : "", decided.point,
+                     decided.checks, decided.crossings, decided.normals, decided.frame == MeshFrame::kWorld,
+                     render::key_text(options, mesh_specs()));
 }
 
 }  // namespace

@@ -29,6 +29,12 @@ Decision refine_decision(const MeshDecision& d) {
   return {"facets", std::move(choice), "as given", true};
 }
 
+Decision frame_decision(const MeshDecision& d) {
+  if (d.frame == MeshFrame::kWorld)
+    return {"frame", "the file's", "as given: far from its origin single precision loses the mesh", true};
+  return {"frame", "the mesh's own middle", "single precision resolves the mesh wherever it lies"};
+}
+
 Decision check_decision(const MeshDecision& d) {
   if (d.checks) return {"check", "pieces and borders", "as given: for people, frames do not read it", true};
   return {"check", "none", "frames do not need it"};
@@ -55,6 +61,7 @@ Result<MeshDecision> decide_body(const render::ModelInput& input, const Options&
   decided.smoothing = options.integer("smooth");
   decided.keeps = options.number("decimate");
   decided.normals = options.text("shading") == "interpolated";
+  if (options.text("frame") == "world") decided.frame = MeshFrame::kWorld;
   decided.point = kind.crossings;
   decided.checks = options.flag("check");
   decided.crossings = kind.crossings && options.flag("crossings");
@@ -79,6 +86,7 @@ render::ModelDecisions said(const render::ModelInput& input, const MeshDecision&
   out.decisions.push_back(repair_decision(decision));
   out.decisions.push_back(refine_decision(decision));
   out.decisions.push_back(kind.probe);
+  out.decisions.push_back(frame_decision(decision));
   out.decisions.push_back(check_decision(decision));
   out.decisions.push_back(crossing_decision(decision, kind));
   out.decisions.push_back(decision.normals

@@ -2,6 +2,7 @@
 // plan` prints it.
 #pragma once
 
+#include "baselines/mesh/surface_mesh.h"
 #include "baselines/renderers/mesh_source.h"
 #include "toolkit/core/options.h"
 #include "toolkit/render/surface_field.h"
@@ -23,9 +24,10 @@ struct MeshDecision {
   long long smoothing = 0;  ///< rounds
   double keeps = 1.0;       ///< share of the facets after decimation
   bool normals = false;     ///< at the vertices, for shading
-  bool point = true;        ///< what goes over it has no size: folds can catch it
-  bool checks = false;      ///< the mesh is looked at for people: pieces, borders
-  bool crossings = false;   ///< facets that cross others are looked for
+  MeshFrame frame = MeshFrame::kLocal;
+  bool point = true;       ///< what goes over it has no size: folds can catch it
+  bool checks = false;     ///< the mesh is looked at for people: pieces, borders
+  bool crossings = false;  ///< facets that cross others are looked for
   render::SurfaceDecision surface;
 };
 

@@ -22,6 +22,9 @@ void declare_stability(const Declaration& declare, StabilityArguments& a) {
   declare.text("--delays", a.delays, "from position to force, ms, at 1 kHz (default: 0,1,2,4)");
   declare.text("--dampings", a.dampings,
                "of the wall, N s/mm, at 1 kHz (default: 0,0.0001,0.0002,0.0005,0.001,0.002)");
+  declare.flag("--cross", a.cross,
+               "every rate with every delay too, without control, behind a passive coupling and under the "
+               "passivity controller: minutes a renderer");
   declare.number("--jitter", a.jitter_ms, kJitterMs, "each tick is late by up to so many ms (default: 0)");
   declare.number("--slew", a.slew_n_per_s, kSlew, "limit of the governor, N/s (default: 1000)");
   declare.text("--path", run.path,
@@ -43,7 +46,8 @@ Subcommand stability_subcommand() {
       "stability", "renderers in a loop with a simulated hand and device: the stiffness that stays stable",
       {"palpate stability sinusoid:points=10201 --out out/stability",
        "palpate stability sinusoid:points=10201 --renderers cloud,cloud-smooth --device falcon --hand finger "
-       "--rates 1000,4000 --delays 0,2 --dampings 0,0.001 --out out/falcon"},
+       "--rates 1000,4000 --delays 0,2 --dampings 0,0.001 --out out/falcon",
+       "palpate stability sinusoid:points=10201 --renderers cloud --cross --dampings 0 --out out/cross"},
       declare_stability, run_stability);
 }
 

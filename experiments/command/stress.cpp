@@ -23,6 +23,10 @@ void declare_stress(const Declaration& declare, StressArguments& a) {
   declare.flag("--quick", a.quick, "the short set of cases");
   declare.flag("--full", a.full, "ten million points too");
   declare.excludes("--quick", "--full");
+  declare.text(
+      "--against", a.against,
+      "stress.json of another run (another compiler, processor or number of threads): the trace hashes "
+      "must be the same");
   declare.flag("--json", a.json, "print the matrix as JSON");
 }
 
@@ -33,7 +37,8 @@ Subcommand stress_subcommand() {
       "stress", "every renderer at the extremes of scale, place, motion and shape: a matrix of what holds",
       {"palpate stress --budget 900 --out out/stress",
        "palpate stress --renderers cloud,cloud-smooth --cases one-point,hip-nan --out out/few",
-       "palpate stress --quick --budget 60 --out out/quick"},
+       "palpate stress --quick --budget 60 --out out/quick",
+       "palpate stress --renderers cloud --cases offset --against out/elsewhere/stress.json --out out/here"},
       declare_stress, run_stress);
 }
 

@@ -4,6 +4,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "experiments/stability/cross.h"
 #include "experiments/stability/stability.h"
 #include "toolkit/core/numbers.h"
 #include "toolkit/core/try.h"
@@ -31,11 +32,6 @@ std::string shown_number(const std::optional<double>& number) {
   return number ? short_number(*number) : kNoNumber;
 }
 
-std::string limit_text(const StabilityPoint& point) {
-  if (point.unlimited) return "over " + short_number(point.largest_stable_n_per_mm);
-  return point.largest_stable_n_per_mm > 0.0 ? short_number(point.largest_stable_n_per_mm) : "none";
-}
-
 /// What is turned, in words.
 std::string turned_text(const StabilityPoint& point) {
   if (point.varied == "rate") return fmt::format("{:g} Hz", point.rate_hz);
@@ -57,6 +53,7 @@ Table limits_table(const StabilityDocument& document) {
   table.columns.insert(table.columns.end(), {"plane, linear", "any hand"});
   std::vector<std::pair<std::string, std::vector<Cell>>> rows;
   for (const StabilityPoint& point : document.points) {
+    if (point.varied == "cross") continue;  // has tables of its own
     const std::string name = point.hand + ", " + turned_text(point);
     auto row = std::find_if(rows.begin(), rows.end(), [&](const auto& r) { return r.first == name; });
     if (row == rows.end()) {
@@ -200,6 +197,8 @@ Page stability_page(const StabilityDocument& document, const OutputFolder& folde
       if (!figures || !has_points(chart)) continue;
       section.figures.push_back(draw(chart, *figures));
     }
+  for (const Chart& chart : cross_charts(document))
+    if (figures && has_points(chart)) section.figures.push_back(draw(chart, *figures));
   section.tables = stability_tables(document);
   section.facts.push_back({"path of the goal", {document.path}});
   section.facts.push_back({"ground truth", {document.truth}});
@@ -255,6 +254,7 @@ std::string to_json(const StabilityDocument& document) {
 
 std::vector<Table> stability_tables(const StabilityDocument& document) {
   std::vector<Table> tables = {limits_table(document), tasks_table(document), scores_table(document)};
+  for (Table& table : cross_tables(document)) tables.push_back(std::move(table));
   if (Table cycles = cycles_table(document); !cycles.rows.empty()) tables.push_back(std::move(cycles));
   return tables;
 }

@@ -20,12 +20,20 @@ constexpr double kBaseHz = 1000.0;  // the rate of haptics, about which everythi
 constexpr double kRunsOfASearch = 12.0;
 constexpr double kPresses = 8.0;  // tasks and scores, in runs
 
+constexpr const char* kControls[] = {"none", "coupling", "passivity"};
+
+struct AskedLoop {
+  std::vector<double> rates, delays, dampings;
+  bool cross = false;
+  Bench bench;
+};
+
 /// What is searched for one renderer.
-std::vector<StabilityPoint> searches_of(const std::vector<double>& rates, const std::vector<double>& delays,
-                                        const std::vector<double>& dampings, const std::string& hand,
-                                        bool impedance) {
-  std::vector<std::string> hands = {hand};
-  if (hand != "released") hands.emplace_back("released");
+std::vector<StabilityPoint> searches_of(const AskedLoop& asked) {
+  const bool impedance = asked.bench.arm.has_value();
+  const std::vector<double> at_once = {0.0};
+  std::vector<std::string> hands = {asked.bench.hand.name};
+  if (hands.front() != "released") hands.emplace_back("released");
   std::vector<StabilityPoint> points;
   for (const std::string& held : hands) {
     StabilityPoint base;
@@ -37,13 +45,22 @@ std::vector<StabilityPoint> searches_of(const std::vector<double>& rates, const 
       change(point);
       points.push_back(std::move(point));
     };
-    for (const double rate : rates) add("rate", [&](StabilityPoint& p) { p.rate_hz = rate; });
+    for (const double rate : asked.rates) add("rate", [&](StabilityPoint& p) { p.rate_hz = rate; });
     if (impedance)
-      for (const double delay : delays) add("delay", [&](StabilityPoint& p) { p.delay_ms = delay; });
-    for (const double damping : dampings)
+      for (const double delay : asked.delays) add("delay", [&](StabilityPoint& p) { p.delay_ms = delay; });
+    for (const double damping : asked.dampings)
       add("damping", [&](StabilityPoint& p) { p.damping_n_s_per_mm = damping; });
-    for (const char* const control : {"none", "coupling", "passivity"})
+    for (const char* const control : kControls)
       add("control", [&](StabilityPoint& p) { p.control = control; });
+    if (!asked.cross) continue;
+    for (const char* const control : kControls)
+      for (const double delay : impedance ? asked.delays : at_once)
+        for (const double rate : asked.rates)
+          add("cross", [&](StabilityPoint& p) {
+            p.control = control;
+            p.delay_ms = delay;
+            p.rate_hz = rate;
+          });
   }
   return points;
 }
@@ -89,11 +106,6 @@ Result<std::vector<double>> rising_numbers(const std::string& option, const std:
   return numbers;
 }
 
-struct AskedLoop {
-  std::vector<double> rates, delays, dampings;
-  Bench bench;
-};
-
 Result<AskedLoop> asked_of(const StabilityArguments& arguments) {
   constexpr NumberRange kRates{100.0, 16'000.0}, kDelays{0.0, 20.0}, kDampings{0.0, 1.0};
   AskedLoop asked;
@@ -101,6 +113,7 @@ Result<AskedLoop> asked_of(const StabilityArguments& arguments) {
   PALPATE_ASSIGN(asked.rates, rising_numbers("--rates", arguments.rates, kRates));
   PALPATE_ASSIGN(asked.delays, rising_numbers("--delays", arguments.delays, kDelays));
   PALPATE_ASSIGN(asked.dampings, rising_numbers("--dampings", arguments.dampings, kDampings));
+  asked.cross = arguments.cross;
   asked.bench.jitter_s = arguments.jitter_ms / kMillisecondsPerS;
   asked.bench.slew_n_per_s = arguments.slew_n_per_s;
   if (asked.bench.jitter_s * asked.rates.back() >= 1.0 || asked.bench.jitter_s * kBaseHz >= 1.0)
@@ -161,8 +174,7 @@ Status Measuring::measure(const RendererRequest& request, const render::Registry
 /// Every point of one renderer; what stands under several headings is searched once.
 Status Measuring::search(const std::string& label, render::HapticRenderer& unit, double unit_n_per_mm,
                          double runs) {
-  std::vector<StabilityPoint> points = searches_of(asked_.rates, asked_.delays, asked_.dampings,
-                                                   asked_.bench.hand.name, asked_.bench.arm.has_value());
+  std::vector<StabilityPoint> points = searches_of(asked_);
   const double all = kRunsOfASearch * static_cast<double>(points.size()) + kPresses;
   const RunDone done = [&] {
     runs += 1.0;
@@ -228,7 +240,7 @@ std::string key_of_run(const StabilityArguments& a, const StageRequest& stage) {
   for (const std::string& text : {a.run.scene, a.run.renderers, a.run.path, a.run.reference, a.device, a.hand,
                                   a.rates, a.delays, a.dampings})
     key.add(text);
-  key.add(a.jitter_ms).add(a.slew_n_per_s);
+  key.add(a.jitter_ms).add(a.slew_n_per_s).add(static_cast<std::uint64_t>(a.cross));
   for (const std::string& file : files_read(stage)) key.add_file(file);
   return key.word();
 }

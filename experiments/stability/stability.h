@@ -25,6 +25,7 @@ struct StabilityArguments {
   std::string rates = "500,1000,2000,4000,8000";                ///< Hz
   std::string delays = "0,1,2,4";                               ///< ms
   std::string dampings = "0,0.0001,0.0002,0.0005,0.001,0.002";  ///< of the wall, N s/mm
+  bool cross = false;  ///< every rate with every delay, under each control
   double jitter_ms = 0.0;
   double slew_n_per_s = 1000.0;
 };
@@ -33,7 +34,7 @@ struct StabilityArguments {
 struct StabilityPoint {
   std::string renderer;  ///< label
   std::string hand;      ///< "released": a steady push alone
-  std::string varied;    ///< "rate", "delay", "damping", "control"; the base stands under "rate"
+  std::string varied;    ///< "rate", "delay", "damping", "control", "cross"; the base stands under "rate"
   std::string control = "none";
   double rate_hz = 1000.0, delay_ms = 0.0, damping_n_s_per_mm = 0.0;
   double largest_stable_n_per_mm = 0.0;    ///< 0: none that was tried

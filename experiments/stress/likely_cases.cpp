@@ -84,6 +84,33 @@ void add_hollow(std::vector<StressCase>& cases) {
          std::move(way).put_into(setup);
          return setup;
        }});
+  cases.push_back(
+      {"flying-sheet", "likely",
+       "An open sheet with one point in ten thrown around it: pressed from above and from below, "
+       "for it is not closed.",
+       false, false, []() -> Result<StressSetup> {
+         constexpr double kWayMm = 2.5;  // no point is thrown where the HIP goes
+         Points points = lattice_points({-10, -10, 0}, {0.5, 0, 0}, {0, 0.5, 0}, 41, 41);
+         Random random(12);
+         const auto length = [&] { return random.uniform(-14.0, 14.0); };
+         for (int i = 0; i < 170;) {
+           const Vec3 point{length(), length(), length()};
+           if (point.head<2>().norm() < kWayMm) continue;
+           points.push_back(point);
+           ++i;
+         }
+         PALPATE_ASSIGN(StressSetup setup, setup_of_points(points, "sheet with flying pixels"));
+         Way way({0.2, 0.1, 40});
+         for (const double side : {1.0, -1.0}) {
+           if (side < 0.0) way.to({40, 0.1, 40}, 50, Due::kFree).to({40, 0.1, -40}, 50, Due::kFree);
+           way.to({0.2, 0.1, side * 40}, 50, Due::kFree).to({0.2, 0.1, side * 30}, 30, Due::kFree);
+           way.to({0.2, 0.1, side * -0.8}, 600, Due::kAny).stay(50, Due::kInside);
+           way.to({0.2, 0.1, side * 30}, 300, Due::kAny);
+           way.to({0.2, 0.1, side * 40}, 30, Due::kFree);
+         }
+         std::move(way).put_into(setup);
+         return setup;
+       }});
 }
 
 void add_crowds(std::vector<StressCase>& cases) {

@@ -9,14 +9,12 @@ namespace palpate::experiments {
 namespace {
 
 std::string command_of(const RendererRequest& request, const std::string& name) {
-  std::string renderer = request.name;
-  for (const auto& [key, value] : request.options.all()) renderer += fmt::format(":{}={}", key, value);
-  return fmt::format("palpate stress --renderers {} --cases {} --out out/{}", renderer, name, name);
+  return fmt::format("palpate stress --renderers {} --cases {} --out out/{}", spelled(request), name, name);
 }
 
 std::string cause_of(const StressMatrix& matrix, std::size_t r, std::size_t c) {
   const StressCell& cell = matrix.cells[r][c];
-  const std::string reason = known_reason(matrix.renderers[r].name, matrix.cases[c], cell);
+  const std::string reason = known_reason(matrix.renderers[r], matrix.cases[c], cell);
   if (reason.empty()) return cell.cause;
   return cell.cause + (cell.cause.empty() ? "" : ". ") + reason;
 }
@@ -59,6 +57,12 @@ Fact fact_of(const StressMatrix& matrix, std::size_t r) {
 }
 
 }  // namespace
+
+std::string spelled(const RendererRequest& request) {
+  std::string text = request.name;
+  for (const auto& [key, value] : request.options.all()) text += fmt::format(":{}={}", key, value);
+  return text;
+}
 
 std::size_t failures(const StressMatrix& matrix, render::Role role) {
   std::size_t count = 0;

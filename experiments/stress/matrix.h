@@ -21,8 +21,10 @@ struct StressMatrix {
 };
 
 /// Why a renderer fails a check of a case, where that is known: a sentence, else nothing.
-[[nodiscard]] std::string known_reason(const std::string& renderer, const StressCase& one,
+[[nodiscard]] std::string known_reason(const RendererRequest& request, const StressCase& one,
                                        const StressCell& cell);
+/// As on the command line, but for its label: "cloud:refine=1".
+[[nodiscard]] std::string spelled(const RendererRequest& request);
 
 /// Cells of this role that failed.
 [[nodiscard]] std::size_t failures(const StressMatrix& matrix, render::Role role);

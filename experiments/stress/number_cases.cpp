@@ -19,7 +19,15 @@ using Unit = std::shared_ptr<const StressSetup>;
 
 Result<Unit> unit_of(const char* generator) {
   PALPATE_ASSIGN(StressSetup setup, setup_of_generator(generator));
-  const auto surface = setup.scene.models.front().analytic;
+  // Stored as its twins will be, about the middle of the points: a generator stores about that of the
+  // formula's box, and a lattice of voxels that begins elsewhere interpolates otherwise.
+  render::ModelInput& model = setup.scene.models.front();
+  std::vector<Vec3> points(model.cloud->size());
+  for (std::size_t i = 0; i < points.size(); ++i) points[i] = model.cloud->point_mm(i);
+  PALPATE_ASSIGN(cloud::Cloud stored, cloud::build_cloud(points, cloud::NonFinite::kRefuse));
+  stored.raster = model.cloud->raster;
+  model.cloud = std::make_shared<const cloud::Cloud>(std::move(stored));
+  const auto surface = model.analytic;
   weave(setup, *surface, 5.0, 0.8, 3.0, 0.2, 600);
   return Unit(std::make_shared<const StressSetup>(std::move(setup)));
 }
@@ -100,6 +108,8 @@ void add_offsets(std::vector<StressCase>& cases) {
     bool quick;
   };
   for (const Offset& o : {Offset{"1e3", "a metre", 1e3, false},
+                          {"1e4", "ten metres", 1e4, false},
+                          {"1e5", "a hundred metres", 1e5, false},
                           {"1e6", "a kilometre", 1e6, true},
                           {"1e9", "a thousand kilometres", 1e9, true}}) {
     const Vec3 by = o.mm * Vec3(1.0, -0.7, 0.4);

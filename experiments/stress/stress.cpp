@@ -4,9 +4,11 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <optional>
 
 #include "experiments/session/run_key.h"
 #include "experiments/session/terminal.h"
+#include "experiments/stress/against.h"
 #include "experiments/stress/apart.h"
 #include "experiments/stress/matrix.h"
 #include "toolkit/core/clock.h"
@@ -14,6 +16,8 @@
 
 namespace palpate::experiments {
 namespace {
+
+constexpr const char* kShownInBothFrames = "mesh-godobject";
 
 bool names_it(const StressCase& one, const std::string& word) {
   return one.name == word || one.group == word;
@@ -50,7 +54,14 @@ Result<std::vector<RendererRequest>> chosen_renderers(const std::string& text,
                                                       const render::Registry& registry) {
   if (!text.empty()) return parse_renderers(text, registry);
   std::vector<RendererRequest> requests;
-  for (const render::RendererInfo& info : registry.all()) requests.push_back({info.name, info.name, {}, {}});
+  for (const render::RendererInfo& info : registry.all()) {
+    requests.push_back({info.name, info.name, {}, {}});
+    // Beside its local frame, what single precision makes of coordinates as the file has them.
+    if (info.name != kShownInBothFrames) continue;
+    Options world;
+    world.set("frame", "world");
+    requests.push_back({std::string(kShownInBothFrames) + "-world", info.name, std::move(world), {}});
+  }
   return requests;
 }
 
@@ -143,10 +154,32 @@ class StressRun {
   Stopwatch watch_;
 };
 
-Status write_results(const StressMatrix& matrix, const OutputFolder& folder) {
-  PALPATE_TRY(folder.write(kStressFile, stress_json(matrix)));
+/// What stands in the folder, and what is printed.
+struct StressResults {
+  std::string json;
+  std::vector<Table> tables;
+  bool short_of = false;  ///< a cell of ours is red, or answers other bits than it should
+};
+
+StressResults results_of(const StressMatrix& matrix, const std::optional<OtherHashes>& other) {
+  StressResults results{stress_json(matrix),
+                        {stress_table(matrix), stress_summary(matrix)},
+                        failures(matrix, render::Role::kOurs) > 0};
+  if (!other) return results;
+  const std::vector<HashRow> rows = compare_hashes(matrix, *other);
+  results.json = with_hashes(results.json, rows, *other);
+  results.tables.push_back(hash_table(rows, *other));
+  for (const HashRow& row : rows)
+    results.short_of = results.short_of || (row.role == render::Role::kOurs && !row.different.empty());
+  return results;
+}
+
+Status write_results(const StressMatrix& matrix, const StressResults& results, const OutputFolder& folder) {
+  PALPATE_TRY(folder.write(kStressFile, results.json));
   PALPATE_TRY(folder.write("stress.svg", stress_picture(matrix)));
-  PALPATE_TRY(write_page(stress_page(matrix), folder));
+  Page page = stress_page(matrix);
+  if (results.tables.size() > 2) page.sections.front().tables.push_back(results.tables.back());
+  PALPATE_TRY(write_page(page, folder));
   return folder.complete();
 }
 
@@ -164,6 +197,12 @@ int run_stress(const StressArguments& arguments, Context& context) {
   if (!cases) return fail(cases.error(), kExitBadInput);
   matrix.cases = *std::move(cases);
   matrix.head = new_head(context.command_line);
+  std::optional<OtherHashes> other;
+  if (!arguments.against.empty()) {
+    Result<OtherHashes> read = read_hashes(arguments.against);
+    if (!read) return fail(read.error(), kExitBadInput);
+    other = *std::move(read);
+  }
   const Result<OutputFolder> folder = OutputFolder::open(arguments.out);
   if (!folder) return fail(folder.error(), kExitBadInput, &context.progress);
   RunKey key;
@@ -172,16 +211,18 @@ int run_stress(const StressArguments& arguments, Context& context) {
   if (const Status begun = begin_run(*folder, key.word(), context); !begun)
     return fail(begun.error(), kExitFellShort, &context.progress);
   Status done = StressRun(arguments, registry, *folder, matrix, context.progress).all();
-  if (done) done = write_results(matrix, *folder);
+  const StressResults results = results_of(matrix, other);
+  if (done) done = write_results(matrix, results, *folder);
   context.progress.clear();
   if (!done) return fail(done.error(), kExitFellShort);
-  if (arguments.json)
-    fmt::print("{}", stress_json(matrix));
-  else
-    fmt::print("{}\n{}\nreport: {}\n", to_text(stress_table(matrix), terminal_columns(STDOUT_FILENO)),
-               to_text(stress_summary(matrix), terminal_columns(STDOUT_FILENO)),
-               std::filesystem::absolute(folder->file("report.html")).string());
-  return failures(matrix, render::Role::kOurs) > 0 ? kExitFellShort : kExitOk;
+  if (arguments.json) {
+    fmt::print("{}", results.json);
+  } else {
+    for (const Table& table : results.tables)
+      fmt::print("{}\n", to_text(table, terminal_columns(STDOUT_FILENO)));
+    fmt::print("report: {}\n", std::filesystem::absolute(folder->file("report.html")).string());
+  }
+  return results.short_of ? kExitFellShort : kExitOk;
 }
 
 }  // namespace palpate::experiments

@@ -11,6 +11,7 @@ struct StressArguments {
   std::string renderers;  ///< empty: every renderer
   std::string cases;      ///< names and groups; empty: all
   std::string out;
+  std::string against;    ///< stress.json of another run, whose hashes must be these; empty: none
   double budget_s = 0.0;  ///< 0: as long as it takes
   double cell_s = 60.0;   ///< of one cell
   bool full = false;

@@ -71,6 +71,27 @@ TEST_F(Stability, MeasuresLimitsTasksAndScoresAndIsTheSameTwice) {
   for (const char* const part : {"points", "tasks", "scores"}) EXPECT_EQ(first[part], second[part]) << part;
 }
 
+TEST_F(Stability, EveryRateWithEveryDelayIsMeasuredWhereAsked) {
+  const ProcessOutcome run =
+      stability("out", {"--rates", "1000", "--delays", "2", "--dampings", "0", "--cross"});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_EQ(schema_violations(std::string(PALPATE_DOCS) + "/stability.schema.json",
+                              file_text(in("out/stability.json"))),
+            "");
+  const json found = document("out");
+  std::size_t crossed = 0;
+  for (const json& point : found["points"]) crossed += point["varied"] == "cross";
+  EXPECT_EQ(crossed, 12u) << "truth and cloud, two hands, three controls";
+  for (const char* const renderer : {"truth", "cloud"}) {
+    const double without = largest(found, renderer, "hand", "cross", "control", "none");
+    EXPECT_EQ(without, largest(found, renderer, "hand", "delay", "delay_ms", 2.0)) << renderer;
+    EXPECT_GT(largest(found, renderer, "hand", "cross", "control", "coupling"), 2.0 * without) << renderer;
+    EXPECT_NE(run.out.find(std::string("over rate and delay, N/mm: ") + renderer), std::string::npos);
+    EXPECT_TRUE(
+        std::filesystem::exists(in(std::string("out/figures/limit-cross-") + renderer + "-released.svg")));
+  }
+}
+
 TEST_F(Stability, TheAdmittanceDeviceTakesAStiffWallFromASpring) {
   const ProcessOutcome run = stability(
       "out", {"--device", "admittance", "--rates", "1000", "--delays", "0", "--dampings", "0", "--json"});

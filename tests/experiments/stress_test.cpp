@@ -119,6 +119,47 @@ TEST(Stress, AStatedLimitIsTheRenderersOwnWarning) {
   EXPECT_EQ(run_cell(case_of("plate-0.01mm"), request_of("cloud"), registry()).status, CellStatus::kOk);
 }
 
+// Embree computes in single precision: what its mesh's own frame is for. And a lattice of voxels answers the
+// same wherever its points lie.
+TEST(Stress, AMeshFarFromItsOriginIsFeltInItsOwnFrame) {
+  RendererRequest world = request_of("mesh-godobject");
+  world.options.set("frame", "world");
+  EXPECT_EQ(run_cell(case_of("scale-unit"), world, registry()).status, CellStatus::kOk);
+  // Embree's answers are taken up in double: as long as it finds the facets at all, nothing is lost.
+  EXPECT_EQ(run_cell(case_of("offset-1e6"), world, registry()).status, CellStatus::kOk);
+  for (const char* name : {"offset-1e9", "offset-closed-1e9"}) {
+    const StressCell local = run_cell(case_of(name), request_of("mesh-godobject"), registry());
+    EXPECT_EQ(local.status, CellStatus::kOk) << name << ", " << local.check << ": " << local.cause;
+    const StressCell lost = run_cell(case_of(name), world, registry());
+    EXPECT_EQ(lost.status, CellStatus::kFailed) << name;
+    EXPECT_EQ(lost.check, "felt") << name;
+  }
+  const StressCell voxels = run_cell(case_of("offset-closed-1e9"), request_of("sdf-godobject"), registry());
+  EXPECT_EQ(voxels.status, CellStatus::kOk) << voxels.check << ": " << voxels.cause;
+}
+
+// Points in double at any place: the force of the same scene at the origin, within the bound of rounding.
+TEST(Stress, OursAnswerTheSameAtEveryPlace) {
+  for (const char* renderer : {"cloud", "cloud-smooth", "heightfield"})
+    for (const StressCase& one : stress_cases()) {
+      if (one.group != "offset") continue;
+      const StressCell cell = run_cell(one, request_of(renderer), registry());
+      EXPECT_NE(cell.status, CellStatus::kFailed) << renderer << ", " << one.name << ": " << cell.cause;
+      if (cell.status != CellStatus::kOk || cell.twin_bound_n == 0.0) continue;
+      EXPECT_GT(cell.contact_frames, 50u) << renderer << ", " << one.name;
+      EXPECT_LE(cell.twin_difference_n, cell.twin_bound_n) << renderer << ", " << one.name;
+      EXPECT_LT(cell.twin_bound_n, 1e-3) << "a bound that means something, N";
+    }
+}
+
+// One point in ten in the air: the sheet stays open, and is felt from below.
+TEST(Stress, FlyingPixelsCloseNoSheet) {
+  for (const char* renderer : {"cloud", "cloud-smooth"}) {
+    const StressCell cell = run_cell(case_of("flying-sheet"), request_of(renderer), registry());
+    EXPECT_NE(cell.status, CellStatus::kFailed) << renderer << ", " << cell.check << ": " << cell.cause;
+  }
+}
+
 TEST(Stress, ACrashAndAHangAreRedCellsAndTheRowGoesOn) {
   const StressCase good = case_of("one-point");
   StressCase crash = good, hang = good;
@@ -159,6 +200,36 @@ TEST_F(StressCommand, WritesTheMatrixTwiceTheSame) {
   EXPECT_NE(file_text(in("out/report.html")).find("<svg"), std::string::npos);
   ASSERT_EQ(palpate_command(words).exit_code, 0);
   EXPECT_EQ(nlohmann::json::parse(file_text(in("out/stress.json")))["cells"], first["cells"]);
+}
+
+TEST_F(StressCommand, HashesOfAnotherRunMustBeTheSame) {
+  const auto run = [&](const std::string& out, const std::string& against) {
+    std::vector<std::string> words = {
+        "stress", "--renderers", "cloud,mls-proxy", "--cases", "one-point,scale-unit", "--out", in(out)};
+    if (!against.empty()) words.insert(words.end(), {"--against", against});
+    return palpate_command(words);
+  };
+  ASSERT_EQ(run("first", "").exit_code, 0);
+  const ProcessOutcome same = run("second", in("first/stress.json"));
+  EXPECT_EQ(same.exit_code, 0) << same.err;
+  EXPECT_NE(same.out.find("Trace hashes against"), std::string::npos);
+  EXPECT_EQ(schema_violations(std::string(PALPATE_DOCS) + "/stress.schema.json",
+                              file_text(in("second/stress.json"))),
+            "");
+  nlohmann::json other = nlohmann::json::parse(file_text(in("first/stress.json")));
+  for (nlohmann::json& cell : other["cells"])
+    if (cell["renderer"] == "cloud" && cell["case"] == "scale-unit") cell["trace_hash"] = "0123456789abcdef";
+  write_text(in("other.json"), other.dump());
+  EXPECT_EQ(run("third", in("other.json")).exit_code, 1);
+  const nlohmann::json third =
+      nlohmann::json::parse(file_text(in("third/stress.json")))["against"]["renderers"];
+  EXPECT_EQ(third[0]["different"], nlohmann::json::array({"scale-unit"}));
+  EXPECT_EQ(third[1]["same"], 2);
+  write_text(in("none.json"), "{}");
+  const ProcessOutcome none = run("fourth", in("none.json"));
+  EXPECT_EQ(none.exit_code, 2);
+  EXPECT_NE(none.err.find("is no stress.json"), std::string::npos) << none.err;
+  EXPECT_FALSE(std::filesystem::exists(in("fourth")));
 }
 
 TEST_F(StressCommand, RefusesWhatItDoesNotKnow) {

@@ -13,6 +13,11 @@ namespace palpate {
 
 inline constexpr std::size_t kLanes = 8;
 
+/// Whether functions marked PALPATE_AVX2 may be called: the processor has what they need, and the environment
+/// does not say PALPATE_LANES=narrow (so that one machine can show that answers are the same without). Asked
+/// once in a process.
+[[nodiscard]] bool wide_lanes() noexcept;
+
 /// For each set of eight answers the positions of the yeses, a byte each, first ones first.
 inline constexpr std::array<std::uint64_t, 256> kLanePositions = [] {
   std::array<std::uint64_t, 256> all{};

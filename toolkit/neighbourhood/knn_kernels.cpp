@@ -314,8 +314,7 @@ const Kernels& portable_kernels() noexcept {
 
 const Kernels& kernels() noexcept {
 #if defined(__x86_64__)
-  static const bool kWide = __builtin_cpu_supports("avx2") != 0 && __builtin_cpu_supports("popcnt") != 0;
-  if (kWide) return avx2::kKernels;
+  if (wide_lanes()) return avx2::kKernels;
 #endif
   return portable::kKernels;
 }

@@ -1,5 +1,7 @@
 #include "toolkit/smooth/blend_rows.h"
 
+#include "toolkit/core/lanes.h"
+
 namespace palpate::render {
 namespace {
 
@@ -35,7 +37,7 @@ constexpr std::array<float, kRowLanes> kAlong{-3.0f, -2.0f, -1.0f, 0.0f, 1.0f, 2
 
 void add_to_rows(const RowPatch& patch, RowSums& sums) {
 #if defined(__x86_64__)
-  static const bool kWide = __builtin_cpu_supports("avx2") != 0;
+  static const bool kWide = wide_lanes();  // asked for every row
   if (kWide) {
     wide::add(patch, sums);
     return;

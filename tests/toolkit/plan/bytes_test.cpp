@@ -41,10 +41,10 @@ const char* const kScenes[] = {
 };
 
 /// As a hand would go over it.
-std::string path_on(const render::SceneInput& scene) {
+std::string path_on(const render::SceneInput& scene, int frames = 600) {
   const double size = scene.models[0].cloud->box_mm().extent_mm().norm();
-  return fmt::format("exploration:frames=600:depth_mm={0}:clearance_mm={1}:slowest_mm_s={2}:fastest_mm_s={2}",
-                     size / 100.0, size / 300.0, size / 5.0);
+  return fmt::format("exploration:frames={3}:depth_mm={0}:clearance_mm={1}:slowest_mm_s={2}:fastest_mm_s={2}",
+                     size / 100.0, size / 300.0, size / 5.0, frames);
 }
 
 TEST(Bytes, AreExpectedWithinAQuarter) {
@@ -74,6 +74,29 @@ TEST(Bytes, AreExpectedWithinAQuarter) {
     }
   }
   EXPECT_GT(checked, 7 * static_cast<int>(std::size(kScenes)) - 1);
+}
+
+// Of what is more than one piece the pieces are strips along the probe's way.
+TEST(Bytes, OfLargeModelsAreExpectedWithinAQuarter) {
+  const Machine machine{"some", {{1.0, 1.0}}, false};
+  render::Registry registry;
+  render::register_toolkit_renderers(registry);
+  for (const char* scene_text :
+       {"sinusoid:points=40000", "sinusoid:points=40000:sampling=random:noise=0.1:seed=4",
+        "torus:points=40000:sampling=random:density=30:seed=6", "slab:points=40000:sampling=random:seed=10",
+        "shells:points=40000", "relief:points=40000:sampling=random:seed=13"}) {
+    const render::SceneInput scene = render::generated(scene_text).input;
+    for (const char* name : {"cloud", "cloud:refine=1", "cloud-smooth"}) {
+      SCOPED_TRACE(std::string(scene_text) + " " + name);
+      const NamedOptions named = parse_named_options(name).value();
+      const auto renderer = registry.make(named.name, named.options).value();
+      Plan decided = make_plan(scene, named, registry, {1, nullptr}).value();
+      const auto held = static_cast<double>(renderer->prepare(scene, {1, nullptr}).value().bytes);
+      expect_on(decided, scene, registry, path_on(scene, 12'000), machine);  // twelve pieces
+      const auto said = static_cast<double>(decided.decided.bytes);
+      EXPECT_LE(std::abs(said - held), kShare * held) << said << " said, " << held << " held";
+    }
+  }
 }
 
 TEST(Bytes, PropertiesThatVaryAreExpectedToo) {
