@@ -39,29 +39,6 @@ Difference difference_of(const Plan& plan, const std::vector<const Row*>& rows) 
   return d;
 }
 
-/// JNDs of the whole procedure, simulated from the fit and fitted as it was: levels follow from answers
-/// there, so they are drawn anew as well.
-Interval bootstrap_procedure(const Plan& plan, const PsychometricFit& fit, std::uint64_t seed) {
-  Random random(seed);
-  std::vector<double> jnds;
-  for (int r = 0; r < kPsychometricResamples; ++r) {
-    const std::unique_ptr<Adaptive> procedure = Course::new_procedure(plan);
-    std::map<double, LevelAnswers> levels;
-    while (const std::optional<double> level = procedure->level()) {
-      LevelAnswers& one = levels.try_emplace(*level, LevelAnswers{*level, 0, 0}).first->second;
-      const bool correct = random.uniform() < fit.function.proportion(*level);
-      ++one.trials;
-      one.correct += correct ? 1u : 0u;
-      procedure->answered(correct);
-    }
-    std::vector<LevelAnswers> all;
-    for (const auto& [level, answers] : levels) all.push_back(answers);
-    if (const auto again = fit_psychometric(all, fit.function, plan.fitted_slope()))
-      jnds.push_back(again->function.jnd);
-  }
-  return percentiles(jnds);
-}
-
 Result<Threshold> threshold_of(const Plan& plan, const std::vector<const Row*>& rows) {
   Threshold t;
   t.levels = by_level(rows);
@@ -85,7 +62,8 @@ Result<Threshold> threshold_of(const Plan& plan, const std::vector<const Row*>& 
                            kPsychometricResamples);
     return t;
   }
-  t.jnd.interval = bootstrap_procedure(plan, *fit, seed);
+  t.jnd.interval =
+      bootstrap_procedure([&] { return Course::new_procedure(plan); }, *fit, plan.fitted_slope(), seed);
   t.method =
       fmt::format("maximum likelihood with slope {:g}; {} staircases simulated from the fit, percentiles",
                   fit->function.slope, kPsychometricResamples);

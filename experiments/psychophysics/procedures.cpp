@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numeric>
 
 namespace palpate::experiments::psychophysics {
@@ -72,12 +73,36 @@ std::optional<Estimate> UpDown::estimate() const {
   return Estimate{std::exp(mean), {std::exp(mean - error), std::exp(mean + error)}};
 }
 
+Interval bootstrap_procedure(const std::function<std::unique_ptr<Adaptive>()>& begin,
+                             const PsychometricFit& fit, std::optional<double> slope, std::uint64_t seed,
+                             int resamples) {
+  Random random(seed);
+  std::vector<double> jnds;
+  for (int r = 0; r < resamples; ++r) {
+    const std::unique_ptr<Adaptive> procedure = begin();
+    std::map<double, LevelAnswers> levels;
+    while (const std::optional<double> level = procedure->level()) {
+      LevelAnswers& one = levels.try_emplace(*level, LevelAnswers{*level, 0, 0}).first->second;
+      const bool correct = random.uniform() < fit.function.proportion(*level);
+      ++one.trials;
+      one.correct += correct ? 1u : 0u;
+      procedure->answered(correct);
+    }
+    std::vector<LevelAnswers> all;
+    for (const auto& [level, answers] : levels) all.push_back(answers);
+    if (const auto again = fit_psychometric(all, fit.function, slope)) jnds.push_back(again->function.jnd);
+  }
+  return percentiles(jnds);
+}
+
 Psi::Psi(const PsiOptions& options) : options_(options) {
   levels_ = log_spaced(options.low, options.high, kPsiLevels);
   slopes_ = log_spaced(options.low_slope, options.high_slope, kPsiSlopes);
   const std::vector<double> jnds = log_spaced(options.low, options.high, kPsiJnds);
   for (const double jnd : jnds) log_jnds_.push_back(std::log(jnd));
-  posterior_.assign(kPsiJnds * kPsiSlopes, 1.0 / static_cast<double>(kPsiJnds * kPsiSlopes));
+  // Steps of the grid are as long as their JND, so a prior that is flat in the JND is proportional to it.
+  const double sum = std::accumulate(jnds.begin(), jnds.end(), 0.0) * static_cast<double>(kPsiSlopes);
+  for (const double jnd : jnds) posterior_.insert(posterior_.end(), kPsiSlopes, jnd / sum);
   Psychometric function = options.like;
   for (const double level : levels_)
     for (const double jnd : jnds)

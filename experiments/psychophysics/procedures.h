@@ -9,6 +9,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -66,6 +67,13 @@ class UpDown final : public Adaptive {
   std::vector<double> reversals_;
 };
 
+/// Percentiles of JNDs of whole runs of a procedure, simulated from `fit` and fitted as it was: levels follow
+/// from answers there, so they are drawn anew as well. `begin` makes the procedure. The same seed, the same
+/// interval.
+[[nodiscard]] Interval bootstrap_procedure(const std::function<std::unique_ptr<Adaptive>()>& begin,
+                                           const PsychometricFit& fit, std::optional<double> slope,
+                                           std::uint64_t seed, int resamples = kPsychometricResamples);
+
 struct PsiOptions {
   Psychometric like;              ///< task, shape and lapse
   double low = 0.1, high = 10.0;  ///< differences and JNDs lie within
@@ -74,8 +82,10 @@ struct PsiOptions {
 };
 
 /// The Psi method: a posterior over JND and slope on a grid, and next the difference that is expected to
-/// leave the least entropy. Its estimate is the posterior's mean of log JND, with the 95 % that the posterior
-/// holds. A step takes O(levels x JNDs x slopes), 14,000 additions.
+/// leave the least entropy. The prior is flat in the JND itself and in the logarithm of the slope: flat in
+/// the logarithm of the JND too it favours small ones, by 7.5 % after 50 trials. Its estimate is the
+/// posterior's mean of log JND, with the 95 % that the posterior holds. A step takes O(levels x JNDs x
+/// slopes), 14,000 additions.
 class Psi final : public Adaptive {
  public:
   explicit Psi(const PsiOptions& options);
