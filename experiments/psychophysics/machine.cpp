@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "experiments/psychophysics/psychometric.h"
 #include "toolkit/core/try.h"
@@ -77,12 +78,16 @@ std::vector<double> Machine::strengths(const std::vector<CueScales>& intervals) 
   return all;
 }
 
-Result<Answer> Machine::answer(const Trial& trial, FeltTrial& felt, ProgressBar& progress) {
+Result<std::vector<double>> Machine::feel(const Trial& trial, FeltTrial& felt, ProgressBar& progress) {
   PALPATE_ASSIGN(felt, feel_alone(bench_, device_, bench_.passes(trial), trial.level, progress));
+  return strengths(scales(felt));
+}
+
+Result<Answer> Machine::answer(const Trial& trial, FeltTrial& felt, ProgressBar& progress) {
+  PALPATE_ASSIGN(std::vector<double> sensed, feel(trial, felt, progress));
   ObserverOptions deciding = spec_.options;
   deciding.dprime = dprime_at_jnd(Task::kTwoInterval) * std::abs(apart_[widest(apart_)]);
-  Answer answer =
-      answer_of(deciding, {plan_.task, trial.number, strengths(scales(felt))}, answer_seed(plan_));
+  Answer answer = answer_of(deciding, {plan_.task, trial.number, std::move(sensed)}, answer_seed(plan_));
   answer.missed_deadlines = felt.missed_deadlines;
   answer.clipped_frames = felt.clipped_frames;
   return answer;

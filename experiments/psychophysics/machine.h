@@ -23,6 +23,9 @@ class Machine {
 
   /// Feels the pair that nobody misses. Before the first answer.
   [[nodiscard]] Status learn(ProgressBar& progress);
+  /// The strength of each interval's sensation, in its deviations, counted from A of the pair towards B;
+  /// without noise.
+  [[nodiscard]] Result<std::vector<double>> feel(const Trial& trial, FeltTrial& felt, ProgressBar& progress);
   /// What it felt is left in `felt`. Depends on plan, device and trial alone, not on the trials before.
   [[nodiscard]] Result<Answer> answer(const Trial& trial, FeltTrial& felt, ProgressBar& progress);
 
