@@ -49,7 +49,9 @@ Status set_in_scene(scene::SceneFile& file, const std::string& key, double value
 Result<device::HandScript> task_at(const std::string& hand, const device::TaskPlace& place, double depth_mm,
                                    double interval_s) {
   const device::TaskSizes sizes;
-  const Vec3 up = sizes.above_mm * place.normal, down = -depth_mm * place.normal;
+  // Who goes aside begins as high above the place: free over slopes of up to 45 degrees.
+  const double above_mm = hand == "slide" ? std::max(sizes.above_mm, 0.5 * sizes.travel_mm) : sizes.above_mm;
+  const Vec3 up = above_mm * place.normal, down = -depth_mm * place.normal;
   const Vec3 aside = hand == "slide" ? Vec3(0.5 * sizes.travel_mm * place.along) : Vec3(Vec3::Zero());
   const Vec3 from = place.point_mm - aside, to = place.point_mm + aside;
   std::vector<double> t_s;

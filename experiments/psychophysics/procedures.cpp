@@ -11,6 +11,9 @@ namespace {
 // Grid of the Psi method: steps of a twentieth of the range of JNDs move a share by less than one trial
 // tells.
 constexpr std::size_t kPsiJnds = 41, kPsiSlopes = 9, kPsiLevels = 21;
+// Of the prior's density over the logarithm of the JND: between 0, which is low, and 1, which is high;
+// measured with simulated observers of slope 1.
+constexpr double kPsiPriorPower = 0.25;
 // Twice the standard error of the mean of some six reversals, by Student's t with so many degrees of
 // freedom: 2.57.
 constexpr double kStudentOfFew = 2.57;
@@ -73,7 +76,7 @@ std::optional<Estimate> UpDown::estimate() const {
   return Estimate{std::exp(mean), {std::exp(mean - error), std::exp(mean + error)}};
 }
 
-Interval bootstrap_procedure(const std::function<std::unique_ptr<Adaptive>()>& begin,
+Estimate bootstrap_procedure(const std::function<std::unique_ptr<Adaptive>()>& begin,
                              const PsychometricFit& fit, std::optional<double> slope, std::uint64_t seed,
                              int resamples) {
   Random random(seed);
@@ -92,7 +95,13 @@ Interval bootstrap_procedure(const std::function<std::unique_ptr<Adaptive>()>& b
     for (const auto& [level, answers] : levels) all.push_back(answers);
     if (const auto again = fit_psychometric(all, fit.function, slope)) jnds.push_back(again->function.jnd);
   }
-  return percentiles(jnds);
+  if (jnds.empty()) return {fit.function.jnd, {}};
+  double log_mean = 0.0;
+  for (const double jnd : jnds) log_mean += std::log(jnd) / static_cast<double>(jnds.size());
+  const double found = std::log(fit.function.jnd);
+  const Interval spread = percentiles(jnds);
+  return {std::exp(2.0 * found - log_mean),
+          {std::exp(2.0 * found - std::log(spread.high)), std::exp(2.0 * found - std::log(spread.low))}};
 }
 
 Psi::Psi(const PsiOptions& options) : options_(options) {
@@ -100,9 +109,12 @@ Psi::Psi(const PsiOptions& options) : options_(options) {
   slopes_ = log_spaced(options.low_slope, options.high_slope, kPsiSlopes);
   const std::vector<double> jnds = log_spaced(options.low, options.high, kPsiJnds);
   for (const double jnd : jnds) log_jnds_.push_back(std::log(jnd));
-  // Steps of the grid are as long as their JND, so a prior that is flat in the JND is proportional to it.
-  const double sum = std::accumulate(jnds.begin(), jnds.end(), 0.0) * static_cast<double>(kPsiSlopes);
-  for (const double jnd : jnds) posterior_.insert(posterior_.end(), kPsiSlopes, jnd / sum);
+  double sum = 0.0;
+  for (const double jnd : jnds) {
+    posterior_.insert(posterior_.end(), kPsiSlopes, std::pow(jnd, kPsiPriorPower));
+    sum += posterior_.back() * static_cast<double>(kPsiSlopes);
+  }
+  for (double& p : posterior_) p /= sum;
   Psychometric function = options.like;
   for (const double level : levels_)
     for (const double jnd : jnds)
