@@ -102,12 +102,45 @@ Result<Opened> open_folder(const std::string& out, const Plan& plan, const std::
   return Opened{std::move(folder), {}, csv_head().size()};
 }
 
+/// What feels, where renderers are: made, and checked, before anything is written. A simulated observer needs
+/// none of it.
+struct Feeling {
+  std::unique_ptr<SessionClock> clock;
+  std::optional<SessionDevice> device;  ///< of a person
+  std::unique_ptr<Markers> markers;     ///< of a person
+  std::unique_ptr<Bench> bench;
+};
+
+Result<Feeling> feeling_for(const BlindedArguments& arguments, const Plan& plan, const ObserverSpec& observer,
+                            const DeviceChoice& device, ProgressBar& progress) {
+  Feeling feeling;
+  if (observer.kind == ObserverKind::kSimulated) return feeling;
+  if (observer.kind == ObserverKind::kPerson) {
+    feeling.markers = std::make_unique<Markers>();
+    if (arguments.lsl) {
+      PALPATE_ASSIGN(feeling.markers,
+                     lsl_markers(arguments.lsl_library.empty() ? kLslLibrary : arguments.lsl_library,
+                                 "palpate-" + plan.participant));
+    }
+    feeling.clock = std::make_unique<SessionClock>(arguments.accelerated);
+    // Before threads and a large scene: its guard is forked.
+    PALPATE_ASSIGN(SessionDevice made,
+                   SessionDevice::make(device, feeling.clock->clock(), 1.0 / arguments.rate_hz));
+    feeling.device.emplace(std::move(made));
+    feeling.device->say_unproven();
+  }
+  PALPATE_ASSIGN(feeling.bench,
+                 Bench::make(plan, {observer.hand, observer.depth_mm, arguments.rate_hz}, progress));
+  return feeling;
+}
+
 /// What an asking session needs. Refers to everything.
 struct Asking {
   const BlindedArguments& arguments;
   const Plan& plan;
   const ObserverSpec& observer;
   const DeviceChoice& device;
+  Feeling& feeling;
   Opened& opened;
   Context& context;
   std::vector<std::string>& notes;
@@ -134,20 +167,14 @@ Result<bool> ask_simulated(Asking& asking, Ledger& ledger) {
   });
 }
 
-BenchOptions bench_options(const Asking& asking) {
-  return {asking.observer.hand, asking.observer.depth_mm, asking.arguments.rate_hz};
-}
-
-void take_warnings(const Bench& bench, Asking& asking) {
-  for (const std::string& warning : bench.warnings()) asking.notes.push_back(warning);
+void take_warnings(Asking& asking) {
+  for (const std::string& warning : asking.feeling.bench->warnings()) asking.notes.push_back(warning);
 }
 
 Result<bool> ask_machine(Asking& asking, Ledger& ledger) {
   ProgressBar& progress = asking.context.progress;
-  PALPATE_ASSIGN(const std::unique_ptr<Bench> bench,
-                 Bench::make(asking.plan, bench_options(asking), progress));
-  take_warnings(*bench, asking);
-  Machine machine(asking.plan, asking.observer, *bench, asking.device);
+  take_warnings(asking);
+  Machine machine(asking.plan, asking.observer, *asking.feeling.bench, asking.device);
   PALPATE_TRY(machine.learn(progress));
   std::string told;
   for (std::size_t c = 0; c < kCues; ++c)
@@ -165,23 +192,11 @@ Result<bool> ask_machine(Asking& asking, Ledger& ledger) {
 }
 
 Result<bool> ask_at_device(Asking& asking, Ledger& ledger) {
-  const BlindedArguments& arguments = asking.arguments;
-  SessionClock clock(arguments.accelerated);
-  // Before threads and a large scene: its guard is forked.
-  PALPATE_ASSIGN(SessionDevice device,
-                 SessionDevice::make(asking.device, clock.clock(), 1.0 / arguments.rate_hz));
-  device.say_unproven();
-  std::unique_ptr<Markers> markers = std::make_unique<Markers>();
-  if (arguments.lsl) {
-    PALPATE_ASSIGN(markers, lsl_markers(arguments.lsl_library.empty() ? kLslLibrary : arguments.lsl_library,
-                                        "palpate-" + asking.plan.participant));
-  }
-  PALPATE_ASSIGN(const std::unique_ptr<Bench> bench,
-                 Bench::make(asking.plan, bench_options(asking), asking.context.progress));
-  take_warnings(*bench, asking);
+  take_warnings(asking);
+  Feeling& feeling = asking.feeling;
   PALPATE_ASSIGN(const PersonSession session,
-                 ask_person(asking.plan, *bench, clock, device, ledger, asking.opened.folder, *markers,
-                            asking.context.progress));
+                 ask_person(asking.plan, *feeling.bench, *feeling.clock, *feeling.device, ledger,
+                            asking.opened.folder, *feeling.markers, asking.context.progress));
   for (const std::string& note : session.notes) asking.notes.push_back(note);
   if (session.begun_again > 0)
     asking.notes.push_back(
@@ -272,6 +287,8 @@ Result<Plan> checked_plan(const BlindedArguments& arguments, const PlanText& tex
 
 int run_checked(const BlindedArguments& arguments, Plan plan, const ObserverSpec& observer,
                 const DeviceChoice& device, Context& context) {
+  Result<Feeling> feeling = feeling_for(arguments, plan, observer, device, context.progress);
+  if (!feeling) return fail(feeling.error(), kExitBadInput, &context.progress);
   const std::string name = fs::path(plan.name).stem().string();
   Result<Opened> opened =
       open_folder(arguments.out.empty() ? "out/study-" + name : arguments.out, plan, observer.text);
@@ -280,7 +297,7 @@ int run_checked(const BlindedArguments& arguments, Plan plan, const ObserverSpec
     fmt::print("goes on behind {} trials that are answered\n", opened->rows.size());
   std::fflush(stdout);
   ObservedDocument document;
-  Asking asking{arguments, plan, observer, device, *opened, context, document.notes};
+  Asking asking{arguments, plan, observer, device, *feeling, *opened, context, document.notes};
   const Result<bool> complete = ask(asking);
   context.progress.clear();
   if (!complete) return fail(complete.error(), kExitFellShort);

@@ -11,9 +11,6 @@ namespace {
 // Grid of the Psi method: steps of a twentieth of the range of JNDs move a share by less than one trial
 // tells.
 constexpr std::size_t kPsiJnds = 41, kPsiSlopes = 9, kPsiLevels = 21;
-// Of the prior's density over the logarithm of the JND: between 0, which is low, and 1, which is high;
-// measured with simulated observers of slope 1.
-constexpr double kPsiPriorPower = 0.25;
 // Twice the standard error of the mean of some six reversals, by Student's t with so many degrees of
 // freedom: 2.57.
 constexpr double kStudentOfFew = 2.57;
@@ -109,12 +106,7 @@ Psi::Psi(const PsiOptions& options) : options_(options) {
   slopes_ = log_spaced(options.low_slope, options.high_slope, kPsiSlopes);
   const std::vector<double> jnds = log_spaced(options.low, options.high, kPsiJnds);
   for (const double jnd : jnds) log_jnds_.push_back(std::log(jnd));
-  double sum = 0.0;
-  for (const double jnd : jnds) {
-    posterior_.insert(posterior_.end(), kPsiSlopes, std::pow(jnd, kPsiPriorPower));
-    sum += posterior_.back() * static_cast<double>(kPsiSlopes);
-  }
-  for (double& p : posterior_) p /= sum;
+  posterior_.assign(kPsiJnds * kPsiSlopes, 1.0 / static_cast<double>(kPsiJnds * kPsiSlopes));
   Psychometric function = options.like;
   for (const double level : levels_)
     for (const double jnd : jnds)

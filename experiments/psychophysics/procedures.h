@@ -84,9 +84,7 @@ struct PsiOptions {
 };
 
 /// The Psi method: a posterior over JND and slope on a grid, and next the difference that is expected to
-/// leave the least entropy. The prior is flat in the logarithm of the slope, and goes by the
-/// fourth root of the JND: flat in its logarithm it is some 4 % low after 50 trials, flat in the JND 10 to
-/// 15 % high. Its estimate is the
+/// leave the least entropy. The prior is flat in the logarithms of both. Its estimate is the
 /// posterior's mean of log JND, with the 95 % that the posterior holds. A step takes O(levels x JNDs x
 /// slopes), 14,000 additions.
 class Psi final : public Adaptive {

@@ -128,14 +128,15 @@ TEST(MachineObserver, NoticesByTheWeberFractionPutIn) {
   }
 }
 
-TEST(MachineObserver, FeelsASpacingANoiseARateAndAnOption) {
+/// Four times the spacing, a third of a spacing of noise, 20 Hz.
+TEST(MachineObserver, FeelsASpacingANoiseAndARate) {
   const struct {
     const char *key, *renderer;
     double standard, level;
     bool upwards;
-  } kTurned[] = {{"spacing", "cloud", 0.5, 1.0, true},
+  } kTurned[] = {{"spacing", "cloud", 0.5, 1.5, true},
                  {"noise", "cloud", 0.0001, 0.3, true},
-                 {"rate", "cloud", 1000.0, 900.0, false}};
+                 {"rate", "cloud", 1000.0, 980.0, false}};
   for (const auto& turned : kTurned) {
     Plan plan = plan_of("constant");
     plan.option->renderer = turned.renderer;
@@ -275,6 +276,16 @@ TEST_F(FeltStudy, WhatDoesNotGoTogetherIsRefused) {
   EXPECT_EQ(study("abx", "machine", "out", {"--device", "nothing"}).exit_code, 2);
   EXPECT_EQ(study("abx", "machine:hand=tap", "out").exit_code, 2);
   EXPECT_EQ(study("abx", "machine", "out", {"--rate", "1000.5"}).exit_code, 2);
+  // What a plan asks for, and no renderer can, is said before anything is written.
+  const std::string file = in("rate.toml");
+  write_text(
+      file,
+      "task = \"2ifc\"\nscene = \"sinusoid:points=961\"\n[option]\nrenderer = \"cloud\"\nkey = \"rate\"\n"
+      "unit = \"Hz\"\nstandard = 1000.0\n[trials]\ncount = 4\nlevels = [500.0]\n");
+  const ProcessOutcome run = study(file, "machine", "out");
+  EXPECT_EQ(run.exit_code, 2);
+  EXPECT_NE(run.err.find("rate.toml"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("1000 Hz"), std::string::npos) << run.err;
   EXPECT_FALSE(std::filesystem::exists(in("out")));
   EXPECT_EQ(psychophysics::choice_of(psychophysics::Task::kAbx, 's'), -1);
   EXPECT_EQ(psychophysics::choice_of(psychophysics::Task::kSameDifferent, 'd'), 1);
