@@ -42,7 +42,7 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"live", {"study", "run", "data", "report", "session", "window", "live"}},
     {"bridge", {"study", "run", "session", "live", "bridge"}},
     {"goals", {"study", "run", "data", "report", "session", "stability", "goals"}},
-    {"psychophysics", {"study", "run", "report", "session", "psychophysics"}},
+    {"psychophysics", {"study", "run", "data", "report", "session", "live", "psychophysics"}},
     {"command",
      {"study", "run", "data", "report", "session", "behaviours", "stress", "tables", "stability", "trade",
       "hunt", "ablate", "live", "bridge", "goals", "psychophysics", "command"}},
