@@ -244,6 +244,15 @@ void SplatDrawer::set_normals(std::size_t model, std::span<const PackedNormal> n
   stale_ = true;
 }
 
+void SplatDrawer::move(std::size_t model, std::size_t index, const Vec3f& place_mm) {
+  if (index >= models_[model].count) return;
+  constexpr std::size_t kPlaceBytes = 3 * sizeof(float);
+  glBindBuffer(GL_ARRAY_BUFFER, models_[model].places);
+  glBufferSubData(GL_ARRAY_BUFFER, static_cast<GLintptr>(index * kPlaceBytes),
+                  static_cast<GLsizeiptr>(kPlaceBytes), place_mm.data());
+  stale_ = true;
+}
+
 void SplatDrawer::place(std::size_t model, const geometry::RigidTransform& world_from_model) {
   geometry::RigidTransform& now = models_[model].world_from_model;
   if (now.rotation.coeffs() == world_from_model.rotation.coeffs() &&
