@@ -83,6 +83,7 @@ TEST_F(WindowDents, PointsThatGaveWayStandWhereTheyAreAndGoBack) {
   const std::optional<Hit> before = window->scene().splats().at(at.x, at.y);
   ASSERT_TRUE(before);
   EXPECT_EQ(window->scene().shifted(), 0u);
+  window->mouse_at(window->view_width() + 50.0, 5.0);  // away: the hand is this test's
   session.hand().aim(place_mm - Vec3{0.0, 0.0, 6.0});
   for (int i = 0; i < 40; ++i) {
     virtual_session.run(0.05);
