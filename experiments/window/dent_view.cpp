@@ -5,9 +5,9 @@
 namespace palpate::experiments {
 namespace {
 
-/// Of a question: what may be about the touched place. A dent moves 128 points a frame at most, which lie
-/// within this.
-constexpr std::size_t kAroundTouch = 192;
+/// Of a question: what may be about the touched place, half of it. The other half finds the rest of a dent,
+/// which grows by up to 128 points a frame, from its border outwards.
+constexpr std::size_t kAroundTouch = PointQuestion::kMost / 2;
 static_assert(kAroundTouch < PointQuestion::kMost);
 
 Vec3f read_place(const cloud::Cloud& cloud, std::uint32_t point) {
@@ -34,6 +34,10 @@ std::optional<PointQuestion> DentView::question(std::uint32_t model,
   for (std::size_t tried = 0; tried < turn_.size() && asked.count < PointQuestion::kMost; ++tried) {
     next_ = (next_ + 1) % turn_.size();
     add(turn_[next_]);
+    // Beside a point that moved there are others that did: so a dent is found to its border.
+    if (moved_.contains(turn_[next_]))
+      for (const std::uint32_t other : neighbours.of[turn_[next_]])
+        if (!in_turn_.contains(other)) add(other);
   }
   if (asked.count == 0) return std::nullopt;
   return asked;

@@ -25,8 +25,9 @@ struct ShiftedPoint {
 class DentView {
  public:
   /// The next question: about the points around `touched`, link by link outwards, as far as room is; then in
-  /// turn about those that stand elsewhere than they were read, so that what is taken back is seen to go.
-  /// Nothing where there is nothing to ask. Work bounded by PointQuestion::kMost.
+  /// turn about those that were seen to move and what is beside them, so that a dent is found to its border
+  /// and what is taken back is seen to go. Nothing where there is nothing to ask. Work bounded by
+  /// PointQuestion::kMost.
   [[nodiscard]] std::optional<PointQuestion> question(std::uint32_t model,
                                                       const std::optional<std::uint32_t>& touched,
                                                       const neighbourhood::NeighbourTable& neighbours);

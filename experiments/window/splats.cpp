@@ -23,9 +23,9 @@ constexpr double kMostGrowth = 2.0;
 /// Of the new measurement in the mean of what a point takes.
 constexpr double kNewShare = 0.3;
 /// Pixels of a splat's edge.
-constexpr double kSmallestSplat = 1.0, kLargestSplat = 14.0;
+constexpr double kSmallestSplat = 2.0, kLargestSplat = 14.0;
 /// A splat's edge over the distance of points: neighbours overlap, for random samples are uneven.
-constexpr double kOverlap = 2.0;
+constexpr double kOverlap = 2.8;
 /// Of the square about the scene's ball, what points fill: a surface seen at an angle.
 constexpr double kFilledShare = 0.35;
 /// What is searched for a point about a place of the picture: to each side, pixels.
