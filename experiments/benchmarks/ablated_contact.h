@@ -74,8 +74,7 @@ class AblatedContact {
   }
   void read_ahead(std::uint32_t place) const noexcept {
     if (!has(kReadAhead)) return;
-    const stars::Ring ring = mesh_.ring(place);
-    for (std::uint32_t k = 0; k < ring.size; ++k) mesh_.prefetch(ring.of[k]);
+    mesh_.prefetch_ring(place);
   }
   bool cross(const Vec3& h, stars::FacetFrame::Weights weights) noexcept {
     for (int crossed = 0; crossed < stars::kMaxCrossed; ++crossed) {

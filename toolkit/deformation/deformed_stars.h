@@ -37,7 +37,7 @@ class DeformedStars final : public MovablePoints {
   }
   [[nodiscard]] std::span<const std::uint32_t> links(std::uint32_t place) const noexcept override {
     const stars::Ring ring = stars_.mesh().ring(place);
-    return {ring.of, ring.size};
+    return {ring.of, ring.size};  // of points that move: in the mesh, not in `ring`
   }
   [[nodiscard]] std::uint32_t standing(std::uint32_t place, std::uint32_t below) const noexcept override {
     while (place >= below) place = stars_.parents(place)[0];

@@ -91,12 +91,9 @@ struct Facet {
 /// The facet on the other side of edge k; place[0] is kNoPlace where there is none.
 [[nodiscard]] inline Facet across(const StarMesh& mesh, const Facet& f, std::uint32_t k) noexcept {
   const std::uint32_t a = f.place[k], b = f.place[corner_after(k)];
-  const Ring ring = mesh.ring(a);
-  const std::uint32_t at = ring.find(b);
-  if (at == ring.size) return {};
-  const std::uint32_t before = ring.previous(at);
-  if (!ring.has_sector(before)) return {};
-  return {mesh, a, ring.of[before], b};
+  const std::uint32_t c = mesh.before(a, b);
+  if (c == kNoPlace) return {};
+  return {mesh, a, c, b};
 }
 
 /// The four numbers that tell whether a HIP still has its foot in a facet and is behind it, all of them

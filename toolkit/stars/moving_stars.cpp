@@ -9,6 +9,7 @@ namespace {
 
 /// Every long ring has the room of the longest.
 constexpr auto kLongRoom = static_cast<std::uint32_t>(kMaxCorners);
+constexpr std::uint32_t kLongWords = kLongRoom + 2;  // with size and open sectors
 /// Random points have nine or more neighbours once in thirty, and a split adds one to two rings: fewer than
 /// one ring in a split becomes long.
 constexpr std::size_t kRoomsASplit = 1;
@@ -22,28 +23,35 @@ constexpr std::uint32_t bits_below(std::uint32_t k) noexcept {
 MovingStars::MovingStars(StarMesh& mesh, StarTree& tree, std::size_t spare, int threads)
     : mesh_(&mesh), tree_(&tree), built_(mesh.size()), used_(built_), parents_(spare) {
   const std::size_t most = built_ + spare;
-  // Long rings lie back to back as they were built: each gets the room to grow.
+  // Long rings lie back to back as they were built: each gets the room to grow. All others are kept in full,
+  // for points to come are far off in the order.
   std::vector<std::uint32_t> roomy;
+  mesh.wide_.resize(most);
   for (std::uint32_t place = 0; place < built_; ++place) {
-    if (!is_long(place)) continue;
-    const Row old = row(place);
-    mesh.rings_[place][0] = static_cast<std::uint32_t>(roomy.size());
+    const Ring old = mesh.ring(place);
+    std::uint32_t& info = mesh.places_[place].info;
+    if (old.size <= kShortRing) {
+      mesh.wide_[place].fill(place);
+      std::copy_n(old.of, old.size, mesh.wide_[place].begin());
+      info = (info & StarMesh::kOfPlace) | short_info(old.size, old.open);
+      continue;
+    }
+    mesh.places_[place].set_apart(static_cast<std::uint32_t>(roomy.size()));
+    roomy.insert(roomy.end(), {old.size, old.open});
     roomy.insert(roomy.end(), old.of, old.of + old.size);
     roomy.resize(roomy.size() + kLongRoom - old.size, place);
   }
   for (std::size_t i = 0; i < kRoomsASplit * spare; ++i)
-    free_rooms_.push_back(static_cast<std::uint32_t>(roomy.size() + i * kLongRoom));
+    free_rooms_.push_back(static_cast<std::uint32_t>(roomy.size() + i * kLongWords));
   std::reverse(free_rooms_.begin(), free_rooms_.end());
-  roomy.resize(roomy.size() + kRoomsASplit * spare * kLongRoom);
+  roomy.resize(roomy.size() + kRoomsASplit * spare * kLongWords);
   mesh.long_rings_ = std::move(roomy);
   // Places to come have no triangle: nothing finds them.
-  const StarPoint nowhere =
-      built_ > 0 ? StarPoint{mesh.points_[0].x_mm, mesh.points_[0].y_mm, mesh.points_[0].z_mm, 0}
-                 : StarPoint{};
-  mesh.points_.resize(most, nowhere);
-  mesh.rings_.resize(most);
+  StarPlace nowhere = built_ > 0 ? mesh.places_[0] : StarPlace{};
+  nowhere.info = short_info(0, 0);
+  mesh.places_.resize(most, nowhere);
   for (std::size_t place = built_; place < most; ++place)
-    mesh.rings_[place].fill(static_cast<std::uint32_t>(place));
+    mesh.wide_[place].fill(static_cast<std::uint32_t>(place));
   if (!mesh.closed_piece_of_.empty()) mesh.closed_piece_of_.resize(most, 0);
   const std::size_t blocks = (most + kBlockPlaces - 1) / kBlockPlaces;
   changed_.resize(blocks);
@@ -56,47 +64,54 @@ std::size_t MovingStars::bytes() const noexcept {
          (free_rooms_.capacity() + changed_.capacity()) * sizeof(std::uint32_t) + is_changed_.capacity();
 }
 
+std::uint32_t MovingStars::short_info(std::uint32_t size, std::uint32_t open) noexcept {
+  return size | (open << StarMesh::kOpenShift) | StarMesh::kElsewhere;
+}
+
 bool MovingStars::is_long(std::uint32_t place) const noexcept {
-  return (mesh_->points_[place].info & StarMesh::kSizeMask) == StarMesh::kLong;
+  return (mesh_->places_[place].info & StarMesh::kSizeMask) == StarMesh::kLong;
 }
 
 MovingStars::Row MovingStars::row(std::uint32_t place) noexcept {
-  auto& ring = mesh_->rings_[place];
-  if (is_long(place)) return {mesh_->long_rings_.data() + ring[0], ring[1], ring[2]};
-  const std::uint32_t info = mesh_->points_[place].info;
-  return {ring.data(), info & StarMesh::kSizeMask, info >> StarMesh::kOpenShift & StarMesh::kOpenMask};
+  if (is_long(place)) {
+    std::uint32_t* const words = mesh_->long_rings_.data() + mesh_->places_[place].apart();
+    return {words + StarMesh::kLongHead, words[0], words[1]};
+  }
+  const std::uint32_t info = mesh_->places_[place].info;
+  return {mesh_->wide_[place].data(), info & StarMesh::kSizeMask,
+          info >> StarMesh::kOpenShift & StarMesh::kOpenMask};
 }
 
 void MovingStars::set_size(std::uint32_t place, std::uint32_t size, std::uint32_t open) noexcept {
   if (is_long(place)) {
-    mesh_->rings_[place][1] = size;
-    mesh_->rings_[place][2] = open;
+    std::uint32_t* const words = mesh_->long_rings_.data() + mesh_->places_[place].apart();
+    words[0] = size;
+    words[1] = open;
     return;
   }
-  std::uint32_t& info = mesh_->points_[place].info;
-  info = (info & StarMesh::kOfPlace) | size | (open << StarMesh::kOpenShift);
+  std::uint32_t& info = mesh_->places_[place].info;
+  info = (info & StarMesh::kOfPlace) | short_info(size, open);
 }
 
 void MovingStars::lengthen(std::uint32_t place) noexcept {
   const Row old = row(place);
   const std::uint32_t room = free_rooms_.back();
   free_rooms_.pop_back();
-  std::copy_n(old.of, old.size, mesh_->long_rings_.begin() + room);
-  std::uint32_t& info = mesh_->points_[place].info;
-  info = (info & StarMesh::kOfPlace) | StarMesh::kLong;
-  mesh_->rings_[place].fill(place);
-  mesh_->rings_[place][0] = room;
+  std::copy_n(old.of, old.size, mesh_->long_rings_.begin() + room + StarMesh::kLongHead);
+  StarPlace& at = mesh_->places_[place];
+  at.info = (at.info & StarMesh::kOfPlace) | StarMesh::kLong | StarMesh::kElsewhere;
+  at.set_apart(room);
   set_size(place, old.size, old.open);
 }
 
 void MovingStars::shorten(std::uint32_t place) noexcept {
   const Row old = row(place);
-  free_rooms_.push_back(mesh_->rings_[place][0]);
-  auto& ring = mesh_->rings_[place];
+  StarPlace& at = mesh_->places_[place];
+  free_rooms_.push_back(at.apart());
+  auto& ring = mesh_->wide_[place];
   ring.fill(place);
   std::copy_n(old.of, old.size, ring.begin());
-  std::uint32_t& info = mesh_->points_[place].info;
-  info = (info & StarMesh::kOfPlace) | old.size | (old.open << StarMesh::kOpenShift);
+  at.info = (at.info & StarMesh::kOfPlace) | short_info(old.size, old.open);
 }
 
 /// Whether a ring can take one more; `rooms`: those left for rings that become long.
@@ -170,7 +185,7 @@ void MovingStars::grow_star(std::uint32_t place) noexcept {
 }
 
 void MovingStars::set(std::uint32_t place, const Vec3f& to) noexcept {
-  StarPoint& point = mesh_->points_[place];
+  StarPlace& point = mesh_->places_[place];
   point.x_mm = to.x();
   point.y_mm = to.y();
   point.z_mm = to.z();
@@ -217,9 +232,10 @@ std::uint32_t MovingStars::split(std::uint32_t a, std::uint32_t b) noexcept {
     ring[size++] = b;
     open = 1u << 2;
   }
-  mesh_->rings_[place] = ring;
+  mesh_->wide_[place] = ring;
   const Vec3f middle = (0.5 * (mesh_->at(a) + mesh_->at(b))).cast<float>();
-  mesh_->points_[place] = {middle.x(), middle.y(), middle.z(), mesh_->points_[a].info & StarMesh::kOfPlace};
+  mesh_->places_[place] = {
+      middle.x(), middle.y(), middle.z(), mesh_->places_[a].info & StarMesh::kOfPlace, {}};
   set_size(place, size, open);
   if (!mesh_->closed_piece_of_.empty()) mesh_->closed_piece_of_[place] = mesh_->closed_piece_of_[a];
   mark(place);
@@ -236,8 +252,8 @@ void MovingStars::join_last() noexcept {
     if (ring.of[k] != a && ring.of[k] != b) erase(ring.of[k], place);
   replace(a, place, b);
   replace(b, place, a);
-  mesh_->points_[place].info = 0;
-  mesh_->rings_[place].fill(place);
+  mesh_->places_[place].info = short_info(0, 0);
+  mesh_->wide_[place].fill(place);
   mark(a);
   grow_star(a);
 }
@@ -264,8 +280,8 @@ std::size_t MovingStars::bytes_for(std::size_t points, std::size_t spare) noexce
   const std::size_t own =
       spare * (sizeof(std::array<std::uint32_t, 2>) + kRoomsASplit * sizeof(std::uint32_t)) +
       blocks * (sizeof(std::uint32_t) + 1);
-  const std::size_t grown = spare * (sizeof(StarPoint) + sizeof(std::array<std::uint32_t, kShortRing>) +
-                                     kRoomsASplit * kLongRoom * sizeof(std::uint32_t)) +
+  const std::size_t grown = spare * (sizeof(StarPlace) + kRoomsASplit * kLongWords * sizeof(std::uint32_t)) +
+                            (points + spare) * sizeof(std::array<std::uint32_t, kShortRing>) +
                             spare / kBlockPlaces * (sizeof(Layer) + sizeof(BoxNode) / kFanOut);
   return own + grown;
 }

@@ -57,6 +57,8 @@ class MovingStars {
   [[nodiscard]] Row row(std::uint32_t place) noexcept;
   void set_size(std::uint32_t place, std::uint32_t size, std::uint32_t open) noexcept;
   [[nodiscard]] bool is_long(std::uint32_t place) const noexcept;
+  /// Of a ring that is not long: in wide_.
+  [[nodiscard]] static std::uint32_t short_info(std::uint32_t size, std::uint32_t open) noexcept;
   [[nodiscard]] bool can_insert(std::uint32_t place, std::size_t& rooms) const noexcept;
   void replace(std::uint32_t place, std::uint32_t old, std::uint32_t by) noexcept;
   void insert_after(std::uint32_t place, std::uint32_t before, std::uint32_t added) noexcept;

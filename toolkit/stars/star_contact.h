@@ -155,10 +155,7 @@ class StarContact {
   /// distance never grows: that edge is a part of the next facet too.
   bool cross(const Vec3& h, FacetFrame::Weights weights, StarCounters& counters) noexcept;
   /// Reads ahead what lies around a place: where the god object may go next.
-  void read_ahead(std::uint32_t place) const noexcept {
-    const Ring ring = mesh_->ring(place);
-    for (std::uint32_t k = 0; k < ring.size; ++k) mesh_->prefetch(ring.of[k]);
-  }
+  void read_ahead(std::uint32_t place) const noexcept { mesh_->prefetch_ring(place); }
   /// Both sides of an open piece can be touched, of a closed one that where the replay began.
   [[nodiscard]] bool is_free(std::uint32_t a, std::uint32_t b, std::uint32_t c, double side) const noexcept;
   /// The facets around it face the other way.

@@ -105,7 +105,7 @@ StarMesh StarMesh::build(const cloud::Cloud& cloud, int threads, const OnStep& o
 }
 
 std::size_t StarMesh::bytes() const noexcept {
-  return points_.capacity() * sizeof(StarPoint) + rings_.capacity() * sizeof(rings_[0]) +
+  return places_.capacity() * sizeof(StarPlace) + wide_.capacity() * sizeof(wide_[0]) +
          (long_rings_.capacity() + closed_piece_of_.capacity() + order_.capacity()) * sizeof(std::uint32_t) +
          has_holes_.capacity();
 }

@@ -13,6 +13,10 @@
 #include <string_view>
 #include <vector>
 
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
+
 #include "toolkit/cloud/cloud.h"
 #include "toolkit/core/large_pages.h"
 #include "toolkit/core/result.h"
@@ -29,21 +33,69 @@ inline constexpr std::uint32_t kNoPlace = 0xFFFFFFFFu;
 /// Consecutive places that lie together: what a leaf of the tree over a mesh holds.
 inline constexpr std::uint32_t kBlockPlaces = 8;
 
-struct StarPoint {
-  float x_mm, y_mm, z_mm;
-  std::uint32_t info;  ///< see StarMesh
+/// A place with its ring, half a line of cache: what a frame crosses to is read at once. Ring points are kept
+/// as differences of places, which are near along the curve; a ring that is longer than kShortRing, or goes
+/// to a place too far off, lies apart.
+struct alignas(32) StarPlace {
+  float x_mm = 0.0F, y_mm = 0.0F, z_mm = 0.0F;
+  std::uint32_t info = 0;  ///< see StarMesh
+  std::array<std::int16_t, kShortRing> near{};
 
   [[nodiscard]] Vec3 at() const noexcept {
     return {static_cast<double>(x_mm), static_cast<double>(y_mm), static_cast<double>(z_mm)};
   }
+  /// Of a ring that is kept here: where the place stands that is so far off, or kShortRing. Without a branch
+  /// on what is found.
+  [[nodiscard]] std::uint32_t find(std::uint32_t off) const noexcept {
+    const auto sought = static_cast<std::int16_t>(off & 0xFFFFu);
+    std::uint32_t found = 0;
+#if defined(__SSE2__)
+    const __m128i ring =
+        _mm_load_si128(reinterpret_cast<const __m128i*>(near.data()));  // NOLINT: eight of 16 bits
+    found = static_cast<std::uint32_t>(_mm_movemask_epi8(_mm_cmpeq_epi16(ring, _mm_set1_epi16(sought))));
+#else
+    for (std::uint32_t k = 0; k < kShortRing; ++k) found |= (near[k] == sought ? 3u : 0u) << 2 * k;
+#endif
+    const bool fits = off == static_cast<std::uint32_t>(static_cast<std::int32_t>(sought));
+    return fits && found != 0 ? static_cast<std::uint32_t>(__builtin_ctz(found)) / 2 : kShortRing;
+  }
+  /// Of a ring that lies apart: where.
+  [[nodiscard]] std::uint32_t apart() const noexcept {
+    return static_cast<std::uint32_t>(static_cast<std::uint16_t>(near[0])) |
+           static_cast<std::uint32_t>(static_cast<std::uint16_t>(near[1])) << 16;
+  }
+  void set_apart(std::uint32_t at) noexcept {
+    near.fill(0);
+    near[0] = static_cast<std::int16_t>(at & 0xFFFFu);
+    near[1] = static_cast<std::int16_t>(at >> 16);
+  }
 };
+static_assert(sizeof(StarPlace) == 32);
+/// The greatest difference of places that is kept beside a place.
+inline constexpr std::uint32_t kMostNear = 0x7FFF;
 
 /// The ring of a place, counter-clockwise seen from outside: sector k is the triangle of the place and ring
-/// points k and k + 1, unless it is open.
-struct Ring {
+/// points k and k + 1, unless it is open. It holds its points itself where they were kept as differences, so
+/// it is neither copied nor moved, and `of` lives no longer than it does.
+class Ring {
+  std::array<std::uint32_t, kShortRing> own_;  // unset where the points lie elsewhere
+
+ public:
   const std::uint32_t* of;
   std::uint32_t size;
   std::uint32_t open;  ///< bit k: sector k has no triangle
+
+  Ring(const std::uint32_t* ring, std::uint32_t count, std::uint32_t open_sectors) noexcept
+      : of(ring), size(count), open(open_sectors) {}
+  Ring(std::uint32_t place, const std::array<std::int16_t, kShortRing>& near, std::uint32_t count,
+       std::uint32_t open_sectors) noexcept
+      : size(count), open(open_sectors) {
+    for (std::uint32_t k = 0; k < kShortRing; ++k)
+      own_[k] = place + static_cast<std::uint32_t>(static_cast<std::int32_t>(near[k]));
+    of = own_.data();
+  }
+  Ring(const Ring&) = delete;
+  Ring& operator=(const Ring&) = delete;
 
   [[nodiscard]] std::uint32_t next(std::uint32_t k) const noexcept { return k + 1 == size ? 0 : k + 1; }
   [[nodiscard]] std::uint32_t previous(std::uint32_t k) const noexcept { return k == 0 ? size - 1 : k - 1; }
@@ -83,24 +135,25 @@ class StarMesh {
   static StarMesh build(const cloud::Cloud& cloud, int threads, const OnStep& on_step = {},
                         const StarsWithout& without = {});
 
-  [[nodiscard]] std::uint32_t size() const noexcept { return static_cast<std::uint32_t>(points_.size()); }
+  [[nodiscard]] std::uint32_t size() const noexcept { return static_cast<std::uint32_t>(places_.size()); }
   [[nodiscard]] const Vec3& origin_mm() const noexcept { return origin_mm_; }
-  [[nodiscard]] Vec3 at(std::uint32_t place) const noexcept { return points_[place].at(); }
+  [[nodiscard]] Vec3 at(std::uint32_t place) const noexcept { return places_[place].at(); }
   [[nodiscard]] Ring ring(std::uint32_t place) const noexcept {
-    const std::uint32_t info = points_[place].info;
-    const std::uint32_t* row = rings_[place].data();
-    const std::uint32_t size = info & kSizeMask;
-    if (size != kLong) [[likely]]
-      return {row, size, info >> kOpenShift & kOpenMask};
-    return {long_rings_.data() + row[0], row[1], row[2]};
+    const StarPlace& at = places_[place];
+    const std::uint32_t size = at.info & kSizeMask, open = at.info >> kOpenShift & kOpenMask;
+    if ((at.info & kElsewhere) == 0) [[likely]]
+      return {place, at.near, size, open};
+    if (size != kLong) return {wide_[place].data(), size, open};
+    const std::uint32_t* row = long_rings_.data() + at.apart();
+    return {row + kLongHead, row[0], row[1]};
   }
   /// On a piece that encloses a volume, if need be but for holes.
   [[nodiscard]] bool is_closed(std::uint32_t place) const noexcept {
-    return (points_[place].info & kClosed) != 0;
+    return (places_[place].info & kClosed) != 0;
   }
   /// Another sheet goes through this one beside the place, or may.
   [[nodiscard]] bool is_crossed(std::uint32_t place) const noexcept {
-    return (points_[place].info & kCrossed) != 0;
+    return (places_[place].info & kCrossed) != 0;
   }
   /// The closed piece of a place that is on one: below counts().closed_pieces.
   [[nodiscard]] std::uint32_t closed_piece(std::uint32_t place) const noexcept {
@@ -111,7 +164,7 @@ class StarMesh {
   /// Whether the triangle's box does not meet this one.
   [[nodiscard]] bool triangle_misses(std::uint32_t a, std::uint32_t b, std::uint32_t c,
                                      const FloatBox& box) const noexcept {
-    const StarPoint &p = points_[a], &q = points_[b], &r = points_[c];
+    const StarPlace &p = places_[a], &q = places_[b], &r = places_[c];
     const auto apart = [](float x, float y, float z, float low, float high) {
       return (x < low && y < low && z < low) || (x > high && y > high && z > high);
     };
@@ -120,15 +173,38 @@ class StarMesh {
            apart(p.z_mm, q.z_mm, r.z_mm, box.low[2], box.high[2]);
   }
   [[nodiscard]] FloatBox triangle_box(std::uint32_t a, std::uint32_t b, std::uint32_t c) const noexcept {
-    const StarPoint &p = points_[a], &q = points_[b], &r = points_[c];
+    const StarPlace &p = places_[a], &q = places_[b], &r = places_[c];
     const auto low = [](float x, float y, float z) { return std::min(std::min(x, y), z); };
     const auto high = [](float x, float y, float z) { return std::max(std::max(x, y), z); };
     return {{low(p.x_mm, q.x_mm, r.x_mm), low(p.y_mm, q.y_mm, r.y_mm), low(p.z_mm, q.z_mm, r.z_mm)},
             {high(p.x_mm, q.x_mm, r.x_mm), high(p.y_mm, q.y_mm, r.y_mm), high(p.z_mm, q.z_mm, r.z_mm)}};
   }
-  void prefetch(std::uint32_t place) const noexcept {
-    __builtin_prefetch(&points_[place]);
-    __builtin_prefetch(&rings_[place]);
+  /// What the ring of `a` has before `b`, where a triangle is between the two; else kNoPlace.
+  [[nodiscard]] std::uint32_t before(std::uint32_t a, std::uint32_t b) const noexcept {
+    const StarPlace& at = places_[a];
+    if ((at.info & kElsewhere) == 0) [[likely]] {
+      const std::uint32_t k = at.find(b - a), size = at.info & kSizeMask;
+      if (k >= size) return kNoPlace;
+      const std::uint32_t sector = k == 0 ? size - 1 : k - 1;
+      if ((at.info >> kOpenShift >> sector & 1u) != 0) return kNoPlace;
+      return a + static_cast<std::uint32_t>(static_cast<std::int32_t>(at.near[sector]));
+    }
+    const Ring ring = this->ring(a);
+    const std::uint32_t k = ring.find(b);
+    if (k == ring.size) return kNoPlace;
+    const std::uint32_t sector = ring.previous(k);
+    return ring.has_sector(sector) ? ring.of[sector] : kNoPlace;
+  }
+  /// Asks for what lies around a place.
+  void prefetch_ring(std::uint32_t place) const noexcept {
+    const StarPlace& at = places_[place];
+    if ((at.info & kElsewhere) == 0) [[likely]] {
+      // All of them, the place itself where the ring is shorter: without a branch on its length.
+      for (const std::int16_t off : at.near) __builtin_prefetch(&at + off);
+      return;
+    }
+    const Ring ring = this->ring(place);
+    for (std::uint32_t k = 0; k < ring.size; ++k) __builtin_prefetch(&places_[ring.of[k]]);
   }
   /// Of each place its index in the cloud.
   [[nodiscard]] const std::vector<std::uint32_t>& order() const noexcept { return order_; }
@@ -153,12 +229,14 @@ class StarMesh {
   friend class StarMeshStore;
   friend class StarRefiner;
   static constexpr std::uint32_t kSizeMask = 0xF, kLong = 0xF, kClosed = 0x10, kCrossed = 0x20;
+  static constexpr std::uint32_t kElsewhere = 0x40;              ///< the ring is long, or in wide_
   static constexpr std::uint32_t kOfPlace = kClosed | kCrossed;  ///< what does not change with the ring
   static constexpr std::uint32_t kOpenShift = 8, kOpenMask = 0xFF;
+  static constexpr std::uint32_t kLongHead = 2;  ///< before a long ring: its size and open sectors
 
   Vec3 origin_mm_ = Vec3::Zero();
-  LargeVector<StarPoint> points_;
-  LargeVector<std::array<std::uint32_t, kShortRing>> rings_;
+  LargeVector<StarPlace> places_;
+  LargeVector<std::array<std::uint32_t, kShortRing>> wide_;  ///< short rings of points that move, in full
   std::vector<std::uint32_t> long_rings_;
   LargeVector<std::uint32_t> closed_piece_of_;
   std::vector<std::uint8_t> has_holes_;  ///< by closed piece
