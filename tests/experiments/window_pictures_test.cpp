@@ -80,23 +80,29 @@ TEST_F(WindowPictures, OnTheDragon) {
   settle();
   keep("fade");
   run(1.0);
-  // From near, what is about the touched place.
+  // From near, what is about the touched place. The hand stays there, whatever the mouse is over.
+  const WatchedTick touching = window->drawn_tick();
+  const Vec3 place_mm = touching.tick.frame.god_object_mm;
+  window->mouse_button(Window::Button::kLeft, false);
+  window->mouse_at(window->view_width() + 50.0, 5.0);
+  run(0.1);
+  live.session.hand().aim(
+      touching.map.device_mm(place_mm - 6.0 * touching.map.world_n(touching.tick.sent_n).normalized()));
+  run(0.8);
   Camera near = window->camera();
   const Pixel centre = seen(window->drawn_tick().tick.frame.god_object_mm);
   near.pan(0.5 * window->view_width() - centre.x, 0.5 * window->view_height() - centre.y,
            window->view_height());
   near.zoom(9.0);
   window->look_from(near);
-  const Pixel touched = seen(window->drawn_tick().tick.frame.god_object_mm);
-  window->mouse_at(touched.x, touched.y);
   window->panel().near.boxes = window->panel().near.facets = true;
   for (int i = 0; i < 50; ++i) settle();
   run(0.5);
   settle();
+  EXPECT_TRUE(window->drawn_tick().tick.frame.contact);
   keep("near");
   window->panel().near = {};
   stand_before();
-  window->mouse_button(Window::Button::kLeft, false);
   run(0.5);
   live.clock.advance(0.1);
   live.loop().tick();
