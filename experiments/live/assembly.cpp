@@ -276,6 +276,7 @@ Result<SessionEnd> Assembly::run_real(SessionTasks& tasks, ProgressBar& progress
   {
     const LookingThread worker([&] { work(tasks, now_s()); });
     look_at_keys(tasks, settings_.seconds, *thread, progress);
+    tasks.ending();
     // No force while the worker is waited for, which may be within a preparation.
     thread->stop();
     watchdog.stop();

@@ -71,6 +71,8 @@ class SessionTasks {
   virtual void work(double now_s) = 0;
   /// A key of the terminal that the session does not know itself. The main thread's.
   virtual void key(char pressed) = 0;
+  /// The session is over: work() that still goes on is to give up. Any thread.
+  virtual void ending() noexcept {}
 };
 
 /// A remark that somebody made while it ran.

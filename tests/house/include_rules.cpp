@@ -87,6 +87,7 @@ const std::vector<Heavy> kHeavy = {
     {"GLFW/", {"experiments/window/", "tests/experiments/"}, {}},
     {"imgui", {"experiments/window/"}, {}},
     {"backends/imgui", {"experiments/window/"}, {}},
+    {"SDL2/", {"experiments/window/"}, {}},
     {"epoxy/", {"experiments/window/", "tests/experiments/"}, {}},
     {"hdf5", {"experiments/live/", "tests/experiments/"}, {}},
     {"gdal", {"toolkit/dem/", "tests/toolkit/dem/"}, {}},
