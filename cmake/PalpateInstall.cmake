@@ -57,7 +57,8 @@ if(TARGET palpate-reconstruct)
 endif()
 
 # Who sits at the machine may open the devices. device/drivers/known_usb.cpp says which.
-install(FILES "${PROJECT_SOURCE_DIR}/device/drivers/70-palpate.rules" DESTINATION lib/udev/rules.d)
+# A component of its own, so that a test can pack it by itself.
+install(FILES "${PROJECT_SOURCE_DIR}/device/drivers/70-palpate.rules" DESTINATION lib/udev/rules.d COMPONENT udev)
 
 configure_package_config_file("${CMAKE_CURRENT_LIST_DIR}/palpateConfig.cmake.in"
   "${PROJECT_BINARY_DIR}/palpateConfig.cmake" INSTALL_DESTINATION ${palpate_package_dir})
@@ -65,6 +66,28 @@ write_basic_package_version_file("${PROJECT_BINARY_DIR}/palpateConfigVersion.cma
   COMPATIBILITY SameMinorVersion)
 install(FILES "${PROJECT_BINARY_DIR}/palpateConfig.cmake" "${PROJECT_BINARY_DIR}/palpateConfigVersion.cmake"
   DESTINATION ${palpate_package_dir})
+
+# `cpack` in the build folder makes an archive, and a Debian package where dpkg is there; both hold what install() names,
+# below /usr, as the system's own do: udev finds the rules there.
+if(PROJECT_IS_TOP_LEVEL)
+  set(CPACK_PACKAGE_NAME palpate)
+  set(CPACK_PACKAGE_VENDOR "Palpate")
+  set(CPACK_PACKAGE_CONTACT "Palpate's authors")
+  set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "${PROJECT_DESCRIPTION}")
+  set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+  set(CPACK_STRIP_FILES ON)
+  find_program(PALPATE_DPKG dpkg)
+  set(CPACK_GENERATOR TGZ)
+  if(PALPATE_DPKG)
+    list(APPEND CPACK_GENERATOR DEB)
+    set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+    set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+    set(CPACK_DEBIAN_PACKAGE_SECTION science)
+    # The daemon reads the rules again, and devices that are plugged in already get them.
+    set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA "${PROJECT_SOURCE_DIR}/device/drivers/package/postinst")
+  endif()
+  include(CPack)
+endif()
 
 function(palpate_print_summary)
   get_property(modules GLOBAL PROPERTY PALPATE_MODULES)
@@ -74,7 +97,7 @@ function(palpate_print_summary)
   message(STATUS "  build       ${CMAKE_BUILD_TYPE}, ${CMAKE_CXX_COMPILER_ID} ${CMAKE_CXX_COMPILER_VERSION}, "
                  "sanitizer: ${PALPATE_SANITIZE}, warnings as errors: ${PALPATE_WARNINGS_AS_ERRORS}")
   message(STATUS "  parts       baselines ${PALPATE_BUILD_BASELINES}, experiments ${PALPATE_BUILD_EXPERIMENTS}, "
-                 "pcd ${PALPATE_WITH_PCD}, voronoi ${PALPATE_WITH_VORONOI}, dem ${PALPATE_WITH_DEM}, tests ${PALPATE_BUILD_TESTS}, benchmarks ${PALPATE_BUILD_BENCHMARKS}, "
+                 "pcd ${PALPATE_WITH_PCD}, voronoi ${PALPATE_WITH_VORONOI}, dem ${PALPATE_WITH_DEM}, devices ${PALPATE_WITH_DEVICES}, tests ${PALPATE_BUILD_TESTS}, benchmarks ${PALPATE_BUILD_BENCHMARKS}, "
                  "fuzzers ${PALPATE_BUILD_FUZZERS}")
   message(STATUS "  modules     ${module_list}")
 endfunction()

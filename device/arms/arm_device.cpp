@@ -169,6 +169,7 @@ DeviceState ArmDevice::read() noexcept {
     awaiting_ = false;
     take(report);
   }
+  state_.homing_step = static_cast<std::uint8_t>(step());
   if (gone_)
     state_.status = ReadStatus::kLost;
   else if (state_.status == ReadStatus::kNothingNew && malformed_in_a_row_ >= kMostMalformedReports)
@@ -339,17 +340,32 @@ bool ArmDevice::cut_force() noexcept {
   return link_->submit(zero_.span());
 }
 
-std::string ArmDevice::prompt() const {
-  if (!open_ || state_.homed) return {};
-  if (lost_rest_ && arm_.rest != ArmRest::kButton)
-    return "the arm's counters jumped: lay it in its rest pose, switch it off and on, and start again";
+ArmStep ArmDevice::step() const noexcept {
+  if (!open_ || state_.homed) return ArmStep::kNothing;
+  if (lost_rest_ && arm_.rest != ArmRest::kButton) return ArmStep::kSwitchOffAndOn;
   switch (arm_.rest) {
     case ArmRest::kStart:
-      return "lay the arm in its rest pose and let go for half a second";
+      return ArmStep::kLieStill;
     case ArmRest::kButton:
-      return "hold the arm in its rest pose and press its calibration button";
+      return ArmStep::kPressButton;
     case ArmRest::kPowerOn:
-      return "waiting for the arm's first line";
+      return ArmStep::kWait;
+  }
+  return ArmStep::kNothing;
+}
+
+std::string arm_homing_prompt(std::uint8_t homing_step) {
+  switch (static_cast<ArmStep>(homing_step)) {
+    case ArmStep::kNothing:
+      break;
+    case ArmStep::kLieStill:
+      return "Lay the arm in its rest pose and let go for half a second";
+    case ArmStep::kPressButton:
+      return "Hold the arm in its rest pose and press its calibration button";
+    case ArmStep::kWait:
+      return "Wait for the arm's first line";
+    case ArmStep::kSwitchOffAndOn:
+      return "The arm's counters jumped: lay it in its rest pose, switch it off and on, and start again";
   }
   return {};
 }

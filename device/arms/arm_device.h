@@ -36,6 +36,11 @@ struct ArmCounters {
   std::uint64_t limited = 0;    ///< commands at the cap of current
 };
 
+/// What a person has to do before the arm knows where it is.
+enum class ArmStep : std::uint8_t { kNothing, kLieStill, kPressButton, kWait, kSwitchOffAndOn };
+/// In words, for a DeviceState::homing_step; empty: nothing is to be done, or it is none.
+[[nodiscard]] std::string arm_homing_prompt(std::uint8_t homing_step);
+
 struct ArmDeviceOptions {
   /// How often open() looks for a first report, 5 ms apart; 0: it does not wait for one.
   int open_tries = 200;
@@ -62,8 +67,8 @@ class ArmDevice final : public Device {
 
   [[nodiscard]] const ArmDescription& description() const noexcept { return arm_; }
   [[nodiscard]] const ArmCounters& counters() const noexcept { return counters_; }
-  /// What the user is to do now; empty: nothing.
-  [[nodiscard]] std::string prompt() const;
+  /// What the user is to do now. The thread that reads; others see it as DeviceState::homing_step.
+  [[nodiscard]] ArmStep step() const noexcept;
 
   static constexpr int kMostPolls = 16;
 

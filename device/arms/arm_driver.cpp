@@ -103,6 +103,7 @@ Result<MadeDevice> make_arm(const DeviceRequest& request, const Clock& clock) {
     link->close();
     return sent;
   };
+  made.homing_prompt = arm_homing_prompt;
   made.unproven = {
       "no arm of this kind has been driven by Palpate yet: lengths, signs and the rest pose are those "
       "that its makers published"};

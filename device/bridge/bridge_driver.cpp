@@ -42,6 +42,9 @@ Result<MadeDevice> make_bridge(const DeviceRequest& request, const Clock& clock)
   MadeDevice made;
   made.device = std::make_unique<BridgeDevice>(std::make_unique<UdpLink>(address), clock, options);
   made.zero = [where = address.text()] { return release_far_end(where); };
+  made.homing_prompt = [](std::uint8_t) {
+    return std::string("Home the device at the other machine, as `palpate bridge` tells there");
+  };
   made.unproven = {
       "the bridge was run on one machine and on a pretended network, never between two machines"};
   return made;

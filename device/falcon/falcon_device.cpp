@@ -132,7 +132,7 @@ DeviceState FalconDevice::read() noexcept {
 void FalconDevice::take(const FalconReply& reply) noexcept {
   const bool homed = reply.homed == FalconReply::kAllLegs;
   if (homed && !state_.homed) arm_mm_ = kFalconMiddle;  // counters have jumped: what was is no guess
-  homed_legs_ = reply.homed;
+  homed_legs_ = state_.homing_step = reply.homed;
   state_.homed = homed;
   state_.buttons = reply.buttons;
   if (homed) {

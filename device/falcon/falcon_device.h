@@ -42,7 +42,7 @@ struct FalconCounters {
   std::uint64_t refused = 0;      ///< commands that the link did not take
 };
 
-/// "Pull the grip all the way out ..." while legs are missing; empty: homed.
+/// "Pull the grip all the way out ..." while legs are missing; empty: homed. Of a DeviceState::homing_step.
 [[nodiscard]] std::string falcon_homing_prompt(std::uint8_t homed_legs);
 /// Zero force and a red light: for a guard process, which has no device.
 [[nodiscard]] FalconBytes falcon_zero() noexcept;

@@ -141,6 +141,7 @@ void register_falcon_driver(Drivers& drivers) {
                  MadeDevice made;
                  made.unproven = unproven(request.options);
                  made.zero = zero_of(request.address);
+                 made.homing_prompt = falcon_homing_prompt;
                  made.device =
                      std::make_unique<FalconDevice>(std::move(link), clock, std::move(request.options));
                  return made;

@@ -53,6 +53,9 @@ struct DeviceState {
   std::int64_t packet_ns = 0;       ///< when the newest packet came, on the servo's clock
   bool homed = true;                ///< its zero is known; without it positions mean nothing
   RawPacket raw{};
+  /// While it is not homed: how far that has come, in the driver's own count. MadeDevice::homing_prompt makes
+  /// words of it, outside the frame.
+  std::uint8_t homing_step = 0;
 };
 
 /// One device. Owned and used by one thread at a time (the servo thread between open and close), but for

@@ -50,6 +50,10 @@ struct MadeDevice {
   /// What the device says of itself once it is open: serial number, firmware, filters of its own,
   /// calibration. For reports; called by the thread that owns the device. Empty: nothing.
   std::function<std::vector<std::pair<std::string, std::string>>()> facts{};
+  /// What a person has to do until the device knows its zero, for a DeviceState::homing_step that it showed:
+  /// a sentence without its full stop. Any thread. Empty: the driver has no words of its own.
+  std::function<std::string(std::uint8_t homing_step)> homing_prompt{};
+  bool has_motors = true;  ///< false: what would be felt is shown to people instead
 };
 
 struct Driver {

@@ -58,7 +58,42 @@ std::optional<OscArgument> argument_of(char type, OscReader& reader) noexcept {
   return argument;
 }
 
+constexpr std::string_view kBundleName("#bundle\0", 8);
+constexpr std::size_t kTimeTag = 8;
+
+bool add_messages(std::span<const std::uint8_t> bytes, int depth, std::vector<OscMessage>& messages);
+
+/// The elements behind a bundle's head, each after its length.
+bool add_elements(OscReader reader, int depth, std::vector<OscMessage>& messages) {
+  while (!reader.left.empty()) {
+    const auto size = reader.word();
+    if (!size || *size == 0 || *size > reader.left.size() || *size % kOscWord != 0) return false;
+    if (!add_messages(reader.left.first(*size), depth, messages)) return false;
+    reader.left = reader.left.subspan(*size);
+  }
+  return true;
+}
+
+bool add_messages(std::span<const std::uint8_t> bytes, int depth, std::vector<OscMessage>& messages) {
+  if (!bytes.empty() && bytes.front() == static_cast<std::uint8_t>(kBundleName.front())) {
+    if (depth == kMostOscDepth || bytes.size() < kBundleName.size() + kTimeTag) return false;
+    if (!std::equal(kBundleName.begin(), kBundleName.end(), bytes.begin(),
+                    [](char a, std::uint8_t b) { return static_cast<std::uint8_t>(a) == b; }))
+      return false;
+    return add_elements({bytes.subspan(kBundleName.size() + kTimeTag)}, depth + 1, messages);
+  }
+  const std::optional<OscMessage> message = read_osc(bytes);
+  if (message) messages.push_back(*message);
+  return message.has_value();
+}
+
 }  // namespace
+
+std::optional<std::vector<OscMessage>> read_osc_packet(std::span<const std::uint8_t> bytes) {
+  std::vector<OscMessage> messages;
+  if (!add_messages(bytes, 0, messages)) return std::nullopt;
+  return messages;
+}
 
 std::optional<OscMessage> read_osc(std::span<const std::uint8_t> bytes) noexcept {
   OscReader reader{bytes};

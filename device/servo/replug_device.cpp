@@ -54,6 +54,7 @@ DeviceState ReplugDevice::read() noexcept {
   unread_ = false;
   state = inner_.read();
   gone_ = state.status == ReadStatus::kLost;
+  homing_.store(state.homed ? kHomed : state.homing_step, std::memory_order_release);
   return state;
 }
 

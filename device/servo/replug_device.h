@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "device/interface/device.h"
@@ -44,6 +45,12 @@ class ReplugDevice final : public Device {
   /// Closes what is left of it and opens it. May take as long as the device's open. Done where there was
   /// nothing to do; an Error says what is still missing: try again later.
   [[nodiscard]] Status reopen();
+  /// DeviceState::homing_step of the newest state that was not homed; nothing: it knows its zero, or nobody
+  /// has read it yet. Any thread.
+  [[nodiscard]] std::optional<std::uint8_t> homing() const noexcept {
+    const int step = homing_.load(std::memory_order_acquire);
+    return step == kHomed ? std::nullopt : std::optional(static_cast<std::uint8_t>(step));
+  }
   /// How often it came back. Any thread.
   [[nodiscard]] std::uint64_t times_back() const noexcept {
     return times_back_.load(std::memory_order_relaxed);
@@ -51,6 +58,7 @@ class ReplugDevice final : public Device {
 
  private:
   enum class Owner : std::uint8_t { kNobody, kServo, kLost, kOther };
+  static constexpr int kHomed = -1;  // no step
   void close_from(Owner from) noexcept;
 
   Device& inner_;
@@ -59,6 +67,7 @@ class ReplugDevice final : public Device {
   std::atomic<bool> ended_{false};  // close() was called: whoever has it closes it
   std::atomic<int> cutting_{0};     // threads within cut_force
   std::atomic<std::uint64_t> times_back_{0};
+  std::atomic<int> homing_{kHomed};
   bool unread_ = false;  // open, and nobody has read
   bool gone_ = false;    // the servo's: lost with this tick
 };

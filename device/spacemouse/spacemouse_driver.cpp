@@ -87,6 +87,7 @@ Result<MadeDevice> make_spacemouse(const DeviceRequest& request, const Clock& cl
   made.device =
       std::make_unique<SpaceMouseDevice>(std::make_unique<HidLink>(address, HidLinkOptions{true}), clock,
                                          *spacemouse_model(one.vendor, one.product), options);
+  made.has_motors = false;
   made.unproven = {"the direction of its axes, which is the published one for its model"};
   return made;
 }

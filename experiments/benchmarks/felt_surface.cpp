@@ -2,11 +2,13 @@
 // scored against the exact truth. See docs/surface.md.
 //
 //   felt_surface [--sets a,b] [--renderers list] [--frames N] [--closed-paths N] [--quick] [--threads N]
-//                [--prepare-limit-s S] [--json FILE] [--commit ID] [--list]
+//                [--seed N] [--where N] [--prepare-limit-s S] [--json FILE] [--commit ID] [--list]
 //   felt_surface --ablate [--sets a,b] [--quick] [--json FILE] ..: cloud and cloud-smooth with each step left
 //   out felt_surface --slice FILE.svg [--sets edge|hole|thin|noise] [--renderers list]
 //
-// Renderers as the palpate command takes them; label=NAME among the options names their rows.
+// A set is a name of --list, or a generator with its options; --seed has other points and paths by chance
+// than the usual ones, and --where tells the places where most of the error is. Renderers as the palpate
+// command takes them; label=NAME among the options names their rows.
 #include <fmt/format.h>
 
 #include <array>
@@ -40,6 +42,7 @@ struct Arguments {
   std::vector<std::string> sets;
   std::vector<Tried> renderers;
   std::size_t frames = 0;  ///< 0: as usual
+  std::uint64_t seed = 0;
   bool quick = false, list = false, ablate = false;
   std::string json, slice, commit = "not noted", started_utc;
   TrialOptions trial;
@@ -73,6 +76,16 @@ void print_row(const Row& row) {
       a.longest_stick_frames, a.pop_throughs ? fmt::format("{}", *a.pop_throughs) : "-",
       number(row.energy_percent), number(row.loop_energy_percent), number(row.free_force_n), row.contact_ns,
       row.all_ns, number(row.p999_us), row.prepare_ms, row.bytes_per_point, row.bound_hits);
+}
+
+void print_mistakes(const Row& row) {
+  const auto place = [](const Vec3& p) {
+    return fmt::format("({:.2f}, {:.2f}, {:.2f})", p.x(), p.y(), p.z());
+  };
+  for (const Mistake& one : row.mistakes)
+    fmt::print("  frames {} to {}: {:.1f} % of the error; HIP {}, truth {}, felt {}\n", one.begin, one.end,
+               100.0 * one.share, place(one.hip_mm), one.true_contact ? place(one.true_god_mm) : "free",
+               one.felt_contact ? place(one.felt_god_mm) : "free");
 }
 
 /// "2026-11-21T16:31:21Z"
@@ -154,6 +167,7 @@ nlohmann::ordered_json json_of(const Row& row) {
                                      {"started_utc", arguments.started_utc},
                                      {"machine", {{"cpu", cpu_name()}}},
                                      {"quick", arguments.quick},
+                                     {"seed", arguments.seed},
                                      {"stiffness_n_per_mm", kStiffness},
                                      {"closed_paths", arguments.trial.loops},
                                      {"sets", sets}};
@@ -203,6 +217,10 @@ nlohmann::ordered_json json_of(const Row& row) {
       arguments.frames = static_cast<std::size_t>(*count);
     } else if (key == "--closed-paths") {
       arguments.trial.loops = static_cast<std::size_t>(*count);
+    } else if (key == "--seed") {
+      arguments.seed = static_cast<std::uint64_t>(*count);
+    } else if (key == "--where") {
+      arguments.trial.mistakes = static_cast<std::size_t>(*count);
     } else if (key == "--threads") {
       arguments.trial.threads = static_cast<int>(*count);
     } else if (key == "--prepare-limit-s") {
@@ -225,9 +243,7 @@ nlohmann::ordered_json json_of(const Row& row) {
   if (arguments.sets.empty())
     for (const DataSet& set : data_sets()) arguments.sets.push_back(set.name);
   for (const std::string& name : arguments.sets)
-    if (find_set(name) == nullptr)
-      return Error{
-          fmt::format("there is no set '{}'", name), "choose from " + joined(names_of(data_sets())), {}, 0};
+    if (const Result<DataSet> set = choose_set(name, arguments.seed); !set) return set.error();
   return Done{};
 }
 
@@ -251,7 +267,7 @@ int run(Arguments& arguments) {
   nlohmann::ordered_json sets = nlohmann::ordered_json::array();
   print_head();
   for (const std::string& name : arguments.sets) {
-    const DataSet& set = *find_set(name);
+    const DataSet set = choose_set(name, arguments.seed).value();
     const Result<Ground> ground = make_ground(set, arguments.quick, arguments.frames, no_progress());
     if (!ground) {
       fmt::print("{:8} {}: {}\n", name, ground.error().gave_up ? "skipped" : "failed",
@@ -268,6 +284,7 @@ int run(Arguments& arguments) {
     for (const Tried& renderer : arguments.renderers) {
       rows.push_back(run_trial(set, *ground, renderer, loops, registry, arguments.trial));
       print_row(rows.back());
+      print_mistakes(rows.back());
       std::fflush(stdout);
       if (const Status written = write_json(arguments, sets, rows); !written.ok())
         return report(written.error(), 1);

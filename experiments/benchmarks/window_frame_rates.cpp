@@ -2,13 +2,17 @@
 // while the camera turns and while it stands. A table. It needs a display: xvfb-run gives one.
 //
 //   window_frame_rates [KEY=VALUE ...]     points=400000,1000000,3600000 seconds=3
+//   window_frame_rates jitter=60           instead: how late the servo's ticks begin while it draws and while
+//                                          it does not, 60 s of each, in slices; points: the first number
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "experiments/benchmarks/window_jitter.h"
 #include "experiments/window/window.h"
 #include "toolkit/cloud/generate.h"
 #include "toolkit/core/clock.h"
@@ -78,6 +82,16 @@ Rate measured(Window& window, std::size_t points, double seconds) {
 Status run(const Options& options) {
   constexpr NumberRange kSeconds{0.1, 3600.0};
   PALPATE_ASSIGN(const double seconds, read_number(options.text("seconds"), kSeconds));
+  if (!options.text("jitter").empty()) {
+    constexpr NumberRange kJitterS{0.1, 86'400.0};
+    JitterWanted jitter;
+    PALPATE_ASSIGN(jitter.seconds, read_number(options.text("jitter"), kJitterS));
+    jitter.slice_s = std::min(jitter.slice_s, jitter.seconds);
+    PALPATE_ASSIGN(const double points,
+                   read_number(split_list(options.text("points")).front(), NumberRange{1.0, 1e9, true}));
+    jitter.points = static_cast<std::size_t>(points);
+    return measure_jitter(jitter);
+  }
   SessionLink link;
   WindowOptions wanted;
   wanted.paced = false;
@@ -107,10 +121,12 @@ int main(int argc, char** argv) {
   Options options;
   options.set("points", "400000,1000000,3600000");
   options.set("seconds", "3");
+  options.set("jitter", "");
   for (int i = 1; i < argc; ++i) {
     const std::vector<std::string> word = split_list(argv[i], '=');
     if (word.size() != 2 || !options.all().contains(word[0])) {
-      fmt::print(stderr, "window_frame_rates: {} is not understood; give points=N,.. or seconds=S\n",
+      fmt::print(stderr,
+                 "window_frame_rates: {} is not understood; give points=N,.., seconds=S or jitter=S\n",
                  argv[i]);
       return 2;
     }

@@ -11,12 +11,11 @@
 #include <thread>
 
 #include "device/bridge/far_end.h"
-#include "device/drivers/all_drivers.h"
 #include "device/links/udp_link.h"
-#include "device/safety/guard.h"
 #include "device/safety/watchdog.h"
 #include "device/servo/scheduling.h"
 #include "device/servo/servo_loop.h"
+#include "experiments/live/homing_teller.h"
 #include "toolkit/core/at_stop.h"
 #include "toolkit/core/try.h"
 
@@ -62,7 +61,7 @@ void print_served(const BridgeArguments& arguments, const device::FarEndCounters
                   const std::string& scheduling) {
   if (arguments.json) {
     const nlohmann::ordered_json document = {
-        {"schema", kBridgeSchema},       {"device", arguments.device.name},
+        {"schema", kBridgeSchema},       {"device", arguments.device.device},
         {"scheduling", scheduling},      {"ticks", counts.ticks},
         {"sessions", counts.sessions},   {"accepted", counts.accepted},
         {"malformed", counts.malformed}, {"strange", counts.strange},
@@ -87,49 +86,55 @@ device::FarEndOptions far_options(const BridgeArguments& arguments) {
   return options;
 }
 
+/// Ticks in a thread of its own, and tells the person at this device what homing needs.
+void serve_and_tell(device::FarEnd& far, const SessionDevice& session, const MonotonicClock& clock,
+                    const BridgeArguments& arguments, device::SchedulingMode& mode, Ending& ending) {
+  constexpr std::int64_t kTellEveryNs = 20'000'000;  // a person sees no delay
+  HomingTeller teller(session, "");
+  std::thread loop([&] { tick_until(far, clock, arguments, mode, ending); });
+  while (!ending.done.load()) {
+    if (const std::optional<std::string> news = teller.news()) fmt::print(stderr, "palpate: {}\n", *news);
+    far_sleep_to(monotonic_ns() + kTellEveryNs);
+  }
+  loop.join();
+}
+
 /// Everything around the device, in the order in which it has to come: guard, device, watchdog, loop.
 Status serve_device(const BridgeArguments& arguments) {
   const MonotonicClock clock;
-  device::Drivers drivers;
-  device::register_all_drivers(drivers);
-  PALPATE_ASSIGN(device::MadeDevice made, any_device(arguments.device, drivers, clock, arguments.rate_hz));
+  PALPATE_ASSIGN(const DeviceChoice choice, choose_device(arguments.device, session_drivers()));
   PALPATE_ASSIGN(const device::UdpAddress listen, device::UdpAddress::of(arguments.listen));
-  device::Heartbeat alone;
-  std::optional<device::Guard> guard;
-  if (made.zero) {
-    PALPATE_ASSIGN(device::Guard started, device::Guard::start(made.zero));
-    guard.emplace(std::move(started));
-  }
-  device::Heartbeat& heart = guard ? guard->heartbeat() : alone;
+  PALPATE_ASSIGN(SessionDevice session, SessionDevice::make(choice, clock, 1.0 / arguments.rate_hz));
+  session.roam();
+  device::ReplugDevice& device = session.device();
+  device::Heartbeat& heart = session.heart();
   device::UdpPort port(listen);
   PALPATE_TRY(port.open());
-  device::FarEnd far(*made.device, port, clock, far_options(arguments));
+  device::FarEnd far(device, port, clock, far_options(arguments));
   far.watched_by(&heart);
   PALPATE_TRY(far.open());
   device::SchedulingMode mode;
   device::SchedulingOptions scheduling;
   const device::ProcessRealTime process(scheduling, mode);
   Ending ending;
-  const AtStop at_stop([&made, &ending]() -> std::string {
+  const AtStop at_stop([&device, &ending]() -> std::string {
     ending.wanted.store(true);
     const std::int64_t until = monotonic_ns() + kStopPatienceNs;
     while (!ending.done.load() && monotonic_ns() < until) far_sleep_to(monotonic_ns() + kStopStepNs);
-    static_cast<void>(made.device->cut_force());
+    static_cast<void>(device.cut_force());
     return {};
   });
-  device::Watchdog watchdog(*made.device, heart);
+  device::Watchdog watchdog(device, heart);
   PALPATE_TRY(watchdog.start());
-  for (const std::string& note : made.unproven) fmt::print(stderr, "palpate: unproven: {}\n", note);
+  session.say_unproven();
   if (!arguments.json) {
-    fmt::print("{} at {}: forces up to {:.2f} N, zero after {:.0f} ms without a command\n",
-               made.device->name(), port.address().text(), far.governor()->limit_n(), arguments.watchdog_ms);
+    fmt::print("{} at {}: forces up to {:.2f} N, zero after {:.0f} ms without a command\n", device.name(),
+               port.address().text(), far.governor()->limit_n(), arguments.watchdog_ms);
     std::fflush(stdout);
   }
-  std::thread loop([&] { tick_until(far, clock, arguments, mode, ending); });
-  loop.join();
+  serve_and_tell(far, session, clock, arguments, mode, ending);
   heart.rest();
   watchdog.stop();
-  if (guard) guard->stop();
   print_served(arguments, far.counters(), mode.text());
   return Done{};
 }

@@ -3,13 +3,13 @@
 
 #include <string>
 
-#include "experiments/live/any_device.h"
+#include "experiments/live/session_device.h"
 #include "experiments/session/session.h"
 
 namespace palpate::experiments {
 
 struct BridgeArguments {
-  OneDevice device;
+  DeviceArguments device;
   std::string listen = "127.0.0.1:47800";
   double seconds = 0.0;  ///< 0: until it is stopped
   double rate_hz = 1000.0;

@@ -1,5 +1,5 @@
 #include "experiments/bridge/serve.h"
-#include "experiments/command/one_device.h"
+#include "experiments/command/device_options.h"
 #include "experiments/command/subcommands.h"
 
 namespace palpate::experiments {
@@ -8,7 +8,9 @@ namespace {
 void declare_bridge(const Declaration& declare, BridgeArguments& a) {
   constexpr NumberRange kSeconds{0.0, 86'400.0}, kRates{500.0, 8000.0}, kTimes{1.0, 1000.0},
       kForces{0.0, 100.0};
-  declare_one_device(declare, a.device);
+  declare_device(declare, a.device);
+  declare.text("--hand", a.device.grip,
+               "on a simulated device: hand, finger, arm or released (default: hand); it roams about");
   declare.text("--listen", a.listen,
                "ADDRESS:PORT of this machine; 0.0.0.0 for all of its networks, port 0 for any (default: "
                "127.0.0.1:47800, this machine alone)");

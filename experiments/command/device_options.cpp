@@ -3,10 +3,14 @@
 namespace palpate::experiments {
 
 void declare_device(const Declaration& declare, DeviceArguments& device) {
-  constexpr NumberRange kKillAfter{0.0, 10'000.0};
   declare.text("--device", device.device,
                "sim, or sim:NAME with omni, touch, falcon, omega3 or admittance, or one of `palpate devices` "
                "(default: sim, which is sim:omni)");
+  declare_device_details(declare, device);
+}
+
+void declare_device_details(const Declaration& declare, DeviceArguments& device) {
+  constexpr NumberRange kKillAfter{0.0, 10'000.0};
   declare.text("--device-file", device.file, "a device description, for drivers that take one");
   declare.repeated("--device-option", device.options,
                    "KEY=VALUE for the device's driver; may be given again for others");

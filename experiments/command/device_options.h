@@ -6,7 +6,9 @@
 
 namespace palpate::experiments {
 
-/// --device, --device-file, --device-option, --guard-kill-after.
+/// --device, and what follows.
 void declare_device(const Declaration& declare, DeviceArguments& device);
+/// --device-file, --device-option, --guard-kill-after, where another option names the device.
+void declare_device_details(const Declaration& declare, DeviceArguments& device);
 
 }  // namespace palpate::experiments

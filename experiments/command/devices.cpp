@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "device/drivers/all_drivers.h"
-#include "experiments/command/one_device.h"
+#include "experiments/command/device_options.h"
 #include "experiments/command/subcommands.h"
 #include "experiments/live/device_report.h"
 #include "experiments/live/doctor.h"
@@ -20,11 +19,18 @@ using Json = nlohmann::ordered_json;
 
 constexpr const char* kDevicesSchema = "palpate-devices/1";
 
+/// Without --report none is looked at.
+DeviceArguments no_device() {
+  DeviceArguments none;
+  none.device.clear();
+  return none;
+}
+
 struct DevicesArguments {
   bool doctor = false;
   bool json = false;
   bool replace = false;
-  OneDevice report{.name = {}, .file = {}, .options = {}};
+  DeviceArguments report = no_device();
   ReportOptions look;
   std::string out;
 };
@@ -36,10 +42,8 @@ struct Listed {
 };
 
 std::vector<Listed> listed() {
-  device::Drivers drivers;
-  device::register_all_drivers(drivers);
   std::vector<Listed> all;
-  for (const device::Driver& driver : drivers.all())
+  for (const device::Driver& driver : session_drivers().all())
     for (device::DeviceEntry& entry : driver.look())
       all.push_back({driver.name, driver.transport, std::move(entry)});
   return all;
@@ -104,7 +108,7 @@ void declare_devices(const Declaration& declare, DevicesArguments& a) {
                "second); exit "
                "status 1 where a simulated session would not run in time");
   declare.flag("--json", a.json, "print JSON");
-  declare.text("--report", a.report.name,
+  declare.text("--report", a.report.device,
                "NAME: opens this device, commands zero force, and prints as JSON what its first user sends "
                "back: ids, packets, latency, homing, calibration. Move it while it runs");
   declare.text("--out", a.out, "FILE.json: where the report goes (default: standard output)");
@@ -112,9 +116,7 @@ void declare_devices(const Declaration& declare, DevicesArguments& a) {
   constexpr NumberRange kSeconds{0.1, 3600.0}, kRates{500.0, 8000.0};
   declare.number("--seconds", a.look.seconds, kSeconds, "how long the report looks (default: 5)");
   declare.number("--rate", a.look.rate_hz, kRates, "how often, Hz (default: 1000)");
-  declare.text("--device-file", a.report.file, "the device description of the reported device");
-  declare.repeated("--device-option", a.report.options,
-                   "KEY=VALUE for the reported device's driver; may be given again for others");
+  declare_device_details(declare, a.report);
 }
 
 /// Exit status 1 where the device does not open: the report says why.
@@ -122,7 +124,8 @@ int run_device_report(const DevicesArguments& a, Context& context) {
   if (!a.out.empty())
     if (Status good = check_output({a.out, {"json"}, a.replace}, {}); !good)
       return fail(good.error(), kExitBadInput, &context.progress);
-  const Result<ReportedDevice> reported = report_device(a.report, a.look, new_head(context.command_line));
+  const Result<ReportedDevice> reported =
+      report_device(a.report, session_drivers(), a.look, new_head(context.command_line));
   if (!reported) return fail(reported.error(), kExitBadInput, &context.progress);
   if (a.out.empty()) {
     fmt::print("{}", reported->json);
@@ -133,7 +136,7 @@ int run_device_report(const DevicesArguments& a, Context& context) {
 }
 
 int run_devices(const DevicesArguments& arguments, Context& context) {
-  if (!arguments.report.name.empty()) return run_device_report(arguments, context);
+  if (!arguments.report.device.empty()) return run_device_report(arguments, context);
   const std::vector<Listed> devices = listed();
   std::vector<Check> checks;
   if (arguments.doctor) checks = examine(read_system_facts());

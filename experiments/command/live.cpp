@@ -9,7 +9,7 @@ namespace {
 
 void declare_live(const Declaration& declare, LiveArguments& a) {
   constexpr NumberRange kSeconds{0.1, 86'400.0}, kEvery{0.0, 86'400.0}, kRate{500.0, 8'000.0},
-      kFade{1.0, 1'000.0};
+      kFade{1.0, 1'000.0}, kStandIn{0.0, 1e7};
   RunArguments& run = a.run;
   declare.required("SCENE", run.scene, kSceneHelp);
   declare.text(
@@ -44,6 +44,13 @@ void declare_live(const Declaration& declare, LiveArguments& a) {
       "--window", a.window,
       "a window over the session: the cloud, what is felt, plots, switches by buttons; without a device "
       "the mouse is the hand. A scan that is dropped on it is opened");
+  declare.text("--up", a.up,
+               "what is up in the window: z, y (most scans of objects), x, -z, -y or -x; key u turns it on "
+               "(default: z)");
+  declare.number(
+      "--stand-in", a.stand_in, kStandIn,
+      "points of the coarse cloud that is felt in a window until the renderers of a larger scene are "
+      "prepared; 0: none (default: 60000)");
   declare.flag(
       "--headless", a.headless,
       "without a window: keys, the network and the device's buttons switch. The only way where no window "
@@ -73,7 +80,7 @@ Subcommand live_subcommand() {
        "out/live",
        "palpate live sinusoid:points=10201 --renderers cloud,cloud-smooth --device sim:falcon --hand slide "
        "--seconds 60 --switch-every 0.7 --accelerated --out out/slide",
-       "palpate live scan.ply --window",
+       "palpate live scan.ply --window --up y",
        "palpate live sinusoid:points=10201 --renderers cloud --changes "
        "2:cloud:stiffness=0.8,4:cloud:shading=none "
        "--seconds 6 --accelerated --out out/changes",

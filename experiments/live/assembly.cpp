@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <thread>
@@ -10,6 +11,7 @@
 #include "device/safety/watchdog.h"
 #include "device/servo/servo_thread.h"
 #include "experiments/live/keys.h"
+#include "experiments/live/resident.h"
 #include "toolkit/core/try.h"
 
 namespace palpate::experiments {
@@ -23,6 +25,8 @@ constexpr std::chrono::milliseconds kLookEvery{20};
 constexpr double kRearmAfterS = 1.0;
 // A device that is gone is asked for again: soon enough for who plugs it in, seldom enough for the bus.
 constexpr double kTryEveryS = 0.5;
+// By then the memory of a session in real time is locked and every renderer has been stepped.
+constexpr double kSettledAfterS = 1.0;
 
 /// A thread that looks again and again until this ends; then it is waited for.
 class LookingThread {
@@ -49,11 +53,23 @@ class LookingThread {
 
 }  // namespace
 
+std::string force_in_words(const Vec3& force_n, double full_n) {
+  constexpr int kCells = 12;  // a dozen steps are told apart at a glance
+  const double share = full_n > 0.0 && is_finite(force_n) ? force_n.norm() / full_n : 0.0;
+  const int filled = std::clamp(static_cast<int>(std::ceil(share * kCells)), 0, kCells);
+  return fmt::format("{:5.2f} N [{}{}] x {:+.2f} y {:+.2f} z {:+.2f}", force_n.norm(),
+                     std::string(static_cast<std::size_t>(filled), '='),
+                     std::string(static_cast<std::size_t>(kCells - filled), ' '), force_n.x(), force_n.y(),
+                     force_n.z());
+}
+
 void SessionWatch::took(const device::Tick& tick) noexcept {
   if (tick.frame.contact) contact_.fetch_add(1, std::memory_order_relaxed);
   if (tick.missed > 0) missed_.fetch_add(tick.missed, std::memory_order_relaxed);
+  for (std::size_t axis = 0; axis < sent_n_.size(); ++axis)
+    sent_n_[axis].store(static_cast<float>(tick.sent_n[static_cast<Eigen::Index>(axis)]),
+                        std::memory_order_relaxed);
   const bool here = device_.here();
-  if (here) homed_.store(tick.state.homed, std::memory_order_release);
   const bool faulted = tick.fault != device::Fault::kNone;
   const bool before = fault_.exchange(tick.fault, std::memory_order_acq_rel) != device::Fault::kNone;
   if (faulted && !before) faults_.fetch_add(1, std::memory_order_relaxed);
@@ -79,7 +95,8 @@ Assembly::Assembly(const SessionSettings& settings, SessionClock& clock, Session
       clock_(clock),
       device_(device),
       servo_(felt, governor_options(settings), device.device(), clock.clock(), map),
-      watch_(device.device(), settings.auto_rearm) {}
+      watch_(device.device(), settings.auto_rearm),
+      homing_(device, "; force comes with a soft start") {}
 
 double Assembly::now_s() const noexcept {
   return static_cast<double>(clock_.clock().now_ns() - begun_ns_) / kSessionNsPerS;
@@ -148,12 +165,7 @@ void Assembly::prompt() {
   if (fault != fault_said_ && fault != device::Fault::kNone)
     say(fmt::format("fault: {}; no force until it is armed again{}", device::fault_name(fault), armed_by()));
   fault_said_ = fault;
-  const bool homing = !watch_.homed();
-  if (homing && !homing_said_)
-    say("the device does not know its zero yet: bring it to its home position, or move it slowly to all its "
-        "ends; until then there is no force");
-  if (!homing && homing_said_) say("the device knows its zero; force comes with a soft start");
-  homing_said_ = homing;
+  if (std::optional<std::string> news = homing_.news()) say(*std::move(news));
 }
 
 void Assembly::note_scheduling(const std::string& scheduling) {
@@ -166,6 +178,7 @@ SessionEnd Assembly::ended(const device::LoopHistograms& histograms) {
   end.lateness = histograms.lateness.bins();
   end.replugged = device_.device().times_back();
   end.faulted = watch_.fault() != device::Fault::kNone;
+  end.settled_bytes = settled_bytes_ != 0 ? settled_bytes_ : resident_bytes();
   const std::lock_guard lock(said_mutex_);
   end.marks = marks_;
   return end;
@@ -174,7 +187,8 @@ SessionEnd Assembly::ended(const device::LoopHistograms& histograms) {
 Result<SessionEnd> Assembly::run(SessionTasks& tasks, ProgressBar& progress) {
   if (recorder_ != nullptr) observers_.insert(observers_.begin(), recorder_);
   observers_.push_back(&watch_);
-  const std::vector<std::string> facts = device_.facts();
+  std::vector<std::string> facts;
+  for (const auto& [key, value] : device_.facts()) facts.push_back(fmt::format("{}: {}", key, value));
   if (recorder_ != nullptr)
     for (const std::string& fact : facts) (void)recorder_->note("device: " + fact);
   Result<SessionEnd> end = clock_.accelerated() ? run_fast(tasks, progress) : run_real(tasks, progress);
@@ -199,6 +213,7 @@ Result<SessionEnd> Assembly::run_fast(SessionTasks& tasks, ProgressBar& progress
     work(tasks, now_s());
     if (recorder_ != nullptr) recorder_->wait_for_room();
     if (asked++ % report_every == 0) {
+      note_settled();
       prompt();
       show_said(progress);
       progress.report(settings_.label + ", accelerated", now_s() / settings_.seconds);
@@ -211,14 +226,27 @@ Result<SessionEnd> Assembly::run_fast(SessionTasks& tasks, ProgressBar& progress
   return end;
 }
 
+void Assembly::note_settled() {
+  if (settled_bytes_ == 0 && now_s() >= kSettledAfterS) settled_bytes_ = resident_bytes();
+}
+
+/// How far it is; where nobody feels the force, it stands there as well.
+void Assembly::show_going_on(ProgressBar& progress) {
+  if (device_.has_motors()) return progress.report(settings_.label, now_s() / settings_.seconds);
+  // A bar whose words change has no length of its own: the seconds stand behind it.
+  progress.report(fmt::format("{}  {}", settings_.label, force_in_words(watch_.sent_n(), force_full_n_)),
+                  -1.0);
+}
+
 void Assembly::look_at_keys(SessionTasks& tasks, double until_s, device::ServoThread& thread,
                             ProgressBar& progress) {
   Keys keys;
   while (thread.running() && now_s() < until_s && !stopping_.load(std::memory_order_acquire)) {
     std::this_thread::sleep_for(kLookEvery);
+    note_settled();
     prompt();
     show_said(progress);
-    progress.report(settings_.label, now_s() / settings_.seconds);
+    show_going_on(progress);
     while (const std::optional<char> key = keys.next()) {
       if (*key == 'q')
         request_stop();
@@ -241,12 +269,14 @@ Result<SessionEnd> Assembly::run_real(SessionTasks& tasks, ProgressBar& progress
   device::Watchdog watchdog(device_.device(), device_.heart());
   PALPATE_TRY(watchdog.start());
   begun_ns_ = clock_.clock().now_ns();
+  force_full_n_ = device_.device().limits().force_max_n;
   PALPATE_TRY(thread->start());
   begun_ns_ = clock_.clock().now_ns();  // what opening took is not of the session
   note_scheduling(thread->mode().text());
   {
     const LookingThread worker([&] { work(tasks, now_s()); });
     look_at_keys(tasks, settings_.seconds, *thread, progress);
+    tasks.ending();
     // No force while the worker is waited for, which may be within a preparation.
     thread->stop();
     watchdog.stop();

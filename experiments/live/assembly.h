@@ -2,6 +2,7 @@
 // felt; run in real time or on a virtual clock. `palpate live` and `palpate record` both are this.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <functional>
@@ -15,10 +16,15 @@
 #include "device/servo/servo_loop.h"
 #include "device/servo/servo_thread.h"
 #include "device/servo/tick_observer.h"
+#include "experiments/live/homing_teller.h"
 #include "experiments/live/session_device.h"
 #include "experiments/session/progress_bar.h"
 
 namespace palpate::experiments {
+
+/// A force as a line that changes, for devices without motors: "1.10 N [====        ] x +0.00 y +0.00 z
+/// +1.10". `full_n` fills the bar.
+[[nodiscard]] std::string force_in_words(const Vec3& force_n, double full_n);
 
 /// What every session watches of its own ticks, and how it is armed again: an observer.
 class SessionWatch final : public device::TickObserver {
@@ -35,7 +41,11 @@ class SessionWatch final : public device::TickObserver {
   void ask_rearm() noexcept { asked_.store(true, std::memory_order_release); }
   /// Of the newest tick. Any thread.
   [[nodiscard]] device::Fault fault() const noexcept { return fault_.load(std::memory_order_acquire); }
-  [[nodiscard]] bool homed() const noexcept { return homed_.load(std::memory_order_acquire); }
+  /// The newest force that was commanded, device frame, for people: its axes may be of two ticks.
+  [[nodiscard]] Vec3 sent_n() const noexcept {
+    return Vec3{sent_n_[0].load(std::memory_order_relaxed), sent_n_[1].load(std::memory_order_relaxed),
+                sent_n_[2].load(std::memory_order_relaxed)};
+  }
   [[nodiscard]] std::uint64_t contact() const noexcept { return contact_.load(std::memory_order_relaxed); }
   [[nodiscard]] std::uint64_t faults() const noexcept { return faults_.load(std::memory_order_relaxed); }
   [[nodiscard]] std::uint64_t missed() const noexcept { return missed_.load(std::memory_order_relaxed); }
@@ -48,7 +58,7 @@ class SessionWatch final : public device::TickObserver {
   double since_s_ = 0.0;  // of the fault, or of the device's coming back
   std::atomic<bool> asked_{false};
   std::atomic<device::Fault> fault_{device::Fault::kNone};
-  std::atomic<bool> homed_{true};
+  std::array<std::atomic<float>, 3> sent_n_{};
   std::atomic<std::uint64_t> contact_{0}, faults_{0}, missed_{0};
 };
 
@@ -61,6 +71,8 @@ class SessionTasks {
   virtual void work(double now_s) = 0;
   /// A key of the terminal that the session does not know itself. The main thread's.
   virtual void key(char pressed) = 0;
+  /// The session is over: work() that still goes on is to give up. Any thread.
+  virtual void ending() noexcept {}
 };
 
 /// A remark that somebody made while it ran.
@@ -86,7 +98,8 @@ struct SessionEnd {
   std::vector<std::string> notes;
   double steal_percent = 0.0;
   std::uint64_t watchdog_trips = 0;
-  std::uint64_t replugged = 0;  ///< how often the device came back
+  std::uint64_t replugged = 0;      ///< how often the device came back
+  std::uint64_t settled_bytes = 0;  ///< in memory a second after it began: locked, and all touched
   std::vector<SessionMark> marks;
   bool faulted = false;  ///< a fault was latched at the end
 };
@@ -127,8 +140,11 @@ class Assembly {
   [[nodiscard]] Result<SessionEnd> run_real(SessionTasks& tasks, ProgressBar& progress);
   void look_at_keys(SessionTasks& tasks, double until_s, device::ServoThread& thread, ProgressBar& progress);
   void work(SessionTasks& tasks, double now_s);
+  /// Measures once what the session has in memory when it has run for a while.
+  void note_settled();
   void replug(double now_s);
   void prompt();
+  void show_going_on(ProgressBar& progress);
   [[nodiscard]] const char* armed_by() const noexcept;
   void show_said(ProgressBar& progress);
   void note_scheduling(const std::string& scheduling);
@@ -149,7 +165,9 @@ class Assembly {
   std::string not_open_;  // why it could not be opened again; empty: it was there
   // The main thread's.
   device::Fault fault_said_ = device::Fault::kNone;
-  bool homing_said_ = false;
+  std::uint64_t settled_bytes_ = 0;
+  HomingTeller homing_;
+  double force_full_n_ = 0.0;  // what the shown force is a share of
   std::mutex said_mutex_;
   std::vector<std::string> said_;
   std::vector<SessionMark> marks_;

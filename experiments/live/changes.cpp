@@ -18,7 +18,7 @@ constexpr const char* kChangeForm = "write SECONDS:LABEL:key=value[:key=value..]
 /// The scene as this renderer is to see it.
 Result<render::SceneInput> scene_for(const Workshop& workshop, const LiveSetting& setting,
                                      Progress& progress) {
-  render::SceneInput scene = workshop.stage.scene.input;
+  render::SceneInput scene = workshop.other != nullptr ? *workshop.other : workshop.stage.scene.input;
   if (!setting.request.clean.empty()) {
     PALPATE_ASSIGN(CleanedScene cleaned,
                    clean_scene(scene, setting.request.clean, workshop.threads, progress));

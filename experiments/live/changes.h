@@ -18,7 +18,8 @@ struct Workshop {
   const Stage& stage;
   const render::Registry& registry;
   int threads = 0;
-  render::ModelStore store{};  ///< geometry is built once for all renderers, early and late
+  render::ModelStore store{};                 ///< geometry is built once for all renderers, early and late
+  const render::SceneInput* other = nullptr;  ///< what is rendered in place of the stage's scene; null: that
 
   /// Whether passivity goes around all renderers together: a replay of one alone then answers otherwise.
   [[nodiscard]] bool passivity_apart() const { return stage.scene.control.passivity.has_value(); }

@@ -3,18 +3,19 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <bit>
 #include <cerrno>
+#include <chrono>
 #include <cmath>
 #include <ctime>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "device/drivers/all_drivers.h"
-#include "device/safety/guard.h"
 #include "device/safety/watchdog.h"
 #include "device/servo/servo_loop.h"
+#include "experiments/live/homing_teller.h"
 #include "toolkit/core/at_stop.h"
 #include "toolkit/core/try.h"
 
@@ -132,44 +133,63 @@ void look_for(DeviceLooker& looker, const MonotonicClock& clock, const ReportOpt
   heart.rest();
 }
 
-/// Guard, device, watchdog, loop, in the order in which they have to come.
-Status look_at(device::MadeDevice& made, const MonotonicClock& clock, const ReportOptions& options,
-               FactsJson& document) {
-  device::Heartbeat alone;
-  std::optional<device::Guard> guard;
-  if (made.zero) {
-    PALPATE_ASSIGN(device::Guard started, device::Guard::start(made.zero));
-    guard.emplace(std::move(started));
+/// Looks in a thread of its own, and tells the person at the device what homing needs. What was told.
+std::vector<std::string> look_and_tell(DeviceLooker& looker, SessionDevice& device,
+                                       const MonotonicClock& clock, const ReportOptions& options,
+                                       device::SchedulingMode& mode) {
+  constexpr std::chrono::milliseconds kTellEvery{20};  // a person sees no delay
+  std::vector<std::string> told;
+  HomingTeller teller(device, "");
+  const auto tell = [&] {
+    const std::optional<std::string> news = teller.news();
+    if (!news) return;
+    fmt::print(stderr, "palpate: {}\n", *news);
+    told.push_back(*news);
+  };
+  std::atomic<bool> over{false};
+  std::thread loop([&] {
+    look_for(looker, clock, options, device.heart(), mode);
+    over.store(true);
+  });
+  while (!over.load()) {
+    tell();
+    std::this_thread::sleep_for(kTellEvery);
   }
-  device::Heartbeat& heart = guard ? guard->heartbeat() : alone;
-  PALPATE_TRY(made.device->open());
+  loop.join();
+  tell();
+  return told;
+}
+
+/// Device, watchdog, loop, in the order in which they have to come; the guard is there.
+Status look_at(SessionDevice& session, const MonotonicClock& clock, const ReportOptions& options,
+               FactsJson& document) {
+  device::ReplugDevice& device = session.device();
+  PALPATE_TRY(device.open());
   device::GovernorOptions governed;
   governed.period_s = 1.0 / options.rate_hz;
-  PALPATE_ASSIGN(device::ForceGovernor governor,
-                 device::ForceGovernor::create(made.device->limits(), governed));
-  const AtStop at_stop([&made]() -> std::string {
-    static_cast<void>(made.device->cut_force());
+  PALPATE_ASSIGN(device::ForceGovernor governor, device::ForceGovernor::create(device.limits(), governed));
+  const AtStop at_stop([&device]() -> std::string {
+    static_cast<void>(device.cut_force());
     return {};
   });
   device::SchedulingMode mode;
-  const auto looker = std::make_unique<DeviceLooker>(*made.device, governor, clock);
+  const auto looker = std::make_unique<DeviceLooker>(device, governor, clock);
+  std::vector<std::string> told;
   {
     const device::ProcessRealTime process({}, mode);
-    device::Watchdog watchdog(*made.device, heart);
+    device::Watchdog watchdog(device, session.heart());
     PALPATE_TRY(watchdog.start());
-    std::thread loop([&] { look_for(*looker, clock, options, heart, mode); });
-    loop.join();
+    told = look_and_tell(*looker, session, clock, options, mode);
     watchdog.stop();
   }
-  document["limits"] = facts_limits(made.device->limits());
+  document["limits"] = facts_limits(device.limits());
   document["scheduling"] = mode.text();
   add_watch(document, looker->watch());
+  document["homing"]["told"] = told;
   FactsJson facts = FactsJson::object();
-  if (made.facts)
-    for (const auto& [key, value] : made.facts()) facts[key] = value;
+  for (const auto& [key, value] : session.facts()) facts[key] = value;
   document["facts"] = std::move(facts);
-  made.device->close();
-  if (guard) guard->stop();
+  device.close();
   return Done{};
 }
 
@@ -240,26 +260,25 @@ void DeviceLooker::took(const device::DeviceState& state, std::int64_t now_ns) n
   before_mm_ = state.position_mm;
 }
 
-Result<ReportedDevice> report_device(const OneDevice& arguments, const ReportOptions& options,
-                                     const metrics::DocumentHead& head) {
+Result<ReportedDevice> report_device(const DeviceArguments& arguments, const device::Drivers& drivers,
+                                     const ReportOptions& options, const metrics::DocumentHead& head) {
   const MonotonicClock clock;
-  device::Drivers drivers;
-  device::register_all_drivers(drivers);
-  PALPATE_ASSIGN(device::MadeDevice made, any_device(arguments, drivers, clock, options.rate_hz));
-  const device::Driver& driver = *drivers.of(arguments.name);
+  PALPATE_ASSIGN(const DeviceChoice choice, choose_device(arguments, drivers));
+  PALPATE_ASSIGN(SessionDevice session, SessionDevice::make(choice, clock, 1.0 / options.rate_hz));
+  session.roam();
+  const device::Driver& driver = *drivers.of(arguments.device);
   FactsJson document = {{"schema", kDeviceReportSchema}};
   document.update(FactsJson::parse(metrics::head_json(head)));
   FactsJson given = FactsJson::object();
-  PALPATE_ASSIGN(const auto pairs, option_pairs(arguments.options));
-  for (const auto& [key, value] : pairs) given[key] = value;
-  document["device"] = {{"name", arguments.name},        {"driver", driver.name},
+  for (const auto& [key, value] : choice.request.options) given[key] = value;
+  document["device"] = {{"name", arguments.device},      {"driver", driver.name},
                         {"transport", driver.transport}, {"description", arguments.file},
-                        {"options", std::move(given)},   {"unproven", made.unproven}};
+                        {"options", std::move(given)},   {"unproven", session.unproven()}};
   document["connected"] = facts_connected();
   document["seconds"] = options.seconds;
   document["rate_hz"] = options.rate_hz;
   ReportedDevice reported;
-  const Status looked = look_at(made, clock, options, document);
+  const Status looked = look_at(session, clock, options, document);
   if (!looked) reported.not_opened = looked.error();
   document["opened"] = looked.ok();
   document["error"] = looked ? "" : looked.error().message();

@@ -12,8 +12,8 @@
 #include "device/interface/force_governor.h"
 #include "device/servo/loop_histogram.h"
 #include "device/servo/scheduling.h"
-#include "experiments/live/any_device.h"
 #include "experiments/live/doctor.h"
+#include "experiments/live/session_device.h"
 #include "toolkit/metrics/result_json.h"
 
 namespace palpate::experiments {
@@ -69,13 +69,16 @@ class DeviceLooker {
   Vec3 before_mm_ = Vec3::Zero();
 };
 
-/// Opens the device, looks, closes; the document as JSON. A device that does not open is a report too, with
-/// what was wrong. An Error where the name or the options mean nothing.
+/// Opens the device, looks, closes; the document as JSON. What a person has to do for homing is said on
+/// standard error meanwhile. A device that does not open is a report too, with what was wrong. An Error where
+/// the name or the options mean nothing.
 struct ReportedDevice {
   std::string json;
   std::optional<Error> not_opened;
 };
-[[nodiscard]] Result<ReportedDevice> report_device(const OneDevice& device, const ReportOptions& options,
+[[nodiscard]] Result<ReportedDevice> report_device(const DeviceArguments& device,
+                                                   const device::Drivers& drivers,
+                                                   const ReportOptions& options,
                                                    const metrics::DocumentHead& head);
 
 }  // namespace palpate::experiments

@@ -40,7 +40,8 @@ Result<device::HandScript> exploring(const trace::ProbePath& path, const device:
                                     device::HandScript::Between::kStraight);
 }
 
-/// The deepest contact along the path, as the renderer feels it.
+}  // namespace
+
 Result<device::TaskPlace> touched_place(const trace::ProbePath& path, render::HapticRenderer& renderer,
                                         const device::DeviceMap& map) {
   PALPATE_ASSIGN(const trace::ForceTrace felt, trace::replay(renderer, path));
@@ -60,8 +61,6 @@ Result<device::TaskPlace> touched_place(const trace::ProbePath& path, render::Ha
   place.along = (axis - axis.dot(place.normal) * place.normal).normalized();
   return place;
 }
-
-}  // namespace
 
 const std::vector<std::string>& live_hands() {
   static const std::vector<std::string> kHands = {"explore", "press", "slide", "tap"};

@@ -24,4 +24,9 @@ inline constexpr const char* kMouseHand = "mouse";
                                                    render::HapticRenderer& renderer,
                                                    const device::DeviceMap& map, double seconds);
 
+/// The deepest contact along the path, as the renderer feels it; device frame. Errors: there is none.
+[[nodiscard]] Result<device::TaskPlace> touched_place(const trace::ProbePath& path,
+                                                      render::HapticRenderer& renderer,
+                                                      const device::DeviceMap& map);
+
 }  // namespace palpate::experiments

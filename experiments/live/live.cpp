@@ -30,7 +30,7 @@ std::string key_of_live(const LiveArguments& a, const StageRequest& stage) {
                                   a.hand, a.device.grip, a.mapping, a.rule, a.changes})
     key.add(text);
   for (const std::string& option : a.device.options) key.add(option);
-  key.add(a.seconds).add(a.switch_every_s).add(a.rate_hz).add(a.fade_ms);
+  key.add(a.seconds).add(a.switch_every_s).add(a.rate_hz).add(a.fade_ms).add(a.stand_in);
   for (const std::string& file : files_read(stage)) key.add_file(file);
   return key.word();
 }
@@ -132,6 +132,16 @@ Result<SessionDevice> make_device(const DeviceChoice& choice, const LiveArgument
   return device;
 }
 
+/// What ends before it began. Who closes the window while something is prepared has made no mistake: what was
+/// asked for is done, and nothing is left behind.
+int ended_early(const Error& error, const LiveArguments& arguments, Context& context) {
+  if (arguments.link == nullptr || !arguments.link->stop_asked())
+    return fail(error, kExitBadInput, &context.progress);
+  context.progress.clear();
+  fmt::print(stderr, "palpate: ended before it could be touched; nothing was written\n");
+  return kExitOk;
+}
+
 Result<OutputFolder> open_folder(const RunArguments& run, const StageRequest& stage) {
   PALPATE_ASSIGN(OutputFolder folder,
                  OutputFolder::open(run.out.empty() ? usual_folder("live", run.scene) : run.out));
@@ -176,7 +186,7 @@ int run_live_with(const LiveArguments& given, const device::Drivers& drivers, Co
   if (arguments.link != nullptr) arguments.link->device_made();
   LinkedProgress seen(context.progress, arguments.link);
   const Result<Stage> stage = set_up(checked->stage, all_readers(), seen);
-  if (!stage) return fail(stage.error(), kExitBadInput, &context.progress);
+  if (!stage) return ended_early(stage.error(), arguments, context);
   show_stage(arguments, *stage);
   Result<LivePlan> plan = choose_and_plan(arguments, *checked, *stage, registry, drivers, document);
   if (plan && !arguments.record.empty())
@@ -188,7 +198,7 @@ int run_live_with(const LiveArguments& given, const device::Drivers& drivers, Co
   Workshop workshop{*stage, registry, run.load.threads};
   if (const Status ran = run_session(arguments, *plan, workshop, clock, *device, context.progress, document);
       !ran)
-    return fail(ran.error(), kExitBadInput, &context.progress);
+    return ended_early(ran.error(), arguments, context);
   return finish_live(document, *folder, run.json, context);
 }
 

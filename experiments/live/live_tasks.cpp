@@ -1,6 +1,7 @@
 #include "experiments/live/live_tasks.h"
 
 #include <fmt/format.h>
+#include <sys/resource.h>
 
 #include <algorithm>
 
@@ -10,6 +11,39 @@
 namespace palpate::experiments {
 
 using RequestKind = device::SwitchRequest::Kind;
+
+namespace {
+
+/// How much nicer than the servo a preparation beside it is.
+constexpr int kPreparingNiceness = 10;
+
+}  // namespace
+
+/// Shown in the window, where there is one; over with the session.
+struct LiveTasks::Ending final : Progress {
+  explicit Ending(const LiveTasks& of) : tasks(of) {}
+  void report(std::string_view what, double fraction) override {
+    if (tasks.link_ != nullptr) tasks.link_->progress(what, fraction);
+  }
+  [[nodiscard]] bool cancelled() const override {
+    return tasks.ending_.load(std::memory_order_acquire) ||
+           (tasks.link_ != nullptr && tasks.link_->stop_asked());
+  }
+  const LiveTasks& tasks;
+};
+
+void LiveTasks::replace_stand_ins(int threads, Made made) {
+  workshop_.threads = threads;
+  made_ = std::move(made);
+  nice_ = true;
+  stood_in_.assign(settings_.size(), true);
+  for (std::size_t lane = 0; lane < settings_.size(); ++lane) asked_.push_back({0.0, lane, settings_[lane]});
+}
+
+/// The worker's first act where it prepares beside the servo: threads that it makes are as nice.
+void LiveTasks::be_nice() noexcept {
+  if (std::exchange(nice_, false)) (void)::setpriority(PRIO_PROCESS, 0, kPreparingNiceness);
+}
 
 void SwitchTimer::took(const device::Tick& tick) noexcept {
   if (!begun_) next_s_ = tick.t_s + every_s_;
@@ -21,6 +55,8 @@ void SwitchTimer::took(const device::Tick& tick) noexcept {
 }
 
 void LiveTasks::work(double now_s) {
+  be_nice();
+  now_s_ = now_s;
   while (mixer_.take_retired()) {
   }
   if (pending_ && mixer_.offer(pending_, lane_)) return;
@@ -29,9 +65,11 @@ void LiveTasks::work(double now_s) {
   const std::optional<LiveChange> taken = due(now_s);
   if (!taken) return;
   const LiveChange& change = *taken;
-  Result<std::unique_ptr<render::HapticRenderer>> made = make(change.setting);
-  if (link_ != nullptr)
-    link_->answer(made ? change.setting.request.label + " changed" : made.error().message());
+  Result<std::unique_ptr<render::HapticRenderer>> made = make(change);
+  if (link_ != nullptr) link_->progress("", -1.0);
+  // Who ends the session while something is prepared has made no mistake.
+  if (!made && Ending(*this).cancelled()) return;
+  if (link_ != nullptr && !made) link_->answer(made.error().message());
   if (!made) {
     failures_.push_back(fmt::format("The change of {} at {:g} s was not made: {}",
                                     change.setting.request.label, change.at_s, made.error().message()));
@@ -70,8 +108,17 @@ std::optional<LiveChange> LiveTasks::due(double now_s) {
   return first;
 }
 
-Result<std::unique_ptr<render::HapticRenderer>> LiveTasks::make(const LiveSetting& setting) {
-  PALPATE_ASSIGN(MadeRenderer made, make_live(workshop_, setting, no_progress()));
+Result<std::unique_ptr<render::HapticRenderer>> LiveTasks::make(const LiveChange& change) {
+  Ending progress(*this);
+  const LiveSetting& setting = change.setting;
+  PALPATE_ASSIGN(MadeRenderer made, make_live(workshop_, setting, progress));
+  const bool stood_in = change.lane < stood_in_.size() && stood_in_[change.lane];
+  if (stood_in) {
+    stood_in_[change.lane] = false;
+    made_(change.lane, made, now_s_);
+  }
+  if (link_ != nullptr)
+    link_->answer(setting.request.label + (stood_in ? " is there on all points" : " changed"));
   if (places_.recording == nullptr) return std::move(made.renderer);
   return places_.recording->tracked(std::move(made.renderer), setting, workshop_.passivity_apart(), clock_);
 }

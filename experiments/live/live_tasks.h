@@ -2,7 +2,9 @@
 // network, switches by a timer.
 #pragma once
 
+#include <atomic>
 #include <deque>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -57,16 +59,23 @@ class LiveTasks final : public SessionTasks {
     link_ = link;
     settings_ = std::move(settings);
   }
+  /// In every lane something else stands for the renderer that was asked for: all are made, on `threads`
+  /// threads beside the servo's, and made(lane, renderer, seconds) is told of each. Before the session runs.
+  using Made = std::function<void(std::size_t lane, const MadeRenderer& made, double at_s)>;
+  void replace_stand_ins(int threads, Made made);
   /// Makes what is due, hands it over, and destroys what comes back.
   void work(double now_s) override;
   void key(char pressed) override;
+  void ending() noexcept override { ending_.store(true, std::memory_order_release); }
   /// False: it names nothing that is there, or there is nothing to arm.
   bool act(const device::RemoteCommand& command, Assembly& session);
   /// Changes that were not made. Once nothing runs.
   [[nodiscard]] const std::vector<std::string>& failures() const { return failures_; }
 
  private:
-  Result<std::unique_ptr<render::HapticRenderer>> make(const LiveSetting& setting);
+  struct Ending;
+  Result<std::unique_ptr<render::HapticRenderer>> make(const LiveChange& change);
+  void be_nice() noexcept;
   void take_asked();
   [[nodiscard]] std::optional<LiveChange> due(double now_s);
   bool select(const device::RemoteCommand& command);
@@ -81,6 +90,11 @@ class LiveTasks final : public SessionTasks {
   SessionLink* link_ = nullptr;
   std::vector<LiveSetting> settings_;  // as they are now, by lane
   std::deque<LiveChange> asked_;
+  std::vector<bool> stood_in_;  // by lane: by something else until now
+  Made made_;
+  double now_s_ = 0.0;
+  bool nice_ = false;
+  std::atomic<bool> ending_{false};
   std::unique_ptr<render::HapticRenderer> pending_;
   std::uint8_t lane_ = 0;
   std::vector<std::string> failures_;

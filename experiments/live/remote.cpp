@@ -80,9 +80,11 @@ void RemoteListener::State::act_on(const std::optional<device::RemoteCommand>& c
 }
 
 void RemoteListener::State::take(std::span<const std::uint8_t> bytes) {
-  if (!bytes.empty() && bytes.front() == '/') {
-    const auto message = device::read_osc(bytes);
-    return act_on(message ? device::command_of(*message) : std::nullopt);
+  if (!bytes.empty() && (bytes.front() == '/' || bytes.front() == '#')) {
+    const auto messages = device::read_osc_packet(bytes);
+    if (!messages) return act_on(std::nullopt);
+    for (const device::OscMessage& message : *messages) act_on(device::command_of(message));
+    return;
   }
   // Bytes as text; each line by itself.
   std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());

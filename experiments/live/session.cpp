@@ -1,11 +1,10 @@
 #include "experiments/live/session.h"
 
 #include <fmt/format.h>
-#include <malloc.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <fstream>
+#include <optional>
+#include <thread>
 #include <utility>
 
 #include "device/live/triggers.h"
@@ -14,6 +13,8 @@
 #include "experiments/live/live_recording.h"
 #include "experiments/live/live_tasks.h"
 #include "experiments/live/moving_scene.h"
+#include "experiments/live/resident.h"
+#include "experiments/live/stand_in.h"
 #include "experiments/live/watch.h"
 #include "experiments/live/window_hooks.h"
 #include "toolkit/core/try.h"
@@ -23,15 +24,6 @@ namespace {
 
 constexpr double kLiveMsPerS = 1e3;
 
-/// What the process has in memory; what was freed is given back first.
-std::uint64_t resident_bytes() {
-  malloc_trim(0);
-  std::ifstream file("/proc/self/statm");
-  std::uint64_t pages = 0, in_memory = 0;
-  file >> pages >> in_memory;
-  return in_memory * static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
-}
-
 /// The renderers, prepared on one store, as the document has them.
 Result<std::vector<MadeRenderer>> prepare_all(const LivePlan& plan, Workshop& workshop, Progress& progress,
                                               LiveDocument& document) {
@@ -39,21 +31,70 @@ Result<std::vector<MadeRenderer>> prepare_all(const LivePlan& plan, Workshop& wo
   for (const LiveSetting& setting : plan.settings) {
     Result<MadeRenderer> made = make_live(workshop, setting, progress);
     if (!made) return std::move(made).error();
-    LiveRenderer shown;
-    shown.label = setting.request.label;
-    shown.name = setting.request.name;
-    const render::Description described = made->renderer->describe();
-    for (const auto& [key, value] : described.options.all()) shown.options.emplace_back(key, value);
-    shown.prepare_ms = made->report.total_ms;
-    shown.bytes = made->report.bytes;
-    shown.shared_bytes = made->report.shared_bytes;
     for (const std::string& warning : made->report.warnings)
       document.warnings.push_back(fmt::format("{}: {}", setting.request.label, warning));
-    document.renderers.push_back(std::move(shown));
+    document.renderers.push_back(described(setting, *made));
     all.push_back(*std::move(made));
   }
+  // It was told to end, and nobody gave up in time: it is not begun for one tick.
+  if (progress.cancelled()) return Error{"it was ended while it was prepared", "begin it again", {}, 0};
   return all;
 }
+
+/// The same with one renderer on a part of the points in the place of each.
+Result<std::vector<MadeRenderer>> prepare_coarse(const LivePlan& plan, Workshop& coarse,
+                                                 const RendererRequest& request, Progress& progress,
+                                                 LiveDocument& document) {
+  std::vector<MadeRenderer> all;
+  for (const LiveSetting& setting : plan.settings) {
+    PALPATE_ASSIGN(MadeRenderer made, make_live(coarse, {request}, progress));
+    document.renderers.push_back(described(setting, made));
+    all.push_back(std::move(made));
+  }
+  // It was told to end, and nobody gave up in time: it is not begun for one tick.
+  if (progress.cancelled()) return Error{"it was ended while it was prepared", "begin it again", {}, 0};
+  return all;
+}
+
+/// Threads of a preparation beside a running servo: a core is the servo's.
+int threads_beside(int asked) {
+  const int cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  const int free_cores = std::max(1, cores - 1);
+  return asked > 0 ? std::min(asked, free_cores) : free_cores;
+}
+
+/// Who was on all points when, and who never was.
+class CoarseNotes {
+ public:
+  CoarseNotes(const LivePlan& plan, const StandIn& stand_in) : plan_(plan), text_(stand_in.text()) {
+    whole_.assign(plan.settings.size(), false);
+  }
+  void made(std::size_t lane, const MadeRenderer& made, double at_s, LiveDocument& document) {
+    const std::uint32_t count = document.renderers[lane].made;
+    document.renderers[lane] = described(plan_.settings[lane], made);
+    document.renderers[lane].made = count;
+    whole_[lane] = true;
+    document.notes.push_back(fmt::format(
+        "{} was prepared on all points from {:.1f} s on; until {:.1f} s {} stood "
+        "for it, and its numbers hold both.",
+        plan_.settings[lane].request.label, at_s, at_s + made.report.total_ms / kLiveMsPerS, text_));
+    for (const std::string& warning : made.report.warnings)
+      document.warnings.push_back(fmt::format("{}: {}", plan_.settings[lane].request.label, warning));
+  }
+  void tell(LiveDocument& document) const {
+    for (std::size_t lane = 0; lane < whole_.size(); ++lane)
+      if (!whole_[lane])
+        document.warnings.push_back(fmt::format(
+            "{} was not prepared when the session ended: what was felt in its place was {}. Run it for "
+            "longer, or give --stand-in 0.",
+            plan_.settings[lane].request.label, text_));
+  }
+
+ private:
+  const LivePlan& plan_;
+  std::string text_;
+  std::vector<bool> whole_;
+};
 
 std::vector<std::string> labels_of(const LivePlan& plan) {
   std::vector<std::string> labels;
@@ -229,13 +270,41 @@ Result<Seat> take_seat(const LiveArguments& arguments, const LivePlan& plan, con
   return seat;
 }
 
+ShownSession shown_session(const LivePlan& plan, SessionDevice& device, const Seat& seat,
+                           std::shared_ptr<device::HandGuide> guide, const std::optional<StandIn>& stand_in) {
+  ShownSession shown;
+  shown.device = device.device().name();
+  shown.labels = labels_of(plan);
+  shown.limits = seat.limits;
+  shown.force_limit_n = seat.force_limit_n;
+  shown.hand = std::move(guide);
+  if (stand_in) shown.stand_in = stand_in->text();
+  return shown;
+}
+
+/// What stands for the renderers is replaced by them while the session runs.
+void replace_coarse(const LivePlan& plan, const Workshop& workshop, const StandIn& stand_in,
+                    std::optional<CoarseNotes>& notes, LiveTasks& tasks, LiveDocument& document) {
+  notes.emplace(plan, stand_in);
+  tasks.replace_stand_ins(threads_beside(workshop.threads),
+                          [&](std::size_t lane, const MadeRenderer& one, double at_s) {
+                            notes->made(lane, one, at_s, document);
+                          });
+}
+
 }  // namespace
 
 Status run_session(const LiveArguments& arguments, const LivePlan& plan, Workshop& workshop,
                    SessionClock& clock, SessionDevice& device, ProgressBar& progress,
                    LiveDocument& document) {
   LinkedProgress seen(progress, arguments.link);
-  PALPATE_ASSIGN(std::vector<MadeRenderer> made, prepare_all(plan, workshop, seen, document));
+  const std::optional<StandIn> stand_in =
+      stand_in_for(arguments, plan.settings, workshop.stage.scene.input, workshop.registry);
+  Workshop coarse{workshop.stage, workshop.registry, workshop.threads};
+  if (stand_in) coarse.other = &stand_in->input;
+  PALPATE_ASSIGN(std::vector<MadeRenderer> made,
+                 stand_in ? prepare_coarse(plan, coarse, stand_in->request, seen, document)
+                          : prepare_all(plan, workshop, seen, document));
   PALPATE_ASSIGN(const Seat seat, take_seat(arguments, plan, workshop.stage, device, document));
   SessionSettings settings = settings_of(arguments);
   std::shared_ptr<device::HandGuide> guide;
@@ -264,10 +333,10 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
     session.record(*felt.recording.recorder());
   }
   tasks.asked_by(arguments.link, plan.settings);
-  const WindowHooks window(
-      arguments, session, *felt.mixer, workshop.stage.scene.input,
-      {device.device().name(), labels_of(plan), {}, seat.limits, seat.force_limit_n, 0.0, false, {}, guide});
-  document.resident_before_bytes = resident_bytes();
+  std::optional<CoarseNotes> notes;
+  if (stand_in) replace_coarse(plan, workshop, *stand_in, notes, tasks, document);
+  const WindowHooks window(arguments, session, *felt.mixer, workshop.stage.scene.input,
+                           shown_session(plan, device, seat, guide, stand_in));
   const Result<SessionEnd> end = run_heard(plan, session, tasks, progress, document);
   if (!end) {
     if (recorded) felt.recording.discard(arguments.record);
@@ -276,8 +345,10 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
   while (felt.mixer->take_retired()) {
   }
   document.resident_after_bytes = resident_bytes();
+  document.resident_before_bytes = end->settled_bytes;
   tell_end(*end, document);
   watch.tell(document);
+  if (notes) notes->tell(document);
   if (recorded) end_recording(arguments.record, *felt.recording.recorder(), document);
   for (const std::string& failure : tasks.failures()) document.warnings.push_back(failure);
   return Done{};

@@ -29,8 +29,8 @@ struct LivePlan {
                                          const std::vector<RendererRequest>& renderers,
                                          const render::Registry& registry, const device::Drivers& drivers);
 
-/// Prepares, opens the device, runs, and fills the document; head, scene and warnings of the stage are the
-/// caller's.
+/// Prepares, on a part of the points first where a window waits for a large scene, opens the device, runs,
+/// and fills the document; head, scene and warnings of the stage are the caller's.
 [[nodiscard]] Status run_session(const LiveArguments& arguments, const LivePlan& plan, Workshop& workshop,
                                  SessionClock& clock, SessionDevice& device, ProgressBar& progress,
                                  LiveDocument& document);

@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "device/drivers/all_drivers.h"
-#include "experiments/live/any_device.h"
 #include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
 
@@ -15,6 +14,26 @@ namespace {
 
 constexpr const char* kRigDriver = "sim";
 constexpr double kGuardMsPerS = 1e3;
+
+// Where a simulated hand roams: well inside every arm's workspace, a second from place to place, and for as
+// long as anybody tries a device.
+constexpr double kRoamMm = 15.0, kRoamStepS = 1.0;
+constexpr int kRoamSteps = 3600;
+
+device::HandScript roaming() {
+  std::vector<double> t_s;
+  std::vector<Vec3> goal_mm;
+  // About the middle, through the corners of a tetrahedron: every axis is seen in both directions.
+  const Vec3 corners[] = {Vec3{1, 1, 1}, Vec3{-1, -1, 1}, Vec3{-1, 1, -1}, Vec3{1, -1, -1}};
+  for (int i = 0; i <= kRoamSteps; ++i) {
+    t_s.push_back(kRoamStepS * i);
+    goal_mm.push_back(i == 0 ? Vec3(Vec3::Zero()) : Vec3(kRoamMm * corners[i % 4]));
+  }
+  // Times that grow and as many places: nothing that could be refused.
+  return device::HandScript::create("roam", std::move(t_s), std::move(goal_mm),
+                                    device::HandScript::Between::kMinimumJerk)
+      .value();
+}
 
 /// Nothing but a driver reads a description or options.
 Status only_plain(const DeviceArguments& arguments) {
@@ -31,6 +50,19 @@ Status only_plain(const DeviceArguments& arguments) {
 }
 
 }  // namespace
+
+Result<std::vector<std::pair<std::string, std::string>>> option_pairs(const std::vector<std::string>& texts) {
+  std::vector<std::pair<std::string, std::string>> pairs;
+  for (const std::string& one : texts) {
+    const std::size_t equals = one.find('=');
+    if (equals == std::string::npos || equals == 0)
+      return Error{"--device-option " + shown(one) + " is no KEY=VALUE",
+                   "write it as com=14; `palpate devices` names the drivers, docs/devices.md their options",
+                   "", 0};
+    pairs.emplace_back(one.substr(0, equals), one.substr(equals + 1));
+  }
+  return pairs;
+}
 
 const device::Drivers& session_drivers() {
   static const device::Drivers kDrivers = [] {
@@ -61,12 +93,14 @@ Result<DeviceChoice> choose_device(const DeviceArguments& arguments, const devic
   }
   if (driver->name == kRigDriver && !driver->make) {
     PALPATE_ASSIGN(choice.rig, device::simulated_rig_of_driver(arguments.device, arguments.grip));
+    // It has neither description nor options; KEY=VALUE is looked at first, for that may be what is wrong.
+    PALPATE_TRY(option_pairs(arguments.options));
     PALPATE_TRY(only_plain(arguments));
     return choice;
   }
   if (!driver->make)
     return Error{fmt::format("{} is no device that a hand can hold", shown(arguments.device)),
-                 "give --device sim, with --path for where its hand goes",
+                 "give --device sim, or another that `palpate devices` lists",
                  {},
                  0};
   std::error_code code;
@@ -97,6 +131,8 @@ Result<SessionDevice> SessionDevice::make(const DeviceChoice& choice, const Cloc
   made.device_ = std::make_unique<device::ReplugDevice>(*made.inner_);
   made.unproven_ = std::move(device.unproven);
   made.facts_ = std::move(device.facts);
+  made.homing_prompt_ = std::move(device.homing_prompt);
+  made.has_motors_ = device.has_motors;
   return made;
 }
 
@@ -109,11 +145,16 @@ void SessionDevice::say_unproven() const {
     fmt::print(stderr, "palpate: not confirmed by hardware: {}\n", what);
 }
 
-std::vector<std::string> SessionDevice::facts() const {
-  std::vector<std::string> sentences;
-  if (!facts_) return sentences;
-  for (const auto& [key, value] : facts_()) sentences.push_back(key + ": " + value);
-  return sentences;
+std::vector<std::pair<std::string, std::string>> SessionDevice::facts() const {
+  return facts_ ? facts_() : std::vector<std::pair<std::string, std::string>>{};
+}
+
+std::string SessionDevice::homing_prompt() const {
+  const std::optional<std::uint8_t> step = device_ ? device_->homing() : std::nullopt;
+  if (!step) return {};
+  std::string words = homing_prompt_ ? homing_prompt_(*step) : std::string();
+  if (words.empty()) words = "Bring it to its home position, or move it slowly to all its ends";
+  return words;
 }
 
 Result<device::DeviceLimits> SessionDevice::limits() {
@@ -132,6 +173,10 @@ void SessionDevice::hold(device::HandScript script) {
   script_ = std::make_unique<device::HandScript>(std::move(script));
   inner_ = choice_.rig->make(*script_, *clock_, period_s_);
   device_ = std::make_unique<device::ReplugDevice>(*inner_);
+}
+
+void SessionDevice::roam() {
+  hold(roaming());
 }
 
 }  // namespace palpate::experiments

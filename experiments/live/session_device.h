@@ -1,7 +1,8 @@
-// The device of a session: a simulated one with a hand on it, or one that a driver makes, with the guard
-// process that lets its motors go when the program dies.
+// The device of whatever uses one: a simulated one with a hand on it, or one that a driver makes, with the
+// guard process that lets its motors go when the program dies. The one place where a device is made.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -25,6 +26,10 @@ struct DeviceArguments {
   std::vector<std::string> options;  ///< each KEY=VALUE
   double guard_kill_after_ms = 0.0;  ///< 0: never
 };
+
+/// Of each KEY=VALUE. An Error names what is none.
+[[nodiscard]] Result<std::vector<std::pair<std::string, std::string>>> option_pairs(
+    const std::vector<std::string>& texts);
 
 /// Every driver that there is.
 [[nodiscard]] const device::Drivers& session_drivers();
@@ -80,15 +85,22 @@ class SessionDevice {
   [[nodiscard]] const std::vector<std::string>& unproven() const noexcept { return unproven_; }
   /// The same on standard error.
   void say_unproven() const;
-  /// What the device says of itself, "key: value" each: filters of its own, calibration, serial number. Once
-  /// it is open, and before a servo has it.
-  [[nodiscard]] std::vector<std::string> facts() const;
+  /// What the device says of itself, key and value: filters of its own, calibration, serial number. Once it
+  /// is open, and while no servo has it.
+  [[nodiscard]] std::vector<std::pair<std::string, std::string>> facts() const;
+  /// What a person has to do until the device knows its zero, a sentence without its full stop; empty: it
+  /// does. Any thread, once device() is there.
+  [[nodiscard]] std::string homing_prompt() const;
+  /// False: what would be felt is shown instead.
+  [[nodiscard]] bool has_motors() const noexcept { return has_motors_; }
   [[nodiscard]] bool guarded() const noexcept { return guard_ != nullptr; }
 
   /// Opens what a driver made, for its limits are known only then; a rig's are known.
   [[nodiscard]] Result<device::DeviceLimits> limits();
   /// A simulated hand takes the rig and goes along this script. To be called once, before device().
   void hold(device::HandScript script);
+  /// Instead of that where there is no scene: a simulated hand roams about the middle.
+  void roam();
 
   [[nodiscard]] device::ReplugDevice& device() noexcept { return *device_; }
   /// The guard's where there is one.
@@ -108,6 +120,8 @@ class SessionDevice {
   std::unique_ptr<device::ReplugDevice> device_;
   std::vector<std::string> unproven_;
   std::function<std::vector<std::pair<std::string, std::string>>()> facts_;
+  std::function<std::string(std::uint8_t)> homing_prompt_;
+  bool has_motors_ = true;
 };
 
 }  // namespace palpate::experiments

@@ -130,12 +130,13 @@ bool asks_for_another(Window& window, LiveArguments& arguments) {
 
 /// Until the window is closed, or the session is over by itself. True: closed.
 bool run_one(Window& window, SessionLink& link, SessionRunner& runner, LiveArguments& arguments,
-             WaitingTimes& times) {
+             WaitingTimes& times, const std::function<void(Window&)>& each_picture) {
   for (;;) {
     if (!window.frame()) {
       link.ask_stop();
       return true;
     }
+    if (each_picture) each_picture(window);
     times.look(link.view());
     if (asks_for_another(window, arguments)) {
       link.ask_stop();
@@ -179,8 +180,15 @@ WindowHooks::~WindowHooks() {
   if (link_ != nullptr) link_->ended();
 }
 
-int run_live_in_window(const LiveArguments& given, const device::Drivers& drivers, Context& context) {
+int run_live_in_window(const LiveArguments& given, const device::Drivers& drivers, Context& context,
+                       const std::function<void(Window&)>& each_picture) {
   SessionLink link;
+  const std::optional<Up> up = up_named(given.up);
+  if (!up)
+    return fail(Error{fmt::format("--up {} is no axis", given.up), "give z, y, x, -z, -y or -x", {}, 0},
+                kExitBadInput, &context.progress);
+  WindowOptions options;
+  options.up = *up;
   LiveArguments arguments = given;
   arguments.link = &link;
   int status = kExitOk;
@@ -191,7 +199,7 @@ int run_live_in_window(const LiveArguments& given, const device::Drivers& driver
     // arguments is said without a window.
     while (runner.busy() && !link.ready_for_window()) std::this_thread::sleep_for(kWindowLook);
     Result<std::unique_ptr<Window>> window =
-        runner.busy() ? Window::open(link, {}) : Result<std::unique_ptr<Window>>(nullptr);
+        runner.busy() ? Window::open(link, options) : Result<std::unique_ptr<Window>>(nullptr);
     if (!window) {
       link.ask_stop();
       runner.wait();
@@ -200,7 +208,7 @@ int run_live_in_window(const LiveArguments& given, const device::Drivers& driver
     WaitingTimes times(context);
     bool closed = *window == nullptr;
     while (!closed) {
-      closed = run_one(**window, link, runner, arguments, times);
+      closed = run_one(**window, link, runner, arguments, times, each_picture);
       runner.wait();
       if (closed) break;
       (*window)->forget();

@@ -11,10 +11,15 @@ namespace {
 constexpr std::uint64_t kBootstrapPurpose = 100;
 
 std::vector<LevelAnswers> by_level(const std::vector<const Row*>& rows) {
+  // A staircase comes back to a level by other steps, and to rounding: those are one level.
+  constexpr double kSameLevel = 1e-9;
   std::map<double, LevelAnswers> levels;
   for (const Row* row : rows) {
-    LevelAnswers& one =
-        levels.try_emplace(row->trial.level, LevelAnswers{row->trial.level, 0, 0}).first->second;
+    const double level = row->trial.level;
+    const auto near = levels.lower_bound(level * (1.0 - kSameLevel));
+    const double key =
+        near != levels.end() && near->first <= level * (1.0 + kSameLevel) ? near->first : level;
+    LevelAnswers& one = levels.try_emplace(key, LevelAnswers{key, 0, 0}).first->second;
     ++one.trials;
     one.correct += row->correct() ? 1u : 0u;
   }
@@ -37,29 +42,6 @@ Difference difference_of(const Plan& plan, const std::vector<const Row*>& rows) 
   if (plan.task == Task::kAbx || plan.task == Task::kSameDifferent)
     d.independent = sensitivity(plan.task, Strategy::kIndependent, d.answers);
   return d;
-}
-
-/// JNDs of the whole procedure, simulated from the fit and fitted as it was: levels follow from answers
-/// there, so they are drawn anew as well.
-Interval bootstrap_procedure(const Plan& plan, const PsychometricFit& fit, std::uint64_t seed) {
-  Random random(seed);
-  std::vector<double> jnds;
-  for (int r = 0; r < kPsychometricResamples; ++r) {
-    const std::unique_ptr<Adaptive> procedure = Course::new_procedure(plan);
-    std::map<double, LevelAnswers> levels;
-    while (const std::optional<double> level = procedure->level()) {
-      LevelAnswers& one = levels.try_emplace(*level, LevelAnswers{*level, 0, 0}).first->second;
-      const bool correct = random.uniform() < fit.function.proportion(*level);
-      ++one.trials;
-      one.correct += correct ? 1u : 0u;
-      procedure->answered(correct);
-    }
-    std::vector<LevelAnswers> all;
-    for (const auto& [level, answers] : levels) all.push_back(answers);
-    if (const auto again = fit_psychometric(all, fit.function, plan.fitted_slope()))
-      jnds.push_back(again->function.jnd);
-  }
-  return percentiles(jnds);
 }
 
 Result<Threshold> threshold_of(const Plan& plan, const std::vector<const Row*>& rows) {
@@ -85,10 +67,11 @@ Result<Threshold> threshold_of(const Plan& plan, const std::vector<const Row*>& 
                            kPsychometricResamples);
     return t;
   }
-  t.jnd.interval = bootstrap_procedure(plan, *fit, seed);
-  t.method =
-      fmt::format("maximum likelihood with slope {:g}; {} staircases simulated from the fit, percentiles",
-                  fit->function.slope, kPsychometricResamples);
+  t.jnd = bootstrap_procedure([&] { return Course::new_procedure(plan); }, *fit, plan.fitted_slope(), seed);
+  t.method = fmt::format(
+      "maximum likelihood with slope {:g}, less its bias in {} staircases simulated from the fit; "
+      "basic bootstrap",
+      fit->function.slope, kPsychometricResamples);
   UpDown staircase(plan.up_down);
   for (const Row* row : rows) staircase.answered(row->correct());
   t.procedure = staircase.estimate();

@@ -4,8 +4,14 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
+#include <optional>
 
+#include "experiments/psychophysics/ledger.h"
+#include "experiments/psychophysics/machine.h"
+#include "experiments/psychophysics/markers.h"
+#include "experiments/psychophysics/person.h"
 #include "experiments/session/terminal.h"
 #include "toolkit/core/atomic_file.h"
 #include "toolkit/core/input_file.h"
@@ -27,6 +33,7 @@ Felt felt_in(const Trial& trial, const Plan& plan, const ObserverOptions& observ
 }
 
 Status check_observer(const Plan& plan, const ObserverSpec& observer) {
+  if (observer.kind != ObserverKind::kSimulated) return Done{};
   if (plan.compares() && observer.has_jnd)
     return Error{"this plan compares two renderers, and a JND is of an option",
                  "say --observer simulated:dprime=1", plan.name, 0};
@@ -35,6 +42,31 @@ Status check_observer(const Plan& plan, const ObserverSpec& observer) {
                  fmt::format("say --observer simulated:jnd={:g}, in {}", 0.1 * plan.option->standard,
                              plan.option->unit),
                  plan.name, 0};
+  return Done{};
+}
+
+/// Options of a device go with an observer that uses one so.
+Status check_use(const BlindedArguments& arguments, const ObserverSpec& observer,
+                 const DeviceChoice& device) {
+  const bool person = observer.kind == ObserverKind::kPerson;
+  if (arguments.rate_hz != std::round(arguments.rate_hz))
+    return Error{fmt::format("--rate {} is no whole number", arguments.rate_hz), "give whole Hz", {}, 0};
+  if (!person && (arguments.accelerated || arguments.lsl))
+    return Error{fmt::format("{} is of a person's session, and nobody is asked",
+                             arguments.lsl ? "--lsl" : "--accelerated"),
+                 "leave it out, or say --observer person",
+                 {},
+                 0};
+  if (!person && device.is_real())
+    return Error{fmt::format("{} needs a hand on it, and the observer has none", shown(device.name())),
+                 "say --observer person, or leave --device out",
+                 {},
+                 0};
+  if (person && arguments.accelerated && device.is_real())
+    return Error{fmt::format("{} runs in real time, not --accelerated", shown(device.name())),
+                 "leave --accelerated out",
+                 {},
+                 0};
   return Done{};
 }
 
@@ -70,32 +102,123 @@ Result<Opened> open_folder(const std::string& out, const Plan& plan, const std::
   return Opened{std::move(folder), {}, csv_head().size()};
 }
 
-/// Asks until the course ends or the session does. Whether the study is complete.
-Result<bool> ask(const BlindedArguments& arguments, const Plan& plan, const ObserverSpec& observer,
-                 Opened& opened, Context& context) {
-  Course course(plan);
-  for (const Row& row : opened.rows) course.answered(row);
-  PALPATE_ASSIGN(TrialFile file,
-                 TrialFile::append_to(opened.folder.file(kTrialsFile).string(), opened.whole_bytes));
-  const std::uint64_t seed = answer_seed(plan);
-  long long asked = 0;
-  while (const std::optional<Trial> trial = course.next()) {
-    if (arguments.stop_after > 0 && asked == arguments.stop_after) return false;
-    if (trial->number > 2 * kMostTrials)
-      return Error{"answers are excluded again and again, and the study does not end",
-                   "look at the column 'excluded' of trials.csv", opened.folder.file(kTrialsFile).string(),
-                   0};
-    Row row;
-    row.trial = *trial;
-    row.answer = answer_of(observer.options, felt_in(*trial, plan, observer.options), seed);
-    row.excluded = exclusion_of(row.answer, plan.exclusions);
-    PALPATE_TRY(file.write(csv_row(row, plan, observer.text)));
-    course.answered(row);
-    opened.rows.push_back(std::move(row));
-    ++asked;
-    context.progress.report("trials", -1.0);
+/// What feels, where renderers are: made, and checked, before anything is written. A simulated observer needs
+/// none of it.
+struct Feeling {
+  std::unique_ptr<SessionClock> clock;
+  std::optional<SessionDevice> device;  ///< of a person
+  std::unique_ptr<Markers> markers;     ///< of a person
+  std::unique_ptr<Bench> bench;
+};
+
+Result<Feeling> feeling_for(const BlindedArguments& arguments, const Plan& plan, const ObserverSpec& observer,
+                            const DeviceChoice& device, ProgressBar& progress) {
+  Feeling feeling;
+  if (observer.kind == ObserverKind::kSimulated) return feeling;
+  if (observer.kind == ObserverKind::kPerson) {
+    feeling.markers = std::make_unique<Markers>();
+    if (arguments.lsl) {
+      PALPATE_ASSIGN(feeling.markers,
+                     lsl_markers(arguments.lsl_library.empty() ? kLslLibrary : arguments.lsl_library,
+                                 "palpate-" + plan.participant));
+    }
+    feeling.clock = std::make_unique<SessionClock>(arguments.accelerated);
+    // Before threads and a large scene: its guard is forked.
+    PALPATE_ASSIGN(SessionDevice made,
+                   SessionDevice::make(device, feeling.clock->clock(), 1.0 / arguments.rate_hz));
+    feeling.device.emplace(std::move(made));
+    feeling.device->say_unproven();
   }
-  return true;
+  PALPATE_ASSIGN(feeling.bench,
+                 Bench::make(plan, {observer.hand, observer.depth_mm, arguments.rate_hz}, progress));
+  return feeling;
+}
+
+/// What an asking session needs. Refers to everything.
+struct Asking {
+  const BlindedArguments& arguments;
+  const Plan& plan;
+  const ObserverSpec& observer;
+  const DeviceChoice& device;
+  Feeling& feeling;
+  Opened& opened;
+  Context& context;
+  std::vector<std::string>& notes;
+};
+
+/// Asks one that answers at once until the course ends or the session does. Whether the study is complete.
+template <class AnswerOf>
+Result<bool> ask_each(Asking& asking, Ledger& ledger, AnswerOf&& answer_to) {
+  for (;;) {
+    PALPATE_ASSIGN(const std::optional<Trial> trial, ledger.next());
+    if (!trial) return true;
+    if (ledger.session_over()) return false;
+    PALPATE_ASSIGN(const Answer answer, answer_to(*trial));
+    PALPATE_TRY(ledger.enter(*trial, answer));
+    asking.context.progress.report(fmt::format("trial {}", trial->number), -1.0);
+  }
+}
+
+Result<bool> ask_simulated(Asking& asking, Ledger& ledger) {
+  const Plan& plan = asking.plan;
+  const ObserverOptions& options = asking.observer.options;
+  return ask_each(asking, ledger, [&](const Trial& trial) -> Result<Answer> {
+    return answer_of(options, felt_in(trial, plan, options), answer_seed(plan));
+  });
+}
+
+void take_warnings(Asking& asking) {
+  for (const std::string& warning : asking.feeling.bench->warnings()) asking.notes.push_back(warning);
+}
+
+Result<bool> ask_machine(Asking& asking, Ledger& ledger) {
+  ProgressBar& progress = asking.context.progress;
+  take_warnings(asking);
+  Machine machine(asking.plan, asking.observer, *asking.feeling.bench, asking.device);
+  PALPATE_TRY(machine.learn(progress));
+  std::string told;
+  for (std::size_t c = 0; c < kCues; ++c)
+    told += fmt::format("{}{} {:+.2f}", told.empty() ? "" : ", ", kCueNames[c], machine.apart()[c]);
+  asking.notes.push_back(
+      "The pair of catch and practice trials differs for the machine, in just noticeable "
+      "differences: " +
+      told + ".");
+  return ask_each(asking, ledger, [&](const Trial& trial) -> Result<Answer> {
+    FeltTrial felt;
+    PALPATE_ASSIGN(const Answer answer, machine.answer(trial, felt, progress));
+    PALPATE_TRY(write_trace(asking.opened.folder, trial.number, felt));
+    return answer;
+  });
+}
+
+Result<bool> ask_at_device(Asking& asking, Ledger& ledger) {
+  take_warnings(asking);
+  Feeling& feeling = asking.feeling;
+  PALPATE_ASSIGN(const PersonSession session,
+                 ask_person(asking.plan, *feeling.bench, *feeling.clock, *feeling.device, ledger,
+                            asking.opened.folder, *feeling.markers, asking.context.progress));
+  for (const std::string& note : session.notes) asking.notes.push_back(note);
+  if (session.begun_again > 0)
+    asking.notes.push_back(
+        fmt::format("{} trials were begun anew after a fault in this session.", session.begun_again));
+  return session.complete;
+}
+
+/// Asks until the course ends or the session does. Whether the study is complete.
+Result<bool> ask(Asking& asking) {
+  const std::string rows = asking.opened.folder.file(kTrialsFile).string();
+  PALPATE_ASSIGN(TrialFile file, TrialFile::append_to(rows, asking.opened.whole_bytes));
+  Ledger ledger(asking.plan, asking.observer.text, asking.opened.rows, std::move(file),
+                asking.arguments.stop_after);
+  switch (asking.observer.kind) {
+    case ObserverKind::kSimulated:
+      return ask_simulated(asking, ledger);
+    case ObserverKind::kMachine:
+      return ask_machine(asking, ledger);
+    case ObserverKind::kPerson:
+      break;
+  }
+  return ask_at_device(asking, ledger);
 }
 
 void print_table(const Table& table) {
@@ -134,52 +257,82 @@ int finish(const BlindedArguments& arguments, ObservedDocument& document, const 
   return kExitOk;
 }
 
+const char* told_of(ObserverKind kind) {
+  switch (kind) {
+    case ObserverKind::kSimulated:
+      return "A simulated observer answered, of known sensitivity: no renderer was run, no device moved, and "
+             "no person was asked. This shows what the plan can find, not what people feel.";
+    case ObserverKind::kMachine:
+      return "A machine answered: a simulated hand felt the renderers on a simulated device, and thresholds "
+             "of the literature said what would be noticed. A prediction, to be registered before people are "
+             "asked; no person was.";
+    case ObserverKind::kPerson:
+      break;
+  }
+  return "A person answered.";
+}
+
+/// The plan, with the participant of the arguments.
+Result<Plan> checked_plan(const BlindedArguments& arguments, const PlanText& text) {
+  PALPATE_ASSIGN(Plan plan, parse_plan(text.text, text.name, all_renderers()));
+  if (arguments.participant.empty()) return plan;
+  plan.participant = arguments.participant;
+  if (!is_participant_code(plan.participant))
+    return Error{"--participant " + shown(plan.participant) + " is no code",
+                 "take at most 32 letters, digits, - and _",
+                 {},
+                 0};
+  return plan;
+}
+
+int run_checked(const BlindedArguments& arguments, Plan plan, const ObserverSpec& observer,
+                const DeviceChoice& device, Context& context) {
+  Result<Feeling> feeling = feeling_for(arguments, plan, observer, device, context.progress);
+  if (!feeling) return fail(feeling.error(), kExitBadInput, &context.progress);
+  const std::string name = fs::path(plan.name).stem().string();
+  Result<Opened> opened =
+      open_folder(arguments.out.empty() ? "out/study-" + name : arguments.out, plan, observer.text);
+  if (!opened) return fail(opened.error(), kExitBadInput);
+  if (!opened->rows.empty() && !arguments.json)
+    fmt::print("goes on behind {} trials that are answered\n", opened->rows.size());
+  std::fflush(stdout);
+  ObservedDocument document;
+  Asking asking{arguments, plan, observer, device, *feeling, *opened, context, document.notes};
+  const Result<bool> complete = ask(asking);
+  context.progress.clear();
+  if (!complete) return fail(complete.error(), kExitFellShort);
+  if (!*complete) {
+    fmt::print("{} trials are answered and kept in {}; the same command goes on\n", opened->rows.size(),
+               opened->folder.file(kTrialsFile).string());
+    return kExitOk;
+  }
+  document.head = new_head(context.command_line);
+  document.plan = std::move(plan);
+  document.observer = observer;
+  document.device = observer.kind == ObserverKind::kSimulated ? "" : device.name();
+  document.rows = std::move(opened->rows);
+  document.notes.insert(document.notes.begin(), told_of(observer.kind));
+  return finish(arguments, document, opened->folder, context);
+}
+
 }  // namespace
 
 int run_blinded(const BlindedArguments& arguments, Context& context) {
   const Result<PlanText> text = read_plan(arguments.plan);
   if (!text) return fail(text.error(), kExitBadInput);
-  Result<Plan> plan = parse_plan(text->text, text->name, all_renderers());
+  Result<Plan> plan = checked_plan(arguments, *text);
   if (!plan) return fail(plan.error(), kExitBadInput);
   if (!arguments.save_plan.empty()) return save_plan(*text, arguments.save_plan);
-  if (!arguments.participant.empty()) {
-    plan->participant = arguments.participant;
-    if (!is_participant_code(plan->participant))
-      return fail({"--participant " + shown(plan->participant) + " is no code",
-                   "take at most 32 letters, digits, - and _",
-                   {},
-                   0},
-                  kExitBadInput);
-  }
   const Result<ObserverSpec> observer = parse_observer(arguments.observer);
   if (!observer) return fail(observer.error(), kExitBadInput);
   if (const Status fits = check_observer(*plan, *observer); !fits) return fail(fits.error(), kExitBadInput);
+  const Result<DeviceChoice> device = choose_device(arguments.device, session_drivers());
+  if (!device) return fail(device.error(), kExitBadInput);
+  if (const Status fits = check_use(arguments, *observer, *device); !fits)
+    return fail(fits.error(), kExitBadInput);
   if (!arguments.json) print_table(power_table(*plan));
   if (arguments.power) return kExitOk;
-  const std::string name = fs::path(text->name).stem().string();
-  Result<Opened> opened =
-      open_folder(arguments.out.empty() ? "out/study-" + name : arguments.out, *plan, observer->text);
-  if (!opened) return fail(opened.error(), kExitBadInput);
-  if (!opened->rows.empty() && !arguments.json)
-    fmt::print("goes on behind {} trials that are answered\n", opened->rows.size());
-  const Result<bool> complete = ask(arguments, *plan, *observer, *opened, context);
-  if (!complete) return fail(complete.error(), kExitFellShort, &context.progress);
-  if (!*complete) {
-    context.progress.clear();
-    fmt::print("{} trials are answered and kept in {}; the same command goes on\n", opened->rows.size(),
-               opened->folder.file(kTrialsFile).string());
-    return kExitOk;
-  }
-  ObservedDocument document;
-  document.head = new_head(context.command_line);
-  document.plan = *std::move(plan);
-  document.observer = *observer;
-  document.rows = std::move(opened->rows);
-  document.notes.emplace_back(
-      "A simulated observer answered, of known sensitivity: no renderer was run, no device moved, and no "
-      "person was "
-      "asked. This shows what the plan can find, not what people feel.");
-  return finish(arguments, document, opened->folder, context);
+  return run_checked(arguments, *std::move(plan), *observer, *device, context);
 }
 
 }  // namespace palpate::experiments::psychophysics

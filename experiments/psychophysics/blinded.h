@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "experiments/live/session_device.h"
 #include "experiments/psychophysics/analysis.h"
 #include "experiments/report/page.h"
 #include "experiments/session/session.h"
@@ -22,6 +23,11 @@ struct BlindedArguments {
   std::string participant;   ///< empty: the plan's
   std::string save_plan;     ///< writes the plan to this file, and runs nothing
   long long stop_after = 0;  ///< trials of this session; 0: all
+  DeviceArguments device;    ///< of a machine and a person
+  double rate_hz = 1000.0;   ///< of the servo, whole
+  bool accelerated = false;  ///< a person's session on a simulated device, in virtual time
+  bool lsl = false;          ///< marks of a person's session to Lab Streaming Layer
+  std::string lsl_library;   ///< empty: kLslLibrary
   bool power = false;        ///< prints what is decided beforehand, and runs nothing
   bool json = false;
 };
@@ -30,6 +36,7 @@ struct ObservedDocument {
   metrics::DocumentHead head;
   Plan plan;
   ObserverSpec observer;
+  std::string device;  ///< empty: none was used
   std::vector<Row> rows;
   Analysis analysis;
   std::vector<std::string> notes;

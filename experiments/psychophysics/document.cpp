@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "experiments/psychophysics/blinded.h"
+#include "experiments/psychophysics/rig.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {
@@ -65,6 +66,7 @@ Json design_json(const Plan& p) {
   json["catch_every"] = p.catch_every;
   json["break_every"] = p.break_every;
   json["switch_delay_s"] = p.switch_delay_s;
+  json["interval_s"] = p.interval_s;
   json["power"] = {
       {"wanted", p.power.wanted},
       {"alpha", p.power.alpha},
@@ -123,7 +125,9 @@ std::string to_json(const ObservedDocument& document) {
   json["plan"] = kPlanFile;
   json["participant"] = p.participant;
   json["observer"] = document.observer.text;
-  json["simulated"] = document.observer.kind == "simulated";
+  json["simulated"] = document.observer.kind == ObserverKind::kSimulated;
+  json["device"] = document.device.empty() ? Json(nullptr) : Json(document.device);
+  json["traces"] = document.device.empty() ? Json(nullptr) : Json(kTracesFolder);
   json["design"] = design_json(p);
   if (a.difference) {
     const Difference& d = *a.difference;

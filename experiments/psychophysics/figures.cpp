@@ -12,7 +12,7 @@ namespace {
 constexpr const char* kDotColour = "#0072b2";
 constexpr const char* kLineColour = "#9a9a9a";
 constexpr const char* kMarkColour = "#d55e00";
-constexpr const char* kRightAxis = "set yrange [0.3:1.02]\n";
+constexpr const char* kRightAxis = "set yrange [0:1.02]\n";
 constexpr int kCurvePoints = 400;
 
 Chart function_chart(const Plan& plan, const Threshold& t) {
@@ -25,7 +25,8 @@ Chart function_chart(const Plan& plan, const Threshold& t) {
   chart.wide = true;
   chart.extra = kRightAxis;
   chart.caption = fmt::format(
-      "Points: shares with their exact intervals. Line: the fitted function. The JND is {} {} ({} to {}), "
+      "Points: shares with their exact intervals. Grey line: the fitted function. The JND is {} {} ({} to "
+      "{}), "
       "where "
       "three of four answers are right.",
       short_number(t.jnd.value), plan.option->unit, short_number(t.jnd.interval.low),

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "experiments/psychophysics/cues.h"
 #include "experiments/psychophysics/detection.h"
 #include "experiments/psychophysics/psychometric.h"
 #include "toolkit/core/result.h"
@@ -26,7 +27,7 @@ struct Felt {
 
 struct Answer {
   int choice = 0;        ///< 0: the first, the same, the standard; 1: the second, different, the other
-  int confidence = 1;    ///< 1 guessed .. 4 sure
+  int confidence = 1;    ///< 1 guessed .. 4 sure; 0: not asked for
   double seconds = 0.0;  ///< that it took
   std::uint64_t missed_deadlines = 0, clipped_frames = 0;  ///< of the servo, while it was felt
 };
@@ -44,11 +45,23 @@ struct ObserverOptions {
   Strategy strategy = Strategy::kDifferencing;
 };
 
-/// "simulated:dprime=1", "simulated:jnd=0.05:slope=1:lapse=0.02:..". Errors name the option and its range.
+enum class ObserverKind : std::uint8_t {
+  kSimulated,  ///< answers from a number; no renderer runs
+  kMachine,    ///< thresholds of the literature, on what a simulated hand feels
+  kPerson      ///< keys
+};
+
+/// "simulated:dprime=1", "simulated:jnd=0.05:slope=1:lapse=0.02:..", "machine:hand=slide:stiffness=0.1",
+/// "person". Errors name the option and its range.
 struct ObserverSpec {
-  std::string text, kind;
+  std::string text;
+  ObserverKind kind = ObserverKind::kSimulated;
   ObserverOptions options;
   bool has_dprime = false, has_jnd = false;
+  // Of a machine, and of a simulated hand that a person watches.
+  Thresholds thresholds;
+  std::string hand = "press";
+  double depth_mm = 4.0;
 };
 [[nodiscard]] Result<ObserverSpec> parse_observer(const std::string& text);
 

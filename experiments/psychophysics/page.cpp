@@ -130,13 +130,14 @@ Page observed_page(const ObservedDocument& document, const OutputFolder& folder)
   Section reading;
   reading.id = "read";
   reading.title = "Read the trials";
-  reading.paragraphs.emplace_back(
-      "trials.csv holds a row for each trial, study.json units and meaning of its columns. read.R and "
-      "read.py stand "
-      "beside them:");
+  reading.opening =
+      "<p>trials.csv holds a row for each trial, study.json units and meaning of its columns. read.R and "
+      "read.py "
+      "stand beside them:</p>\n";
+  // Lines are part of a script.
   for (const auto& [name, text] :
        {std::pair{"read.R", r_snippet(document.plan)}, {"read.py", python_snippet(document.plan)}})
-    reading.facts.push_back({name, {text}});
+    reading.opening += fmt::format("<h3>{}</h3>\n<pre>{}</pre>\n", name, html_escaped(text));
   page.sections.push_back(std::move(reading));
   return page;
 }

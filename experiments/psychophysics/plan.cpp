@@ -57,7 +57,8 @@ struct Reading {
 Fields fields_of(Reading& r) {
   Plan& p = r.plan;
   constexpr NumberRange kShare{0.5, 1.0, true}, kOpen{0.0, 1.0, true}, kPositive{0.0, 1e12, true},
-      kFactor{1.0, 100.0, true}, kSeconds{0.0, 60.0}, kLapse{0.0, 0.2}, kSlope{0.25, 8.0}, kAnswerS{0.0, 1e9};
+      kFactor{1.0, 100.0, true}, kSeconds{0.0, 60.0}, kInterval{0.5, 60.0}, kLapse{0.0, 0.2},
+      kSlope{0.25, 8.0}, kAnswerS{0.0, 1e9};
   return {
       field("title", p.title),
       choice<Task>("task", p.task,
@@ -82,7 +83,8 @@ Fields fields_of(Reading& r) {
                                     {"psi", ProcedureKind::kPsi}}),
              field("count", p.count), field("levels", p.levels), field("practice", p.practice),
              field("catch_every", p.catch_every), field("catch_level", p.catch_level, kPositive),
-             field("break_every", p.break_every), field("switch_delay_s", p.switch_delay_s, kSeconds)})
+             field("break_every", p.break_every), field("switch_delay_s", p.switch_delay_s, kSeconds),
+             field("interval_s", p.interval_s, kInterval)})
           .must("[trials] with count = 80"),
       inner("up_down", {choice<Rule>("rule", r.rule,
                                      {{"1up-2down", Rule::kTwoDown},

@@ -19,6 +19,8 @@ enum class ProcedureKind : std::uint8_t { kFixed, kUpDown, kPsi };
 /// "fixed", "up-down", "psi".
 [[nodiscard]] const char* name_of(ProcedureKind kind) noexcept;
 
+/// A touch and a little more: a press or a short stroke, and up again.
+inline constexpr double kUsualIntervalS = 1.5;
 /// A plan is a page: what is larger is something else.
 inline constexpr std::uint64_t kMostPlanBytes = std::uint64_t{1} << 20;
 
@@ -62,6 +64,7 @@ struct Plan {
   std::uint64_t practice = 0, catch_every = 0, break_every = 0;
   double catch_level = 0.0;  ///< of an option: a difference nobody misses
   double switch_delay_s = 0.5;
+  double interval_s = kUsualIntervalS;  ///< of every interval, where renderers are felt
   UpDownOptions up_down;
   PsiOptions psi;
   Shape shape = Shape::kDprime;

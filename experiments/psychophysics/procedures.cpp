@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numeric>
 
 namespace palpate::experiments::psychophysics {
@@ -70,6 +71,34 @@ std::optional<Estimate> UpDown::estimate() const {
     squares += (std::log(reversals_[i]) - mean) * (std::log(reversals_[i]) - mean);
   const double error = kStudentOfFew * std::sqrt(squares / ((kept - 1.0) * kept));
   return Estimate{std::exp(mean), {std::exp(mean - error), std::exp(mean + error)}};
+}
+
+Estimate bootstrap_procedure(const std::function<std::unique_ptr<Adaptive>()>& begin,
+                             const PsychometricFit& fit, std::optional<double> slope, std::uint64_t seed,
+                             int resamples) {
+  Random random(seed);
+  std::vector<double> jnds;
+  for (int r = 0; r < resamples; ++r) {
+    const std::unique_ptr<Adaptive> procedure = begin();
+    std::map<double, LevelAnswers> levels;
+    while (const std::optional<double> level = procedure->level()) {
+      LevelAnswers& one = levels.try_emplace(*level, LevelAnswers{*level, 0, 0}).first->second;
+      const bool correct = random.uniform() < fit.function.proportion(*level);
+      ++one.trials;
+      one.correct += correct ? 1u : 0u;
+      procedure->answered(correct);
+    }
+    std::vector<LevelAnswers> all;
+    for (const auto& [level, answers] : levels) all.push_back(answers);
+    if (const auto again = fit_psychometric(all, fit.function, slope)) jnds.push_back(again->function.jnd);
+  }
+  if (jnds.empty()) return {fit.function.jnd, {}};
+  double log_mean = 0.0;
+  for (const double jnd : jnds) log_mean += std::log(jnd) / static_cast<double>(jnds.size());
+  const double found = std::log(fit.function.jnd);
+  const Interval spread = percentiles(jnds);
+  return {std::exp(2.0 * found - log_mean),
+          {std::exp(2.0 * found - std::log(spread.high)), std::exp(2.0 * found - std::log(spread.low))}};
 }
 
 Psi::Psi(const PsiOptions& options) : options_(options) {

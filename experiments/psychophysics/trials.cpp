@@ -45,21 +45,6 @@ void set_cell(Task task, std::size_t cell, Trial& trial) {
   }
 }
 
-/// Of a procedure that adapts, the level nobody misses where none is named.
-double easiest_level(const Plan& plan) {
-  if (plan.compares()) return 0.0;
-  if (plan.catch_level > 0.0) return plan.catch_level;
-  switch (plan.procedure) {
-    case ProcedureKind::kFixed:
-      return plan.levels.back();
-    case ProcedureKind::kUpDown:
-      return plan.up_down.start;
-    case ProcedureKind::kPsi:
-      return plan.psi.high;
-  }
-  return 0.0;
-}
-
 Result<std::string> taken(const std::vector<std::string>& cells, std::size_t at, const std::string& wanted) {
   if (cells[at] == wanted) return wanted;
   return Error{
@@ -80,7 +65,7 @@ Result<Row> parse_row(const std::string& line, const Trial& expected, const Plan
                  0};
   Row row;
   row.trial = expected;
-  constexpr NumberRange kCount{0, 1e12}, kSeconds{0.0, 1e12}, kChoice{0, 1}, kConfidence{1, 4};
+  constexpr NumberRange kCount{0, 1e12}, kSeconds{0.0, 1e12}, kChoice{0, 1}, kConfidence{0, 4};
   const std::vector<std::string> same = split_list(csv_row(row, plan, observer));
   std::size_t at = 0;
   constexpr std::size_t kToRight = 8;
@@ -121,6 +106,20 @@ std::string exclusion_of(const Answer& answer, const Exclusions& rule) {
   if (answer.seconds < rule.fastest_s) return "too fast";
   if (answer.seconds > rule.slowest_s) return "too slow";
   return {};
+}
+
+double easiest_level(const Plan& plan) noexcept {
+  if (plan.compares()) return 0.0;
+  if (plan.catch_level > 0.0) return plan.catch_level;
+  switch (plan.procedure) {
+    case ProcedureKind::kFixed:
+      return plan.levels.back();
+    case ProcedureKind::kUpDown:
+      return plan.up_down.start;
+    case ProcedureKind::kPsi:
+      return plan.psi.high;
+  }
+  return 0.0;
 }
 
 std::uint64_t order_seed(const Plan& plan) noexcept {
@@ -205,7 +204,7 @@ const std::vector<Column>& trial_columns() {
       {"right_answer", "", "0: the first, same, the standard; 1: the second, different, the other"},
       {"answer", "", "as right_answer"},
       {"correct", "", "1: right"},
-      {"confidence", "", "1 guessed .. 4 sure"},
+      {"confidence", "", "1 guessed .. 4 sure; 0: not asked for"},
       {"answer_s", "s", "from the end of the last interval to the answer"},
       {"switches", "", "between intervals"},
       {"sham_switches", "", "of these, between two that are the same, with the same delay"},

@@ -68,6 +68,9 @@ class Course {
   std::uint64_t done_ = 0, practised_ = 0, main_ = 0, catches_ = 0;
 };
 
+/// The difference nobody misses: of catch and practice trials; 0 where renderers are compared.
+[[nodiscard]] double easiest_level(const Plan& plan) noexcept;
+
 /// The seed of a participant's order, and that of a simulated one's answers.
 [[nodiscard]] std::uint64_t order_seed(const Plan& plan) noexcept;
 [[nodiscard]] std::uint64_t answer_seed(const Plan& plan) noexcept;

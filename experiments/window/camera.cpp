@@ -21,10 +21,54 @@ constexpr double kMostTilt = 0.499 * std::numbers::pi;
 /// The near plane, as a share of the distance where the eye is within the scene.
 constexpr double kNearShare = 0.01;
 
+struct NamedUp {
+  Up up;
+  const char* name;
+};
+constexpr std::array<NamedUp, kUps.size()> kNamedUps = {{{Up::kZ, "z"},
+                                                         {Up::kY, "y"},
+                                                         {Up::kX, "x"},
+                                                         {Up::kMinusZ, "-z"},
+                                                         {Up::kMinusY, "-y"},
+                                                         {Up::kMinusX, "-x"}}};
+
+/// A direction given as if z were up, where another axis is: a proper turn for each, which with y up has z
+/// towards who looks from the front, as files with y up mean it.
+Vec3 with_up(Up up, const Vec3& v) noexcept {
+  switch (up) {
+    case Up::kZ:
+      break;
+    case Up::kY:
+      return {v.x(), v.z(), -v.y()};
+    case Up::kX:
+      return {v.z(), v.x(), v.y()};
+    case Up::kMinusZ:
+      return {v.x(), -v.y(), -v.z()};
+    case Up::kMinusY:
+      return {v.x(), -v.z(), v.y()};
+    case Up::kMinusX:
+      return {-v.z(), v.x(), -v.y()};
+  }
+  return v;
+}
+
 }  // namespace
 
-Camera Camera::of(const geometry::Aabb& box_mm) {
+const char* up_name(Up up) noexcept {
+  for (const NamedUp& one : kNamedUps)
+    if (one.up == up) return one.name;
+  return "unknown";
+}
+
+std::optional<Up> up_named(std::string_view name) noexcept {
+  for (const NamedUp& one : kNamedUps)
+    if (name == one.name) return one.up;
+  return std::nullopt;
+}
+
+Camera Camera::of(const geometry::Aabb& box_mm, Up up) {
   Camera camera;
+  camera.up_ = up;
   camera.target_mm_ = box_mm.centre_mm();
   const double radius = 0.5 * box_mm.extent_mm().norm();
   camera.radius_mm_ = radius > 0.0 ? radius : 1.0;
@@ -49,11 +93,11 @@ void Camera::pan(double right_px, double down_px, double height_px) noexcept {
 
 Vec3 Camera::forward() const noexcept {
   const double level = std::cos(tilt_rad_);
-  return {-std::sin(turn_rad_) * level, std::cos(turn_rad_) * level, -std::sin(tilt_rad_)};
+  return with_up(up_, Vec3{-std::sin(turn_rad_) * level, std::cos(turn_rad_) * level, -std::sin(tilt_rad_)});
 }
 
 Vec3 Camera::right() const noexcept {
-  return {std::cos(turn_rad_), std::sin(turn_rad_), 0.0};
+  return with_up(up_, Vec3{std::cos(turn_rad_), std::sin(turn_rad_), 0.0});
 }
 
 Vec3 Camera::up() const noexcept {

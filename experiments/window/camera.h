@@ -1,8 +1,11 @@
-// Where the window looks from: round about a target, z up.
+// Where the window looks from: round about a target, with one of the axes up.
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <cstdint>
 #include <optional>
+#include <string_view>
 
 #include "toolkit/core/vec.h"
 #include "toolkit/geometry/aabb.h"
@@ -17,11 +20,23 @@ struct Pixel {
   double x = 0.0, y = 0.0, depth = 0.0;
 };
 
+/// The axis of the world that points up in the picture. Files do not say it, and their habits differ (scans
+/// of objects have y up, terrain and buildings z), so it is nobody's guess but the user's choice.
+enum class Up : std::uint8_t { kZ, kY, kX, kMinusZ, kMinusY, kMinusX };
+inline constexpr std::array kUps = {Up::kZ, Up::kY, Up::kX, Up::kMinusZ, Up::kMinusY, Up::kMinusX};
+/// "z", "-y", ..
+[[nodiscard]] const char* up_name(Up up) noexcept;
+/// Nothing where it is no such name.
+[[nodiscard]] std::optional<Up> up_named(std::string_view name) noexcept;
+
 class Camera {
  public:
   /// Sees the whole box, from above at an angle.
-  static Camera of(const geometry::Aabb& box_mm);
+  static Camera of(const geometry::Aabb& box_mm, Up up = Up::kZ);
 
+  /// From the same side of the new up.
+  void set_up(Up up) noexcept { up_ = up; }
+  [[nodiscard]] Up up_axis() const noexcept { return up_; }
   void turn(double by_rad, double tilt_rad) noexcept;
   /// Above 1: nearer.
   void zoom(double factor) noexcept;
@@ -52,6 +67,7 @@ class Camera {
   double radius_mm_ = 1.0;  // of the scene
   double distance_mm_ = 3.0;
   double turn_rad_ = 0.0, tilt_rad_ = 0.0;
+  Up up_ = Up::kZ;
 };
 
 /// Where a place of the world is seen; nothing behind the eye. Outside the picture too.

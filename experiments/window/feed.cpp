@@ -1,6 +1,7 @@
 #include "experiments/window/feed.h"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 namespace palpate::experiments {
@@ -36,6 +37,26 @@ WindowFeed::WindowFeed(const device::Servo& servo, const device::Mixer& mixer,
   if (moving_.size() > kMostShownMotions) moving_.resize(kMostShownMotions);
 }
 
+/// Between frames, in their thread: nobody moves a point meanwhile.
+void WindowFeed::answer_question() noexcept {
+  if (!questions_.acquire()) return;
+  const device::MixedFrame& mixed = mixer_.last();
+  const render::HapticRenderer* felt = nullptr;
+  if (mixed.felt < mixed.tracked.size()) felt = mixed.tracked[mixed.felt].renderer;
+  if (felt != asked_) editable_ = dynamic_cast<const render::Editable*>(felt);
+  asked_ = felt;
+  PointAnswer& into = answers_.back();
+  into.of = questions_.front();
+  into.known = editable_ != nullptr;
+  const std::size_t count = std::min<std::size_t>(into.of.count, PointQuestion::kMost);
+  for (std::size_t i = 0; into.known && i < count; ++i) {
+    const std::optional<Vec3> place_mm = editable_->place_mm(into.of.model, into.of.point[i]);
+    into.known = place_mm.has_value();
+    if (place_mm) into.place_mm[i] = place_mm->cast<float>();
+  }
+  answers_.publish();
+}
+
 void WindowFeed::took(const device::Tick& tick) noexcept {
   const std::uint64_t ticks = ticks_.load(std::memory_order_relaxed) + 1;
   WatchedTick& into = newest_.back();
@@ -46,6 +67,7 @@ void WindowFeed::took(const device::Tick& tick) noexcept {
   for (std::size_t i = 0; i < moving_.size(); ++i)
     into.world_from_model[i] = moving_[i]->newest().at(tick.t_s);
   newest_.publish();
+  answer_question();
   TickSample sample;
   sample.t_s = tick.t_s;
   sample.sent_n = static_cast<float>(tick.sent_n.norm());
@@ -56,6 +78,7 @@ void WindowFeed::took(const device::Tick& tick) noexcept {
   sample.contact = tick.frame.contact;
   sample.fault = tick.fault != device::Fault::kNone;
   samples_.push(sample);
+  force_n_.store(sample.sent_n, std::memory_order_relaxed);
   ticks_.store(ticks, std::memory_order_release);
 }
 

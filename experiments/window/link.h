@@ -41,6 +41,9 @@ struct ShownSession {
   double force_limit_n = 0.0;  ///< of the governor
   double rate_hz = 1000.0;
   bool recorded = false;
+  /// What stands in a lane for the renderer of its label until that one is prepared; empty: nothing. It is
+  /// told by its generation, the first.
+  std::string stand_in;
   std::shared_ptr<WindowFeed> feed;
   std::shared_ptr<device::HandGuide> hand;  ///< null: the mouse is not the hand
 };
@@ -96,6 +99,7 @@ class SessionLink {
   void ask_stop();
   /// Before another session: forgets everything. `from_ns`: when it was asked for (monotonic_ns).
   void begin(std::int64_t from_ns);
+  static constexpr std::uint32_t kFirstGeneration = 1;
 
  private:
   [[nodiscard]] double since_begin_s() const;

@@ -20,7 +20,8 @@ inline constexpr std::array<std::uint8_t, 3> kHipColour = {255, 92, 60}, kGodObj
                                              kForceColour = {255, 200, 40},
                                              kWorkspaceColour = {120, 135, 160},
                                              kNearColour = {110, 235, 140}, kBoxColour = {235, 130, 235},
-                                             kFacetColour = {255, 255, 255};
+                                             kFacetColour = {255, 255, 255}, kCellColour = {255, 150, 60},
+                                             kEmptyCellColour = {150, 160, 175};
 
 /// Lines of the world, to be seen from a camera in a part of the window that begins at its upper left corner.
 class Overlay {

@@ -21,6 +21,22 @@ void words(const ImVec4& colour, const std::string& text) {
   ImGui::PopStyleColor();
 }
 
+/// Notes where the last item is.
+bool at_place(PanelState& state, const char* label, bool answer) {
+  const ImVec2 low = ImGui::GetItemRectMin(), high = ImGui::GetItemRectMax();
+  state.place_of[label] = {0.5 * static_cast<double>(low.x + high.x),
+                           0.5 * static_cast<double>(low.y + high.y)};
+  return answer;
+}
+
+bool button(PanelState& state, const char* label, const ImVec2& size = {0.0f, 0.0f}) {
+  return at_place(state, label, ImGui::Button(label, size));
+}
+
+void box(PanelState& state, const char* label, bool& on) {
+  (void)at_place(state, label, ImGui::Checkbox(label, &on));
+}
+
 void heading(const char* text) {
   ImGui::Spacing();
   ImGui::TextColored(kQuiet, "%s", text);
@@ -65,7 +81,7 @@ const device::TrackedFrame* in_lane(const device::MixedFrame& mixed, std::size_t
   return found;
 }
 
-void draw_renderer(const PanelView& view, SessionLink& link, std::size_t lane) {
+void draw_renderer(const PanelView& view, PanelState& state, SessionLink& link, std::size_t lane) {
   const ShownSession& session = *view.link.session;
   bool felt = false;
   const device::TrackedFrame* one = view.now != nullptr ? in_lane(view.now->mixed, lane, felt) : nullptr;
@@ -74,7 +90,7 @@ void draw_renderer(const PanelView& view, SessionLink& link, std::size_t lane) {
   ImGui::TableNextColumn();
   if (felt) ImGui::PushStyleColor(ImGuiCol_Button, ImVec4{0.20f, 0.45f, 0.28f, 1.0f});
   const std::string label = fmt::format("{} {}", lane + 1, session.labels[lane]);
-  if (ImGui::Button(label.c_str(), {-1.0f, 0.0f}))
+  if (button(state, label.c_str(), {-1.0f, 0.0f}))
     link.request({Kind::kSelect, device::SwitchSource::kProgram, static_cast<std::uint8_t>(lane)});
   if (felt) ImGui::PopStyleColor();
   if (one != nullptr) {
@@ -85,25 +101,47 @@ void draw_renderer(const PanelView& view, SessionLink& link, std::size_t lane) {
     ImGui::Text("%7.2f", static_cast<double>(one->step_ns) * kUsPerNsShown);
     ImGui::TableNextColumn();
     const bool out = one->disqualified != device::Disqualified::kNo;
+    const bool coarse = !session.stand_in.empty() && one->generation == SessionLink::kFirstGeneration;
     ImGui::TextColored(out                  ? kBad
+                       : coarse             ? kWarm
                        : one->frame.contact ? kGood
                                             : kQuiet,
-                       "%s",
+                       "%s%s",
                        out                  ? "out"
                        : one->frame.contact ? "touches"
-                                            : "free");
+                                            : "free",
+                       coarse ? ", coarse" : "");
     if (out && ImGui::IsItemHovered()) ImGui::SetTooltip("%s", device::disqualified_text(one->disqualified));
   }
   ImGui::PopID();
 }
 
-void draw_renderers(const PanelView& view, SessionLink& link) {
+/// Whether anybody is still stood in for.
+bool any_coarse(const PanelView& view) {
+  if (view.now == nullptr || view.link.session->stand_in.empty()) return false;
+  for (const device::TrackedFrame& one : view.now->mixed.tracked)
+    if (one.present && one.generation == SessionLink::kFirstGeneration) return true;
+  return false;
+}
+
+/// What is being prepared while one touches.
+void draw_beside(const PanelView& view) {
+  if (any_coarse(view))
+    words(kWarm, "Coarse: " + view.link.session->stand_in + " until the whole is prepared.");
+  if (view.link.phase.empty()) return;
+  ImGui::ProgressBar(view.link.fraction >= 0.0 ? static_cast<float>(std::min(1.0, view.link.fraction)) : 0.0f,
+                     {-1.0f, 0.0f}, view.link.phase.c_str());
+}
+
+void draw_renderers(const PanelView& view, PanelState& state, SessionLink& link) {
   if (!view.link.session) return;
   heading("Renderers: force now (N), last frame (us)");
   if (!ImGui::BeginTable("renderers", 4, ImGuiTableFlags_SizingFixedFit)) return;
   ImGui::TableSetupColumn("who", ImGuiTableColumnFlags_WidthStretch);
-  for (std::size_t lane = 0; lane < view.link.session->labels.size(); ++lane) draw_renderer(view, link, lane);
+  for (std::size_t lane = 0; lane < view.link.session->labels.size(); ++lane)
+    draw_renderer(view, state, link, lane);
   ImGui::EndTable();
+  draw_beside(view);
   const device::MixedFrame* mixed = view.now != nullptr ? &view.now->mixed : nullptr;
   if (mixed != nullptr && mixed->state == device::MixState::kWaiting)
     words(kWarm, mixed->lift_off ? "lift off: the switch waits for free space" : "the switch waits");
@@ -113,18 +151,19 @@ void draw_renderers(const PanelView& view, SessionLink& link) {
 void draw_buttons(const PanelView& view, PanelState& state, SessionLink& link, PanelWishes& wishes) {
   if (!view.link.session) return;
   const bool recorded = view.link.session->recorded;
-  if (ImGui::Button("Next")) link.request({Kind::kNext, device::SwitchSource::kProgram, 0});
+  if (button(state, "Next")) link.request({Kind::kNext, device::SwitchSource::kProgram, 0});
   ImGui::SameLine();
-  if (ImGui::Button("Cancel")) link.request({Kind::kCancel, device::SwitchSource::kProgram, 0});
+  if (button(state, "Cancel")) link.request({Kind::kCancel, device::SwitchSource::kProgram, 0});
   ImGui::SameLine();
-  if (ImGui::Button("Re-arm")) link.rearm();
+  if (button(state, "Re-arm")) link.rearm();
   ImGui::SameLine();
-  if (ImGui::Button(recorded ? "Stop recording" : "Record")) wishes.record = true;
+  if (button(state, recorded ? "Stop recording" : "Record")) wishes.record = true;
   ImGui::SetNextItemWidth(-70.0f);
   const bool entered = ImGui::InputTextWithHint("##mark", "a remark", state.mark.data(), state.mark.size(),
                                                 ImGuiInputTextFlags_EnterReturnsTrue);
+  (void)at_place(state, "remark", false);
   ImGui::SameLine();
-  if (ImGui::Button("Mark", {-1.0f, 0.0f}) || entered) {
+  if (button(state, "Mark", {-1.0f, 0.0f}) || entered) {
     link.mark(state.mark[0] != '\0' ? state.mark.data() : "mark");
     if (view.now != nullptr) state.marks_s.push_back(view.now->tick.t_s);
   }
@@ -132,8 +171,9 @@ void draw_buttons(const PanelView& view, PanelState& state, SessionLink& link, P
   const bool changed =
       ImGui::InputTextWithHint("##change", view.link.session->felt_options.c_str(), state.change.data(),
                                state.change.size(), ImGuiInputTextFlags_EnterReturnsTrue);
+  (void)at_place(state, "change to", false);
   ImGui::SameLine();
-  if ((ImGui::Button("Change", {-1.0f, 0.0f}) || changed) && state.change[0] != '\0')
+  if ((button(state, "Change", {-1.0f, 0.0f}) || changed) && state.change[0] != '\0')
     link.change(state.change.data());
 }
 
@@ -161,9 +201,9 @@ void draw_choices(const PanelView& view, PanelState& state, PanelWishes& wishes)
     ImGui::EndCombo();
   }
   ImGui::SameLine();
-  ImGui::Checkbox("shaded", &state.lit);
+  box(state, "shaded", state.lit);
   ImGui::SameLine();
-  ImGui::Checkbox("workspace", &state.workspace);
+  box(state, "workspace", state.workspace);
   const ColourScale& scale = view.scene.scale();
   if (!scale.nothing.empty())
     words(kWarm, "no " + std::string(colour_name(view.scene.coloured())) + ": " + scale.nothing);
@@ -171,14 +211,25 @@ void draw_choices(const PanelView& view, PanelState& state, PanelWishes& wishes)
     words(kQuiet, fmt::format("{:.4g} to {:.4g} {}", scale.low, scale.high, scale.unit));
   else if (view.scene.coloured() != ColourBy::kPlain && scale.high != 0.0)
     words(kQuiet, fmt::format("{:.4g} {} everywhere", scale.high, scale.unit));
-  ImGui::Checkbox("neighbours", &state.near.neighbours);
+  box(state, "neighbours", state.near.neighbours);
   ImGui::SameLine();
-  ImGui::Checkbox("boxes", &state.near.boxes);
+  box(state, "boxes", state.near.boxes);
   ImGui::SameLine();
-  ImGui::Checkbox("facets", &state.near.facets);
-  if (ImGui::Button("Screenshot")) wishes.screenshot = true;
+  box(state, "facets", state.near.facets);
   ImGui::SameLine();
-  ImGui::Checkbox("export frames", &state.export_frames);
+  box(state, "cells", state.near.cells);
+  if (button(state, "Screenshot")) wishes.screenshot = true;
+  ImGui::SameLine();
+  box(state, "export frames", state.export_frames);
+  ImGui::SameLine();
+  box(state, "sound", state.sound);
+  ImGui::SameLine();
+  ImGui::SetNextItemWidth(52.0f);
+  if (ImGui::BeginCombo("up", up_name(view.camera.up_axis()))) {
+    for (const Up up : kUps)
+      if (ImGui::Selectable(up_name(up), up == view.camera.up_axis())) view.camera.set_up(up);
+    ImGui::EndCombo();
+  }
   const SplatDrawer& splats = view.scene.splats();
   words(kQuiet, fmt::format("{:.0f} pictures/s · {:.0f} % of the points{}{}", view.frames_a_second,
                             splats.points() > 0 ? 100.0 * static_cast<double>(splats.drawn()) /
@@ -192,13 +243,14 @@ void draw_choices(const PanelView& view, PanelState& state, PanelWishes& wishes)
 PanelWishes draw_panel(const PanelView& view, PanelState& state, SessionLink& link, float left, float width,
                        float height) {
   PanelWishes wishes;
+  state.place_of.clear();
   ImGui::SetNextWindowPos({left, 0.0f});
   ImGui::SetNextWindowSize({width, height});
   ImGui::Begin("panel", nullptr,
                ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove |
                    ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoBringToFrontOnFocus);
   draw_state(view);
-  draw_renderers(view, link);
+  draw_renderers(view, state, link);
   draw_buttons(view, state, link, wishes);
   if (!view.link.answer.empty()) words(kWarm, view.link.answer);
   draw_plots(view, state);

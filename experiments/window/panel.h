@@ -3,6 +3,7 @@
 
 #include <array>
 #include <deque>
+#include <map>
 #include <string>
 
 #include "experiments/window/history.h"
@@ -14,10 +15,14 @@ namespace palpate::experiments {
 /// What a person has chosen and typed.
 struct PanelState {
   bool lit = true, workspace = true, export_frames = false;
+  bool sound = false;  ///< the force as a tone
   NearChoice near;
   std::array<char, 128> change{}, mark{};
   std::deque<double> marks_s;  ///< when marks were set
   std::string message;         ///< of the window itself: where a screenshot went
+  /// Middles of buttons and boxes in the last picture, by their words: who drives the window by program finds
+  /// them here.
+  std::map<std::string, std::array<double, 2>> place_of;
 };
 
 /// What a frame shows.
@@ -26,6 +31,7 @@ struct PanelView {
   const WatchedTick* now;  ///< null: nothing runs
   const History& history;
   SceneView& scene;
+  Camera& camera;
   double frames_a_second = 0.0;
   std::uint64_t samples_lost = 0;
   double press_mm = 0.0;

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <utility>
+#include <vector>
+
+#include "toolkit/partition/cell_walk.h"
 
 namespace palpate::experiments {
 namespace {
@@ -13,9 +16,32 @@ constexpr int kLongestWalk = 4'000;
 /// Farther away than so many boxes the walk got stuck, and all points are looked at.
 constexpr double kStuckBoxes = 4.0;
 constexpr int kStarThreads = 1;  // beside a servo
+/// Cells are five resolutions wide, as the thesis has them (table 7); here of a usual place, as `cloud` sizes
+/// them on uneven points.
+constexpr double kCellResolutions = 5.0;
+/// So many resolutions are looked at for the usual one.
+constexpr std::size_t kResolutionsLookedAt = 10'000;
+/// Cells that are drawn; of a longer way the first.
+constexpr int kMostCells = 200;
 
 double distance_sq(const cloud::Cloud& cloud, std::uint32_t point, const Vec3& local_mm) {
   return (cloud.local_mm(point) - local_mm).squaredNorm();
+}
+
+/// The median distance to the farthest of a point's neighbours, over some of the points.
+double usual_resolution_mm(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& neighbours) {
+  std::vector<double> sq;
+  const std::size_t every = std::max<std::size_t>(1, cloud.size() / kResolutionsLookedAt);
+  for (std::size_t i = 0; i < cloud.size(); i += every) {
+    double most = 0.0;
+    for (const std::uint32_t other : neighbours.of[i])
+      most = std::max(most, distance_sq(cloud, other, cloud.local_mm(i)));
+    if (most > 0.0) sq.push_back(most);
+  }
+  if (sq.empty()) return 1.0;  // all points in one place: any cell holds them
+  const auto middle = sq.begin() + static_cast<std::ptrdiff_t>(sq.size() / 2);
+  std::nth_element(sq.begin(), middle, sq.end());
+  return std::sqrt(*middle);
 }
 
 std::uint32_t nearest_of_all(const cloud::Cloud& cloud, const Vec3& local_mm) {
@@ -48,6 +74,7 @@ void SceneView::show(std::shared_ptr<const ShownScene> scene) {
   colours_ = {};
   surroundings_ = {};
   stars_ = {};
+  grid_ = {};
   has_normals_ = false;
   models_.clear();
   splats_->clear();
@@ -62,6 +89,10 @@ void SceneView::show(std::shared_ptr<const ShownScene> scene) {
     const std::vector<float> places = places_in_order(*input.cloud, model.order);
     const std::vector<Rgba> colours = colours_in_order(input, model.order, ColourBy::kPlain, scale);
     splats_->place(splats_->add(places, colours, input.cloud->origin_mm), model.world_from_model);
+    if (input.surface.dent.any() || input.moves) {
+      model.index_of.resize(model.order.size());
+      for (std::uint32_t i = 0; i < model.order.size(); ++i) model.index_of[model.order[i]] = i;
+    }
     models_.push_back(std::move(model));
   }
   surroundings_ = std::async(std::launch::async, [shown = scene_] {
@@ -94,6 +125,7 @@ void SceneView::colour(ColourBy by) {
 const char* SceneView::awaited() const noexcept {
   if (colours_.valid()) return "colours are being computed";
   if (surroundings_.valid()) return "normals are being found";
+  if (grid_.valid()) return "cells are being found";
   return stars_.valid() ? "facets are being found" : "";
 }
 
@@ -123,6 +155,7 @@ void SceneView::update(const WatchedTick* now) {
     const std::vector<std::uint32_t>& order = model.stars->order();
     for (std::uint32_t place = 0; place < order.size(); ++place) model.star_place[order[place]] = place;
   }
+  if (ready(grid_)) models_[grid_of_].grid = grid_.get();
   if (now == nullptr || now->ticks == 0 || !scene_) return;
   std::size_t moving = 0;
   for (std::size_t i = 0; i < models_.size(); ++i) {
@@ -132,6 +165,37 @@ void SceneView::update(const WatchedTick* now) {
   }
 }
 
+void SceneView::follow_dents(WindowFeed& feed, const WatchedTick& now) {
+  if (const PointAnswer* answer = feed.answer(); answer != nullptr && answer->of.model < models_.size()) {
+    const std::size_t of = answer->of.model;
+    Model& model = models_[of];
+    if (!model.index_of.empty())
+      for (const ShiftedPoint& one : model.dents.take(*answer, *scene_->models[of].cloud))
+        splats_->move(of, model.index_of[one.point], one.place_mm);
+  }
+  // A question a picture, of one model: the touched one, else in turn.
+  const render::Frame& frame = now.tick.frame;
+  const bool touching =
+      frame.contact && frame.model >= 0 && static_cast<std::size_t>(frame.model) < models_.size();
+  const std::size_t of =
+      touching ? static_cast<std::size_t>(frame.model) : asks_++ % std::max<std::size_t>(1, models_.size());
+  if (of >= models_.size() || models_[of].index_of.empty() || !models_[of].known) return;
+  Model& model = models_[of];
+  std::optional<std::uint32_t> touched;
+  if (touching)
+    touched = nearest(
+        of, model.world_from_model.inverse() * frame.god_object_mm - scene_->models[of].cloud->origin_mm);
+  if (const auto question =
+          model.dents.question(static_cast<std::uint32_t>(of), touched, model.known->neighbours))
+    feed.ask(*question);
+}
+
+std::size_t SceneView::shifted() const noexcept {
+  std::size_t all = 0;
+  for (const Model& model : models_) all += model.dents.shifted();
+  return all;
+}
+
 void SceneView::ask_stars(std::size_t model) {
   if (stars_.valid() || models_[model].stars) return;
   stars_of_ = model;
@@ -139,6 +203,38 @@ void SceneView::ask_stars(std::size_t model) {
     return std::make_shared<const stars::StarMesh>(
         stars::StarMesh::build(*shown->models[model].cloud, kStarThreads));
   });
+}
+
+void SceneView::ask_grid(std::size_t model) {
+  if (grid_.valid() || models_[model].grid || !models_[model].known) return;
+  grid_of_ = model;
+  grid_ = std::async(std::launch::async, [shown = scene_, model, known = models_[model].known] {
+    const cloud::Cloud& cloud = *shown->models[model].cloud;
+    return std::make_shared<const partition::UniformGrid>(partition::UniformGrid::build(
+        cloud, kCellResolutions * usual_resolution_mm(cloud, known->neighbours), kStarThreads));
+  });
+}
+
+void SceneView::draw_cells(const Overlay& overlay, const Model& model, const cloud::Cloud& cloud,
+                           const WatchedTick& now) const {
+  if (!model.grid) return;
+  const partition::Lattice& lattice = model.grid->lattice();
+  const geometry::RigidTransform model_from_world = model.world_from_model.inverse();
+  const auto local = [&](const Vec3& world_mm) {
+    return Vec3(model_from_world * world_mm - cloud.origin_mm);
+  };
+  int drawn = 0;
+  partition::visit_cells(
+      *model.grid, local(now.tick.frame.god_object_mm), local(now.tick.hip_mm), Vec3::Zero(),
+      [&](const partition::Cell& cell) {
+        const Vec3 at{static_cast<double>(cell.x), static_cast<double>(cell.y), static_cast<double>(cell.z)};
+        const Vec3 low_mm = cloud.origin_mm + lattice.low_mm + lattice.unit_mm * at;
+        const bool holds = !model.grid->find(cell).empty();
+        overlay.box(corners_of(low_mm, Vec3(low_mm + Vec3::Constant(lattice.unit_mm)),
+                               [&](const Vec3& p) { return Vec3(model.world_from_model * p); }),
+                    holds ? kCellColour : kEmptyCellColour, holds ? 2.0f : 1.0f, holds ? 1.0f : 0.6f);
+        return ++drawn < kMostCells;
+      });
 }
 
 std::optional<std::uint32_t> SceneView::nearest(std::size_t index, const Vec3& local_mm) {
@@ -179,9 +275,11 @@ void SceneView::draw_near(const Overlay& overlay, const WatchedTick& now, const 
   const auto index = static_cast<std::size_t>(frame.model);
   if (index >= models_.size()) return;
   if (choice.facets) ask_stars(index);
+  if (choice.cells) ask_grid(index);
   Model& model = models_[index];
   const render::ModelInput& input = scene_->models[index];
   const cloud::Cloud& cloud = *input.cloud;
+  if (choice.cells) draw_cells(overlay, model, cloud, now);
   const Vec3 local_mm = model.world_from_model.inverse() * frame.god_object_mm - cloud.origin_mm;
   const std::optional<std::uint32_t> point = nearest(index, local_mm);
   if (!point) return;

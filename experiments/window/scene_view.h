@@ -9,9 +9,11 @@
 #include <optional>
 #include <vector>
 
+#include "experiments/window/dent_view.h"
 #include "experiments/window/link.h"
 #include "experiments/window/overlay.h"
 #include "experiments/window/splats.h"
+#include "toolkit/partition/uniform_grid.h"
 #include "toolkit/stars/star_mesh.h"
 
 namespace palpate::experiments {
@@ -19,7 +21,8 @@ namespace palpate::experiments {
 /// What is drawn on request about the place that is touched.
 struct NearChoice {
   bool neighbours = false, boxes = false, facets = false;
-  [[nodiscard]] bool any() const noexcept { return neighbours || boxes || facets; }
+  bool cells = false;  ///< of the uniform grid, from the god object to the HIP
+  [[nodiscard]] bool any() const noexcept { return neighbours || boxes || facets || cells; }
 };
 
 /// The window's thread alone. Futures that are not ready are waited for by the destructor.
@@ -42,6 +45,11 @@ class SceneView {
 
   /// Takes what has become ready; moving models go where the tick says.
   void update(const WatchedTick* now);
+  /// Points that gave way stand where they are now: takes an answer, asks again. Does nothing for models that
+  /// do not give way.
+  void follow_dents(WindowFeed& feed, const WatchedTick& now);
+  /// How many points stand elsewhere than they were read.
+  [[nodiscard]] std::size_t shifted() const noexcept;
   void draw_near(const Overlay& overlay, const WatchedTick& now, const NearChoice& choice);
   [[nodiscard]] SplatDrawer& splats() noexcept { return *splats_; }
   [[nodiscard]] const SplatDrawer& splats() const noexcept { return *splats_; }
@@ -54,6 +62,9 @@ class SceneView {
     std::shared_ptr<const stars::StarMesh> stars;
     std::vector<std::uint32_t> star_place;  // of the cloud's points
     std::uint32_t nearest = 0;              // the last one found
+    std::shared_ptr<const partition::UniformGrid> grid;
+    DentView dents;
+    std::vector<std::uint32_t> index_of;  // in `order`; empty where the model does not give way
   };
   struct Coloured {
     ColourScale scale;
@@ -66,6 +77,9 @@ class SceneView {
   void take_surroundings();
   void ask_stars(std::size_t model);
   [[nodiscard]] std::optional<std::uint32_t> nearest(std::size_t model, const Vec3& local_mm);
+  void ask_grid(std::size_t model);
+  void draw_cells(const Overlay& overlay, const Model& model, const cloud::Cloud& cloud,
+                  const WatchedTick& now) const;
   void draw_facets(const Overlay& overlay, const Model& model, std::uint32_t point) const;
 
   std::unique_ptr<SplatDrawer> splats_;
@@ -79,6 +93,9 @@ class SceneView {
   std::future<std::vector<std::shared_ptr<const Surroundings>>> surroundings_;
   std::future<std::shared_ptr<const stars::StarMesh>> stars_;
   std::size_t stars_of_ = 0;
+  std::future<std::shared_ptr<const partition::UniformGrid>> grid_;
+  std::size_t grid_of_ = 0;
+  std::size_t asks_ = 0;  // models that give way are asked about in turn
 };
 
 /// The box of all models where they begin, world.

@@ -23,9 +23,9 @@ constexpr double kMostGrowth = 2.0;
 /// Of the new measurement in the mean of what a point takes.
 constexpr double kNewShare = 0.3;
 /// Pixels of a splat's edge.
-constexpr double kSmallestSplat = 1.0, kLargestSplat = 14.0;
+constexpr double kSmallestSplat = 2.0, kLargestSplat = 14.0;
 /// A splat's edge over the distance of points: neighbours overlap, for random samples are uneven.
-constexpr double kOverlap = 2.0;
+constexpr double kOverlap = 2.8;
 /// Of the square about the scene's ball, what points fill: a surface seen at an angle.
 constexpr double kFilledShare = 0.35;
 /// What is searched for a point about a place of the picture: to each side, pixels.
@@ -241,6 +241,15 @@ void SplatDrawer::set_normals(std::size_t model, std::span<const PackedNormal> n
     glVertexAttribPointer(1, 3, GL_BYTE, GL_TRUE, static_cast<int>(sizeof(PackedNormal)), nullptr);
     glEnableVertexAttribArray(1);
   }
+  stale_ = true;
+}
+
+void SplatDrawer::move(std::size_t model, std::size_t index, const Vec3f& place_mm) {
+  if (index >= models_[model].count) return;
+  constexpr std::size_t kPlaceBytes = 3 * sizeof(float);
+  glBindBuffer(GL_ARRAY_BUFFER, models_[model].places);
+  glBufferSubData(GL_ARRAY_BUFFER, static_cast<GLintptr>(index * kPlaceBytes),
+                  static_cast<GLsizeiptr>(kPlaceBytes), place_mm.data());
   stale_ = true;
 }
 

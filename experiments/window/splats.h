@@ -43,6 +43,8 @@ class SplatDrawer {
   void recolour(std::size_t model, std::span<const Rgba> colours);
   /// In the same order; empty ones are not known.
   void set_normals(std::size_t model, std::span<const PackedNormal> normals);
+  /// The `index`-th point of a model in the order it was added in goes elsewhere, relative to its origin.
+  void move(std::size_t model, std::size_t index, const Vec3f& place_mm);
   void place(std::size_t model, const geometry::RigidTransform& world_from_model);
   /// Whether normals shade; they do at first.
   void light(bool on);

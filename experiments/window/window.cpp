@@ -110,6 +110,7 @@ Result<std::unique_ptr<Window>> Window::open(SessionLink& link, const WindowOpti
   std::string why = "there is no display";
   if (glfwInit() != GLFW_TRUE) return no_window(why);
   auto state = std::make_unique<State>(link, options);
+  state->camera.set_up(options.up);
   glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 3);
   glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
   glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
@@ -138,6 +139,7 @@ Result<std::unique_ptr<Window>> Window::open(SessionLink& link, const WindowOpti
 
 Window::~Window() {
   state_->scene.reset();
+  state_->sound.reset();
   if (state_->has_interface) {
     ImGui_ImplOpenGL3_Shutdown();
     ImGui::DestroyContext();
@@ -159,7 +161,7 @@ void Window::State::take_news() {
     const std::string before = scene->scene() != nullptr ? scene->scene()->name : "";
     scene->show(view.scene);
     // A session that begins anew over the same scene is looked at from where one stood.
-    if (view.scene->name != before) camera = Camera::of(scene->box_mm());
+    if (view.scene->name != before) camera = Camera::of(scene->box_mm(), camera.up_axis());
     hand.forget();
     glfwSetWindowTitle(window, ("Palpate: " + view.scene->name).c_str());
   }
@@ -213,15 +215,35 @@ void Window::State::draw() {
   const double rate = ends_ns.size() < 2 ? 0.0
                                          : static_cast<double>(ends_ns.size() - 1) * kPictureNsPerS /
                                                static_cast<double>(ends_ns.back() - ends_ns.front());
-  const PanelView shown{view,           now.ticks > 0 ? &now : nullptr,
-                        history,        *scene,
-                        rate,           session ? session->feed->samples().lost() : 0,
+  const PanelView shown{view,
+                        now.ticks > 0 ? &now : nullptr,
+                        history,
+                        *scene,
+                        camera,
+                        rate,
+                        session ? session->feed->samples().lost() : 0,
                         hand.press_mm()};
   wishes = draw_panel(shown, panel, link, left, static_cast<float>(width) - left, static_cast<float>(height));
   if (session && now.ticks > 0) draw_fault(now, link, left);
   draw_preparation(view, left, static_cast<float>(height));
   ImGui::Render();
   ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
+}
+
+void Window::State::keep_sounding() {
+  if (!panel.sound || sounded != session) {
+    sound.reset();
+    sounded.reset();
+  }
+  if (!panel.sound || sound || !session || !(session->force_limit_n > 0.0)) return;
+  Result<std::unique_ptr<Sound>> opened = Sound::open(session->feed->force_n(), session->force_limit_n);
+  if (opened) {
+    sound = *std::move(opened);
+    sounded = session;
+    return;
+  }
+  panel.sound = false;
+  panel.message = opened.error().message();
 }
 
 void Window::State::keep_pictures() {
@@ -244,9 +266,11 @@ bool Window::frame() {
   s.measure();
   s.take_news();
   s.scene->update(s.now.ticks > 0 ? &s.now : nullptr);
+  if (s.session && s.now.ticks > 0) s.scene->follow_dents(*s.session->feed, s.now);
   s.steer();
   s.draw();
   s.keep_pictures();
+  s.keep_sounding();
   glFinish();
   const double took_ms = static_cast<double>(monotonic_ns() - s.began_ns) / kPictureNsPerMs;
   glfwSwapBuffers(s.window);

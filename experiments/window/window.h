@@ -4,7 +4,9 @@
 // program's first thread, as window systems ask for.
 #pragma once
 
+#include <array>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "experiments/report/png.h"
@@ -19,6 +21,7 @@ struct WindowOptions {
   int width = 1280, height = 800;
   std::string pictures = ".";  ///< the folder of screenshots and exported frames
   bool paced = true;           ///< false: as many pictures as go, for measurements
+  Up up = Up::kZ;
 };
 
 /// One thread. Input comes from the window system, or from a program through the same members.
@@ -56,6 +59,9 @@ class Window {
   [[nodiscard]] const Camera& camera() const;
   void look_from(const Camera& camera);
   [[nodiscard]] PanelState& panel();
+  /// The middle of a button or box of the panel in the last picture, by its words; nothing where there is
+  /// none.
+  [[nodiscard]] std::optional<std::array<double, 2>> place_of(const std::string& words) const;
   [[nodiscard]] const History& history() const;
   /// The newest tick that was drawn; ticks 0: none.
   [[nodiscard]] const WatchedTick& drawn_tick() const;

@@ -91,6 +91,10 @@ void Window::key(int key, bool down) {
   if (key == kTab) link.request({Kind::kNext, device::SwitchSource::kKey, 0});
   if (key == 'C') link.request({Kind::kCancel, device::SwitchSource::kKey, 0});
   if (key == 'R') link.rearm();
+  if (key == 'U') {
+    const Up before = state_->camera.up_axis();
+    state_->camera.set_up(kUps[(static_cast<std::size_t>(before) + 1) % kUps.size()]);
+  }
   if (key >= '1' && key <= '9')
     link.request({Kind::kSelect, device::SwitchSource::kKey, static_cast<std::uint8_t>(key - '1')});
 }
@@ -125,6 +129,11 @@ void Window::look_from(const Camera& camera) {
 }
 PanelState& Window::panel() {
   return state_->panel;
+}
+std::optional<std::array<double, 2>> Window::place_of(const std::string& words) const {
+  const auto found = state_->panel.place_of.find(words);
+  if (found == state_->panel.place_of.end()) return std::nullopt;
+  return found->second;
 }
 const History& Window::history() const {
   return state_->history;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "experiments/window/mouse_hand.h"
+#include "experiments/window/sound.h"
 #include "experiments/window/window.h"
 
 struct GLFWwindow;
@@ -41,6 +42,8 @@ struct Window::State {
   std::shared_ptr<const ShownSession> session;  // whose feed is read
   WatchedTick now;                              // ticks 0: none
   bool touched = false;                         // there was contact in this session
+  std::shared_ptr<const ShownSession> sounded;  // whose force `sound` plays
+  std::unique_ptr<Sound> sound;                 // goes before what it plays
   std::string dropped;
   bool record = false;
   PanelWishes wishes;
@@ -60,6 +63,7 @@ struct Window::State {
   void draw_over();
   void draw();
   void keep_pictures();
+  void keep_sounding();
 };
 
 }  // namespace palpate::experiments

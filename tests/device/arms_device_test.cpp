@@ -63,10 +63,10 @@ TEST(ArmDevice, RestsWhereItLiesStillAtTheStart) {
   ASSERT_TRUE(rig.device->open());
   // Moving: not at rest, however long.
   for (int i = 0; i < 1000; ++i) ASSERT_FALSE(rig.counts8(1000 + 3 * i, 0, 0).homed) << i;
-  EXPECT_NE(rig.device->prompt().find("rest pose"), std::string::npos);
+  EXPECT_NE(arm_homing_prompt(rig.device->read().homing_step).find("rest pose"), std::string::npos);
   const DeviceState state = rig.rest8(1234, -77, 50);
   ASSERT_TRUE(state.homed);
-  EXPECT_EQ(rig.device->prompt(), "");
+  EXPECT_EQ(arm_homing_prompt(rig.device->read().homing_step), "");
   EXPECT_EQ(state.status, ReadStatus::kFresh);
   EXPECT_NEAR((state.position_mm - Vec3(25, 0, 205)).norm(), 0.0, 1e-9) << "rest: forearm level, 245 out";
   EXPECT_EQ(state.raw.size, 8);
@@ -260,7 +260,7 @@ TEST(ArmDevice, CountersThatJumpLoseTheRestPose) {
   EXPECT_EQ(rig.last_ma(), (std::array<int, 3>{0, 0, 0}));
   // Lying still somewhere is not rest now.
   EXPECT_FALSE(rig.rest8(0, 0, 0).homed);
-  EXPECT_NE(rig.device->prompt().find("jumped"), std::string::npos);
+  EXPECT_NE(arm_homing_prompt(rig.device->read().homing_step).find("jumped"), std::string::npos);
   ASSERT_TRUE(rig.device->open());
   EXPECT_TRUE(rig.rest8(0, 0, 0).homed);
 }
@@ -279,7 +279,7 @@ TEST(ArmDevice, TheButtonSetsTheArmsOwnCounters) {
   EXPECT_FALSE(rig.counts14(100, 200, 300).homed);
   rig.device->send(governed(Vec3(1, 1, 1)));
   EXPECT_EQ(rig.wire.sent.back(), words({0, 0, 0, 0, 0, 0, 0}));
-  EXPECT_NE(rig.device->prompt().find("button"), std::string::npos);
+  EXPECT_NE(arm_homing_prompt(rig.device->read().homing_step).find("button"), std::string::npos);
   EXPECT_FALSE(rig.counts14(100, 200, 300, 0, 1).homed);
   rig.device->send(governed(Vec3::Zero()));
   EXPECT_EQ(rig.wire.sent.back(), words({0, 0, 0, 1, 8327, -10926, 19386})) << "command 1";

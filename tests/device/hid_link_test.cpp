@@ -1,4 +1,5 @@
 // Drivers over the real hidapi and libudev, with devices pretended by umockdev. Run under umockdev-wrapper.
+// --faults RUNS FILE.json: the fault table of docs/safety.md, in real time.
 // --soak=SECONDS: only measures round trips at 1 kHz, over hidraw and over a pseudo-terminal, as JSON.
 #include "device/links/hid_link.h"
 
@@ -15,7 +16,9 @@
 #include "device/links/tty_link.h"
 #include "device/spacemouse/spacemouse_driver.h"
 #include "tests/device/hid_fake_link.h"
+#include "tests/device/hid_faults.h"
 #include "tests/device/hid_round_trip.h"
+#include "tests/device/link_faults.h"
 #include "tests/device/mock/hidraw_double.h"
 #include "tests/device/tty_board.h"
 
@@ -300,11 +303,15 @@ int soak(double seconds) {
 }  // namespace palpate::device
 
 int main(int argc, char** argv) {
+  using namespace palpate::device;
+  if (argc > 1 && std::string(argv[1]) == kPressArgument)
+    press_until_killed(std::vector<std::string>(argv + 2, argv + argc));
   if (!palpate::device::HidrawDouble::possible()) {
     std::puts("skipped: run under umockdev-wrapper: drivers were not run over the real hidapi");
     constexpr int kSkipped = 77;  // what CTest takes for a skipped test
     return kSkipped;
   }
+  if (argc > 1 && std::string(argv[1]) == "--faults") return measured_faults(argc, argv, measure_hid_faults);
   testing::InitGoogleTest(&argc, argv);
   const std::string option = "--soak=";
   for (int i = 1; i < argc; ++i)

@@ -85,6 +85,47 @@ TEST(LiveOsc, WhatIsNotOursIsNoMessage) {
   EXPECT_FALSE(read_osc(Bytes{'/', 'a', 0, 'x'})) << "padding that is not zero";
 }
 
+Bytes bundle(const std::vector<Bytes>& elements, std::uint32_t seconds = 0, std::uint32_t fraction = 1) {
+  Bytes bytes = padded("#bundle") + word(seconds) + word(fraction);
+  for (const Bytes& one : elements) bytes = bytes + word(static_cast<std::uint32_t>(one.size())) + one;
+  return bytes;
+}
+
+TEST(LiveOsc, ABundleIsItsMessagesInTheirOrderWhateverItsTime) {
+  const Bytes next = padded("/palpate/switch"), mark = padded("/palpate/mark") + padded(",s") + padded("a");
+  const Bytes two = padded("/palpate/select") + padded(",i") + word(2);
+  for (const std::uint32_t seconds : {0U, 0xE0000000U, 0xFFFFFFFFU}) {
+    const Bytes bytes = bundle({next, bundle({mark, bundle({})}, seconds), two}, seconds);
+    const auto messages = read_osc_packet(bytes);
+    ASSERT_TRUE(messages);
+    ASSERT_EQ(messages->size(), 3u);
+    EXPECT_EQ((*messages)[0].address, "/palpate/switch");
+    EXPECT_EQ((*messages)[1].arguments[0].text, "a");
+    EXPECT_EQ((*messages)[2].arguments[0].integer, 2);
+  }
+  EXPECT_EQ(read_osc_packet(next)->size(), 1u) << "a message by itself";
+  EXPECT_TRUE(read_osc_packet(bundle({}))->empty());
+}
+
+TEST(LiveOsc, ABundleIsReadWholeOrNotAtAll) {
+  const Bytes mark = padded("/palpate/mark");
+  const Bytes whole = bundle({mark, bundle({mark})});
+  ASSERT_TRUE(read_osc_packet(whole));
+  const std::size_t head = bundle({}).size(), first = head + 4 + mark.size();
+  for (std::size_t size = 0; size < whole.size(); ++size)
+    EXPECT_EQ(read_osc_packet(std::span(whole).first(size)).has_value(), size == head || size == first)
+        << size;
+  EXPECT_FALSE(read_osc_packet(whole + word(0))) << "an element without bytes";
+  EXPECT_FALSE(read_osc_packet(whole + word(4) + Bytes{1, 2, 3, 4})) << "one that is no message";
+  EXPECT_FALSE(read_osc_packet(whole + word(0xFFFFFFFFU)));
+  EXPECT_FALSE(read_osc_packet(padded("#bundl3") + word(0) + word(1)));
+  EXPECT_FALSE(read_osc_packet({}));
+  Bytes deep = bundle({mark});
+  for (int depth = 1; depth < kMostOscDepth; ++depth) deep = bundle({deep});
+  EXPECT_TRUE(read_osc_packet(deep));
+  EXPECT_FALSE(read_osc_packet(bundle({deep}))) << "too deep";
+}
+
 TEST(LiveRemote, EachCommandInEachFormThatTabletsSend) {
   const auto is = [](const std::optional<RemoteCommand>& command, Kind kind, int number,
                      const std::string& text) {
@@ -141,7 +182,7 @@ TEST(LiveRemote, TheCorpusAndDamagedMessagesAreAnsweredWithoutHarm) {
       for (std::size_t flips = 1 + random.below(3); flips > 0; --flips)
         bytes[random.below(bytes.size())] ^= static_cast<std::uint8_t>(1U << random.below(8));
       ASSERT_EQ(LLVMFuzzerTestOneInput(bytes.data(), bytes.size()), 0) << "seed " << kSeed;
-      if (read_osc(bytes)) ++understood;
+      if (read_osc_packet(bytes)) ++understood;
     }
   }
   EXPECT_GE(files, 14);

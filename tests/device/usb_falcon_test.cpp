@@ -4,6 +4,7 @@
 //   umockdev-wrapper test_usb --measure 60     round trips at 1 kHz for so many seconds, as JSON; with
 //   SCHED_FIFO
 //                                              where that is allowed
+//   umockdev-wrapper test_usb --faults RUNS FILE.json     the fault table of docs/safety.md, in real time
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -26,8 +27,10 @@
 #include "device/links/usb_link.h"
 #include "device/safety/guard.h"
 #include "device/servo/servo.h"
+#include "tests/device/link_faults.h"
 #include "tests/device/mock/usbfs_double.h"
 #include "tests/device/rig.h"
+#include "tests/device/usb_faults.h"
 #include "tests/device/usb_round_trip.h"
 #include "tests/house/allocation_count.h"
 #include "toolkit/core/at_stop.h"
@@ -428,11 +431,13 @@ int main(int argc, char** argv) {
   if (first == "--press-unguarded") press_over_usb(false);
   if (first == "--press-and-stop") press_and_stop();
   if (first == "--be-refused") be_refused();
+  if (first == kPressArgument) press_until_killed(std::vector<std::string>(argv + 2, argv + argc));
   if (const std::string missing = UsbfsDouble::missing(); !missing.empty()) {
     fmt::print(stderr, "skipped: {}\n", missing);
     constexpr int kSkipped = 77;  // what CTest takes for a skipped test
     return kSkipped;
   }
+  if (first == "--faults") return measured_faults(argc, argv, measure_usb_faults);
   if (first == "--measure") {
     const double seconds = argc > 2 ? std::strtod(argv[2], nullptr) : 60.0;
     for (const bool event_character : {false, true})

@@ -1,11 +1,13 @@
-// What a link's thread hands to frames, with threads at both ends.
+// What a link's thread hands to frames, and frames and watchdog to it, with threads at all ends.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cstring>
 #include <thread>
 
+#include "device/links/newest_command.h"
 #include "device/links/packet_ring.h"
 
 namespace palpate::device {
@@ -58,6 +60,39 @@ TEST(PacketRing, BetweenTwoThreadsNothingIsTornOrChanged) {
     ++i;
   }
   writer.join();
+}
+
+// As a USB link uses it: the servo puts a command in every frame, the watchdog cuts meanwhile, the link's
+// thread takes; what a thread has put is never taken after what it put later, and a zero at the end is the
+// last.
+TEST(NewestCommandOfALink, ServoWatchdogAndLinkAtOnceKeepTheOrderAndEndInTheLastZero) {
+  constexpr std::uint32_t kFrames = 30'000, kServo = 1, kCut = 2, kEnd = 3;
+  NewestCommand newest;
+  std::atomic<int> running{2};
+  const auto put_all = [&](std::uint32_t writer) {
+    for (std::uint32_t i = 1; i <= kFrames; ++i) EXPECT_TRUE(newest.put(numbered(writer, i)));
+    --running;
+  };
+  std::thread servo([&] { put_all(kServo); }), watchdog([&] { put_all(kCut); });
+  std::array<std::uint32_t, 4> last{};
+  std::uint32_t writer = 0, number = 0;
+  CommandBytes command;
+  const auto take_all = [&] {
+    while (newest.take(command)) {
+      ASSERT_EQ(command.size, 8u);
+      std::memcpy(&writer, command.bytes.data(), 4);
+      std::memcpy(&number, command.bytes.data() + 4, 4);
+      ASSERT_GT(number, last.at(writer)) << "of " << writer;
+      last.at(writer) = number;
+    }
+  };
+  while (running.load() > 0) take_all();
+  servo.join();
+  watchdog.join();
+  EXPECT_TRUE(newest.put(numbered(kEnd, 1)));
+  take_all();
+  EXPECT_EQ(writer, kEnd) << "the zero of close() goes out last";
+  EXPECT_TRUE(newest.empty());
 }
 
 }  // namespace

@@ -5,8 +5,8 @@
 #include <nlohmann/json.hpp>
 
 #include "device/drivers/known_usb.h"
-#include "experiments/live/any_device.h"
 #include "experiments/live/device_report.h"
+#include "experiments/live/session_device.h"
 #include "tests/experiments/program.h"
 #include "tests/json_schema.h"
 
@@ -16,6 +16,7 @@ namespace {
 using nlohmann::json;
 
 const std::string kReportSchema = std::string(PALPATE_DOCS) + "/device-report.schema.json";
+const std::string kCountsSchema = std::string(PALPATE_DOCS) + "/bridge.schema.json";
 
 class BridgeCommand : public InFolder {
  protected:
@@ -58,22 +59,32 @@ TEST_F(BridgeCommand, CountsWhatItDid) {
   const ProcessOutcome run =
       palpate_command({"bridge", "--listen", "127.0.0.1:0", "--seconds", "0.2", "--json"});
   ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_EQ(schema_violations(kCountsSchema, run.out), "");
   const json counts = json::parse(run.out);
-  EXPECT_EQ(counts["schema"], "palpate-bridge/1");
   EXPECT_GT(counts["ticks"], 0);
   EXPECT_EQ(counts["sessions"], 0);
   EXPECT_FALSE(counts["scheduling"].get<std::string>().empty());
 }
 
+TEST_F(BridgeCommand, ItsSchemaRefusesWhatItNeverPrints) {
+  json counts =
+      json::parse(palpate_command({"bridge", "--listen", "127.0.0.1:0", "--seconds", "0.1", "--json"}).out);
+  ASSERT_EQ(schema_violations(kCountsSchema, counts.dump()), "");
+  counts["trips"] = -1;
+  EXPECT_NE(schema_violations(kCountsSchema, counts.dump()), "");
+  counts.erase("trips");
+  EXPECT_NE(schema_violations(kCountsSchema, counts.dump()), "");
+}
+
 TEST_F(BridgeCommand, RefusesWhatMeansNothing) {
   const std::pair<std::vector<std::string>, const char*> cases[] = {
-      {{"bridge", "--device", "sim:falcn"}, "sim:falcon"},
+      {{"bridge", "--device", "sim:falcn"}, "falcon"},
       {{"bridge", "--device", "nothing"}, "palpate devices"},
       {{"bridge", "--device", "sim", "--hand", "paw"}, "paw"},
       {{"bridge", "--listen", "nowhere"}, "HOST:PORT"},
       {{"bridge", "--listen", "127.0.0.1:99999"}, "port"},
       {{"bridge", "--device-option", "novalue"}, "KEY=VALUE"},
-      {{"bridge", "--device", "sim", "--device-option", "a=b"}, "neither"},
+      {{"bridge", "--device", "sim", "--device-option", "a=b"}, "leave it out"},
       {{"bridge", "--device", "path"}, "palpate devices"},
       {{"devices", "--report", "nothing"}, "palpate devices"},
       {{"devices", "--report", "sim", "--out", "report.txt"}, ".json"},
@@ -119,7 +130,7 @@ TEST_F(BridgeCommand, ADeviceThatDoesNotOpenIsAReportToo) {
   EXPECT_NE(run.err.find("palpate bridge"), std::string::npos);
 }
 
-TEST(AnyDevice, OptionsAreReadInOrder) {
+TEST(SessionDevice, OptionsAreReadInOrder) {
   const auto options = option_pairs({"k=2.5", "firmware=a=b", "empty="});
   ASSERT_TRUE(options);
   ASSERT_EQ(options->size(), 3u);

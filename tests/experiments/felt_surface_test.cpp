@@ -83,8 +83,8 @@ TEST_F(FeltSurface, LeavesStepsOut) {
     }
     return document["renderers"].size();
   };
-  EXPECT_EQ(read(run({"--ablate", "--quick", "--sets", "c5k", "--frames", "500", "--json", file})), 26u);
-  EXPECT_EQ(rms.size(), 26u);
+  EXPECT_EQ(read(run({"--ablate", "--quick", "--sets", "c5k", "--frames", "500", "--json", file})), 30u);
+  EXPECT_EQ(rms.size(), 30u);
   EXPECT_NEAR(rms["c5k/cloud-plain"], rms["c5k/cloud"], 0.1);
   EXPECT_LT(rms["c5k/cloud-refined"], 0.7 * rms["c5k/cloud"]);
   EXPECT_GT(rms["c5k/cloud-smooth-without-sharpening"], 2.0 * rms["c5k/cloud-smooth"]);
@@ -93,6 +93,23 @@ TEST_F(FeltSurface, LeavesStepsOut) {
             "cloud,cloud-without-borders,cloud-smooth,cloud-smooth-without-borders"}));
   EXPECT_GT(free_force["mouth/cloud-without-borders"], 4.0 * free_force["mouth/cloud"]);
   EXPECT_GT(free_force["mouth/cloud-smooth-without-borders"], 4.0 * free_force["mouth/cloud-smooth"]);
+}
+
+// Any generator is a set, a seed gives it other points and another path, and the worst places are told.
+TEST_F(FeltSurface, TakesOtherSeedsAndSaysWhereItErrs) {
+  const auto told = [&](const std::string& seed) {
+    const std::string file = (folder_ / ("seed" + seed + ".json")).string();
+    const ProcessOutcome done =
+        run({"--sets", "torus:points=3000:noise=0.3:sampling=random", "--frames", "2000", "--closed-paths",
+             "0", "--json", file, "--renderers", "cloud-smooth", "--seed", seed, "--where", "2"});
+    EXPECT_EQ(done.exit_code, 0) << done.err;
+    EXPECT_NE(done.out.find("% of the error; HIP ("), std::string::npos) << done.out;
+    return nlohmann::json::parse(text_of(file))["rows"][0]["trace_hash"].get<std::string>();
+  };
+  const std::string first = told("1");
+  EXPECT_EQ(told("1"), first);
+  EXPECT_NE(told("2"), first);
+  EXPECT_EQ(run({"--sets", "doughnut:points=3000"}).exit_code, 2);
 }
 
 TEST_F(FeltSurface, DrawsASlice) {

@@ -53,6 +53,7 @@ struct PacketsPlan {
   int fails_before_back = 0;                ///< of openings, until it is plugged in again
   bool opens = true;
   bool guarded = true;
+  bool has_motors = true;
   std::atomic<int> opened{0}, not_opened{0}, rounds_with_force{0};
 };
 
@@ -122,6 +123,7 @@ inline device::Drivers drivers_with(PacketsPlan& plan) {
              plan.board().command(device::PacketDevice::zero_command(), monotonic_ns());
              return true;
            };
+         made.has_motors = plan.has_motors;
          made.unproven = {"that its motors let go when its cable is pulled"};
          made.facts = [] {
            return std::vector<std::pair<std::string, std::string>>{{"filter", "none of its own"}};

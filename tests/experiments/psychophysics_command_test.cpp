@@ -208,7 +208,7 @@ TEST_F(Blinded, WrongPlansNameLineAndRemedy) {
     EXPECT_NE(run.err.find(wrong.says), std::string::npos) << wrong.to << ": " << run.err;
     EXPECT_FALSE(std::filesystem::exists(in("out"))) << wrong.to;
   }
-  EXPECT_EQ(study("abx", "person", "out").exit_code, 2);
+  EXPECT_EQ(study("abx", "persons", "out").exit_code, 2);
   EXPECT_EQ(study("abx", "simulated:jnd=0.1", "out").exit_code, 2);
   EXPECT_EQ(study("psi", "simulated:dprime=1", "out").exit_code, 2);
   EXPECT_EQ(study("abc", "simulated:dprime=1", "out").exit_code, 2);

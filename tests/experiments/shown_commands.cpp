@@ -284,7 +284,8 @@ std::string why_not_run(const ShownCommand& command) {
     if (word == "--docs") return "writes the pages themselves";
   for (const std::string& word : command.words)
     if (word == "--window") return "needs a display, and stays until it is closed";
-  if (command.words.size() > 1 && (command.words[1] == "live" || command.words[1] == "record"))
+  if (command.words.size() > 1 &&
+      (command.words[1] == "live" || command.words[1] == "record" || command.words[1] == "study"))
     for (std::size_t i = 2; i < command.words.size(); ++i)
       if (command.words[i - 1] == "--device" && !command.words[i].starts_with("sim")) return "needs a device";
   for (const std::string& word : command.words)

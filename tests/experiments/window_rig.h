@@ -4,15 +4,22 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdlib>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "device/live/workspace.h"
 #include "device/servo/servo_loop.h"
 #include "device/simulated/arm_models.h"
 #include "experiments/session/session.h"
 #include "experiments/window/window.h"
+#include "toolkit/core/options.h"
 #include "toolkit/scene/scene.h"
 
 namespace palpate::experiments {
@@ -24,26 +31,107 @@ inline scene::LoadedScene loaded_scene(const std::string& name) {
   return scene::load(*file, all_readers(), {}, no_progress()).value();
 }
 
+/// Where tests leave their pictures for people; empty: nowhere.
+inline std::string picture_folder() {
+  const char* folder = std::getenv("PALPATE_PICTURES");
+  return folder != nullptr ? folder : "";
+}
+
+/// A window over a link, where there is a display.
+class WindowTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    WindowOptions options;
+    options.paced = false;
+    auto opened = Window::open(link, options);
+    if (!opened)
+      GTEST_SKIP() << "needs a display with OpenGL 3.3, which xvfb-run gives: " << opened.error().message();
+    window = std::move(*opened);
+  }
+  void TearDown() override {
+    if (window && !picture_folder().empty()) {
+      const auto* info = testing::UnitTest::GetInstance()->current_test_info();
+      (void)window->screenshot(picture_folder() + "/" + info->name() + ".png");
+    }
+  }
+  /// Until every point is drawn and nothing is awaited.
+  void settle() {
+    constexpr int kMostFrames = 2'000;
+    for (int i = 0; i < kMostFrames; ++i) {
+      ASSERT_TRUE(window->frame());
+      const SplatDrawer& splats = window->scene().splats();
+      if (*window->scene().awaited() == '\0' && splats.points() > 0 && splats.drawn() == splats.points())
+        return;
+    }
+    FAIL() << "the picture was never whole";
+  }
+  [[nodiscard]] Pixel seen(const Vec3& world_mm) const {
+    return *project(window->camera().clip_from_world(window->view_width(), window->view_height()), world_mm,
+                    window->view_width(), window->view_height());
+  }
+  void point_at(const Vec3& world_mm) {
+    const Pixel at = seen(world_mm);
+    window->mouse_at(at.x, at.y);
+  }
+
+  SessionLink link;
+  std::unique_ptr<Window> window;
+};
+
+inline bool is_paper(const std::uint8_t* pixel) {
+  return pixel[0] < 60 && pixel[1] < 65 && pixel[2] < 70;
+}
+
+inline double apart(const std::uint8_t* pixel, const std::array<std::uint8_t, 3>& colour) {
+  double sum = 0.0;
+  for (std::size_t k = 0; k < 3; ++k)
+    sum = std::max(sum, std::abs(static_cast<double>(pixel[k]) - colour[k]));
+  return sum;
+}
+
+/// The middle of all pixels of a colour left of the panel, and how many.
+struct Spot {
+  double x = 0.0, y = 0.0;
+  int count = 0;
+};
+inline Spot spot_of(const ColourImage& image, const std::array<std::uint8_t, 3>& colour, double width) {
+  Spot spot;
+  for (int y = 0; y < image.height; ++y)
+    for (int x = 0; x < static_cast<int>(width); ++x) {
+      if (apart(image.at(x, y), colour) > 6.0) continue;
+      spot.x += x;
+      spot.y += y;
+      ++spot.count;
+    }
+  if (spot.count > 0) {
+    spot.x /= spot.count;
+    spot.y /= spot.count;
+  }
+  return spot;
+}
+
 /// Owns everything that ticks, in the order in which it may end. The hand goes where `guide` says.
 class WindowSession {
  public:
-  WindowSession(const std::string& scene, const std::vector<std::string>& renderers, const Clock& clock)
+  WindowSession(const std::string& scene, const std::vector<std::string>& renderers, const Clock& clock,
+                const std::optional<Vec3>& fitted_free_mm = std::nullopt)
       : loaded_(loaded_scene(scene)) {
     const render::Registry registry = all_renderers();
-    guide_ = std::make_shared<device::HandGuide>(Vec3(0.0, 0.0, 10.0));
-    script_ = std::make_unique<device::HandScript>(device::HandScript::guided("mouse", guide_));
-    plant_ = device::simulated_rig("omni", "hand").value().make(*script_, clock, 1e-3);
+    hold(Vec3(0.0, 0.0, 10.0), clock);
+    // Its limits say where the free place is for the device.
+    if (fitted_free_mm) hold(fitted_map().device_mm(*fitted_free_mm), clock);
     device::SwitchOptions switching;
     switching.device_force_max_n = plant_->limits().force_max_n;
     switching.force_limit_n = plant_->limits().force_max_n;
     mixer_ = std::make_unique<device::Mixer>(switching, clock);
     for (const std::string& name : renderers) {
-      auto renderer = registry.make(name, {}).value();
+      const NamedOptions named = parse_named_options(name).value();
+      auto renderer = registry.make(named.name, named.options).value();
       EXPECT_TRUE(renderer->prepare(loaded_.input, {}).ok()) << name;
       mixer_->add(std::move(renderer));
     }
     servo_ = std::make_unique<device::Servo>(*mixer_, device::GovernorOptions{}, *plant_, clock,
-                                             device::DeviceMap{});
+                                             fitted_free_mm ? fitted_map() : device::DeviceMap{});
     feed_ =
         std::make_shared<WindowFeed>(*servo_, *mixer_, std::vector<std::shared_ptr<render::MovingModel>>{});
     scene_ = std::make_shared<const ShownScene>(ShownScene{scene, loaded_.input.models});
@@ -65,6 +153,12 @@ class WindowSession {
     actions.rearm = std::move(rearm);
     link.running(shown_, std::move(actions));
   }
+  /// All of the scene within the device's reach.
+  [[nodiscard]] device::DeviceMap fitted_map() const {
+    device::WorkspaceOptions options;
+    options.fit = device::WorkspaceFit::kFitted;
+    return device::map_for(loaded_.input.models.front().cloud->box_mm(), plant_->limits(), options).value();
+  }
   [[nodiscard]] device::Servo& servo() { return *servo_; }
   [[nodiscard]] device::Mixer& mixer() { return *mixer_; }
   [[nodiscard]] WindowFeed& feed() { return *feed_; }
@@ -75,6 +169,14 @@ class WindowSession {
   }
 
  private:
+  /// A hand holds the device at this place of it.
+  void hold(const Vec3& device_mm, const Clock& clock) {
+    plant_.reset();
+    guide_ = std::make_shared<device::HandGuide>(device_mm);
+    script_ = std::make_unique<device::HandScript>(device::HandScript::guided("mouse", guide_));
+    plant_ = device::simulated_rig("omni", "hand").value().make(*script_, clock, 1e-3);
+  }
+
   scene::LoadedScene loaded_;
   std::shared_ptr<device::HandGuide> guide_;
   std::unique_ptr<device::HandScript> script_;
@@ -90,9 +192,10 @@ class WindowSession {
 class VirtualSession {
  public:
   explicit VirtualSession(const std::string& scene,
-                          const std::vector<std::string>& renderers = {"cloud", "cloud-smooth"})
-      : session(scene, renderers, clock), observers_{&session.feed()} {
-    EXPECT_TRUE(session.servo().start(Vec3(0.0, 0.0, 10.0)).ok());
+                          const std::vector<std::string>& renderers = {"cloud", "cloud-smooth"},
+                          const std::optional<Vec3>& free_mm = std::nullopt)
+      : session(scene, renderers, clock, free_mm), observers_{&session.feed()} {
+    EXPECT_TRUE(session.servo().start(free_mm.value_or(Vec3(0.0, 0.0, 10.0))).ok());
     loop_ = device::ServoLoop::create(session.servo(), clock, 1000, observers_).value();
   }
   void run(double seconds) {

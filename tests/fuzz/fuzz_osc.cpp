@@ -1,4 +1,4 @@
-// Bytes as a message of Open Sound Control, and as what it asks of a session.
+// Bytes as a message or a bundle of Open Sound Control, and as what it asks of a session.
 #include <cstdint>
 #include <cstdlib>
 #include <span>
@@ -18,6 +18,17 @@ bool lies_in(std::string_view text, std::span<const std::uint8_t> bytes) {
   return text.empty() || (text.data() >= begin && text.data() + text.size() <= begin + bytes.size());
 }
 
+void check_osc_message(const OscMessage& message, std::span<const std::uint8_t> bytes) {
+  osc_must(message.address.starts_with('/') && lies_in(message.address, bytes));
+  osc_must(message.count <= OscMessage::kMostArguments);
+  for (std::size_t i = 0; i < message.count; ++i) osc_must(lies_in(message.arguments[i].text, bytes));
+  const auto command = command_of(message);
+  if (!command) return;
+  osc_must(command->text.size() <= kMostRemoteText);
+  if (command->kind == RemoteCommand::Kind::kSelect)
+    osc_must((command->number > 0) != !command->text.empty());
+}
+
 }  // namespace
 }  // namespace palpate::device
 
@@ -25,14 +36,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   using namespace palpate::device;
   const std::span<const std::uint8_t> bytes(data, size);
   const auto message = read_osc(bytes);
-  if (!message) return 0;
-  osc_must(size % 4 == 0 && message->address.starts_with('/') && lies_in(message->address, bytes));
-  osc_must(message->count <= OscMessage::kMostArguments);
-  for (std::size_t i = 0; i < message->count; ++i) osc_must(lies_in(message->arguments[i].text, bytes));
-  const auto command = command_of(*message);
-  if (!command) return 0;
-  osc_must(command->text.size() <= kMostRemoteText);
-  if (command->kind == RemoteCommand::Kind::kSelect)
-    osc_must((command->number > 0) != !command->text.empty());
+  const auto messages = read_osc_packet(bytes);
+  if (message) osc_must(messages && messages->size() == 1);
+  if (!messages) return 0;
+  osc_must(size % 4 == 0);
+  // Each takes its length and a word at least.
+  osc_must(messages->size() <= size / 4);
+  for (const OscMessage& one : *messages) check_osc_message(one, bytes);
   return 0;
 }

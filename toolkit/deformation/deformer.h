@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -96,6 +97,11 @@ class Deformer {
     return points_->standing(place, points_->used());
   }
 
+  /// Where a point of the cloud, by its number there, is now; nothing where there is no such point.
+  [[nodiscard]] std::optional<Vec3> point_mm(std::uint32_t point) const noexcept {
+    if (point >= points_->built()) return std::nullopt;
+    return points_->at(points_->place_of(point));
+  }
   /// The points that the last call of press() or apply() moved, and where each was before.
   [[nodiscard]] std::span<const MovedPoint> last_moved() const noexcept {
     return {moved_.data(), moved_count_};

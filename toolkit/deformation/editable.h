@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <optional>
 
 #include "toolkit/cloud/cloud.h"
 #include "toolkit/core/result.h"
@@ -19,6 +21,10 @@ class Editable {
   virtual void restore(std::size_t model) noexcept = 0;
   /// The model's points as they are now. An Error where the model does not give way.
   [[nodiscard]] virtual Result<cloud::Cloud> edited(std::size_t model) const = 0;
+  /// Where a point of the cloud is now, relative to the cloud's origin; nothing where the model does not give
+  /// way. O(1).
+  [[nodiscard]] virtual std::optional<Vec3> place_mm(std::size_t model,
+                                                     std::uint32_t point) const noexcept = 0;
   [[nodiscard]] virtual DeformCounters deform_counters(std::size_t model) const noexcept = 0;
 };
 

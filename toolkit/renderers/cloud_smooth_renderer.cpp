@@ -19,9 +19,10 @@ class SmoothModel {
   struct Memory {};
   static constexpr bool kComposed = true;
 
-  SmoothModel(SmoothBody body, int most_steps) : body_(std::move(body)) {
+  SmoothModel(SmoothBody body, int most_steps, const SmoothWithout& without) : body_(std::move(body)) {
     contact_.attach(body_.smooth->grid);
     contact_.bound_steps(most_steps);
+    contact_.leave_out(without);
   }
   SmoothModel(const SmoothModel&) = delete;  // the contact points into the bricks
   SmoothModel& operator=(const SmoothModel&) = delete;
@@ -142,7 +143,7 @@ class CloudSmooth final : public BoxedShellRenderer<SmoothModel> {
       if (!built) return std::move(built).error();
       report.decisions.models.push_back(said(input, built->decided()));
       report.notes.push_back(note_of(report.decisions.models.back().decisions.front()));
-      models_.add(std::make_unique<SmoothModel>(*std::move(built), walk_steps()));
+      models_.add(std::make_unique<SmoothModel>(*std::move(built), walk_steps(), without_));
     }
     return Done{};
   }

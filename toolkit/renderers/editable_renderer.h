@@ -33,6 +33,11 @@ class EditableShellRenderer : public BoxedShellRenderer<Model>, public Editable 
     if (const Deformer* const deformer = deformer_of(model)) return deformer->edited();
     return Error{"this model does not give way", "give it a [model.surface.dent]", {}, 0};
   }
+  std::optional<Vec3> place_mm(std::size_t model, std::uint32_t point) const noexcept override {
+    const Deformer* const deformer = deformer_of(model);
+    if (deformer == nullptr) return std::nullopt;
+    return deformer->point_mm(point);
+  }
   DeformCounters deform_counters(std::size_t model) const noexcept override {
     const Deformer* const deformer = deformer_of(model);
     return deformer == nullptr ? DeformCounters{} : deformer->counters();

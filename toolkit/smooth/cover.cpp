@@ -83,6 +83,7 @@ class ChunkCover {
   /// The first ball about a point: false where it stands alone.
   bool first_ball(std::size_t i, double& radius) {
     mixed_ = false;
+    noise_ = rule_.noise.at(begin_ + i);
     if (!gather_first(points_, begin_ + i, ball_)) return false;
     radius = ball_.radius;
     return true;
@@ -90,7 +91,7 @@ class ChunkCover {
 
   /// The fits of growing radius about a point, as long as they agree: how many.
   std::size_t grow(const Vec3& at, double spacing, std::array<QuadricFit, kSizes>& fits) {
-    const FitRule fit_rule{rule_.noise, !rule_.without.robust};
+    const FitRule fit_rule{noise_, !rule_.without.robust};
     double radius = ball_.radius;
     for (std::size_t k = 0; k < kSizes; ++k) {
       if (k > 0) {
@@ -104,7 +105,7 @@ class ChunkCover {
       if (k == 0) {
         if (!fitted) fits[0].sigma = std::numeric_limits<double>::infinity();
         if (!rule_.without.separation && (!fitted || unexplained(fits[0], kOnSpacings * spacing)))
-          mixed_ = separate_sheets(ball_, spacing, rule_.noise, fits[0]);
+          mixed_ = separate_sheets(ball_, spacing, noise_, fits[0]);
         if (!fitted && !mixed_) return 0;
         if (!mixed_) try_core(fits[0], spacing);
         if (fits[0].centre_weight < kOwnWeight || unexplained(fits[0], kMixedSpacings * spacing)) return 0;
@@ -130,7 +131,7 @@ class ChunkCover {
     const std::size_t sizes = grow(at, spacing, fits);
     if (sizes == 0) return false;
     const QuadricFit& best = fits[sizes - 1];
-    const bool noisy = std::max(best.sigma, rule_.noise) > kOnSpacings * spacing;
+    const bool noisy = std::max(best.sigma, noise_) > kOnSpacings * spacing;
     const bool doubtful = sizes <= kSureSize && noisy;
     if (sure && doubtful) return false;
     for (std::size_t k = 1; k < sizes; ++k) radius *= kGrowth;
@@ -142,18 +143,18 @@ class ChunkCover {
   }
   /// A wider ball's points so far off the last fit have no say.
   [[nodiscard]] double gate(const QuadricFit& fit, double spacing) const {
-    const double noise = kGateSigmas * std::max(fit.sigma, rule_.noise);
+    const double noise = kGateSigmas * std::max(fit.sigma, noise_);
     return mixed_ ? std::min(std::max(kMixedGate * spacing, noise), kMixedMost * spacing)
                   : std::max(kLeavingSpacings * spacing, noise);
   }
   [[nodiscard]] bool unexplained(const QuadricFit& fit, double allowed) const {
-    return fit.sigma > std::max(kUnexplained * rule_.noise, allowed);
+    return fit.sigma > std::max(kUnexplained * noise_, allowed);
   }
   /// Where the points are on two sheets, or faces, those next to the seed are on one.
   void try_core(QuadricFit& first, double spacing) {
     if (!unexplained(first, kOnSpacings * spacing)) return;
     QuadricFit other;
-    if (fit_quadric(ball_, {rule_.noise, !rule_.without.robust, kCoreShare}, nullptr, other) &&
+    if (fit_quadric(ball_, {noise_, !rule_.without.robust, kCoreShare}, nullptr, other) &&
         other.sigma < first.sigma && other.centre_weight >= kOwnWeight)
       first = other;
   }
@@ -170,7 +171,7 @@ class ChunkCover {
       const double slope = (now.quadric.n - before.quadric.n).norm();
       if (slope > rule_.detail * before.slope_error + kSlopeTolerance) return false;
     }
-    return now.sigma <= kMisfit * std::max(least_sigma, rule_.noise) + kValueTolerance * spacing;
+    return now.sigma <= kMisfit * std::max(least_sigma, noise_) + kValueTolerance * spacing;
   }
   [[nodiscard]] static bool good_enough(const QuadricFit& fit, double spacing) {
     return fit.value_error <= kValueTolerance * spacing && fit.slope_error <= kSlopeTolerance;
@@ -179,7 +180,7 @@ class ChunkCover {
   /// Ends where points begin to lie off it; tells its points that they are covered.
   void add(const QuadricFit& fit, double spacing, bool sure, std::vector<Patch>& out) {
     const Quadric& q = fit.quadric;
-    const double off = std::max(kOnSigmas * std::max(fit.sigma, rule_.noise), kOnSpacings * spacing);
+    const double off = std::max(kOnSigmas * std::max(fit.sigma, noise_), kOnSpacings * spacing);
     const double limit = mixed_ ? kMixedMost * spacing : kLeavingSpacings * spacing;
     std::array<int, kRings> all{}, leaving{};
     const double rings_sq = kRings / (ball_.radius * ball_.radius);
@@ -209,6 +210,7 @@ class ChunkCover {
     patch.support = patch.reached = support;
     patch.spacing = spacing;
     patch.sigma = fit.sigma;
+    patch.noise = noise_;
     patch.slope_error = fit.slope_error;
     patch.points = fit.points;
     const double error = kTrusted * spacing / std::max(fit.value_error, kTrusted * spacing);
@@ -265,10 +267,10 @@ class ChunkCover {
     if (!first_ball(i, radius)) return false;
     const double spacing = radius / kFirstRadius;
     ball_.gather(points_, at, kLeftRadius * spacing);
-    if (!fit_quadric(ball_, {rule_.noise, false}, nullptr, fit) || fit.sigma > kScattered * ball_.radius)
+    if (!fit_quadric(ball_, {noise_, false}, nullptr, fit) || fit.sigma > kScattered * ball_.radius)
       return false;
     if (!rule_.without.separation && unexplained(fit, kOnSpacings * spacing))
-      mixed_ = separate_sheets(ball_, spacing, rule_.noise, fit);
+      mixed_ = separate_sheets(ball_, spacing, noise_, fit);
     add(fit, spacing, false, out);
     state_[i] = kDone;
     return true;
@@ -280,6 +282,7 @@ class ChunkCover {
   std::vector<float> weight_;
   std::vector<std::uint8_t> state_;
   Ball ball_;
+  double noise_ = 0.0;  ///< around the seed
   bool mixed_ = false;  ///< another sheet is near: its points are left out
 };
 

@@ -5,6 +5,7 @@
 
 #include <vector>
 
+#include "toolkit/smooth/noise_field.h"
 #include "toolkit/smooth/quadric.h"
 #include "toolkit/smooth/smooth_without.h"
 #include "toolkit/smooth/surround.h"
@@ -16,6 +17,7 @@ struct Patch {
   double support = 0.0;      ///< mm from quadric.at, along the tangent plane: its weight ends there
   double spacing = 0.0;      ///< of its points, mm
   double sigma = 0.0;        ///< of its points about it, mm
+  double noise = 0.0;        ///< of points around it, mm: sigma is no less for certain
   double slope_error = 0.0;  ///< a standard error of its normal
   int points = 0;            ///< that it follows
   double trust = 1.0;        ///< weight beside others: by how well it is known, at most 1
@@ -26,7 +28,7 @@ struct Patch {
 
 struct CoverRule {
   double detail = 2.0;  ///< standard errors before a deviation is shape
-  double noise = 0.0;   ///< of a point, mm
+  const NoiseField& noise;
   SmoothWithout without{};
 };
 

@@ -103,22 +103,25 @@ bool gather_first(const SmoothPoints& points, std::size_t i, Ball& ball) {
   return true;
 }
 
+double NoiseProbe::noise_at(const SmoothPoints& points, std::size_t i, double& spacing) {
+  QuadricFit fit;
+  if (!gather_first(points, i, ball_)) return -1.0;
+  spacing = ball_.radius / kFirstRadius;
+  ball_.gather(points, points[i], kNoiseRadiusSpacings * spacing);
+  if (!fit_quadric(ball_, {}, nullptr, fit)) return -1.0;
+  static_cast<void>(separate_sheets(ball_, spacing, 0.0, fit));
+  return fit.sigma;
+}
+
 double measure_noise(const SmoothPoints& points, int threads) {
   const std::size_t n = points.size();
   const std::size_t stride = std::max<std::size_t>(n / kNoiseSamples, 1);
   const std::size_t samples = (n + stride - 1) / stride;
   std::vector<double> sigma(samples, -1.0);
   parallel_chunks(samples, 16, threads, [&](std::size_t begin, std::size_t end) {
-    Ball ball;
-    QuadricFit fit;
-    for (std::size_t i = begin; i < end; ++i) {
-      if (!gather_first(points, i * stride, ball)) continue;
-      const double spacing = ball.radius / kFirstRadius;
-      ball.gather(points, points[i * stride], kNoiseRadiusSpacings * spacing);
-      if (!fit_quadric(ball, {}, nullptr, fit)) continue;
-      static_cast<void>(separate_sheets(ball, spacing, 0.0, fit));
-      sigma[i] = fit.sigma;
-    }
+    NoiseProbe probe;
+    double spacing = 0.0;
+    for (std::size_t i = begin; i < end; ++i) sigma[i] = probe.noise_at(points, i * stride, spacing);
   });
   std::erase_if(sigma, [](double s) { return s < 0.0; });
   if (sigma.empty()) return 0.0;

@@ -13,6 +13,17 @@ inline constexpr double kFirstRadius = 2.2;
 /// it. Its radius over kFirstRadius is the spacing there. False where the point stands alone.
 [[nodiscard]] bool gather_first(const SmoothPoints& points, std::size_t i, Ball& ball);
 
+/// The noise at single places. Belongs to one thread.
+class NoiseProbe {
+ public:
+  /// Of the points about a quadric around point i, mm, and their spacing there; less than 0 where the point
+  /// stands alone.
+  [[nodiscard]] double noise_at(const SmoothPoints& points, std::size_t i, double& spacing);
+
+ private:
+  Ball ball_;
+};
+
 /// The noise of the points about a smooth surface, mm: the median over some hundreds of places. O(1).
 [[nodiscard]] double measure_noise(const SmoothPoints& points, int threads);
 

@@ -71,9 +71,8 @@ struct FaceOf {
 
 class FoldFinder {
  public:
-  FoldFinder(const SmoothPoints& points, double noise, const std::vector<Patch>& patches,
-             const PatchCells& cells)
-      : points_(points), noise_(noise), patches_(patches), cells_(cells) {}
+  FoldFinder(const SmoothPoints& points, const std::vector<Patch>& patches, const PatchCells& cells)
+      : points_(points), patches_(patches), cells_(cells) {}
 
   /// The two patches whose fold a patch's points follow, or none.
   Fold of(std::uint32_t index) {
@@ -81,7 +80,7 @@ class FoldFinder {
     find_faces(p);
     if (!any_crease()) return {};
     ball_.gather(points_, p.quadric.at, p.support);
-    const double sigma = std::max(noise_, kFoldSpacings * p.spacing);
+    const double sigma = std::max(p.noise, kFoldSpacings * p.spacing);
     const double own = cost_of(p, 1.0 / sigma), most = own - kBetterBy;
     for (std::size_t k = 0; k < faces_.size(); ++k) fill(patches_[faces_[k].patch], 1.0 / sigma, off_[k]);
     double least = most;
@@ -178,7 +177,6 @@ class FoldFinder {
   }
 
   const SmoothPoints& points_;
-  double noise_;
   const std::vector<Patch>& patches_;
   const PatchCells& cells_;
   Ball ball_;
@@ -189,12 +187,12 @@ class FoldFinder {
 
 }  // namespace
 
-void part_folded(const SmoothPoints& points, double noise, std::vector<Patch>& patches, int threads) {
+void part_folded(const SmoothPoints& points, std::vector<Patch>& patches, int threads) {
   if (patches.empty()) return;
   std::vector<Fold> folds(patches.size());
   const PatchCells cells(patches);
   parallel_chunks(patches.size(), kFoldGrain, threads, [&](std::size_t begin, std::size_t end) {
-    FoldFinder finder(points, noise, patches, cells);
+    FoldFinder finder(points, patches, cells);
     for (std::size_t i = begin; i < end; ++i) folds[i] = finder.of(static_cast<std::uint32_t>(i));
   });
   // A face must itself stay: it follows more points, and its fate is known.

@@ -11,6 +11,6 @@ namespace palpate::render {
 /// Puts two pieces in the place of each patch whose points two larger patches explain better by a fold: one
 /// of each of these. Keeps the order of the others. The same for any number of threads.
 /// O(patches x overlaps).
-void part_folded(const SmoothPoints& points, double noise, std::vector<Patch>& patches, int threads);
+void part_folded(const SmoothPoints& points, std::vector<Patch>& patches, int threads);
 
 }  // namespace palpate::render

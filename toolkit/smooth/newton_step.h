@@ -12,14 +12,16 @@ namespace palpate::render {
 /// at a saddle, and Newton's step would be any.
 inline constexpr double kLeastCurvature = 0.2;
 
-/// One Newton step of the nearest place to h on the level set through `at`.
+/// One Newton step of the nearest place to h on the level set through `at`. Not `exact`: with the Hessian of
+/// a plane.
 struct NewtonStep {
   Vec3 along = Vec3::Zero();   ///< the tangent plane
   Vec3 normal = Vec3::Zero();  ///< unit, of growing distance
   double lift = 0.0;           ///< along the normal, back to the surface
 };
 
-[[nodiscard]] inline NewtonStep newton_step(const Jet& jet, const Vec3& d, double longest) noexcept {
+[[nodiscard]] inline NewtonStep newton_step(const Jet& jet, const Vec3& d, double longest,
+                                            bool exact = true) noexcept {
   NewtonStep s;
   const Vec3 g = jet.gradient.cast<double>();
   const double size_sq = g.squaredNorm();
@@ -44,7 +46,7 @@ struct NewtonStep {
   };
   const Vec3 he = second(e), hf = second(f);
   const double ee = e.dot(he), ef = f.dot(he), ff = f.dot(hf);
-  const double lambda = depth * per;
+  const double lambda = exact ? depth * per : 0.0;
   double p = 1.0 + lambda * ee, q = lambda * ef, r = 1.0 + lambda * ff;
   const double middle = 0.5 * (p + r), half = 0.5 * (p - r);
   double determinant = p * r - q * q;

@@ -78,14 +78,15 @@ double agreement(const Patch& a, const Patch& b) {
 }
 
 /// Of two patches that continue each other with the same side up.
-Turn turn_between(const SmoothPoints& points, double noise, const Patch& a, const Patch& b) {
+Turn turn_between(const SmoothPoints& points, const Patch& a, const Patch& b) {
   Vec3 at;
   if (!meet(a, b, at)) return Turn::kNone;
   const double sine = (normal_at(a.quadric, at) - normal_at(b.quadric, at)).norm();
   if (sine < std::max(kCreaseSine, kCreaseErrors * std::hypot(a.slope_error, b.slope_error)))
     return Turn::kNone;
   const double spacing = std::max(a.spacing, b.spacing);
-  const double on = std::max(kOnFaceSigmas * std::max({a.sigma, b.sigma, noise}), kOnFaceSpacings * spacing);
+  const double on =
+      std::max(kOnFaceSigmas * std::max({a.sigma, b.sigma, a.noise, b.noise}), kOnFaceSpacings * spacing);
   int all = 0, of_a = 0, of_b = 0, ridge = 0, valley = 0;
   points.in_ball(at, kFirstRadius * spacing, [&](std::uint32_t, const Vec3& d, double) {
     const double ra = a.quadric.residual(at + d), rb = b.quadric.residual(at + d);
@@ -229,7 +230,7 @@ void drop_strays(std::vector<Patch>& patches, std::vector<Link>& links, Sides& s
 
 }  // namespace
 
-PatchLinks link_patches(const SmoothPoints& points, double noise, std::vector<Patch>& patches, int threads,
+PatchLinks link_patches(const SmoothPoints& points, std::vector<Patch>& patches, int threads,
                         const SmoothWithout& without) {
   std::vector<Link> links = find_links(patches, threads);
   Sides sides(patches.size());
@@ -245,7 +246,7 @@ PatchLinks link_patches(const SmoothPoints& points, double noise, std::vector<Pa
     for (std::size_t i = begin; i < end; ++i) {
       const Patch &a = patches[links[i].a], &b = patches[links[i].b];
       stands[i] = agreement(a, b) > 0.0;
-      if (stands[i] != 0 && !without.creases && a.sure && b.sure) turn[i] = turn_between(points, noise, a, b);
+      if (stands[i] != 0 && !without.creases && a.sure && b.sure) turn[i] = turn_between(points, a, b);
       if (turn[i] == Turn::kUnclear) stands[i] = 0;
     }
   });

@@ -30,7 +30,7 @@ struct PatchLinks {
 
 /// Links the patches and turns their normals to one side of each connected sheet (the sheet's own; a surface
 /// with one side gets a seam). Deterministic; O(patches x overlaps).
-[[nodiscard]] PatchLinks link_patches(const SmoothPoints& points, double noise, std::vector<Patch>& patches,
-                                      int threads, const SmoothWithout& without = {});
+[[nodiscard]] PatchLinks link_patches(const SmoothPoints& points, std::vector<Patch>& patches, int threads,
+                                      const SmoothWithout& without = {});
 
 }  // namespace palpate::render

@@ -126,7 +126,7 @@ bool SmoothContact::update(const Vec3& h_mm, FrameCounters& counters) noexcept {
   bound_hit_ = false;
   const Vec3 h = grid_->in_voxels(h_mm);
   if (contact_) {
-    if (follow_quickly(h)) return true;
+    if (!without_.settling && follow_quickly(h)) return true;
   } else if ((h - looked_at_).squaredNorm() < clear_ * clear_ && clear_ > 0.0) {
     tested_to_ = h;
     return false;
@@ -144,7 +144,7 @@ bool SmoothContact::follow_quickly(const Vec3& h) noexcept {
   Jet jet;
   for (int i = 0; i < kQuickSteps; ++i) {
     if (!look(at, cube, brick, side, jet)) return false;
-    const NewtonStep s = newton_step(jet, h - at, kLongestStep);
+    const NewtonStep s = newton_step(jet, h - at, kLongestStep, !without_.hessian);
     at += s.along + s.normal * s.lift;
     const double length_sq = s.along.squaredNorm() + s.lift * s.lift;
     if (!(length_sq < kSettled * kSettled)) continue;
@@ -171,8 +171,9 @@ SmoothContact::Stay SmoothContact::descend(const Vec3& h, int& steps, FrameCount
   if (!look(god_, cube_, brick_, side_, jet)) return Stay::kPastBorder;
   double longest = kLongestStep;
   while (steps > 0) {
-    const NewtonStep s = newton_step(jet, h - god_, longest);
+    const NewtonStep s = newton_step(jet, h - god_, longest, !without_.hessian);
     normal_ = s.normal;
+    if (without_.settling && (h - god_).dot(s.normal) * static_cast<double>(side_) > kOut) return Stay::kOut;
     if (s.along.squaredNorm() < kSettled * kSettled && std::abs(s.lift) < kSettled) {
       god_ += s.along + s.normal * s.lift;
       moved_ = god_ - start;
@@ -266,7 +267,9 @@ bool SmoothContact::update_slowly(const Vec3& h, FrameCounters& counters) noexce
           break;
         case Stay::kOut:
           // Its way out of the surface is still to be tested, from a place that is clear of it.
-          if (!find_clear(h, tested_to_)) {
+          if (without_.clearing) {
+            tested_to_ = h;
+          } else if (!find_clear(h, tested_to_)) {
             // Where sheets crowd, none of these places may be clear. A HIP still near stays in contact; one
             // that is out by more than they reach is free, or it would be held for ever.
             if (!((h - god_).squaredNorm() > kClearOfMost * kClearOfMost)) return true;

@@ -8,6 +8,7 @@
 
 #include "toolkit/render/renderer.h"
 #include "toolkit/smooth/brick_grid.h"
+#include "toolkit/smooth/smooth_without.h"
 
 namespace palpate::render {
 
@@ -40,6 +41,8 @@ class SmoothContact {
     return piece < free_side_.size() ? free_side_[piece] : 0.0f;
   }
   [[nodiscard]] bool contact() const noexcept { return contact_; }
+  /// For ablation: what of a frame is left out.
+  void leave_out(const SmoothWithout& without) noexcept { without_ = without; }
   /// Steps of the god object in a frame, at most; what is left is done in the next.
   void bound_steps(int most) noexcept { most_steps_ = most; }
   [[nodiscard]] bool bound_hit() const noexcept { return bound_hit_; }
@@ -82,6 +85,7 @@ class SmoothContact {
   const BrickGrid* grid_ = nullptr;
   bool contact_ = false;
   int most_steps_ = kMaxNewtonSteps;
+  SmoothWithout without_;
   bool bound_hit_ = false;
   // In contact.
   Vec3 god_ = Vec3::Zero();

@@ -84,10 +84,10 @@ std::uint64_t cubes_through(const SmoothPoints& points, double edge_mm) {
   return static_cast<std::uint64_t>(sum);
 }
 
-SmoothDecision measure(const SmoothPoints& points, const SmoothBuild& build, int threads) {
+SmoothDecision measure(const SmoothPoints& points, const SmoothBuild& build, double noise_mm) {
   SmoothDecision out;
   out.spacing_mm = points.spacing_mm();
-  out.noise_mm = measure_noise(points, threads);
+  out.noise_mm = noise_mm;
   out.voxel_mm = out.spacing_mm > 0.0 ? build.voxel_spacings * out.spacing_mm : kAnyVoxel;
   // Far stray points: more cubes along an axis than a code has bits for are nobody's estimate any more.
   constexpr double kMostCubes = 1 << partition::kMortonBits;
@@ -125,7 +125,8 @@ Result<std::shared_ptr<const SmoothSurface>> build_surface(const cloud::Cloud& c
   const SmoothPoints points(cloud, context.threads);
   phases.end();
   phases.begin("noise");
-  const SmoothDecision measured = measure(points, build, context.threads);
+  const NoiseField noise(points, context.threads, build.without.places);
+  const SmoothDecision measured = measure(points, build, noise.median());
   if (measured.spacing_mm > 0.0) warn_of(find_doubts(points, measured.noise_mm, context.threads), phases);
   phases.end();
   auto out = std::make_shared<SmoothSurface>();
@@ -135,12 +136,11 @@ Result<std::shared_ptr<const SmoothSurface>> build_surface(const cloud::Cloud& c
   phases.begin("patches");
   Cover cover;
   if (measured.spacing_mm > 0.0)
-    cover = cover_points(points, {build.detail, measured.noise_mm, build.without}, context.threads);
-  if (!build.without.folds) part_folded(points, measured.noise_mm, cover.patches, context.threads);
+    cover = cover_points(points, {build.detail, noise, build.without}, context.threads);
+  if (!build.without.folds) part_folded(points, cover.patches, context.threads);
   phases.end();
   phases.begin("sheets");
-  const PatchLinks links =
-      link_patches(points, measured.noise_mm, cover.patches, context.threads, build.without);
+  const PatchLinks links = link_patches(points, cover.patches, context.threads, build.without);
   phases.end();
   phases.begin("bricks");
   out->grid = bake_bricks(points, cover.patches, links, measured.voxel_mm, context.threads, build.without);
@@ -269,7 +269,8 @@ Result<SmoothDecision> decide_smooth(const ModelInput& input, const SmoothBuild&
                                      const PrepareContext& context) {
   Result<SurfaceDecision> surface = decide_surface(input);
   if (!surface) return std::move(surface).error();
-  SmoothDecision out = measure(SmoothPoints(*input.cloud, context.threads), build, context.threads);
+  const SmoothPoints points(*input.cloud, context.threads);
+  SmoothDecision out = measure(points, build, measure_noise(points, context.threads));
   out.surface = *std::move(surface);
   return out;
 }

@@ -5,6 +5,7 @@
 namespace palpate::render {
 
 struct SmoothWithout {
+  bool places = false;      ///< the noise of all places is one
   bool robust = false;      ///< every point of a ball counts in a fit, however far off
   bool agreement = false;   ///< fits grow to 6.2 spacings whether they agree with smaller ones or not
   bool growth = false;      ///< fits keep their first radius, 2.2 spacings
@@ -18,6 +19,10 @@ struct SmoothWithout {
   bool sharpening = false;  ///< what the spline blurs stays blurred
   bool borders = false;     ///< surface where no points are around
   bool enclosure = false;   ///< closed pieces with holes are felt from both sides
+  // Of a frame.
+  bool hessian = false;   ///< the god object's steps go as far along the tangent plane as the HIP is
+  bool settling = false;  ///< let go once the HIP is above the tangent plane, settled or not
+  bool clearing = false;  ///< let go without asking the sheet's own distance
 
   friend bool operator==(const SmoothWithout&, const SmoothWithout&) = default;
 };

@@ -33,8 +33,9 @@ constexpr std::array<Step<stars::StarsWithout>, 6> kStarSteps = {
      {"borders", &stars::StarsWithout::borders},
      {"crossings", &stars::StarsWithout::crossings}}};
 
-constexpr std::array<Step<render::SmoothWithout>, 13> kSmoothSteps = {
-    {{"robust", &render::SmoothWithout::robust},
+constexpr std::array<Step<render::SmoothWithout>, 17> kSmoothSteps = {
+    {{"places", &render::SmoothWithout::places},
+     {"robust", &render::SmoothWithout::robust},
      {"agreement", &render::SmoothWithout::agreement},
      {"growth", &render::SmoothWithout::growth},
      {"separation", &render::SmoothWithout::separation},
@@ -46,7 +47,10 @@ constexpr std::array<Step<render::SmoothWithout>, 13> kSmoothSteps = {
      {"blend", &render::SmoothWithout::blend},
      {"sharpening", &render::SmoothWithout::sharpening},
      {"borders", &render::SmoothWithout::borders},
-     {"enclosure", &render::SmoothWithout::enclosure}}};
+     {"enclosure", &render::SmoothWithout::enclosure},
+     {"hessian", &render::SmoothWithout::hessian},
+     {"settling", &render::SmoothWithout::settling},
+     {"clearing", &render::SmoothWithout::clearing}}};
 
 std::vector<Ablation> ablations() {
   std::vector<Ablation> all;

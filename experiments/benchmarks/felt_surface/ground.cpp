@@ -90,9 +90,9 @@ trace::ProbePath border_path(double half) {
 
 /// Pressed down beside the ridge of a roof, slid along one face, and up; then across the ridge near its tip.
 /// At places by chance.
-trace::ProbePath ridge_path(double half, std::size_t frames) {
+trace::ProbePath ridge_path(double half, std::size_t frames, std::uint64_t seed) {
   constexpr double kAsideMm = 2.5, kAlongMm = 3.0, kTipShare = 0.25;
-  Random random(kSeed);
+  Random random(kSeed + seed);
   trace::ProbePath path;
   path.name = "ridge";
   add_point(path, {-0.5 * half, 0.0, kClearanceMm});
@@ -120,8 +120,8 @@ constexpr int kCornerStrokes = 200;
 
 /// A floor, z = 0, and a wall, x = 0, at random; they share no point. The wall goes on below the floor by a
 /// share of its half.
-cloud::Cloud corner_points(double below, std::size_t count) {
-  Random random(kSeed);
+cloud::Cloud corner_points(double below, std::size_t count, std::uint64_t seed) {
+  Random random(kSeed + seed);
   const double wall = 0.5 * (1.0 + below);  // its area as a part of the floor's
   std::vector<Vec3> points;
   while (points.size() < count) {
@@ -134,9 +134,9 @@ cloud::Cloud corner_points(double below, std::size_t count) {
 }
 
 /// From the quarter between floor and wall into their corner, along it, and out the way it came.
-trace::ProbePath corner_path() {
+trace::ProbePath corner_path(std::uint64_t seed) {
   constexpr double kAlongMm = 1.0;
-  Random random(kSeed);
+  Random random(kSeed + seed);
   trace::ProbePath path;
   path.name = "corner";
   add_point(path, {kClearanceMm, 0.0, kClearanceMm});
@@ -184,23 +184,24 @@ trace::ReferenceTrace free_reference(const trace::ProbePath& path, double half) 
   return reference;
 }
 
-Result<trace::ProbePath> weave(const Ground& ground, std::size_t frames) {
+Result<trace::ProbePath> weave(const Ground& ground, std::size_t frames, std::uint64_t seed) {
   trace::PathTarget target;
   target.surface = ground.surface.get();
   target.cloud = &ground.points();
   target.mesh = ground.mesh.get();
   target.box_mm = ground.points().box_mm();
   target.spacing_mm = ground.spacing_mm;
-  const std::string spec = fmt::format("weave:frames={}:speed_mm_s={}:depth_mm={}:clearance_mm={}:seed=1",
-                                       frames, kSpeedMmS, kDepthMm, kClearanceMm);
+  const std::string spec = fmt::format("weave:frames={}:speed_mm_s={}:depth_mm={}:clearance_mm={}:seed={}",
+                                       frames, kSpeedMmS, kDepthMm, kClearanceMm, 1 + seed);
   return trace::make_path(parse_named_options(spec).value(), target);
 }
 
 /// Points anywhere on the faces, even by area, with noise along the faces' normals.
-cloud::Cloud points_on_faces(const geometry::TriangleMesh& mesh, std::size_t count, double noise) {
+cloud::Cloud points_on_faces(const geometry::TriangleMesh& mesh, std::size_t count, double noise,
+                             std::uint64_t seed) {
   const geometry::FacetPicker picker(mesh);
   const double sigma = noise * std::sqrt(picker.area() / static_cast<double>(count));
-  Random random(kSeed);
+  Random random(kSeed + seed);
   std::vector<Vec3> points;
   for (std::size_t i = 0; i < count; ++i) {
     const geometry::FacetPicker::Pick place = picker.pick(random);
@@ -266,9 +267,9 @@ void add_model(Ground& ground, const std::string& name, cloud::Cloud&& points) {
   ground.scene.models.push_back(std::move(model));
 }
 
-Status add_scan_truth(Ground& ground, std::size_t frames, Progress& progress) {
+Status add_scan_truth(Ground& ground, std::size_t frames, std::uint64_t seed, Progress& progress) {
   PALPATE_ASSIGN(auto truth, baselines::MeshTruth::build(*ground.mesh, {}));
-  PALPATE_ASSIGN(ground.path, weave(ground, frames));
+  PALPATE_ASSIGN(ground.path, weave(ground, frames, seed));
   PALPATE_ASSIGN(ground.reference, baselines::mesh_reference(*truth, ground.path, kStiffness, 0.0, progress));
   ground.truth = std::move(truth);
   return Done{};
@@ -286,9 +287,9 @@ Status add_formula_truth(Ground& ground, const DataSet& set, std::size_t frames)
                  rim_deg = std::acos(-box.high_mm.z() / radius) * 180.0 / std::numbers::pi;
     ground.path = mouth_path(radius, rim_deg);
   } else if (set.stroke == Stroke::kRidge) {
-    ground.path = ridge_path(box.high_mm.x(), frames);
+    ground.path = ridge_path(box.high_mm.x(), frames, set.seed);
   } else {
-    PALPATE_ASSIGN(ground.path, weave(ground, frames));
+    PALPATE_ASSIGN(ground.path, weave(ground, frames, set.seed));
   }
   metrics::ReferenceOptions options;
   options.check_halving = false;
@@ -322,15 +323,15 @@ Result<Ground> make_ground(const DataSet& set, bool quick, std::size_t frames, P
     PALPATE_ASSIGN(ground.mesh, read_scan(set.generate, frame, progress));
     if (set.raw.empty()) {
       add_model(ground, set.name,
-                points_on_faces(*ground.mesh, quick ? kQuickScanPoints : kScanPoints, set.noise));
+                points_on_faces(*ground.mesh, quick ? kQuickScanPoints : kScanPoints, set.noise, set.seed));
     } else {
       PALPATE_ASSIGN(cloud::Cloud raw, read_raw(set.raw, frame, quick, progress));
       add_model(ground, set.name, std::move(raw));
     }
   } else if (set.stroke == Stroke::kCorner) {
     const double below = read_number(set.generate, {0.0, 1.0}).value();
-    add_model(ground, set.name, corner_points(below, quick ? kQuickCornerPoints : kCornerPoints));
-    ground.path = corner_path();
+    add_model(ground, set.name, corner_points(below, quick ? kQuickCornerPoints : kCornerPoints, set.seed));
+    ground.path = corner_path(set.seed);
     ground.reference = corner_reference(ground.path);
   } else {
     PALPATE_ASSIGN(cloud::GeneratedModel made,
@@ -340,7 +341,7 @@ Result<Ground> make_ground(const DataSet& set, bool quick, std::size_t frames, P
   }
   const neighbourhood::NeighbourTable nearest = neighbourhood::exact_knn(ground.points(), 0);
   ground.spacing_mm = neighbourhood::describe_spacing(ground.points(), nearest).nearest_mm.p50;
-  if (set.is_scan) PALPATE_TRY(add_scan_truth(ground, frames, progress));
+  if (set.is_scan) PALPATE_TRY(add_scan_truth(ground, frames, set.seed, progress));
   if (ground.surface != nullptr) PALPATE_TRY(add_formula_truth(ground, set, frames));
   PALPATE_TRY(metrics::fill_local_resolution(ground.reference, ground.path, ground.points(), nearest, {}));
   find_caught(ground);

@@ -1,5 +1,10 @@
 #include "experiments/benchmarks/felt_surface/sets.h"
 
+#include <fmt/format.h>
+
+#include "toolkit/cloud/generate.h"
+#include "toolkit/core/words.h"
+
 namespace palpate::felt {
 namespace {
 
@@ -114,6 +119,32 @@ const DataSet* find_set(std::string_view name) {
   for (const DataSet& set : data_sets())
     if (set.name == name) return &set;
   return nullptr;
+}
+
+Result<DataSet> choose_set(const std::string& name, std::uint64_t seed) {
+  DataSet set;
+  if (const DataSet* const known = find_set(name)) {
+    set = *known;
+  } else if (cloud::find_generator(name.substr(0, name.find(':'))) != nullptr) {
+    set.name = set.about = name;
+    set.generate = set.quick = name + ":mesh=false";
+  } else {
+    return Error{fmt::format("there is no set '{}'", name),
+                 "choose from " + joined(names_of(data_sets())) + ", or give a generator with its options",
+                 {},
+                 0};
+  }
+  set.seed = seed;
+  // A generator that leaves nothing to chance takes no seed.
+  const auto by_chance = [](const std::string& text) {
+    return text.find("sampling=") != std::string::npos || text.find("noise=") != std::string::npos ||
+           text.find("shuffle") != std::string::npos;
+  };
+  if (seed != 0 && by_chance(set.generate)) {
+    set.generate += fmt::format(":seed={}", 1 + seed);
+    set.quick += fmt::format(":seed={}", 1 + seed);
+  }
+  return set;
 }
 
 }  // namespace palpate::felt

@@ -1,9 +1,12 @@
 // The points that felt_surface tries renderers on, none of them the suite's.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include "toolkit/core/result.h"
 
 namespace palpate::felt {
 
@@ -30,9 +33,13 @@ struct DataSet {
   /// Of scans: the file of the raw points under PALPATE_DATA that the mesh was made of, in its frame; they
   /// are felt instead of points off the mesh.
   std::string raw;
+  std::uint64_t seed = 0;  ///< of points and path: 0, the usual ones; else others that nobody looked at
 };
 
 [[nodiscard]] const std::vector<DataSet>& data_sets();
 [[nodiscard]] const DataSet* find_set(std::string_view name);
+/// A set by its name, or one of a generator's text ("torus:points=5000"), which is woven over. With a seed,
+/// other points and paths by chance. Errors: neither.
+[[nodiscard]] Result<DataSet> choose_set(const std::string& name, std::uint64_t seed);
 
 }  // namespace palpate::felt

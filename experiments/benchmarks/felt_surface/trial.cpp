@@ -96,6 +96,43 @@ void look_at_errors(const Ground& ground, const trace::ForceTrace& trace, Row& r
   row.median_error_n = *middle;
 }
 
+/// Frames whose error exceeds this share of the largest belong to a mistake.
+constexpr double kMistaken = 0.1;
+
+/// Where most of the error is: runs of frames, the worst `most` of them.
+std::vector<Mistake> worst_mistakes(const Ground& ground, const trace::ForceTrace& trace, std::size_t most) {
+  std::vector<Mistake> all;
+  double sum = 0.0, largest = 0.0;
+  const auto error_at = [&](std::size_t i) {
+    return (trace.frames[i].force_n - ground.reference.frames[i].frame.force_n).norm();
+  };
+  for (std::size_t i = 0; i < trace.frames.size(); ++i) {
+    sum += error_at(i) * error_at(i);
+    largest = std::max(largest, error_at(i));
+  }
+  for (std::size_t i = 0; i < trace.frames.size();) {
+    Mistake run{i, i, 0.0};
+    double worst = 0.0;
+    for (; run.end < trace.frames.size() && error_at(run.end) > kMistaken * largest; ++run.end) {
+      const double error = error_at(run.end);
+      run.share += error * error / sum;
+      if (!(error > worst)) continue;
+      worst = error;
+      run.hip_mm = ground.path.hip_mm[run.end];
+      run.true_god_mm = ground.reference.frames[run.end].frame.god_object_mm;
+      run.felt_god_mm = trace.frames[run.end].god_object_mm;
+      run.true_contact = ground.reference.frames[run.end].frame.contact;
+      run.felt_contact = trace.frames[run.end].contact;
+    }
+    i = run.end + 1;
+    if (run.end > run.begin) all.push_back(run);
+  }
+  std::stable_sort(all.begin(), all.end(),
+                   [](const Mistake& a, const Mistake& b) { return a.share > b.share; });
+  if (all.size() > most) all.resize(most);
+  return all;
+}
+
 void look_at_free_frames(const Ground& ground, const trace::ForceTrace& trace, Row& row) {
   std::size_t free = 0, held = 0;
   for (std::size_t i = 0; i < trace.frames.size(); ++i) {
@@ -141,6 +178,7 @@ void look_at_free_frames(const Ground& ground, const trace::ForceTrace& trace, R
   row.energy_percent = energy.generated_percent;
   look_at_errors(ground, replayed.trace, row);
   look_at_free_frames(ground, replayed.trace, row);
+  if (options.mistakes > 0) row.mistakes = worst_mistakes(ground, replayed.trace, options.mistakes);
   row.contact_ns = row.all_ns = std::numeric_limits<double>::infinity();
   for (int pass = 0; pass < options.timed_passes; ++pass) {
     row.contact_ns = std::min(row.contact_ns, contact_pass(*renderer, ground));

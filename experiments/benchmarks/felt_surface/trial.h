@@ -21,6 +21,15 @@ struct Tried {
 /// Labels that are twice become the whole text.
 [[nodiscard]] Result<std::vector<Tried>> read_tried(const std::string& list);
 
+/// A run of frames, with or without contact, in which the force is off.
+struct Mistake {
+  std::size_t begin = 0, end = 0;  ///< frames
+  double share = 0.0;              ///< of the sum of the squared errors of all frames
+  Vec3 hip_mm = Vec3::Zero();      ///< where it is worst, ..
+  Vec3 true_god_mm = Vec3::Zero(), felt_god_mm = Vec3::Zero();  ///< .. and the god objects there
+  bool true_contact = false, felt_contact = false;
+};
+
 struct Row {
   std::string set, renderer;
   std::string failed;  ///< why there is nothing more; empty: it ran
@@ -43,6 +52,7 @@ struct Row {
   std::uint64_t bound_hits = 0;
   std::string trace_hash;
   std::vector<std::string> warnings;
+  std::vector<Mistake> mistakes;  ///< the worst first
 };
 
 struct TrialOptions {
@@ -51,6 +61,7 @@ struct TrialOptions {
   int timed_passes = 3;
   int threads = 0;
   double prepare_limit_s = 0.0;  ///< 0 = none
+  std::size_t mistakes = 0;      ///< to be told of, at most
 };
 
 [[nodiscard]] Row run_trial(const DataSet& set, const Ground& ground, const Tried& tried,

@@ -140,7 +140,8 @@ void FalconBoard::take_packet(std::uint8_t byte) {
   reply.homed = static_cast<std::uint8_t>(faults.lost_homing ? homed & 5U : homed);
   FalconBytes bytes = encoded(reply);
   if (faults.garbled) bytes[7] = 'z';
-  answer(bytes);
+  if (!instead) return answer(bytes);
+  for (const std::vector<std::uint8_t>& one : instead({bytes.begin(), bytes.end()})) answer(one);
 }
 
 bool FalconBoard::due(std::int64_t now_ns) const {

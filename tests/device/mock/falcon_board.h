@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <optional>
 #include <span>
 #include <vector>
@@ -47,7 +48,9 @@ class FalconBoard {
   std::array<int, 3> counts{};  ///< of the legs
   std::uint8_t buttons = 0, homed = 0;
   std::size_t most_per_packet = 62;  ///< payload: fewer tears replies
-  bool echo_motors = false;          ///< replies carry the motors' commands: which answers which
+  /// What comes instead of a reply; empty: it does itself.
+  std::function<std::vector<std::vector<std::uint8_t>>(std::vector<std::uint8_t>)> instead{};
+  bool echo_motors = false;  ///< replies carry the motors' commands: which answers which
   void run_firmware() { stage_ = Stage::kRunning; }
   void power_cycle();
   /// All legs, at the pose of these counts.

@@ -1,0 +1,161 @@
+#include "experiments/live/stand_in.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <utility>
+
+#include "toolkit/core/random.h"
+#include "toolkit/partition/uniform_grid.h"
+
+namespace palpate::experiments {
+namespace {
+
+constexpr const char* kStandInName = "cloud";
+/// So many points are looked at for each that is kept: a cell of the right size then holds four on average,
+/// and one in fifty cells of the surface (e^-4) none.
+constexpr std::size_t kLookedAtForOne = 4;
+constexpr std::uint64_t kLookSeed = 20'161'123;
+/// Sizes of cells that are tried. Cells of a surface grow fewer by the square of their edge, so that the
+/// second is nearly right; rough surfaces take another.
+constexpr int kCellTries = 3;
+constexpr int kThinThreads = 1;
+
+std::vector<float> taken(const std::vector<float>& values, const std::vector<std::uint32_t>& kept) {
+  std::vector<float> some;
+  if (values.empty()) return some;
+  some.reserve(kept.size());
+  for (const std::uint32_t i : kept) some.push_back(values[i]);
+  return some;
+}
+
+cloud::Cloud part_of(const cloud::Cloud& cloud, const std::vector<std::uint32_t>& kept) {
+  cloud::Cloud part;
+  part.origin_mm = cloud.origin_mm;
+  part.x_mm = taken(cloud.x_mm, kept);
+  part.y_mm = taken(cloud.y_mm, kept);
+  part.z_mm = taken(cloud.z_mm, kept);
+  for (const cloud::Property& property : cloud.properties)
+    part.properties.push_back({property.name, taken(property.values, kept)});
+  return part;
+}
+
+/// One of each run of numbers: every part of a file is looked at.
+std::vector<std::uint32_t> one_of_each_run(std::size_t n, std::size_t runs) {
+  std::vector<std::uint32_t> looked;
+  looked.reserve(runs);
+  Random random(kLookSeed);
+  for (std::size_t run = 0; run < runs; ++run) {
+    const std::size_t begin = run * n / runs, end = (run + 1) * n / runs;
+    looked.push_back(static_cast<std::uint32_t>(begin + random.below(end - begin)));
+  }
+  return looked;
+}
+
+/// The first place of every cell.
+std::vector<std::uint32_t> one_of_each_cell(const cloud::Cloud& cloud, const partition::UniformGrid& grid) {
+  std::vector<std::uint32_t> firsts;
+  partition::Cell last{-1, -1, -1};
+  for (const std::uint32_t point : grid.order()) {
+    const partition::Cell cell = grid.cell_of(cloud.local_mm(point));
+    if (cell.x != last.x || cell.y != last.y || cell.z != last.z) firsts.push_back(point);
+    last = cell;
+  }
+  std::sort(firsts.begin(), firsts.end());
+  return firsts;
+}
+
+/// An edge of cells of which about `cells` hold points.
+partition::UniformGrid grid_of_cells(const cloud::Cloud& cloud, std::size_t cells) {
+  const Vec3 extent = cloud.box_mm().extent_mm();
+  // As if the points lay on one face of the box.
+  double cell_mm = extent.norm() / std::sqrt(static_cast<double>(cells));
+  partition::UniformGrid grid = partition::UniformGrid::build(cloud, cell_mm, kThinThreads);
+  for (int tried = 1; tried < kCellTries; ++tried) {
+    cell_mm *= std::sqrt(static_cast<double>(grid.occupied_cells()) / static_cast<double>(cells));
+    grid = partition::UniformGrid::build(cloud, cell_mm, kThinThreads);
+  }
+  return grid;
+}
+
+std::shared_ptr<const surface::PointProperties> taken_of(const surface::PointProperties& all,
+                                                         const std::vector<std::uint32_t>& kept) {
+  return std::make_shared<const surface::PointProperties>(
+      surface::PointProperties{taken(all.stiffness_n_per_mm, kept), taken(all.static_friction, kept),
+                               taken(all.dynamic_friction, kept), taken(all.deformation, kept)});
+}
+
+render::ModelInput coarse(const render::ModelInput& model, std::size_t points) {
+  render::ModelInput part = model;
+  ThinnedCloud thin = thinned(*model.cloud, points);
+  if (model.surface.per_point) part.surface.per_point = taken_of(*model.surface.per_point, thin.kept);
+  part.cloud = std::make_shared<const cloud::Cloud>(std::move(thin.cloud));
+  part.original_mesh = nullptr;
+  return part;
+}
+
+}  // namespace
+
+ThinnedCloud thinned(const cloud::Cloud& cloud, std::size_t points) {
+  ThinnedCloud thin;
+  const std::size_t most = std::max<std::size_t>(points, 1);
+  const std::vector<std::uint32_t> looked =
+      one_of_each_run(cloud.size(), std::min(cloud.size(), kLookedAtForOne * most));
+  if (cloud.size() <= most) {
+    thin.kept = looked;
+  } else {
+    const cloud::Cloud some = part_of(cloud, looked);
+    for (const std::uint32_t place : one_of_each_cell(some, grid_of_cells(some, most)))
+      thin.kept.push_back(looked[place]);
+  }
+  thin.cloud = part_of(cloud, thin.kept);
+  return thin;
+}
+
+std::string StandIn::text() const {
+  return fmt::format("{} on {} of {} points", request.name, points, of_points);
+}
+
+std::optional<StandIn> stand_in_for(const LiveArguments& arguments, const std::vector<LiveSetting>& settings,
+                                    const render::SceneInput& scene, const render::Registry& registry) {
+  const auto wanted = static_cast<std::size_t>(arguments.stand_in);
+  if (arguments.link == nullptr || arguments.accelerated || !arguments.record.empty() || wanted == 0)
+    return std::nullopt;
+  StandIn stand_in;
+  for (const render::ModelInput& model : scene.models) {
+    if (model.surface.dent.any() || model.moves) return std::nullopt;
+    stand_in.of_points += model.cloud->size();
+  }
+  if (stand_in.of_points <= wanted) return std::nullopt;
+  stand_in.input = scene;
+  const double share = static_cast<double>(wanted) / static_cast<double>(stand_in.of_points);
+  for (render::ModelInput& model : stand_in.input.models) {
+    model =
+        coarse(model, static_cast<std::size_t>(std::ceil(share * static_cast<double>(model.cloud->size()))));
+    stand_in.points += model.cloud->size();
+  }
+  const render::RendererInfo* first = registry.find(settings.front().request.name);
+  if (first != nullptr && first->name.starts_with(kStandInName))
+    stand_in.request = settings.front().request;
+  else
+    stand_in.request = {kStandInName, kStandInName, {}};
+  const render::RendererInfo* info = registry.find(stand_in.request.name);
+  if (info == nullptr || !registry.check_supports(*info, stand_in.input)) return std::nullopt;
+  return stand_in;
+}
+
+LiveRenderer described(const LiveSetting& setting, const MadeRenderer& made) {
+  LiveRenderer shown;
+  shown.label = setting.request.label;
+  shown.name = setting.request.name;
+  const render::Description words = made.renderer->describe();
+  for (const auto& [key, value] : words.options.all()) shown.options.emplace_back(key, value);
+  shown.prepare_ms = made.report.total_ms;
+  shown.bytes = made.report.bytes;
+  shown.shared_bytes = made.report.shared_bytes;
+  return shown;
+}
+
+}  // namespace palpate::experiments

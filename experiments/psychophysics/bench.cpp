@@ -1,0 +1,208 @@
+#include "experiments/psychophysics/bench.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "experiments/live/hand.h"
+#include "experiments/psychophysics/felt_renderers.h"
+#include "toolkit/core/try.h"
+#include "toolkit/core/words.h"
+
+namespace palpate::experiments::psychophysics {
+namespace {
+
+// In catch trials of a comparison the other thing is A with half of the scene's stiffness: more than three
+// times the largest Weber fraction that is known for it (8 to 23 %), and neither clipped nor unstable.
+constexpr double kCatchStiffness = 0.5;
+// Frames of the path on which the hand looks for a place, and along which it explores.
+constexpr int kPathFrames = 4000;
+// Waypoints of a task are so far apart.
+constexpr double kGoalEveryS = 5e-3;
+// Beyond the intervals and delays of a trial there is room for so much waiting: for a hand that lifts off
+// late.
+constexpr double kWaitingS = 10.0;
+// Of a task: free at its ends, so that the next thing can take over. Shares of the interval.
+constexpr double kDownFrom = 0.1, kDownAt = 0.35, kTurnAt = 0.5, kUpFrom = 0.65, kUpAt = 0.8;
+
+bool changes_scene(const std::string& key) {
+  return key == "spacing" || key == "noise";
+}
+
+/// The plan's scene, with the option that changes it at this value.
+Status set_in_scene(scene::SceneFile& file, const std::string& key, double value, const std::string& plan) {
+  for (scene::SceneModel& model : file.models) {
+    if (!model.generate)
+      return Error{fmt::format("{} can only be turned on a generated scene", key),
+                   "name a generator as the scene, such as sinusoid:points=10201", plan, 0};
+    Options options;
+    for (const auto& [name, text] : model.generate->options.all())
+      if (key != "spacing" || (name != "points" && name != "spacing_mm")) options.set(name, text);
+    options.set(key == "spacing" ? "spacing_mm" : "noise", fmt::format("{}", value));
+    model.generate->options = std::move(options);
+  }
+  return Done{};
+}
+
+/// The task of a hand at a place, within an interval.
+Result<device::HandScript> task_at(const std::string& hand, const device::TaskPlace& place, double depth_mm,
+                                   double interval_s) {
+  const device::TaskSizes sizes;
+  // Who goes aside begins as high above the place: free over slopes of up to 45 degrees.
+  const double above_mm = hand == "slide" ? std::max(sizes.above_mm, 0.5 * sizes.travel_mm) : sizes.above_mm;
+  const Vec3 up = above_mm * place.normal, down = -depth_mm * place.normal;
+  const Vec3 aside = hand == "slide" ? Vec3(0.5 * sizes.travel_mm * place.along) : Vec3(Vec3::Zero());
+  const Vec3 from = place.point_mm - aside, to = place.point_mm + aside;
+  std::vector<double> t_s;
+  for (const double share : {0.0, kDownFrom, kDownAt, kTurnAt, kUpFrom, kUpAt, 1.0})
+    t_s.push_back(share * interval_s);
+  return device::HandScript::create(
+      hand, std::move(t_s), {from + up, from + up, from + down, to + down, from + down, from + up, from + up},
+      device::HandScript::Between::kMinimumJerk);
+}
+
+/// Along the path and the same way back.
+Result<device::HandScript> exploring_task(const trace::ProbePath& path, const device::DeviceMap& map,
+                                          double interval_s) {
+  std::vector<double> t_s;
+  std::vector<Vec3> goal_mm;
+  const double rows_a_s = static_cast<double>(path.size() - 1) / (path.t_s.back() - path.t_s.front());
+  for (double t = 0.0; t < interval_s; t += kGoalEveryS) {
+    const double way_s = std::min(t, kUpAt * interval_s - t);
+    const auto row = static_cast<std::size_t>(std::max(0.0, way_s) * rows_a_s);
+    t_s.push_back(t);
+    goal_mm.push_back(map.device_mm(path.hip_mm[std::min(row, path.size() - 1)]));
+  }
+  return device::HandScript::create("explore", std::move(t_s), std::move(goal_mm),
+                                    device::HandScript::Between::kStraight);
+}
+
+}  // namespace
+
+const std::vector<std::string>& bench_hands() {
+  static const std::vector<std::string> kHands = {"press", "slide", "explore"};
+  return kHands;
+}
+
+Bench::Bench(const Plan& plan, const BenchOptions& options)
+    : plan_(plan), options_(options), registry_(all_renderers()) {}
+
+Result<std::unique_ptr<Bench::Bay>> Bench::make_bay(std::optional<double> value, Progress& progress) const {
+  RunArguments run;
+  run.scene = plan_.scene;
+  run.reference = "none";  // nothing is scored
+  ProgressBar quiet;
+  PALPATE_ASSIGN(CheckedRun checked, check_run(run, registry_, quiet));
+  quiet.clear();
+  if (value) PALPATE_TRY(set_in_scene(checked.stage.scene, plan_.option->key, *value, plan_.name));
+  checked.stage.usual_frames = kPathFrames;
+  PALPATE_ASSIGN(Stage stage, set_up(checked.stage, all_readers(), progress));
+  auto bay = std::make_unique<Bay>();
+  bay->stage = std::make_unique<Stage>(std::move(stage));
+  bay->workshop.reset(new Workshop{*bay->stage, registry_, run.load.threads});
+  return bay;
+}
+
+Result<std::unique_ptr<Bench>> Bench::make(const Plan& plan, const BenchOptions& options,
+                                           Progress& progress) {
+  std::unique_ptr<Bench> bench(new Bench(plan, options));
+  PALPATE_TRY(bench->check_values());
+  PALPATE_ASSIGN(bench->standard_, bench->make_bay(std::nullopt, progress));
+  return bench;
+}
+
+std::uint8_t Bench::lanes() const noexcept {
+  return plan_.compares() && plan_.catch_every > 0 ? kLaneOfCatch : kLaneOfB;
+}
+
+Passes Bench::passes(const Trial& trial) const noexcept {
+  Passes passes;
+  passes.count = trial.shown.size();
+  passes.interval_s = plan_.interval_s;
+  passes.delay_s = plan_.switch_delay_s;
+  const bool easy = plan_.compares() && trial.kind == TrialKind::kCatch;
+  for (std::size_t i = 0; i < passes.count; ++i)
+    passes.lanes[i] = trial.shown[i] == 'A' ? kLaneOfA : easy ? kLaneOfCatch : kLaneOfB;
+  return passes;
+}
+
+std::size_t Bench::most_samples() const noexcept {
+  const double seconds =
+      static_cast<double>(intervals_of(plan_.task)) * (plan_.interval_s + plan_.switch_delay_s) + kWaitingS;
+  return static_cast<std::size_t>(seconds * options_.rate_hz);
+}
+
+/// `value` counts where an option is turned.
+Result<LiveSetting> Bench::setting(std::uint8_t lane, double value) const {
+  LiveSetting setting;
+  const std::string& text = plan_.option ? plan_.option->renderer : lane == kLaneOfB ? plan_.b : plan_.a;
+  PALPATE_ASSIGN(const std::vector<RendererRequest> requests, parse_renderers(text, registry_));
+  setting.request = requests.front();
+  if (!plan_.option) return setting;
+  const std::string& key = plan_.option->key;
+  if (key == "stiffness")
+    setting.stiffness_n_per_mm = value;
+  else if (key != "rate" && !changes_scene(key))
+    setting.request.options.set(key, fmt::format("{}", value));
+  return setting;
+}
+
+Status Bench::check_values() const {
+  if (!plan_.option) return Done{};
+  std::vector<double> levels = plan_.levels;
+  levels.push_back(0.0);
+  levels.push_back(easiest_level(plan_));
+  for (const double level : levels) {
+    const double value = plan_.option->value_at(level);
+    const Error wrong{fmt::format("{} = {:g} is asked for, and cannot be felt", plan_.option->key, value),
+                      {},
+                      plan_.name,
+                      0};
+    const bool from_nothing = plan_.option->key == "noise";
+    if (!(from_nothing ? value >= 0.0 : value > 0.0))
+      return Error{wrong.what, "keep the differences within the standard", plan_.name, 0};
+    if (plan_.option->key == "rate" && value > options_.rate_hz)
+      return Error{wrong.what, fmt::format("the servo runs at {:g} Hz: keep below it", options_.rate_hz),
+                   plan_.name, 0};
+    PALPATE_ASSIGN(const LiveSetting made, setting(kLaneOfB, value));
+    const auto able = registry_.make(made.request.name, made.request.options);
+    if (!able) return Error{wrong.what + ": " + able.error().what, able.error().remedy, plan_.name, 0};
+  }
+  return Done{};
+}
+
+Result<Bench::Bay*> Bench::bay_of(double value, Progress& progress) {
+  if (!plan_.option || !changes_scene(plan_.option->key)) return standard_.get();
+  auto found = bays_.find(value);
+  if (found == bays_.end()) {
+    PALPATE_ASSIGN(std::unique_ptr<Bay> bay, make_bay(value, progress));
+    found = bays_.emplace(value, std::move(bay)).first;
+  }
+  return found->second.get();
+}
+
+Result<std::unique_ptr<render::HapticRenderer>> Bench::renderer(std::uint8_t lane, double level,
+                                                                Progress& progress) {
+  const double value = plan_.option ? plan_.option->value_at(lane == kLaneOfA ? 0.0 : level) : 0.0;
+  PALPATE_ASSIGN(Bay* const bay, bay_of(value, progress));
+  PALPATE_ASSIGN(LiveSetting made_as, setting(lane, value));
+  if (lane == kLaneOfCatch)
+    made_as.stiffness_n_per_mm =
+        kCatchStiffness * bay->stage->scene.input.models.front().surface.stiffness_n_per_mm;
+  PALPATE_ASSIGN(MadeRenderer made, make_live(*bay->workshop, made_as, progress));
+  if (plan_.option && plan_.option->key == "rate")
+    return std::unique_ptr<render::HapticRenderer>(
+        std::make_unique<HeldRate>(std::move(made.renderer), value));
+  return std::move(made.renderer);
+}
+
+Result<device::HandScript> Bench::task(const device::DeviceMap& map, Progress& progress) {
+  const trace::ProbePath& path = stage().path;
+  if (options_.hand == "explore") return exploring_task(path, map, plan_.interval_s);
+  PALPATE_ASSIGN(const std::unique_ptr<render::HapticRenderer> toucher, renderer(kLaneOfA, 0.0, progress));
+  PALPATE_ASSIGN(const device::TaskPlace place, touched_place(path, *toucher, map));
+  return task_at(options_.hand, place, options_.depth_mm, plan_.interval_s);
+}
+
+}  // namespace palpate::experiments::psychophysics

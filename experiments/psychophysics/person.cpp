@@ -1,0 +1,271 @@
+#include "experiments/psychophysics/person.h"
+
+#include <fmt/format.h>
+#include <poll.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <utility>
+
+#include "toolkit/core/try.h"
+
+namespace palpate::experiments::psychophysics {
+namespace {
+
+// Whoever has not lifted off by then is asked to once more.
+constexpr double kAskAgainS = 3.0;
+constexpr double kServoNsPerS = 1e9;
+
+/// What comes next from standard input, where that is no terminal: a terminal's keys go to the session.
+enum class Piped : std::uint8_t { kNothing, kKey, kEnd };
+Piped read_piped(char& key) {
+  pollfd input{STDIN_FILENO, POLLIN, 0};
+  if (poll(&input, 1, 0) <= 0) return Piped::kNothing;
+  return read(STDIN_FILENO, &key, 1) == 1 ? Piped::kKey : Piped::kEnd;
+}
+
+/// work() is the worker's, key() the main thread's.
+class PersonTasks final : public SessionTasks {
+ public:
+  PersonTasks(const Plan& plan, Bench& bench, Rig& rig, Ledger& ledger, const OutputFolder& folder,
+              Markers& markers, const Clock& clock)
+      : plan_(plan),
+        bench_(bench),
+        rig_(rig),
+        ledger_(ledger),
+        folder_(folder),
+        markers_(markers),
+        clock_(clock),
+        terminal_(isatty(STDIN_FILENO) != 0) {}
+
+  void work(double now_s) override {
+    if (!failed_.what.empty() || ended_) return;
+    if (const Status done = go_on(now_s); !done) {
+      failed_ = done.error();
+      rig_.assembly().request_stop();
+    }
+  }
+  void key(char pressed) override { key_.store(pressed, std::memory_order_release); }
+
+  /// Of the trial that the rig was made with.
+  void level_is(double level) { level_ = level; }
+  [[nodiscard]] const Error& failed() const { return failed_; }
+  [[nodiscard]] PersonSession session() const { return session_; }
+
+ private:
+  enum class Step : std::uint8_t { kNext, kBreak, kPrepare, kOffered, kBegin, kFelt, kAsk };
+
+  Status go_on(double now_s);
+  Status take_next();
+  Status prepare();
+  void begin(double now_s);
+  Status follow(double now_s);
+  Status ask(double now_s);
+  void end(const std::string& why);
+  void mark(const std::string& what, double servo_s);
+  char pressed();
+  void say(std::string text) { rig_.assembly().say(std::move(text)); }
+
+  const Plan& plan_;
+  Bench& bench_;
+  Rig& rig_;
+  Ledger& ledger_;
+  const OutputFolder& folder_;
+  Markers& markers_;
+  const Clock& clock_;
+  bool terminal_;
+  std::atomic<char> key_{0};
+  Step step_ = Step::kNext;
+  Trial trial_;
+  double level_ = 0.0;
+  std::unique_ptr<render::HapticRenderer> offered_;
+  std::uint32_t interval_said_ = 0;
+  Passage passage_said_ = Passage::kIdle;
+  double said_s_ = 0.0, asked_s_ = 0.0;
+  FeltTrial felt_;
+  bool ended_ = false;
+  Error failed_{};
+  PersonSession session_;
+};
+
+char PersonTasks::pressed() {
+  if (const char key = key_.exchange(0, std::memory_order_acquire); key != 0) return key;
+  if (terminal_) return 0;
+  char key = 0;
+  const Piped piped = read_piped(key);
+  if (piped == Piped::kEnd || (piped == Piped::kKey && key == 'q')) end("stopped");
+  return piped == Piped::kKey ? key : '\0';
+}
+
+void PersonTasks::end(const std::string& why) {
+  ended_ = true;
+  say(why);
+  rig_.assembly().request_stop();
+}
+
+void PersonTasks::mark(const std::string& what, double servo_s) {
+  const double now_s = static_cast<double>(clock_.now_ns()) / kServoNsPerS;
+  markers_.push(fmt::format("trial {} {}", trial_.number, what), std::max(0.0, now_s - servo_s));
+}
+
+Status PersonTasks::take_next() {
+  PALPATE_ASSIGN(const std::optional<Trial> next, ledger_.next());
+  if (!next || ledger_.session_over()) {
+    session_.complete = !next;
+    end(next ? "that is all for this session" : "that was the last one. Thank you");
+    return Done{};
+  }
+  trial_ = *next;
+  if (trial_.break_before) say("a break: rest as long as you like, then press space");
+  step_ = trial_.break_before ? Step::kBreak : Step::kPrepare;
+  return Done{};
+}
+
+/// The renderer of the trial's level is there before it begins.
+Status PersonTasks::prepare() {
+  if (plan_.compares() || trial_.level == level_) {
+    step_ = Step::kBegin;
+    return Done{};
+  }
+  if (!offered_) {
+    PALPATE_ASSIGN(offered_, rig_.renderer_of(trial_.level, no_progress()));
+  }
+  if (!rig_.conductor().calm() || !rig_.mixer().offer(offered_, kLaneOfB)) return Done{};
+  step_ = Step::kOffered;
+  return Done{};
+}
+
+void PersonTasks::begin(double now_s) {
+  if (!rig_.conductor().calm()) {
+    if (now_s - said_s_ > kAskAgainS) say("lift off, please"), said_s_ = now_s;
+    return;
+  }
+  interval_said_ = 0;
+  passage_said_ = Passage::kIdle;
+  rig_.conductor().begin(bench_.passes(trial_));
+  mark("begins", static_cast<double>(clock_.now_ns()) / kServoNsPerS);
+  step_ = Step::kFelt;
+}
+
+/// Prompts of the passages of a trial, and its end.
+Status PersonTasks::follow(double now_s) {
+  Conductor& conductor = rig_.conductor();
+  const Passage passage = conductor.passage();
+  const std::uint32_t interval = conductor.interval();
+  if (interval != interval_said_) {
+    interval_said_ = interval;
+    mark(fmt::format("interval {}", interval), conductor.since_s());
+    say(fmt::format("trial {}: touch {} of {}", trial_.number, interval, trial_.shown.size()));
+  }
+  if (passage == Passage::kLeaving && (passage_said_ != passage || now_s - said_s_ > kAskAgainS)) {
+    say("lift off");
+    said_s_ = now_s;
+  }
+  passage_said_ = passage;
+  if (passage == Passage::kStuck)
+    return Error{"a renderer of this plan cannot be felt any more: it took too long, or answered no number",
+                 "look at it with `palpate live`; the same command goes on from here", plan_.name, 0};
+  if (passage == Passage::kBroken) {
+    say("a fault stopped the trial; it begins anew");
+    ++session_.begun_again;
+    step_ = Step::kBegin;
+  }
+  if (passage != Passage::kDone) return Done{};
+  mark("ends", conductor.since_s());
+  felt_ = conductor.take();
+  PALPATE_TRY(write_trace(folder_, trial_.number, felt_));
+  say(question_of(plan_));
+  key_.store(0, std::memory_order_release);  // what was pressed while it was felt is no answer
+  asked_s_ = now_s;
+  step_ = Step::kAsk;
+  return Done{};
+}
+
+Status PersonTasks::ask(double now_s) {
+  const char key = pressed();
+  if (key == 0 || ended_) return Done{};
+  const int choice = choice_of(plan_.task, key);
+  if (choice < 0) return Done{};
+  Answer answer;
+  answer.choice = choice;
+  answer.confidence = 0;
+  answer.seconds = now_s - asked_s_;
+  answer.missed_deadlines = felt_.missed_deadlines;
+  answer.clipped_frames = felt_.clipped_frames;
+  mark(fmt::format("answer {}", choice + 1), static_cast<double>(clock_.now_ns()) / kServoNsPerS);
+  PALPATE_TRY(ledger_.enter(trial_, answer));
+  rig_.conductor().return_room(std::move(felt_));
+  step_ = Step::kNext;
+  return Done{};
+}
+
+Status PersonTasks::go_on(double now_s) {
+  switch (step_) {
+    case Step::kNext:
+      return take_next();
+    case Step::kBreak:
+      if (const char key = pressed(); key == ' ') step_ = Step::kPrepare;
+      return Done{};
+    case Step::kPrepare:
+      return prepare();
+    case Step::kOffered:
+      // The old one comes back once the new one knows where the hand is.
+      if (!rig_.mixer().take_retired()) return Done{};
+      level_ = trial_.level;
+      step_ = Step::kBegin;
+      return Done{};
+    case Step::kBegin:
+      begin(now_s);
+      return Done{};
+    case Step::kFelt:
+      return follow(now_s);
+    case Step::kAsk:
+      return ask(now_s);
+  }
+  return Done{};
+}
+
+}  // namespace
+
+std::string question_of(const Plan& plan) {
+  switch (plan.task) {
+    case Task::kAbx:
+      return "was the third like the first (a or 1), or like the second (b or 2)?";
+    case Task::kSameDifferent:
+      return "the same (s or 1), or different (d or 2)?";
+    case Task::kTwoInterval:
+      if (plan.option)
+        return fmt::format("which had {} {}: the first (1) or the second (2)?",
+                           plan.option->upwards ? "more" : "less", plan.option->key);
+      return "which was the second of the two that you practised: the first (1) or the second (2)?";
+    case Task::kYesNo:
+      break;
+  }
+  return "the one you practised first (1), or the other (2)?";
+}
+
+int choice_of(Task task, char key) noexcept {
+  if (key == '1') return 0;
+  if (key == '2') return 1;
+  if (task == Task::kAbx) return key == 'a' ? 0 : key == 'b' ? 1 : -1;
+  if (task == Task::kSameDifferent) return key == 's' ? 0 : key == 'd' ? 1 : -1;
+  return -1;
+}
+
+Result<PersonSession> ask_person(const Plan& plan, Bench& bench, SessionClock& clock, SessionDevice& device,
+                                 Ledger& ledger, const OutputFolder& folder, Markers& markers,
+                                 ProgressBar& progress) {
+  PALPATE_ASSIGN(const std::optional<Trial> first, ledger.next());
+  if (!first) return PersonSession{true, 0, {}};
+  PALPATE_ASSIGN(const std::unique_ptr<Rig> rig, Rig::make(bench, clock, device, first->level, progress));
+  PersonTasks tasks(plan, bench, *rig, ledger, folder, markers, clock.clock());
+  tasks.level_is(first->level);
+  const Result<SessionEnd> end = rig->run(tasks, progress);
+  if (!end) return end.error();
+  if (!tasks.failed().what.empty()) return tasks.failed();
+  PersonSession session = tasks.session();
+  session.notes = end->notes;
+  return session;
+}
+
+}  // namespace palpate::experiments::psychophysics

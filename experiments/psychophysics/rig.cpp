@@ -1,0 +1,167 @@
+#include "experiments/psychophysics/rig.h"
+
+#include <fmt/format.h>
+
+#include <iterator>
+
+#include "device/live/workspace.h"
+#include "experiments/live/moving_scene.h"
+#include "experiments/psychophysics/felt_renderers.h"
+#include "toolkit/core/try.h"
+
+namespace palpate::experiments::psychophysics {
+namespace {
+
+// A session of a person ends when the study does.
+constexpr double kLongestSessionS = 86'400.0;
+
+SessionSettings rig_settings(double rate_hz) {
+  SessionSettings settings;
+  settings.rate_hz = rate_hz;
+  settings.seconds = kLongestSessionS;
+  settings.label = "study";
+  return settings;
+}
+
+/// A single trial, and the end of the session with it.
+class OneTrial final : public SessionTasks {
+ public:
+  OneTrial(Rig& rig, const Passes& passes, double longest_s)
+      : rig_(rig), passes_(passes), longest_s_(longest_s) {}
+  void work(double now_s) override {
+    Conductor& conductor = rig_.conductor();
+    const Passage passage = conductor.passage();
+    if (passage == Passage::kIdle && conductor.calm()) conductor.begin(passes_);
+    if (passage == Passage::kDone || passage == Passage::kBroken || passage == Passage::kStuck ||
+        now_s > longest_s_)
+      rig_.assembly().request_stop();
+  }
+  void key(char /*pressed*/) override {}
+
+ private:
+  Rig& rig_;
+  Passes passes_;
+  double longest_s_;
+};
+
+geometry::Aabb box_of(const render::SceneInput& scene) {
+  geometry::Aabb box;
+  constexpr int kCorners = 8;
+  for (const render::ModelInput& model : scene.models) {
+    const geometry::Aabb own = model.cloud->box_mm();
+    for (int corner = 0; corner < kCorners; ++corner) {
+      Vec3 at = own.low_mm;
+      for (int axis = 0; axis < 3; ++axis)
+        if ((corner >> axis & 1) != 0) at[axis] = own.high_mm[axis];
+      box.add(model.world_from_model * at);
+    }
+  }
+  return box;
+}
+
+}  // namespace
+
+Status Rig::seat(SessionDevice& device, Progress& progress) {
+  const SessionSettings settings = rig_settings(bench_.options().rate_hz);
+  PALPATE_ASSIGN(limits_, device.limits());
+  PALPATE_ASSIGN(map_, device::map_for(box_of(bench_.stage().scene.input), limits_, {}));
+  PALPATE_ASSIGN(const device::ForceGovernor governor,
+                 device::ForceGovernor::create(limits_, Assembly::governor_options(settings)));
+  force_limit_n_ = governor.limit_n();
+  free_mm_ = bench_.stage().path.hip_mm.front();
+  if (!device.is_simulated_hand()) return Done{};
+  PALPATE_ASSIGN(task_, bench_.task(map_, progress));
+  const Vec3 start_mm = task_->at(0.0).position_mm;
+  free_mm_ = map_.world_mm(start_mm);
+  guide_ = std::make_shared<device::HandGuide>(start_mm);
+  device.hold(device::HandScript::guided("trials", guide_));
+  return Done{};
+}
+
+Status Rig::mix(double level, Progress& progress) {
+  device::SwitchOptions switching;
+  switching.rule = device::SwitchRule::kFreeSpace;
+  switching.device_force_max_n = limits_.force_max_n;
+  switching.force_limit_n = force_limit_n_;
+  switching.world_per_device = map_.world_per_device;
+  switching.period_s = 1.0 / bench_.options().rate_hz;
+  PALPATE_TRY(device::check(switching));
+  auto mixer = std::make_unique<device::Mixer>(switching, clock_.clock(), clock_.machine_clock());
+  mixer_ = mixer.get();
+  mixer->add(std::make_unique<Nothing>());
+  for (std::uint8_t lane = 1; lane <= bench_.lanes(); ++lane) {
+    PALPATE_ASSIGN(std::unique_ptr<render::HapticRenderer> made, bench_.renderer(lane, level, progress));
+    mixer->add(std::move(made));
+  }
+  const Stage& stage = bench_.stage();
+  control::ControlOptions around_all;
+  around_all.passivity = stage.scene.control.passivity;
+  felt_ = control::wrap(std::move(mixer), around_all);
+  // Once for all renderers: they see the models at one place.
+  if (stage.scene.input.simulation)
+    felt_ = std::make_unique<MovingScene>(std::move(felt_), *stage.scene.input.simulation);
+  return Done{};
+}
+
+Result<std::unique_ptr<Rig>> Rig::make(Bench& bench, SessionClock& clock, SessionDevice& device, double level,
+                                       Progress& progress) {
+  std::unique_ptr<Rig> rig(new Rig(bench, clock));
+  PALPATE_TRY(rig->seat(device, progress));
+  PALPATE_TRY(rig->mix(level, progress));
+  SessionSettings settings = rig_settings(bench.options().rate_hz);
+  settings.free_mm = rig->free_mm_;
+  settings.auto_rearm = device.is_simulated_hand();
+  rig->assembly_ = std::make_unique<Assembly>(settings, clock, device, *rig->felt_, rig->map_);
+  rig->conductor_ = std::make_unique<Conductor>(*rig->mixer_, rig->assembly_->servo(), rig->guide_,
+                                                rig->task_, bench.most_samples());
+  rig->assembly_->observe(*rig->conductor_);
+  return rig;
+}
+
+Result<std::unique_ptr<render::HapticRenderer>> Rig::renderer_of(double level, Progress& progress) {
+  PALPATE_ASSIGN(std::unique_ptr<render::HapticRenderer> made, bench_.renderer(kLaneOfB, level, progress));
+  made->restart(free_mm_, 0.0);
+  return made;
+}
+
+Result<FeltTrial> feel_alone(Bench& bench, const DeviceChoice& choice, const Passes& passes, double level,
+                             ProgressBar& progress) {
+  SessionClock clock(true);
+  PALPATE_ASSIGN(SessionDevice device,
+                 SessionDevice::make(choice, clock.clock(), 1.0 / bench.options().rate_hz));
+  PALPATE_ASSIGN(const std::unique_ptr<Rig> rig, Rig::make(bench, clock, device, level, progress));
+  OneTrial tasks(*rig, passes, static_cast<double>(bench.most_samples()) / bench.options().rate_hz);
+  const Result<SessionEnd> end = rig->run(tasks, progress);
+  if (!end) return end.error();
+  switch (rig->conductor().passage()) {
+    case Passage::kDone:
+      return rig->conductor().take();
+    case Passage::kBroken:
+      return Error{
+          fmt::format("a fault stopped the trial: {}", device::fault_name(rig->assembly().watch().fault())),
+          "look at what this renderer does with `palpate live`",
+          {},
+          0};
+    default:
+      return Error{
+          "the simulated hand did not get through a trial: it did not come free of the surface",
+          "give the intervals more time ([trials] interval_s), or press less (the observer's option depth)",
+          {},
+          0};
+  }
+}
+
+Status write_trace(const OutputFolder& folder, std::uint64_t trial, const FeltTrial& felt) {
+  PALPATE_ASSIGN(const OutputFolder traces, folder.inside(kTracesFolder));
+  fmt::memory_buffer text;
+  const auto out = std::back_inserter(text);
+  fmt::format_to(out, "t_s,x_mm,y_mm,z_mm,fx_n,fy_n,fz_n,contact,interval\n");
+  for (const FeltSample& one : felt.samples) {
+    const Vec3 hip = felt.map.world_mm(one.at_mm), force = felt.map.world_n(one.force_n);
+    fmt::format_to(out, "{},{},{},{},{},{},{},{},{}\n", one.t_s, hip.x(), hip.y(), hip.z(), force.x(),
+                   force.y(), force.z(), one.contact ? 1 : 0, one.interval);
+  }
+  return traces.write(fmt::format("trial-{:04}.csv", trial), {text.data(), text.size()});
+}
+
+}  // namespace palpate::experiments::psychophysics

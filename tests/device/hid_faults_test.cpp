@@ -1,0 +1,296 @@
+// What goes wrong between a servo and a device over the real hidapi, a pseudo-terminal and UDP sockets. See
+// docs/safety.md for the table.
+#include <arpa/inet.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <fstream>
+#include <iterator>
+#include <thread>
+
+#include "device/arms/arm_device.h"
+#include "device/arms/arm_driver.h"
+#include "device/bridge/far_end.h"
+#include "device/links/udp_link.h"
+#include "tests/device/bridge_rig.h"
+#include "tests/device/hid_fake_link.h"
+#include "tests/device/hid_faults.h"
+#include "tests/device/link_faults.h"
+#include "tests/device/mock/hidraw_double.h"
+#include "tests/device/tty_board.h"
+
+namespace palpate::device {
+namespace {
+
+constexpr std::chrono::milliseconds kBoardPeriod{1};
+
+/// A thread that does something again and again until this ends.
+class Repeating {
+ public:
+  template <class Do>
+  explicit Repeating(Do act)
+      : thread_([this, act = std::move(act)] {
+          while (!over_.load()) act();
+        }) {}
+  ~Repeating() {
+    over_ = true;
+    thread_.join();
+  }
+
+ private:
+  std::atomic<bool> over_{false};
+  std::thread thread_;
+};
+
+/// WoodenHaptics' board: sends unasked, each report with a count; lies still.
+class HidBench final : public LinkBench {
+ public:
+  std::string link() const override { return "hidapi, arm with reports"; }
+  Device& device() override { return device_; }
+  bool holds_force() override { return plugged_ && forced_; }
+  void unplug() override {
+    plugged_ = false;
+    usb_.unplug();
+  }
+  void plug() override {
+    usb_.plug();
+    forced_ = false;
+    plugged_ = true;
+  }
+  bool counts_packets() const override { return true; }
+  std::vector<std::string> program() const override { return {"arm:woodenhaptics"}; }
+
+ private:
+  std::optional<HidrawDouble::Bytes> take(std::span<const std::uint8_t> bytes) {
+    forced_ = std::any_of(bytes.begin() + 1, bytes.begin() + 7, [](std::uint8_t byte) { return byte != 0; });
+    return std::nullopt;
+  }
+  void report_one() {
+    std::this_thread::sleep_for(kBoardPeriod);
+    if (!plugged_) return;
+    count_ = (count_ + 1) % 30'000;
+    for (const SpoiltReplies::Bytes& one : replies.instead_of(words({0, 0, 0, count_}))) usb_.report(one);
+  }
+
+  std::atomic<bool> forced_{false}, plugged_{true};
+  int count_ = 0;
+  HidrawDouble usb_{{}, [this](std::span<const std::uint8_t> bytes) { return take(bytes); }};
+  MonotonicClock clock_;
+  ArmDescription arm_ = find_arm("woodenhaptics").value();
+  ArmDevice device_{arm_, arm_link(arm_), clock_};
+  Repeating sender_{[this] { report_one(); }};
+};
+
+/// Polhem's text board: a line for each line.
+class TtyBench final : public LinkBench {
+ public:
+  TtyBench() { plug(); }
+  std::string link() const override { return "terminal, arm with text"; }
+  Device& device() override { return *device_; }
+  bool holds_force() override { return plugged_ && forced_; }
+  void unplug() override {
+    plugged_ = false;
+    board_->unplug();
+  }
+  void plug() override {
+    device_.reset();
+    forced_ = false;
+    board_ =
+        std::make_unique<TtyBoard>([this, held = std::string()](std::span<const std::uint8_t> bytes) mutable {
+          return answer(bytes, held);
+        });
+    ArmDescription arm = find_arm("polhem-v3").value();
+    arm.serial_line = board_->path();
+    device_ = std::make_unique<ArmDevice>(arm, arm_link(arm), clock_);
+    plugged_ = true;
+  }
+  bool counts_packets() const override { return false; }
+  std::vector<std::string> program() const override { return {"arm:polhem-v3", "path=" + board_->path()}; }
+
+ private:
+  TtyBoard::Bytes answer(std::span<const std::uint8_t> bytes, std::string& held) {
+    TtyBoard::Bytes all;
+    for (const std::uint8_t byte : bytes) {
+      held.push_back(static_cast<char>(byte));
+      if (byte != '\n') continue;
+      forced_ = !std::exchange(held, {}).starts_with("[0,0,0]");
+      const std::string line = "[1,0,0,0,0,0,0,0]\n";
+      for (const SpoiltReplies::Bytes& one : replies.instead_of({line.begin(), line.end()}))
+        all.insert(all.end(), one.begin(), one.end());
+    }
+    return all;
+  }
+
+  std::atomic<bool> forced_{false}, plugged_{false};
+  MonotonicClock clock_;
+  std::unique_ptr<TtyBoard> board_;
+  std::unique_ptr<ArmDevice> device_;
+};
+
+/// Carries datagrams between a host and the far end, by sockets of its own.
+class Relay {
+ public:
+  Relay(const UdpAddress& far, SpoiltReplies& replies) : replies_(replies) {
+    own_ = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    far_ = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    sockaddr_in at = loopback(0);
+    EXPECT_EQ(::bind(own_, as_address(at), sizeof at), 0);
+    socklen_t size = sizeof at;
+    EXPECT_EQ(::getsockname(own_, as_address(at), &size), 0);
+    port_ = ntohs(at.sin_port);
+    sockaddr_in to =
+        loopback(static_cast<std::uint16_t>(std::stoi(far.text().substr(far.text().rfind(':') + 1))));
+    EXPECT_EQ(::connect(far_, as_address(to), sizeof to), 0);
+    carrier_.emplace([this] { carry(); });
+  }
+  ~Relay() {
+    carrier_.reset();
+    ::close(own_);
+    ::close(far_);
+  }
+  [[nodiscard]] std::string where() const { return "127.0.0.1:" + std::to_string(port_); }
+  std::atomic<bool> cut{false};  ///< carries nothing
+
+ private:
+  static sockaddr_in loopback(std::uint16_t port) {
+    sockaddr_in at{};
+    at.sin_family = AF_INET;
+    at.sin_port = htons(port);
+    at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    return at;
+  }
+  static sockaddr* as_address(sockaddr_in& at) { return reinterpret_cast<sockaddr*>(&at); }
+  void carry() {
+    pollfd waits[] = {{own_, POLLIN, 0}, {far_, POLLIN, 0}};
+    constexpr int kLookMs = 5;
+    ::poll(waits, 2, kLookMs);
+    std::uint8_t bytes[kMostDatagramBytes + 1];
+    sockaddr_in from{};
+    socklen_t size = sizeof from;
+    ssize_t got = ::recvfrom(own_, bytes, sizeof bytes, 0, as_address(from), &size);
+    if (got > 0) {
+      host_ = from;
+      if (!cut) static_cast<void>(::send(far_, bytes, static_cast<std::size_t>(got), 0));
+    }
+    got = ::recv(far_, bytes, sizeof bytes, 0);
+    if (got <= 0 || cut) return;
+    for (SpoiltReplies::Bytes& one : replies_.instead_of({bytes, bytes + got}))
+      static_cast<void>(::sendto(own_, one.data(), one.size(), 0, as_address(host_), sizeof host_));
+  }
+
+  SpoiltReplies& replies_;
+  int own_ = -1, far_ = -1;
+  std::uint16_t port_ = 0;
+  sockaddr_in host_{};
+  std::optional<Repeating> carrier_;
+};
+
+/// The bridge: a device at a far end in a thread, datagrams over a relay.
+class UdpBench final : public LinkBench {
+ public:
+  explicit UdpBench(bool as_in_a_session)
+      : as_in_a_session_(as_in_a_session),
+        port_(UdpAddress::of("127.0.0.1:0").value()),
+        far_(held_, port_, clock_, far_options()) {
+    EXPECT_TRUE(port_.open().ok());
+    EXPECT_TRUE(far_.open().ok());
+    relay_.emplace(port_.address(), replies);
+    ticker_.emplace([this] {
+      std::this_thread::sleep_for(kBoardPeriod);
+      far_.tick();
+      forced_ = held_.held_n != Vec3::Zero();
+    });
+    BridgeOptions options;
+    options.name = "bridge:relay";
+    options.session = 0x1234'5678'9ABC'DEF0;
+    if (!as_in_a_session_) options.most_age_s = kPatientS;
+    device_ = std::make_unique<BridgeDevice>(
+        std::make_unique<UdpLink>(UdpAddress::of(relay_->where()).value()), clock_, options);
+  }
+  std::string link() const override { return "UDP bridge"; }
+  Device& device() override { return *device_; }
+  bool holds_force() override { return forced_; }
+  void unplug() override { relay_->cut = true; }
+  void plug() override { relay_->cut = false; }
+  bool counts_packets() const override { return true; }
+  std::vector<std::string> program() const override {
+    std::vector<std::string> words = {"bridge:" + relay_->where()};
+    if (!as_in_a_session_) words.emplace_back("most-age-ms=500");
+    return words;
+  }
+
+ private:
+  static constexpr double kPatientS = 0.5;
+  [[nodiscard]] FarEndOptions far_options() const {
+    FarEndOptions options;
+    if (as_in_a_session_) return options;
+    options.watchdog_s = options.most_age_s = kPatientS;
+    options.late_zero_s = options.latch_late_s = options.silence_s = 30.0;
+    return options;
+  }
+
+  bool as_in_a_session_;
+  std::atomic<bool> forced_{false};
+  MonotonicClock clock_;
+  HeldDevice held_{clock_};
+  UdpPort port_;
+  FarEnd far_;
+  std::optional<Relay> relay_;
+  std::optional<Repeating> ticker_;
+  std::unique_ptr<BridgeDevice> device_;
+};
+
+class HidLinkFaults : public testing::TestWithParam<int> {
+ protected:
+  static LinkWrong wrong() { return static_cast<LinkWrong>(GetParam()); }
+};
+
+TEST_P(HidLinkFaults, OverHidapiEndInZero) {
+  HidBench bench;
+  EXPECT_EQ(violations_of(bench, wrong()), "");
+}
+TEST_P(HidLinkFaults, OverATerminalEndInZero) {
+  TtyBench bench;
+  EXPECT_EQ(violations_of(bench, wrong()), "");
+}
+TEST_P(HidLinkFaults, OverUdpEndInZero) {
+  UdpBench bench(false);
+  EXPECT_EQ(violations_of(bench, wrong()), "");
+}
+INSTANTIATE_TEST_SUITE_P(Each, HidLinkFaults, testing::Range(0, kLinkWrongs));
+
+// The page names what is tested here, each fault on each link.
+TEST(LinkFaultTable, HasARowForEachFaultOnEachLink) {
+  std::ifstream file(PALPATE_SOURCE_ROOT "/docs/safety.md");
+  const std::string page{std::istreambuf_iterator<char>(file), {}};
+  for (int i = 0; i < kLinkWrongs; ++i)
+    for (const char* link :
+         {"libusb, Falcon", "hidapi, arm with reports", "terminal, arm with text", "UDP bridge"}) {
+      const std::string begins =
+          std::string("\n| ") + link_wrong_name(static_cast<LinkWrong>(i)) + " | " + link + " | ";
+      EXPECT_NE(page.find(begins), std::string::npos) << begins;
+    }
+}
+
+}  // namespace
+
+bool measure_hid_faults(int runs, std::string& rows_json) {
+  bool right = true;
+  {
+    HidBench bench;
+    right = measure_link_faults(bench, runs, rows_json) && right;
+  }
+  {
+    TtyBench bench;
+    right = measure_link_faults(bench, runs, rows_json) && right;
+  }
+  UdpBench bench(true);
+  return measure_link_faults(bench, runs, rows_json) && right;
+}
+
+}  // namespace palpate::device

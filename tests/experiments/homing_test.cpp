@@ -1,0 +1,286 @@
+// What a person at a device is told until it knows its zero: Falcon and arms, pretended, in `palpate live`,
+// `palpate record` and `palpate devices --report`. And the force of a device that has no motors, on a
+// terminal.
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <poll.h>
+#include <stdlib.h>
+#include <sys/ioctl.h>
+#include <termios.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "device/arms/arm_device.h"
+#include "device/falcon/falcon_device.h"
+#include "experiments/live/device_report.h"
+#include "experiments/live/live.h"
+#include "experiments/live/recording_session.h"
+#include "tests/device/hid_fake_link.h"
+#include "tests/device/mock/falcon_link.h"
+#include "tests/experiments/live_device_rig.h"
+#include "tests/experiments/program.h"
+
+namespace palpate::experiments {
+namespace {
+
+const char* const kSmallWaves = "sinusoid:points=2601:extent_mm=40:wavelength_mm=20:amplitude_mm=1";
+
+/// A Falcon whose grip is pulled out slowly: a leg knows its zero after so many commands each.
+class PulledFalcon final : public device::ControlLink {
+ public:
+  PulledFalcon(const Clock& clock, int commands_per_leg) : link_(board_, clock), per_leg_(commands_per_leg) {
+    board_.run_firmware();
+  }
+  Status open() override { return link_.open(); }
+  void close() noexcept override { link_.close(); }
+  bool submit(std::span<const std::uint8_t> bytes) noexcept override {
+    const int legs = std::min(++commands_ / per_leg_, 3);
+    board_.homed = static_cast<std::uint8_t>((1 << legs) - 1);
+    return link_.submit(bytes);
+  }
+  device::Polled poll(std::span<std::uint8_t> into) noexcept override { return link_.poll(into); }
+  Status control(const device::ControlRequest& request) override { return link_.control(request); }
+
+ private:
+  device::FalconBoard board_;
+  device::FalconLink link_;
+  int per_leg_, commands_ = 0;
+};
+
+/// An arm that is moved for so many reports, and then lies in its rest pose with its button pressed.
+class LaidArm final : public device::Link {
+ public:
+  LaidArm(device::ArmForm form, int moved) : form_(form), moved_(moved) {}
+  Status open() override { return Done{}; }
+  void close() noexcept override {}
+  bool submit(std::span<const std::uint8_t> bytes) noexcept override {
+    const device::TestBytes command(bytes.begin(), bytes.end());
+    if (form_ == device::ArmForm::kReport14 && device::word_of(command, 3) == 1)
+      for (std::size_t i = 0; i < 3; ++i) counts_[i] = device::word_of(command, 4 + i);
+    ready_ = true;
+    return true;
+  }
+  device::Polled poll(std::span<std::uint8_t> into) noexcept override {
+    if (!std::exchange(ready_, false)) return {};
+    ++reports_;
+    const bool laid = reports_ > moved_;
+    if (!laid) counts_[0] = 3 * reports_ % 1000;
+    const device::TestBytes bytes =
+        form_ == device::ArmForm::kReport8
+            ? device::words({counts_[0], counts_[1], counts_[2], reports_ % 30'000})
+            : device::words({counts_[0], counts_[1], counts_[2], 0, 0, 0, laid ? 1 : 0});
+    std::copy(bytes.begin(), bytes.end(), into.begin());
+    return {bytes.size(), false};
+  }
+
+ private:
+  device::ArmForm form_;
+  int moved_, reports_ = 0;
+  std::array<int, 3> counts_{};
+  bool ready_ = false;
+};
+
+/// Drivers "falcon", "lying" and "button" that simulate; homing takes so many ticks a step.
+device::Drivers homing_drivers(int ticks) {
+  device::Drivers drivers;
+  const auto look = [] {
+    return std::vector<device::DeviceEntry>{{"pretended", "for tests", device::DeviceStatus::kReady, {}}};
+  };
+  drivers.add({"falcon", "simulation", look,
+               [ticks](const device::DeviceRequest&, const Clock& clock) -> Result<device::MadeDevice> {
+                 device::FalconOptions options;
+                 options.pause = [](int) {};
+                 device::MadeDevice made;
+                 made.device = std::make_unique<device::FalconDevice>(
+                     std::make_unique<PulledFalcon>(clock, ticks), clock, options);
+                 made.homing_prompt = device::falcon_homing_prompt;
+                 return made;
+               }});
+  for (const auto& [name, arm] : {std::pair{"lying", "woodenhaptics"}, std::pair{"button", "polhem-v2"}})
+    drivers.add({name, "simulation", look,
+                 [ticks, arm = std::string(arm)](const device::DeviceRequest&,
+                                                 const Clock& clock) -> Result<device::MadeDevice> {
+                   const device::ArmDescription described = device::find_arm(arm).value();
+                   device::MadeDevice made;
+                   made.device = std::make_unique<device::ArmDevice>(
+                       described, std::make_unique<LaidArm>(described.form, ticks), clock,
+                       device::ArmDeviceOptions{.open_tries = 0});
+                   made.homing_prompt = device::arm_homing_prompt;
+                   return made;
+                 }});
+  return drivers;
+}
+
+/// Whether the text has all of these, one after the other.
+testing::AssertionResult has_in_order(const std::string& text, const std::vector<std::string>& words) {
+  std::size_t at = 0;
+  for (const std::string& one : words) {
+    at = text.find(one, at);
+    if (at == std::string::npos)
+      return testing::AssertionFailure() << "no '" << one << "' there in\n" << text;
+    at += one.size();
+  }
+  return testing::AssertionSuccess();
+}
+
+class Homing : public InFolder {
+ protected:
+  LiveArguments session(const std::string& device, double seconds) const {
+    LiveArguments a;
+    a.run.scene = kSmallWaves;
+    a.run.renderers = "cloud";
+    a.run.out = in("out");
+    a.run.json = true;
+    a.run.load.threads = 1;
+    a.device.device = device;
+    a.seconds = seconds;
+    a.accelerated = true;
+    return a;
+  }
+  /// What `palpate live` says on standard error.
+  std::string live_says(const std::string& device, double seconds) {
+    ProgressBar progress;
+    Context context{progress, "palpate live"};
+    testing::internal::CaptureStdout();
+    testing::internal::CaptureStderr();
+    const int status = run_live_with(session(device, seconds), homing_drivers(1500), context);
+    testing::internal::GetCapturedStdout();
+    std::string said = testing::internal::GetCapturedStderr();
+    EXPECT_EQ(status, kExitOk) << said;
+    return said;
+  }
+};
+
+TEST_F(Homing, LiveTellsHowAFalconIsHomedLegByLeg) {
+  EXPECT_TRUE(has_in_order(
+      live_says("falcon", 8.0),
+      {"does not know its zero yet, and shows no force. Pull the grip all the way out", "(0 of 3 legs",
+       "(1 of 3 legs", "(2 of 3 legs", "the device knows its zero; force comes with a soft start"}));
+}
+
+TEST_F(Homing, LiveTellsWhatAnArmNeeds) {
+  EXPECT_TRUE(has_in_order(live_says("lying", 5.0),
+                           {"Lay the arm in its rest pose and let go", "the device knows its zero; force"}));
+}
+
+TEST_F(Homing, RecordTellsItToo) {
+  RecordArguments a;
+  a.scene = kSmallWaves;
+  a.renderer = "cloud";
+  a.device.device = "button";
+  a.seconds = 5.0;
+  a.accelerated = true;
+  a.out = in("one.palrec");
+  a.load.threads = 1;
+  ProgressBar progress;
+  Context context{progress, "palpate record"};
+  testing::internal::CaptureStdout();
+  testing::internal::CaptureStderr();
+  const int status = run_record_with(a, homing_drivers(1500), context);
+  testing::internal::GetCapturedStdout();
+  const std::string said = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(status, kExitOk) << said;
+  EXPECT_TRUE(has_in_order(said, {"in its rest pose and press its calibration button", "knows its zero"}));
+}
+
+TEST_F(Homing, TheReportTellsItAndKeepsWhatItTold) {
+  for (const auto& [device, first] : {std::pair{"falcon", "Pull the grip all the way out"},
+                                      std::pair{"lying", "Lay the arm"}, std::pair{"button", "press its"}}) {
+    DeviceArguments arguments;
+    arguments.device = device;
+    testing::internal::CaptureStderr();
+    const Result<ReportedDevice> report =
+        report_device(arguments, homing_drivers(150), {.seconds = 3.0, .rate_hz = 500.0}, {});
+    const std::string said = testing::internal::GetCapturedStderr();
+    ASSERT_TRUE(report);
+    const auto homing = nlohmann::json::parse(report->json)["homing"];
+    EXPECT_FALSE(homing["at_start"].get<bool>());
+    ASSERT_TRUE(homing["at_end"].get<bool>()) << report->json;
+    ASSERT_GE(homing["told"].size(), 2u) << device;
+    EXPECT_NE(homing["told"].front().get<std::string>().find(first), std::string::npos);
+    EXPECT_EQ(homing["told"].back(), "the device knows its zero");
+    EXPECT_TRUE(has_in_order(said, {first, "the device knows its zero\n"}));
+  }
+}
+
+TEST(Force, InWordsIsABarAndItsAxes) {
+  EXPECT_EQ(force_in_words(Vec3{0.0, 0.0, 1.1}, 3.3), " 1.10 N [====        ] x +0.00 y +0.00 z +1.10");
+  EXPECT_EQ(force_in_words(Vec3{0.0, 0.0, 0.0}, 3.3), " 0.00 N [            ] x +0.00 y +0.00 z +0.00");
+  EXPECT_EQ(force_in_words(Vec3{-9.0, 0.0, 0.0}, 3.3), " 9.00 N [============] x -9.00 y +0.00 z +0.00");
+  EXPECT_EQ(force_in_words(Vec3{0.0, 0.5, 0.0}, 0.0), " 0.50 N [            ] x +0.00 y +0.50 z +0.00");
+}
+
+/// Standard error is a terminal of ours while this is there.
+class TerminalForErrors {
+ public:
+  TerminalForErrors() {
+    master_ = ::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC | O_NONBLOCK);
+    EXPECT_EQ(::grantpt(master_), 0);
+    EXPECT_EQ(::unlockpt(master_), 0);
+    const int slave = ::open(::ptsname(master_), O_RDWR | O_NOCTTY | O_CLOEXEC);
+    winsize size{};
+    size.ws_col = 120;
+    size.ws_row = 24;
+    ::ioctl(slave, TIOCSWINSZ, &size);
+    std::fflush(stderr);
+    kept_ = ::dup(STDERR_FILENO);
+    ::dup2(slave, STDERR_FILENO);
+    ::close(slave);
+    reader_ = std::thread([this] {
+      char bytes[512];
+      while (!over_.load()) {
+        pollfd ready{master_, POLLIN, 0};
+        if (::poll(&ready, 1, 5) <= 0) continue;
+        const ssize_t got = ::read(master_, bytes, sizeof(bytes));
+        if (got > 0) text_.append(bytes, static_cast<std::size_t>(got));
+      }
+    });
+  }
+  /// What was written; standard error is what it was.
+  std::string text() {
+    std::fflush(stderr);
+    ::dup2(kept_, STDERR_FILENO);
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    over_ = true;
+    reader_.join();
+    ::close(kept_);
+    ::close(master_);
+    return text_;
+  }
+
+ private:
+  int master_ = -1, kept_ = -1;
+  std::atomic<bool> over_{false};
+  std::string text_;
+  std::thread reader_;
+};
+
+TEST_F(Homing, WithoutMotorsTheForceStandsOnTheTerminal) {
+  for (const bool motors : {false, true}) {
+    PacketsPlan plan(in("board"));
+    plan.has_motors = motors;
+    LiveArguments a = session("packets", 4.0);
+    a.accelerated = false;
+    a.run.out = in(motors ? "with" : "without");
+    testing::internal::CaptureStdout();
+    TerminalForErrors terminal;
+    int status = kExitOk;
+    {
+      ProgressBar progress;
+      Context context{progress, "palpate live"};
+      status = run_live_with(a, drivers_with(plan), context);
+    }
+    const std::string shown = terminal.text();
+    testing::internal::GetCapturedStdout();
+    EXPECT_LE(status, kExitFellShort) << shown;
+    EXPECT_EQ(shown.find(" N [") == std::string::npos, motors) << shown;
+    EXPECT_TRUE(motors || shown.find("live  ") != std::string::npos) << shown;
+  }
+}
+
+}  // namespace
+}  // namespace palpate::experiments

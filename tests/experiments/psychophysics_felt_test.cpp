@@ -1,0 +1,295 @@
+// Blinded studies that feel: trials in a live session, the machine observer, a person by scripted keys.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+
+#include "experiments/psychophysics/machine.h"
+#include "experiments/psychophysics/person.h"
+#include "tests/experiments/program.h"
+#include "tests/json_schema.h"
+
+namespace palpate::experiments {
+namespace {
+
+using psychophysics::Bench;
+using psychophysics::FeltTrial;
+using psychophysics::Machine;
+using psychophysics::Plan;
+using psychophysics::Trial;
+
+Plan plan_of(const std::string& example) {
+  const auto text = psychophysics::read_plan(example);
+  EXPECT_TRUE(text);
+  auto plan = psychophysics::parse_plan(text->text, text->name, all_renderers());
+  EXPECT_TRUE(plan) << plan.error().message();
+  return *std::move(plan);
+}
+
+/// A plan with what it feels on.
+struct Laboratory {
+  explicit Laboratory(const std::string& example, const std::string& observer = "machine")
+      : plan(plan_of(example)) {
+    spec = *psychophysics::parse_observer(observer);
+    device = *choose_device({}, session_drivers());
+    auto made = Bench::make(plan, {spec.hand, spec.depth_mm, 1000.0}, progress);
+    EXPECT_TRUE(made) << made.error().message();
+    bench = *std::move(made);
+    machine = std::make_unique<Machine>(plan, spec, *bench, device);
+    const Status learnt = machine->learn(progress);
+    EXPECT_TRUE(learnt) << learnt.error().message();
+  }
+  FeltTrial felt(const std::string& shown, double level) {
+    Trial trial;
+    trial.shown = shown, trial.level = level;
+    auto felt = psychophysics::feel_alone(*bench, device, bench->passes(trial), level, progress);
+    EXPECT_TRUE(felt) << felt.error().message();
+    return *std::move(felt);
+  }
+  std::vector<double> strengths(const std::string& shown, double level) {
+    Trial trial;
+    trial.shown = shown, trial.level = level;
+    FeltTrial felt;
+    auto found = machine->feel(trial, felt, progress);
+    EXPECT_TRUE(found) << found.error().message();
+    return *found;
+  }
+  ProgressBar progress;
+  Plan plan;
+  psychophysics::ObserverSpec spec;
+  DeviceChoice device;
+  std::unique_ptr<Bench> bench;
+  std::unique_ptr<Machine> machine;
+};
+
+std::size_t ticks_of(const FeltTrial& felt, std::uint32_t interval) {
+  return psychophysics::samples_of(felt, interval).size();
+}
+
+TEST(FeltTrials, EveryRendererIsSteppedInEveryFrame) {
+  Laboratory lab("abx");
+  for (const char* shown : {"ABA", "ABB"}) {
+    const FeltTrial felt = lab.felt(shown, 0.0);
+    EXPECT_GT(felt.frames, 4500u) << "three intervals of 1.5 s";
+    EXPECT_EQ(felt.whole_frames, felt.frames);
+    EXPECT_EQ(felt.missed_deadlines, 0u) << "on a clock of its own";
+    EXPECT_EQ(felt.samples_lost, 0u);
+    for (std::uint32_t i = 1; i <= 3; ++i) {
+      double most_n = 0.0;
+      for (const auto& one : psychophysics::samples_of(felt, i))
+        most_n = std::max(most_n, one.force_n.norm());
+      EXPECT_GT(most_n, 0.3) << "interval " << i << " of " << shown << " is felt";
+    }
+    for (const auto& one : felt.samples)
+      if (one.interval == 0) {
+        EXPECT_EQ(one.force_n.norm(), 0.0) << "between two nothing is";
+      }
+  }
+}
+
+/// What a switch takes says nothing of where it leads: intervals and delays of all orders have the same
+/// ticks, to the one by which times are rounded.
+TEST(FeltTrials, AShamSwitchTakesTheSameTime) {
+  Laboratory lab("abx");
+  std::set<std::size_t> ticks, whole;
+  for (const char* shown : {"AAA", "ABA", "ABB", "BBA"}) {
+    const FeltTrial felt = lab.felt(shown, 0.0);
+    for (std::uint32_t i = 1; i <= 3; ++i) ticks.insert(ticks_of(felt, i));
+    whole.insert(felt.samples.size());
+  }
+  EXPECT_LE(*ticks.rbegin() - *ticks.begin(), 1u);
+  EXPECT_LE(*whole.rbegin() - *whole.begin(), 3u);
+}
+
+TEST(FeltTrials, TheSameTrialIsFeltTheSame) {
+  Laboratory lab("constant");
+  const FeltTrial a = lab.felt("AB", 0.05), b = lab.felt("AB", 0.05);
+  ASSERT_EQ(a.samples.size(), b.samples.size());
+  for (std::size_t i = 0; i < a.samples.size(); ++i) {
+    ASSERT_EQ(a.samples[i].at_mm, b.samples[i].at_mm) << i;
+    ASSERT_EQ(a.samples[i].force_n, b.samples[i].force_n) << i;
+  }
+}
+
+/// A difference of one Weber fraction is one just noticeable difference, d' 0.954, to 5 %: what the arm's
+/// encoder and the hand leave of it. Things that are the same differ by a fiftieth of that.
+TEST(MachineObserver, NoticesByTheWeberFractionPutIn) {
+  const double d = psychophysics::dprime_at_jnd(psychophysics::Task::kTwoInterval);
+  for (const double weber : {0.05, 0.1}) {
+    Laboratory lab("constant", "machine:stiffness=" + std::to_string(weber));
+    const double level = weber * lab.plan.option->standard;
+    const std::vector<double> up = lab.strengths("AB", level), down = lab.strengths("BA", level);
+    EXPECT_NEAR(up[1] - up[0], d, 0.05 * d) << weber;
+    EXPECT_NEAR(down[0] - down[1], d, 0.05 * d) << weber;
+    const std::vector<double> same = lab.strengths("AA", level);
+    EXPECT_NEAR(same[1] - same[0], 0.0, 0.02 * d) << weber;
+  }
+}
+
+/// Four times the spacing, a third of a spacing of noise, 20 Hz.
+TEST(MachineObserver, FeelsASpacingANoiseAndARate) {
+  const struct {
+    const char *key, *renderer;
+    double standard, level;
+    bool upwards;
+  } kTurned[] = {{"spacing", "cloud", 0.5, 1.5, true},
+                 {"noise", "cloud", 0.0001, 0.3, true},
+                 {"rate", "cloud", 1000.0, 980.0, false}};
+  for (const auto& turned : kTurned) {
+    Plan plan = plan_of("constant");
+    plan.option->renderer = turned.renderer;
+    plan.option->key = turned.key;
+    plan.option->standard = turned.standard;
+    plan.option->upwards = turned.upwards;
+    plan.levels = {turned.level};
+    plan.catch_level = turned.level;
+    ProgressBar progress;
+    const auto bench = Bench::make(plan, {"slide", 4.0, 1000.0}, progress);
+    ASSERT_TRUE(bench) << turned.key << bench.error().message();
+    const DeviceChoice device = *choose_device({}, session_drivers());
+    const auto spec = psychophysics::parse_observer("machine:hand=slide");
+    Machine machine(plan, *spec, **bench, device);
+    const Status learnt = machine.learn(progress);
+    ASSERT_TRUE(learnt) << turned.key << learnt.error().message();
+    double most = 0.0;
+    for (const double apart : machine.apart()) most = std::max(most, std::abs(apart));
+    std::printf("%s: stiffness %+.2f, force %+.2f, vibration %+.2f, direction %+.2f\n", turned.key,
+                machine.apart()[0], machine.apart()[1], machine.apart()[2], machine.apart()[3]);
+    EXPECT_GT(most, 0.5) << turned.key << " makes no difference";
+  }
+}
+
+class FeltStudy : public InFolder {
+ protected:
+  ProcessOutcome study(const std::string& plan, const std::string& observer, const std::string& out,
+                       std::vector<std::string> more = {}) const {
+    std::vector<std::string> arguments = {"study", plan, "--observer", observer, "--out", in(out)};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return palpate_command(arguments);
+  }
+  /// With keys from standard input.
+  ProcessOutcome person(const std::string& plan, const std::string& keys, const std::string& out,
+                        const std::string& more = {}) const {
+    const std::string line = "printf '" + keys + "' | " PALPATE_PROGRAM " study " + plan +
+                             " --observer person --accelerated --out " + in(out) + " " + more;
+    Result<ProcessOutcome> run = run_process({"/bin/sh", "-c", line}, {.time_limit_s = 120.0});
+    EXPECT_TRUE(run);
+    return *std::move(run);
+  }
+  /// A short one of the example, of few trials.
+  std::string short_plan() const {
+    const std::string file = in("short.toml");
+    write_text(
+        file,
+        "task = \"abx\"\nscene = \"sinusoid:points=10201\"\n[compare]\na = \"cloud\"\nb = \"cloud-smooth\"\n"
+        "[trials]\ncount = 4\npractice = 1\nbreak_every = 2\ncatch_every = 4\ninterval_s = 1.0\n"
+        "[exclusions]\nclipped_frames = 1000000\n");
+    return file;
+  }
+};
+
+TEST_F(FeltStudy, OfAMachineGoesOnWhereItStopped) {
+  const std::string plan = short_plan();
+  ASSERT_EQ(study(plan, "machine", "whole").exit_code, 0);
+  const ProcessOutcome first = study(plan, "machine", "parts", {"--stop-after", "3"});
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  ASSERT_EQ(study(plan, "machine", "parts").exit_code, 0);
+  EXPECT_EQ(file_text(in("parts/trials.csv")), file_text(in("whole/trials.csv")));
+  for (const char* trace : {"trial-0001.csv", "trial-0006.csv"}) {
+    const std::string text = file_text(in(std::string("whole/traces/") + trace));
+    EXPECT_TRUE(text.starts_with("t_s,x_mm,y_mm,z_mm,fx_n,fy_n,fz_n,contact,interval\n")) << trace;
+    EXPECT_EQ(text, file_text(in(std::string("parts/traces/") + trace)));
+    EXPECT_EQ(text.find("cloud"), std::string::npos);
+  }
+  const auto document = nlohmann::json::parse(file_text(in("whole/study.json")));
+  EXPECT_EQ(schema_violations(std::string(PALPATE_DOCS) + "/observed.schema.json",
+                              file_text(in("whole/study.json"))),
+            "");
+  EXPECT_FALSE(document["simulated"].get<bool>());
+  EXPECT_EQ(document["traces"], "traces");
+}
+
+TEST_F(FeltStudy, APersonAnswersByKeys) {
+  const std::string plan = short_plan();
+  // Six trials, a break before one of them that waits for the space bar; x answers nothing. In the end a name
+  // of a renderer stands nowhere on the screen.
+  const ProcessOutcome part = person(plan, "ax1", "out", "--stop-after 2");
+  ASSERT_EQ(part.exit_code, 0) << part.err;
+  EXPECT_NE(part.out.find("2 trials are answered"), std::string::npos) << part.out << part.err;
+  EXPECT_NE(part.err.find("trial 2: touch 3 of 3"), std::string::npos) << part.err;
+  EXPECT_EQ((part.out + part.err).find("cloud"), std::string::npos) << part.out << part.err;
+  // Standard input ends early: what was answered stays.
+  const ProcessOutcome cut = person(plan, "b", "out");
+  ASSERT_EQ(cut.exit_code, 0) << cut.err;
+  EXPECT_NE(cut.out.find("3 trials are answered"), std::string::npos) << cut.out << cut.err;
+  const ProcessOutcome rest = person(plan, " a b a b", "out");
+  ASSERT_EQ(rest.exit_code, 0) << rest.err;
+  EXPECT_NE(rest.err.find("a break"), std::string::npos) << rest.err;
+  std::istringstream lines(file_text(in("out/trials.csv")));
+  std::string answers;
+  for (std::string line; std::getline(lines, line);) {
+    std::istringstream cells(line);
+    std::string cell;
+    for (int i = 0; i < 9; ++i) std::getline(cells, cell, ',');
+    answers += cell == "answer" ? "" : cell;
+    EXPECT_EQ(line.find("cloud"), std::string::npos);
+  }
+  EXPECT_EQ(answers, "001010");
+  EXPECT_TRUE(std::filesystem::exists(in("out/traces/trial-0006.csv")));
+  EXPECT_EQ(
+      schema_violations(std::string(PALPATE_DOCS) + "/observed.schema.json", file_text(in("out/study.json"))),
+      "");
+}
+
+TEST_F(FeltStudy, ALevelIsFeltAfterAnother) {
+  // The staircase makes a renderer anew for each level, in one session.
+  const ProcessOutcome run = person("staircase", "11221122", "out", "--stop-after 8");
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_NE(run.out.find("8 trials are answered"), std::string::npos) << run.out << run.err;
+}
+
+TEST_F(FeltStudy, MarksGoToLabStreamingLayer) {
+  const Environment file("LSL_STUB_FILE", in("marks").c_str());
+  const std::string plan = short_plan();
+  const ProcessOutcome run = person(plan, "1", "out", "--stop-after 1 --lsl --lsl-library " PALPATE_LSL_STUB);
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const std::string marks = file_text(in("marks"));
+  std::size_t at = 0;
+  for (const char* next :
+       {"name;Palpate;1", "type;Markers;0", "source;palpate-P01;3", "sample;trial 1 begins;",
+        "sample;trial 1 interval 1;", "sample;trial 1 interval 2;", "sample;trial 1 interval 3;",
+        "sample;trial 1 ends;", "sample;trial 1 answer 1;", "end;outlet", "end;info"}) {
+    at = marks.find(next, at);
+    ASSERT_NE(at, std::string::npos) << next << "\n" << marks;
+  }
+  const ProcessOutcome none = person(plan, "1", "none", "--lsl --lsl-library " + in("liblsl.so"));
+  EXPECT_EQ(none.exit_code, 2);
+  EXPECT_NE(none.err.find("--lsl-library"), std::string::npos) << none.err;
+  EXPECT_FALSE(std::filesystem::exists(in("none")));
+}
+
+TEST_F(FeltStudy, WhatDoesNotGoTogetherIsRefused) {
+  EXPECT_EQ(study("abx", "simulated:dprime=1", "out", {"--accelerated"}).exit_code, 2);
+  EXPECT_EQ(study("abx", "machine", "out", {"--lsl"}).exit_code, 2);
+  EXPECT_EQ(study("abx", "machine", "out", {"--device", "nothing"}).exit_code, 2);
+  EXPECT_EQ(study("abx", "machine:hand=tap", "out").exit_code, 2);
+  EXPECT_EQ(study("abx", "machine", "out", {"--rate", "1000.5"}).exit_code, 2);
+  // What a plan asks for, and no renderer can, is said before anything is written.
+  const std::string file = in("rate.toml");
+  write_text(
+      file,
+      "task = \"2ifc\"\nscene = \"sinusoid:points=961\"\n[option]\nrenderer = \"cloud\"\nkey = \"rate\"\n"
+      "unit = \"Hz\"\nstandard = 1000.0\n[trials]\ncount = 4\nlevels = [500.0]\n");
+  const ProcessOutcome run = study(file, "machine", "out");
+  EXPECT_EQ(run.exit_code, 2);
+  EXPECT_NE(run.err.find("rate.toml"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("1000 Hz"), std::string::npos) << run.err;
+  EXPECT_FALSE(std::filesystem::exists(in("out")));
+  EXPECT_EQ(psychophysics::choice_of(psychophysics::Task::kAbx, 's'), -1);
+  EXPECT_EQ(psychophysics::choice_of(psychophysics::Task::kSameDifferent, 'd'), 1);
+}
+
+}  // namespace
+}  // namespace palpate::experiments

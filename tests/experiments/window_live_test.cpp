@@ -1,0 +1,314 @@
+// Whole sessions under a window, driven by program as a person would: what is dropped, typed, pressed,
+// closed.
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "experiments/live/stand_in.h"
+#include "experiments/live/window_hooks.h"
+#include "tests/experiments/program.h"
+#include "tests/experiments/window_rig.h"
+#include "toolkit/core/clock.h"
+
+namespace palpate::experiments {
+namespace {
+
+const char* const kSmallWaves = "sinusoid:points=10201:extent_mm=60:wavelength_mm=30:amplitude_mm=3";
+constexpr double kLongestTestS = 120.0;
+
+void close_window() {
+  glfwSetWindowShouldClose(glfwGetCurrentContext(), GLFW_TRUE);
+}
+
+/// What the window system does where a file is dropped.
+void drop_file(const std::string& path) {
+  GLFWwindow* const window = glfwGetCurrentContext();
+  const GLFWdropfun callback = glfwSetDropCallback(window, nullptr);
+  glfwSetDropCallback(window, callback);
+  ASSERT_NE(callback, nullptr);
+  const char* const paths[] = {path.c_str()};
+  callback(window, 1, const_cast<const char**>(paths));
+}
+
+/// A click takes three pictures: there, down, up. One at a time.
+class Clicker {
+ public:
+  /// True once it is done; where the button is not there it waits for it.
+  bool click(Window& window, const std::string& words) {
+    const auto at = window.place_of(words);
+    if (!at && step_ == 0) return false;
+    if (at) window.mouse_at((*at)[0], (*at)[1]);
+    if (step_ == 1) window.mouse_button(Window::Button::kLeft, true);
+    if (step_ == 2) window.mouse_button(Window::Button::kLeft, false);
+    if (++step_ < 4) return false;
+    step_ = 0;
+    return true;
+  }
+
+ private:
+  int step_ = 0;
+};
+
+void type(Window& window, const std::string& words) {
+  for (const char c : words) window.text(static_cast<unsigned char>(c));
+}
+
+/// Steps in order, each called after every picture until it answers true; then the window is closed.
+class Script {
+ public:
+  using Step = std::function<bool(Window&)>;
+  Script& then(const std::string& name, Step step) {
+    steps_.push_back({name, std::move(step)});
+    return *this;
+  }
+  Script& click(const std::string& words) {
+    return then("click " + words, [this, words](Window& window) { return clicker_.click(window, words); });
+  }
+  void operator()(Window& window) {
+    if (at_ < steps_.size() && steps_[at_].step(window)) ++at_;
+    if (at_ < steps_.size() && watch_.ms() > 1e3 * kLongestTestS) {
+      ADD_FAILURE() << "never came beyond: " << steps_[at_].name;
+      at_ = steps_.size();
+    }
+    if (at_ == steps_.size()) close_window();
+  }
+  [[nodiscard]] bool done() const { return at_ == steps_.size(); }
+
+ private:
+  struct Named {
+    std::string name;
+    Step step;
+  };
+  std::vector<Named> steps_;
+  std::size_t at_ = 0;
+  Clicker clicker_;
+  Stopwatch watch_;
+};
+
+class DrivenWindow : public InFolder {
+ protected:
+  void SetUp() override {
+    {
+      SessionLink link;
+      const auto opened = Window::open(link, {});
+      if (!opened) GTEST_SKIP() << opened.error().message();
+    }
+    before_ = std::filesystem::current_path();
+    std::filesystem::current_path(folder_);
+  }
+  void TearDown() override {
+    if (!before_.empty()) std::filesystem::current_path(before_);
+  }
+  LiveArguments arguments(const std::string& scene, const std::string& renderers) {
+    LiveArguments a;
+    a.run.scene = scene;
+    a.run.renderers = renderers;
+    a.run.out = in("results");
+    a.window = true;
+    return a;
+  }
+  static int live(const LiveArguments& a, const std::function<void(Window&)>& each_picture) {
+    ProgressBar progress;
+    Context context{progress, "palpate live"};
+    return run_live_in_window(a, session_drivers(), context, each_picture);
+  }
+  static bool ticks(Window& window) { return window.drawn_tick().ticks > 0; }
+
+ private:
+  std::filesystem::path before_;
+};
+
+TEST_F(DrivenWindow, ChangesRecordsMarksExportsAndOpensWhatIsDropped) {
+  std::string points;
+  for (int x = -20; x <= 20; ++x)
+    for (int y = -20; y <= 20; ++y)
+      points +=
+          std::to_string(x) + " " + std::to_string(y) + " " + std::to_string(0.1 * std::sin(0.3 * x)) + "\n";
+  write_text(in("dropped.xyz"), points);
+  bool recorded = false;
+  std::uint32_t generation = 0;
+  Script script;
+  script.then("touchable", ticks)
+      .click("change to")
+      .then("type", [](Window& window) { return type(window, "cloud:stiffness=0.8"), true; })
+      .click("Change")
+      .then("changed",
+            [&](Window& window) {
+              for (const device::TrackedFrame& one : window.drawn_tick().mixed.tracked)
+                if (one.present && one.lane == 0) generation = std::max(generation, one.generation);
+              return generation > 1;
+            })
+      .click("Record")
+      .then("records",
+            [&](Window& window) {
+              return recorded = window.place_of("Stop recording").has_value() && ticks(window);
+            })
+      .click("remark")
+      .then("type", [](Window& window) { return type(window, "just here"), true; })
+      .click("Mark")
+      .click("export frames")
+      .then("exports", [&](Window&) { return std::filesystem::exists(in("palpate-frame-000002.png")); })
+      .click("export frames")
+      .click("Screenshot")
+      .then("drop",
+            [&](Window& window) {
+              EXPECT_EQ(window.scene().scene()->name.find("dropped"), std::string::npos);
+              drop_file(in("dropped.xyz"));
+              return true;
+            })
+      .then("touchable again", [](Window& window) {
+        return window.scene().scene() != nullptr &&
+               window.scene().scene()->name.find("dropped") != std::string::npos && ticks(window);
+      });
+  const int status = live(arguments(kSmallWaves, "cloud,cloud-smooth"), std::ref(script));
+  EXPECT_EQ(status, kExitOk);
+  ASSERT_TRUE(script.done());
+  EXPECT_TRUE(recorded);
+  EXPECT_NE(file_text(in("live-001.palrec")).find("mark: just here"), std::string::npos);
+  const std::string png = file_text(in("palpate-001.png"));
+  EXPECT_EQ(png.substr(1, 3), "PNG");
+  const std::string json = file_text(in("results/live.json"));
+  EXPECT_NE(json.find("just here"), std::string::npos) << "the mark is in the document of its session";
+}
+
+TEST_F(DrivenWindow, ClosingItWhileSomethingIsPreparedIsNoErrorAndLeavesNothing) {
+  LiveArguments a = arguments("sinusoid:points=1002001", "cloud-smooth");
+  a.stand_in = 0.0;
+  // As soon as there is a window; and as soon as the scene is seen, when renderers are prepared.
+  for (const bool seen : {false, true}) {
+    bool was_touchable = false;
+    const int status = live(a, [&](Window& window) {
+      was_touchable = was_touchable || ticks(window);
+      if (!seen || window.scene().scene() != nullptr) close_window();
+    });
+    EXPECT_EQ(status, kExitOk);
+    EXPECT_FALSE(was_touchable) << "it was closed too late to test anything";
+    EXPECT_FALSE(std::filesystem::exists(in("results")));
+  }
+}
+
+TEST_F(DrivenWindow, ALargeSceneIsTouchedCoarselyUntilItIsPrepared) {
+  LiveArguments a = arguments("sinusoid:points=160801", "cloud,cloud-smooth");
+  a.stand_in = 10'000.0;
+  bool coarse = false;
+  Script script;
+  script.then("touchable", ticks)
+      .then("coarse",
+            [&](Window& window) {
+              for (const device::TrackedFrame& one : window.drawn_tick().mixed.tracked)
+                coarse = coarse || (one.present && one.generation == SessionLink::kFirstGeneration);
+              return true;
+            })
+      .then("whole", [](Window& window) {
+        int whole = 0, present = 0;
+        for (const device::TrackedFrame& one : window.drawn_tick().mixed.tracked) {
+          present += one.present ? 1 : 0;
+          whole += one.present && one.generation > SessionLink::kFirstGeneration ? 1 : 0;
+        }
+        return present == 2 && whole == 2;
+      });
+  EXPECT_EQ(live(a, std::ref(script)), kExitOk);
+  ASSERT_TRUE(script.done());
+  EXPECT_TRUE(coarse) << "nothing stood in for anything";
+  const std::string json = file_text(in("results/live.json"));
+  EXPECT_NE(json.find("cloud was prepared on all points"), std::string::npos);
+  EXPECT_NE(json.find("cloud-smooth was prepared on all points"), std::string::npos);
+  EXPECT_NE(json.find(" of 160801 points"), std::string::npos);
+  EXPECT_EQ(json.find("was not prepared when the session ended"), std::string::npos);
+}
+
+TEST_F(DrivenWindow, AMovingModelIsDrawnWhereItIs) {
+  write_text(
+      in("moving.toml"),
+      "[[model]]\ngenerate = \"sinusoid\"\npoints = 10201\nextent_mm = 40\nwavelength_mm = 40\n"
+      "amplitude_mm = 2\n  [model.motion]\n  velocity_mm_s = [20, 0, 0]\n  start_s = 0.5\n  stop_s = 1.5\n");
+  LiveArguments a = arguments(in("moving.toml"), "cloud");
+  int looked = 0, there = 0, left = 0, left_painted = 0;
+  int still = 0;
+  Script script;
+  script.then("touchable", ticks).then("arrived and whole", [&](Window& window) {
+    window.panel().workspace = false;
+    const SplatDrawer& splats = window.scene().splats();
+    const bool arrived = window.drawn_tick().world_from_model[0].translation_mm.x() > 19.9;
+    still = arrived && splats.drawn() == splats.points() && *window.scene().awaited() == '\0' ? still + 1 : 0;
+    if (still < 3) return false;
+    const ColourImage image = window.picture();
+    const geometry::RigidTransform& now = window.drawn_tick().world_from_model[0];
+    const cloud::Cloud& cloud = *window.scene().scene()->models[0].cloud;
+    const Mat4 clip = window.camera().clip_from_world(window.view_width(), window.view_height());
+    const auto painted = [&](const Vec3& world_mm) -> std::optional<bool> {
+      const auto at = project(clip, world_mm, window.view_width(), window.view_height());
+      if (!at || at->x < 0 || at->y < 0 || at->x >= window.view_width() || at->y >= image.height)
+        return std::nullopt;
+      const std::uint8_t* pixel = image.at(static_cast<int>(at->x), static_cast<int>(at->y));
+      return !(pixel[0] < 60 && pixel[1] < 65 && pixel[2] < 70);
+    };
+    for (std::size_t i = 0; i < cloud.size(); i += 37) {
+      const Vec3 began = cloud.point_mm(i);
+      if (const auto ink = painted(now * began)) {
+        ++looked;
+        there += *ink ? 1 : 0;
+      }
+      // Where it was at first and is not now: the first third of its extent.
+      if (began.x() > -8.0) continue;
+      if (const auto ink = painted(began)) {
+        ++left;
+        left_painted += *ink ? 1 : 0;
+      }
+    }
+    return true;
+  });
+  EXPECT_EQ(live(a, std::ref(script)), kExitOk);
+  ASSERT_TRUE(script.done());
+  EXPECT_GT(looked, 50);
+  EXPECT_EQ(there, looked) << "the model is not drawn where it is";
+  EXPECT_GT(left, 30);
+  EXPECT_LE(left_painted, left / 20) << "it is still drawn where it was";
+}
+
+TEST_F(DrivenWindow, WhatIsUpIsAnAxis) {
+  LiveArguments a = arguments(kSmallWaves, "cloud");
+  a.up = "w";
+  EXPECT_EQ(live(a, [](Window&) { ADD_FAILURE() << "a window opened"; }), kExitBadInput);
+}
+
+TEST(StandIn, SpreadsEvenlyAndTakesThePropertiesAlong) {
+  cloud::Cloud cloud = *loaded_scene("sinusoid:points=160801").input.models.front().cloud;
+  cloud::Property number{"number", {}};
+  for (std::size_t i = 0; i < cloud.size(); ++i) number.values.push_back(static_cast<float>(i));
+  cloud.properties = {number};
+  const ThinnedCloud thin = thinned(cloud, 8'000);
+  EXPECT_GT(thin.kept.size(), 6'000u);
+  EXPECT_LT(thin.kept.size(), 10'000u);
+  EXPECT_EQ(thin.kept, thinned(cloud, 8'000).kept) << "the same every time";
+  ASSERT_EQ(thin.cloud.size(), thin.kept.size());
+  for (std::size_t i = 0; i < thin.kept.size(); ++i) {
+    ASSERT_TRUE(i == 0 || thin.kept[i] > thin.kept[i - 1]);
+    ASSERT_EQ(thin.cloud.point_mm(i), cloud.point_mm(thin.kept[i]));
+    ASSERT_EQ(thin.cloud.properties[0].values[i], static_cast<float>(thin.kept[i]));
+  }
+  // Nowhere a hole: every point has one that was kept within a few of the new spacings.
+  const geometry::Aabb box = cloud.box_mm();
+  const double spacing_mm = box.extent_mm().norm() / std::sqrt(static_cast<double>(thin.kept.size()));
+  double farthest_mm = 0.0;
+  for (std::size_t i = 0; i < cloud.size(); i += 501) {
+    double nearest = 1e300;
+    for (std::size_t k = 0; k < thin.cloud.size(); ++k)
+      nearest = std::min(nearest, (thin.cloud.point_mm(k) - cloud.point_mm(i)).norm());
+    farthest_mm = std::max(farthest_mm, nearest);
+  }
+  EXPECT_LT(farthest_mm, 2.0 * spacing_mm);
+  EXPECT_EQ(thinned(cloud, cloud.size()).kept.size(), cloud.size());
+  EXPECT_GE(thinned(cloud, 1).kept.size(), 1u);
+}
+
+}  // namespace
+}  // namespace palpate::experiments

@@ -1,0 +1,185 @@
+// What the window shows beyond points and contact: errors against the truth, dents, cells, other axes up.
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "experiments/window/overlay.h"
+#include "experiments/window/window.h"
+#include "tests/experiments/program.h"
+#include "tests/experiments/window_rig.h"
+#include "toolkit/deformation/editable.h"
+
+namespace palpate::experiments {
+namespace {
+
+using WindowShows = WindowTest;
+
+TEST_F(WindowShows, ErrorsInRedAboveTheTruthAndInBlueBelow) {
+  constexpr float kOffMm = 0.3f;
+  render::ModelInput model =
+      loaded_scene("sinusoid:points=10201:extent_mm=60:wavelength_mm=60:amplitude_mm=2").input.models.front();
+  auto cloud = std::make_shared<cloud::Cloud>(*model.cloud);
+  for (std::size_t i = 0; i < cloud->size(); ++i) cloud->z_mm[i] += cloud->x_mm[i] > 0.0f ? kOffMm : -kOffMm;
+  model.cloud = cloud;
+  link.show(std::make_shared<const ShownScene>(ShownScene{"off", {model}}));
+  ASSERT_TRUE(window->frame());
+  window->panel().lit = false;
+  window->scene().colour(ColourBy::kError);
+  settle();
+  ASSERT_TRUE(window->frame());
+  EXPECT_NEAR(window->scene().scale().high, static_cast<double>(kOffMm), 0.02);
+  EXPECT_NEAR(window->scene().scale().low, -window->scene().scale().high, 1e-12);
+  const ColourImage image = window->picture();
+  int above = 0, red = 0, below = 0, blue = 0;
+  for (std::size_t i = 0; i < cloud->size(); i += 53) {
+    const Vec3 at_mm = cloud->point_mm(i);
+    if (std::abs(at_mm.x()) < 4.0) continue;
+    const Pixel at = seen(at_mm);
+    const std::uint8_t* pixel = image.at(static_cast<int>(at.x), static_cast<int>(at.y));
+    (at_mm.x() > 0.0 ? above : below) += 1;
+    red += at_mm.x() > 0.0 && pixel[0] > pixel[2] + 60 ? 1 : 0;
+    blue += at_mm.x() < 0.0 && pixel[2] > pixel[0] + 60 ? 1 : 0;
+  }
+  EXPECT_GT(above, 60);
+  EXPECT_GT(below, 60);
+  EXPECT_GT(red, 95 * above / 100);
+  EXPECT_GT(blue, 95 * below / 100);
+}
+
+class WindowDents : public WindowShows {
+ protected:
+  void SetUp() override {
+    WindowShows::SetUp();
+    scene_ = testing::TempDir() + "/palpate-window-dents-" + std::to_string(::getpid()) + ".toml";
+    write_text(scene_,
+               "[[model]]\ngenerate = \"sinusoid\"\npoints = 10201\nextent_mm = 60\nwavelength_mm = 60\n"
+               "amplitude_mm = 1\n  [model.surface]\n  stiffness_n_per_mm = 0.5\n  dent = { yield_mm = 0.3, "
+               "radius_mm = "
+               "4, rate_mm_s = 20 }\n");
+  }
+  void TearDown() override {
+    WindowShows::TearDown();
+    std::filesystem::remove(scene_);
+  }
+  std::string scene_;
+};
+
+TEST_F(WindowDents, PointsThatGaveWayStandWhereTheyAreAndGoBack) {
+  VirtualSession virtual_session(scene_, {"cloud"});
+  WindowSession& session = virtual_session.session;
+  session.show_in(link);
+  virtual_session.run(0.6);
+  // From above: a dent hides its ground from who looks along the surface.
+  ASSERT_TRUE(window->frame());
+  Camera camera = window->camera();
+  camera.turn(0.0, 0.9);
+  window->look_from(camera);
+  settle();
+  window->panel().workspace = false;
+  const Vec3 place_mm = session.input().models.front().cloud->point_mm(5050);
+  const Pixel at = seen(place_mm);
+  const std::optional<Hit> before = window->scene().splats().at(at.x, at.y);
+  ASSERT_TRUE(before);
+  EXPECT_EQ(window->scene().shifted(), 0u);
+  window->mouse_at(window->view_width() + 50.0, 5.0);  // away: the hand is this test's
+  session.hand().aim(place_mm - Vec3{0.0, 0.0, 6.0});
+  for (int i = 0; i < 40; ++i) {
+    virtual_session.run(0.05);
+    ASSERT_TRUE(window->frame());
+  }
+  ASSERT_TRUE(window->drawn_tick().tick.frame.contact);
+  session.hand().aim(place_mm + Vec3{0.0, 0.0, 10.0});
+  virtual_session.run(1.0);
+  for (int i = 0; i < 10; ++i) {
+    virtual_session.run(0.01);
+    ASSERT_TRUE(window->frame());
+  }
+  settle();
+  EXPECT_GT(window->scene().shifted(), 20u);
+  // Every one where the renderer has it, and in the picture by the depth that was drawn.
+  const auto* editable = dynamic_cast<const render::Editable*>(
+      window->drawn_tick().mixed.tracked[window->drawn_tick().mixed.felt].renderer);
+  ASSERT_NE(editable, nullptr);
+  const cloud::Cloud& cloud = *session.input().models.front().cloud;
+  std::size_t moved = 0;
+  double deepest_mm = 0.0;
+  std::uint32_t deepest = 0;
+  for (std::uint32_t i = 0; i < cloud.size(); ++i) {
+    const double away_mm = (*editable->place_mm(0, i) - cloud.local_mm(i)).norm();
+    moved += away_mm > 0.0 ? 1u : 0u;
+    if (away_mm <= deepest_mm) continue;
+    deepest_mm = away_mm;
+    deepest = i;
+  }
+  EXPECT_GT(deepest_mm, 0.5);
+  EXPECT_GE(window->scene().shifted(), moved * 9 / 10);
+  const Vec3 now_mm = cloud.origin_mm + *editable->place_mm(0, deepest);
+  const Pixel there = seen(now_mm);
+  const std::optional<Hit> hit = window->scene().splats().at(there.x, there.y);
+  ASSERT_TRUE(hit);
+  EXPECT_LT((hit->place_mm - now_mm).norm(), 0.5 * deepest_mm) << "the picture has it where it was";
+  // What is taken back is seen to go.
+  const_cast<render::Editable*>(editable)->restore(0);
+  for (int i = 0; i < 100 && window->scene().shifted() > 0; ++i) {
+    virtual_session.run(0.01);
+    ASSERT_TRUE(window->frame());
+  }
+  EXPECT_EQ(window->scene().shifted(), 0u);
+}
+
+TEST_F(WindowShows, CellsThatTheWayIntoTheSurfaceCrosses) {
+  VirtualSession virtual_session("sinusoid:points=2601:extent_mm=60:wavelength_mm=60:amplitude_mm=3",
+                                 {"cloud:surface=vertices"});
+  virtual_session.session.show_in(link);
+  virtual_session.run(0.6);
+  settle();
+  virtual_session.session.hand().aim(Vec3(2.0, 3.0, -4.0));
+  virtual_session.run(1.0);
+  window->panel().workspace = false;
+  ASSERT_TRUE(window->frame());
+  ASSERT_TRUE(window->drawn_tick().tick.frame.contact);
+  const double width = window->view_width();
+  EXPECT_EQ(spot_of(window->picture(), kCellColour, width).count, 0);
+  window->panel().near.cells = true;
+  for (int i = 0; i < 5; ++i) settle();
+  const Spot cells = spot_of(window->picture(), kCellColour, width);
+  const Pixel god_object = seen(window->drawn_tick().tick.frame.god_object_mm);
+  ASSERT_GT(cells.count, 40);
+  EXPECT_LT(std::hypot(cells.x - god_object.x, cells.y - god_object.y), 60.0);
+}
+
+TEST_F(WindowShows, AnyAxisUp) {
+  VirtualSession virtual_session("sinusoid:points=10201:extent_mm=60:wavelength_mm=30:amplitude_mm=3",
+                                 {"cloud"});
+  virtual_session.session.show_in(link);
+  settle();
+  const std::vector<Vec3> axes = {Vec3::UnitZ(),  Vec3::UnitY(),  Vec3::UnitX(),
+                                  -Vec3::UnitZ(), -Vec3::UnitY(), -Vec3::UnitX()};
+  const cloud::Cloud& cloud = *virtual_session.session.input().models.front().cloud;
+  for (std::size_t k = 0; k < axes.size(); ++k) {
+    ASSERT_EQ(window->camera().up_axis(), kUps[k]);
+    EXPECT_EQ(up_named(up_name(kUps[k])), kUps[k]);
+    const Camera& camera = window->camera();
+    EXPECT_GT(camera.up().dot(axes[k]), 0.8);
+    EXPECT_NEAR(camera.right().dot(axes[k]), 0.0, 1e-12) << "level";
+    EXPECT_NEAR(camera.right().cross(camera.forward()).dot(camera.up()), 1.0, 1e-12) << "no mirror";
+    settle();
+    const ColourImage image = window->picture();
+    int painted = 0, looked = 0;
+    for (std::size_t i = 0; i < cloud.size(); i += 211) {
+      const Pixel at = seen(cloud.point_mm(i));
+      ++looked;
+      painted += is_paper(image.at(static_cast<int>(at.x), static_cast<int>(at.y))) ? 0 : 1;
+    }
+    EXPECT_GE(painted, looked * 9 / 10) << up_name(kUps[k]);
+    window->key('U', true);
+    window->key('U', false);
+  }
+  EXPECT_EQ(window->camera().up_axis(), Up::kZ) << "once round";
+  EXPECT_FALSE(up_named("w"));
+}
+
+}  // namespace
+}  // namespace palpate::experiments
