@@ -22,8 +22,8 @@ constexpr std::size_t kFewestPoints = 10'000, kFirstPoints = 50'000;
 constexpr double kMostGrowth = 2.0;
 /// Of the new measurement in the mean of what a point takes.
 constexpr double kNewShare = 0.3;
-/// Pixels of a splat's edge.
-constexpr double kSmallestSplat = 2.0, kLargestSplat = 14.0;
+/// Pixels of a splat's edge; near by it must cover what lies between points.
+constexpr double kSmallestSplat = 2.0, kLargestSplat = 64.0;
 /// A splat's edge over the distance of points: neighbours overlap, for random samples are uneven.
 constexpr double kOverlap = 2.8;
 /// Of the square about the scene's ball, what points fill: a surface seen at an angle.
@@ -51,7 +51,7 @@ flat out vec4 shown;
 flat out vec4 facing;
 void main() {
   gl_Position = clip_from_model * vec4(place, 1.0);
-  gl_PointSize = clamp(size_px * at_distance / gl_Position.w, 1.0, 24.0);
+  gl_PointSize = clamp(size_px * at_distance / gl_Position.w, 1.0, 96.0);
   gl_Position.z += back * gl_Position.w;
   vec3 n = world_from_model * normal;
   float known = step(0.25, dot(n, n));
