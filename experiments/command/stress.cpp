@@ -38,7 +38,7 @@ Subcommand stress_subcommand() {
       {"palpate stress --budget 900 --out out/stress",
        "palpate stress --renderers cloud,cloud-smooth --cases one-point,hip-nan --out out/few",
        "palpate stress --quick --budget 60 --out out/quick",
-       "palpate stress --renderers cloud --cases offset --against out/elsewhere/stress.json --out out/here"},
+       "palpate stress --renderers cloud --cases one-point --against out/few/stress.json --out out/here"},
       declare_stress, run_stress);
 }
 

@@ -22,8 +22,9 @@ constexpr std::size_t kFewestPoints = 10'000, kFirstPoints = 50'000;
 constexpr double kMostGrowth = 2.0;
 /// Of the new measurement in the mean of what a point takes.
 constexpr double kNewShare = 0.3;
-/// Pixels of a splat's edge; near by it must cover what lies between points.
-constexpr double kSmallestSplat = 2.0, kLargestSplat = 64.0;
+/// Pixels of a splat's edge, the largest where all of the scene is in view: from near they are as much larger,
+/// to cover what lies between points. What is picked is the depth of a splat's middle.
+constexpr double kSmallestSplat = 2.0, kLargestSplat = 14.0;
 /// A splat's edge over the distance of points: neighbours overlap, for random samples are uneven.
 constexpr double kOverlap = 2.8;
 /// Of the square about the scene's ball, what points fill: a surface seen at an angle.
@@ -313,7 +314,8 @@ void SplatDrawer::draw_more() {
   const double height = static_cast<double>(height_px_);
   const double wide_px = 2.0 * camera_.radius_mm() * camera_.pixels_per_mm(height);
   const double apart_px = wide_px * std::sqrt(kFilledShare / (until * static_cast<double>(points_)));
-  const double size_px = std::clamp(kOverlap * apart_px, kSmallestSplat, kLargestSplat);
+  const double largest_px = kLargestSplat * std::max(1.0, wide_px / height);
+  const double size_px = std::clamp(kOverlap * apart_px, kSmallestSplat, largest_px);
   set_number(program_, "size_px", size_px);
   set_number(program_, "at_distance", camera_.distance_mm());
   // Half its size further away, in the depth buffer's units of -1 to 1.

@@ -21,8 +21,8 @@ namespace {
 // Measured (see kExpectedOn): what to expect, no decision rests on them.
 constexpr double kStarFrameUs = 0.1, kStarMsPerMillion = 1'000.0;
 constexpr double kRefineMsPerMillion = 500.0;  // of places that are new
-// Points with their rings, rings apart of one point in fifteen, boxes and layers of the tree.
-constexpr double kStarBytesPerPoint = 32.0 + 3.0 + 6.0;
+// Points with their rings, rings apart of one random point in thirty, boxes and layers of the tree.
+constexpr double kStarBytesPerPoint = 32.0 + 1.5 + 6.0;
 /// More open points than the border of a square sheet has, 4 sqrt(n), and this share besides, are no border:
 /// the points are too noisy or too few for facets.
 constexpr double kDoubtfulShare = 0.05, kBorderOfSquare = 4.0;
