@@ -22,8 +22,8 @@ constexpr std::size_t kFewestPoints = 10'000, kFirstPoints = 50'000;
 constexpr double kMostGrowth = 2.0;
 /// Of the new measurement in the mean of what a point takes.
 constexpr double kNewShare = 0.3;
-/// Pixels of a splat's edge, the largest where all of the scene is in view: from near they are as much larger,
-/// to cover what lies between points. What is picked is the depth of a splat's middle.
+/// Pixels of a splat's edge, the largest where all of the scene is in view: from near they are as much
+/// larger, to cover what lies between points. What is picked is the depth of a splat's middle.
 constexpr double kSmallestSplat = 2.0, kLargestSplat = 14.0;
 /// A splat's edge over the distance of points: neighbours overlap, for random samples are uneven.
 constexpr double kOverlap = 2.8;

@@ -81,8 +81,8 @@ class HidBench final : public LinkBench {
   int count_ = 0;
   HidrawDouble usb_{{}, [this](std::span<const std::uint8_t> bytes) { return take(bytes); }};
   MonotonicClock clock_;
-  /// The rest pose, in which it lies, is beyond the workspace, where no force is let out: so it is put into its
-  /// middle.
+  /// The rest pose, in which it lies, is beyond the workspace, where no force is let out: so it is put into
+  /// its middle.
   static ArmDescription lying_in_the_middle() {
     ArmDescription arm = find_arm("woodenhaptics").value();
     arm.geometry.origin_mm += Vec3{25.0, 0.0, 205.0};
