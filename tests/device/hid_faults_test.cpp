@@ -58,7 +58,7 @@ class HidBench final : public LinkBench {
     usb_.unplug();
   }
   void plug() override {
-    usb_.plug();
+    if (!plugged_) usb_.plug();  // twice would be two of them
     forced_ = false;
     plugged_ = true;
   }
@@ -81,14 +81,7 @@ class HidBench final : public LinkBench {
   int count_ = 0;
   HidrawDouble usb_{{}, [this](std::span<const std::uint8_t> bytes) { return take(bytes); }};
   MonotonicClock clock_;
-  /// The rest pose, in which it lies, is beyond the workspace, where no force is let out: so it is put into
-  /// its middle.
-  static ArmDescription lying_in_the_middle() {
-    ArmDescription arm = find_arm("woodenhaptics").value();
-    arm.geometry.origin_mm += Vec3{25.0, 0.0, 205.0};
-    return arm;
-  }
-  ArmDescription arm_ = lying_in_the_middle();
+  ArmDescription arm_ = find_arm("woodenhaptics").value();
   ArmDevice device_{arm_, arm_link(arm_), clock_};
   Repeating sender_{[this] { report_one(); }};
 };

@@ -38,7 +38,8 @@ constexpr int kTicksToZero = 2;
 constexpr std::uint64_t kOneComesOf = 1000;  // of lost packets
 constexpr timespec kLook{0, 200'000};
 
-/// Pushes up wherever the device is, until it goes wrong.
+/// Pushes towards the middle, or up where the device is there, until it goes wrong: a rest pose may lie at
+/// the workspace's edge, where a governor fades what pushes outward.
 class PushingRenderer final : public render::HapticRenderer {
  public:
   Result<render::Decisions> decide(const render::SceneInput&, const render::PrepareContext&) const override {
@@ -53,7 +54,10 @@ class PushingRenderer final : public render::HapticRenderer {
     render::Frame frame;
     frame.god_object_mm = hip_mm;
     frame.contact = true;
-    frame.force_n.z() = nan ? std::numeric_limits<double>::quiet_NaN() : kPressN;
+    constexpr double kAtMiddleMm = 1.0;
+    const double away_mm = hip_mm.norm();
+    frame.force_n = away_mm > kAtMiddleMm ? Vec3(-kPressN / away_mm * hip_mm) : Vec3(0.0, 0.0, kPressN);
+    if (nan) frame.force_n.setConstant(std::numeric_limits<double>::quiet_NaN());
     const double stuck = std::exchange(stuck_ms, 0.0);
     if (stuck > 0.0) std::this_thread::sleep_for(std::chrono::duration<double, std::milli>(stuck));
     return frame;
@@ -164,7 +168,7 @@ class Trial {
     while (pressed < kLongEnough) {
       const Tick now = tick();
       if (now.fault != Fault::kNone || watch.ms() > 1e3 * kPressPatience) return false;
-      pressed = now.sent_n.z() > kPressedEnoughN && bench_.holds_force() ? pressed + 1 : 0;
+      pressed = now.sent_n.norm() > kPressedEnoughN && bench_.holds_force() ? pressed + 1 : 0;
     }
     return true;
   }
@@ -258,25 +262,28 @@ std::string p50_and_most(std::vector<double> values) {
   return fmt::format("{:.1f} / {:.1f}", values[values.size() / 2], values.back());
 }
 
+const char* seen_as(const LinkFaultOutcome& one) {
+  if (one.died) return "the guard process";
+  return one.fault == Fault::kNone ? "felt through" : fault_name(one.fault);
+}
+
 struct Row {
   int runs = 0, right = 0, commanded = 0, in_two = 0;
-  std::map<std::string, int> seen_as;
+  std::map<std::string, int> seen;
   std::vector<double> detected_ms, zero_ms;
   void add(LinkBench& bench, LinkWrong wrong, const LinkFaultOutcome& one) {
     ++runs;
-    ++seen_as[one.died                    ? "the guard process"
-              : one.fault == Fault::kNone ? "felt through"
-                                          : fault_name(one.fault)];
+    ++seen[seen_as(one)];
     right += is_right(bench, wrong, one) ? 1 : 0;
     commanded += one.commanded_zero ? 1 : 0;
     in_two += one.within_two_ticks ? 1 : 0;
     if (one.detected_ms >= 0.0) detected_ms.push_back(one.detected_ms);
     if (one.zero_ms >= 0.0) zero_ms.push_back(one.zero_ms);
   }
-  [[nodiscard]] std::string seen() const {
+  [[nodiscard]] std::string seen_text() const {
     std::string all;
-    for (const auto& [name, times] : seen_as)
-      all += (all.empty() ? "" : ", ") + name + (seen_as.size() > 1 ? fmt::format(" ({})", times) : "");
+    for (const auto& [name, times] : seen)
+      all += (all.empty() ? "" : ", ") + name + (seen.size() > 1 ? fmt::format(" ({})", times) : "");
     return all;
   }
 };
@@ -342,7 +349,8 @@ LinkFaultOutcome run_link_fault(LinkBench& bench, LinkWrong wrong, const LinkFau
   if (wrong == LinkWrong::kStopped) return run_link_death(bench, SIGSTOP);
   const LinkFaultOutcome outcome = Trial(bench, wrong, limits_of(options)).run();
   bench.replies.heal();
-  if (wrong == LinkWrong::kUnplugged) bench.plug();  // nothing refers to the old device any more
+  if (wrong == LinkWrong::kUnplugged && outcome.counts)
+    bench.plug();  // it was unplugged, and nothing refers to the old device any more
   return outcome;
 }
 
@@ -391,7 +399,7 @@ bool measure_link_faults(LinkBench& bench, int runs, std::string& rows_json) {
       if (const LinkFaultOutcome one = run_link_fault(bench, wrong, {true}); one.counts)
         row.add(bench, wrong, one);
     fmt::print("| {} | {} | {} | {} | {} | {} of {} | {} of {} |\n", link_wrong_name(wrong), bench.link(),
-               row.seen(), p50_and_most(row.detected_ms), p50_and_most(row.zero_ms), row.in_two,
+               row.seen_text(), p50_and_most(row.detected_ms), p50_and_most(row.zero_ms), row.in_two,
                row.detected_ms.empty() ? 0 : row.runs, row.right, row.runs);
     std::fflush(stdout);
     const auto most = [](const std::vector<double>& of) {
@@ -400,7 +408,7 @@ bool measure_link_faults(LinkBench& bench, int runs, std::string& rows_json) {
     rows_json += fmt::format(
         R"({}{{"link": "{}", "fault": "{}", "seen_as": "{}", "runs": {}, "void": {}, "right": {}, )"
         R"("commanded_zero": {}, "board_zero_in_two_ticks": {}, "detected_most_ms": {:.3f}, "zero_most_ms": {:.3f}}})",
-        rows_json.empty() ? "" : ",\n ", bench.link(), link_wrong_name(wrong), row.seen(), row.runs,
+        rows_json.empty() ? "" : ",\n ", bench.link(), link_wrong_name(wrong), row.seen_text(), row.runs,
         tried - row.runs, row.right, row.commanded, row.in_two, most(row.detected_ms), most(row.zero_ms));
     all_right = all_right && row.right == row.runs && row.runs == runs;
   }
@@ -435,6 +443,7 @@ std::string violations_of(LinkBench& bench, LinkWrong wrong) {
   const LinkFaultOutcome one = counted_fault(bench, wrong, {});
   const std::string what = bench.link() + ", " + link_wrong_name(wrong) + ": ";
   if (!one.counts) return what + "it never pressed";
+  fmt::print("{}{}\n", what, seen_as(one));
   if (is_right(bench, wrong, one)) return {};
   return what + fmt::format("{}{}{}", fault_name(one.fault), one.held_at_end ? ", a force is left" : "",
                             one.commanded_zero ? "" : ", a force was commanded after the fault");
