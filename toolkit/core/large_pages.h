@@ -26,7 +26,6 @@ struct LargePageAllocator {
   explicit(false) LargePageAllocator(const LargePageAllocator<U>&) noexcept {}
 
   [[nodiscard]] T* allocate(std::size_t n) {
-    static_assert(alignof(T) <= __STDCPP_DEFAULT_NEW_ALIGNMENT__, "small arrays come from the plain heap");
     if (n > static_cast<std::size_t>(-1) / sizeof(T)) throw std::bad_array_new_length();
     const std::size_t bytes = n * sizeof(T);
     if (bytes < kFromBytes) return static_cast<T*>(::operator new(bytes));
