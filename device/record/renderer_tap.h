@@ -8,48 +8,40 @@
 
 #include "device/record/recorded_tick.h"
 #include "toolkit/core/clock.h"
+#include "toolkit/render/wrapped_renderer.h"
 
 namespace palpate::device {
 
 /// Refers to the clock, and to the renderer unless it is given it. One thread, that of the frames. Costs two
 /// readings of the clock a step, and nothing is allocated.
-class RendererTap final : public render::HapticRenderer {
+class RendererTap final : public render::WrappedRenderer {
  public:
-  RendererTap(render::HapticRenderer& inner, const Clock& clock) noexcept : inner_(inner), clock_(clock) {}
+  RendererTap(render::HapticRenderer& inner, const Clock& clock) noexcept
+      : WrappedRenderer(inner), clock_(clock) {}
   /// Takes it; never null. `index`: its own in the recording's table.
   RendererTap(std::unique_ptr<render::HapticRenderer> inner, const Clock& clock,
               std::uint16_t index = 0) noexcept
-      : owned_(std::move(inner)), inner_(*owned_), clock_(clock), index_(index) {}
+      : WrappedRenderer(std::move(inner)), clock_(clock), index_(index) {}
   [[nodiscard]] std::uint16_t index() const noexcept { return index_; }
 
-  [[nodiscard]] Result<render::Decisions> decide(const render::SceneInput& scene,
-                                                 const render::PrepareContext& context) const override {
-    return inner_.decide(scene, context);
-  }
-  [[nodiscard]] Result<render::PrepareReport> prepare(const render::SceneInput& scene,
-                                                      const render::PrepareContext& context) override {
-    return inner_.prepare(scene, context);
-  }
   void restart(const Vec3& hip_mm, double t_s) noexcept override {
     // What was done before is undone by it.
     begin_tick();
     note({RendererCall::Kind::kRestart, hip_mm, t_s});
-    inner_.restart(hip_mm, t_s);
+    inner().restart(hip_mm, t_s);
   }
   void let_go(const Vec3& hip_mm) noexcept override {
     note({RendererCall::Kind::kLetGo, hip_mm, 0.0});
-    inner_.let_go(hip_mm);
+    inner().let_go(hip_mm);
   }
   [[nodiscard]] render::Frame step(const Vec3& hip_mm, double t_s) noexcept override {
     note({RendererCall::Kind::kStep, hip_mm, t_s});
     const std::int64_t begun_ns = clock_.now_ns();
-    frame_ = inner_.step(hip_mm, t_s);
+    frame_ = inner().step(hip_mm, t_s);
     step_ns_ += clock_.now_ns() - begun_ns;
     stepped_ = true;
     return frame_;
   }
-  [[nodiscard]] render::FrameCounters counters() const noexcept override { return inner_.counters(); }
-  [[nodiscard]] render::Description describe() const override { return inner_.describe(); }
 
   /// What was called since the last begin_tick(); the calls stay until the next one. `renderer` stays as the
   /// caller has set it.
@@ -75,8 +67,6 @@ class RendererTap final : public render::HapticRenderer {
       lost_ = true;
   }
 
-  std::unique_ptr<render::HapticRenderer> owned_;
-  render::HapticRenderer& inner_;
   const Clock& clock_;
   std::uint16_t index_ = 0;
   std::array<RendererCall, kMostCalls> calls_{};

@@ -17,6 +17,7 @@
 #include "toolkit/core/at_stop.h"
 #include "toolkit/core/clock.h"
 #include "toolkit/core/try.h"
+#include "toolkit/render/scene_free_renderer.h"
 
 namespace palpate::device {
 namespace {
@@ -29,16 +30,8 @@ constexpr double kPressPatienceS = 60.0, kPressJumpMmPerS = 1e6;
 constexpr int kNoServo = 3;  // exit code of a child that could not begin
 constexpr timespec kLookAgain{0, 50'000};
 
-class PressedWall final : public render::HapticRenderer {
+class PressedWall final : public render::SceneFreeRenderer {
  public:
-  Result<render::Decisions> decide(const render::SceneInput&, const render::PrepareContext&) const override {
-    return render::Decisions{};
-  }
-  Result<render::PrepareReport> prepare(const render::SceneInput&, const render::PrepareContext&) override {
-    return render::PrepareReport{};
-  }
-  void restart(const Vec3&, double) noexcept override {}
-  void let_go(const Vec3&) noexcept override {}
   render::Frame step(const Vec3& hip_mm, double) noexcept override {
     render::Frame frame;
     frame.god_object_mm = hip_mm;
@@ -46,7 +39,6 @@ class PressedWall final : public render::HapticRenderer {
     if (frame.contact) frame.force_n.z() = -kPressWallNPerMm * hip_mm.z();
     return frame;
   }
-  render::FrameCounters counters() const noexcept override { return {}; }
   render::Description describe() const override { return {"wall", "", "", "constant", {}}; }
 };
 

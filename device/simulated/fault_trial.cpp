@@ -15,6 +15,7 @@
 #include "device/simulated/simulated_link.h"
 #include "toolkit/core/random.h"
 #include "toolkit/core/try.h"
+#include "toolkit/render/scene_free_renderer.h"
 
 namespace palpate::device {
 namespace {
@@ -79,18 +80,10 @@ class TrialTime {
 };
 
 /// A half space that goes wrong on request.
-class TrialWall final : public render::HapticRenderer {
+class TrialWall final : public render::SceneFreeRenderer {
  public:
   TrialWall(TrialTime& time, const TrialFault& fault, const double& wrong_s)
       : time_(time), fault_(fault), wrong_s_(wrong_s) {}
-  Result<render::Decisions> decide(const render::SceneInput&, const render::PrepareContext&) const override {
-    return render::Decisions{};
-  }
-  Result<render::PrepareReport> prepare(const render::SceneInput&, const render::PrepareContext&) override {
-    return render::PrepareReport{};
-  }
-  void restart(const Vec3&, double) noexcept override {}
-  void let_go(const Vec3&) noexcept override {}
   render::Frame step(const Vec3& hip_mm, double t_s) noexcept override {
     render::Frame frame;
     frame.god_object_mm = hip_mm;
@@ -102,7 +95,6 @@ class TrialWall final : public render::HapticRenderer {
     if (fault_.where == TrialFault::Where::kStuck) time_.spin_until(wrong_s_ + fault_.lasts_s);
     return frame;
   }
-  render::FrameCounters counters() const noexcept override { return {}; }
   render::Description describe() const override { return {"wall", "", "", "constant", {}}; }
 
  private:

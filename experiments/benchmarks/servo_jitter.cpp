@@ -32,6 +32,7 @@
 #include "toolkit/core/process.h"
 #include "toolkit/core/try.h"
 #include "toolkit/render/registry.h"
+#include "toolkit/render/scene_free_renderer.h"
 #include "toolkit/renderers/toolkit_renderers.h"
 #include "toolkit/trace/paths.h"
 
@@ -41,22 +42,13 @@ using namespace palpate;
 using Json = nlohmann::ordered_json;
 
 /// Answers nothing, at once.
-class NoRenderer final : public render::HapticRenderer {
+class NoRenderer final : public render::SceneFreeRenderer {
  public:
-  Result<render::Decisions> decide(const render::SceneInput&, const render::PrepareContext&) const override {
-    return render::Decisions{};
-  }
-  Result<render::PrepareReport> prepare(const render::SceneInput&, const render::PrepareContext&) override {
-    return render::PrepareReport{};
-  }
-  void restart(const Vec3&, double) noexcept override {}
-  void let_go(const Vec3&) noexcept override {}
   render::Frame step(const Vec3& hip_mm, double) noexcept override {
     render::Frame frame;
     frame.god_object_mm = hip_mm;
     return frame;
   }
-  render::FrameCounters counters() const noexcept override { return {}; }
   render::Description describe() const override { return {"none", "", "", "constant", {}}; }
 };
 

@@ -8,7 +8,7 @@ render::Frame HeldRate::step(const Vec3& hip_mm, double t_s) noexcept {
   if (t_s + kRounding * period_s_ < due_s_) return held_;
   due_s_ += period_s_;
   if (due_s_ <= t_s) due_s_ = t_s + period_s_;  // what is past is not made up for
-  held_ = inner_->step(hip_mm, t_s);
+  held_ = inner().step(hip_mm, t_s);
   return held_;
 }
 

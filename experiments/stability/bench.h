@@ -10,53 +10,31 @@
 #include "device/simulated/simulated_arm.h"
 #include "experiments/run/stage.h"
 #include "toolkit/control/controlled_renderer.h"
+#include "toolkit/render/scene_free_renderer.h"
+#include "toolkit/render/wrapped_renderer.h"
 
 namespace palpate::experiments {
 
 /// The renderer's force times a gain, so that one preparation serves every stiffness. Refers to it.
-class GainRenderer final : public render::HapticRenderer {
+class GainRenderer final : public render::WrappedRenderer {
  public:
-  GainRenderer(render::HapticRenderer& inner, double gain) : inner_(inner), gain_(gain) {}
-  [[nodiscard]] Result<render::Decisions> decide(const render::SceneInput& scene,
-                                                 const render::PrepareContext& context) const override {
-    return inner_.decide(scene, context);
-  }
-  [[nodiscard]] Result<render::PrepareReport> prepare(const render::SceneInput& scene,
-                                                      const render::PrepareContext& context) override {
-    return inner_.prepare(scene, context);
-  }
-  void restart(const Vec3& hip_mm, double t_s) noexcept override { inner_.restart(hip_mm, t_s); }
-  void let_go(const Vec3& hip_mm) noexcept override { inner_.let_go(hip_mm); }
+  GainRenderer(render::HapticRenderer& inner, double gain) : WrappedRenderer(inner), gain_(gain) {}
   [[nodiscard]] render::Frame step(const Vec3& hip_mm, double t_s) noexcept override {
-    render::Frame frame = inner_.step(hip_mm, t_s);
+    render::Frame frame = inner().step(hip_mm, t_s);
     frame.force_n *= gain_;
     return frame;
   }
-  [[nodiscard]] render::FrameCounters counters() const noexcept override { return inner_.counters(); }
-  [[nodiscard]] render::Description describe() const override { return inner_.describe(); }
 
  private:
-  render::HapticRenderer& inner_;
   double gain_;
 };
 
 /// The truth as a renderer: a spring to the closest point of the true surface. Refers to it.
-class TruthRenderer final : public render::HapticRenderer {
+class TruthRenderer final : public render::SceneFreeRenderer {
  public:
   TruthRenderer(const metrics::TruthSurface& truth, double stiffness_n_per_mm)
       : truth_(truth), stiffness_n_per_mm_(stiffness_n_per_mm) {}
-  [[nodiscard]] Result<render::Decisions> decide(const render::SceneInput& /*scene*/,
-                                                 const render::PrepareContext& /*context*/) const override {
-    return render::Decisions{};
-  }
-  [[nodiscard]] Result<render::PrepareReport> prepare(const render::SceneInput& /*scene*/,
-                                                      const render::PrepareContext& /*context*/) override {
-    return render::PrepareReport{};
-  }
-  void restart(const Vec3& /*hip_mm*/, double /*t_s*/) noexcept override {}
-  void let_go(const Vec3& /*hip_mm*/) noexcept override {}
   [[nodiscard]] render::Frame step(const Vec3& hip_mm, double t_s) noexcept override;
-  [[nodiscard]] render::FrameCounters counters() const noexcept override { return {}; }
   [[nodiscard]] render::Description describe() const override {
     return {"truth", "the true surface", "", "that of a closest point", {}};
   }

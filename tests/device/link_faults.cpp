@@ -25,6 +25,7 @@
 #include "tests/device/rig.h"
 #include "toolkit/core/atomic_file.h"
 #include "toolkit/core/clock.h"
+#include "toolkit/render/scene_free_renderer.h"
 
 namespace palpate::device {
 namespace {
@@ -40,16 +41,8 @@ constexpr timespec kLook{0, 200'000};
 
 /// Pushes towards the middle, or up where the device is there, until it goes wrong: a rest pose may lie at
 /// the workspace's edge, where a governor fades what pushes outward.
-class PushingRenderer final : public render::HapticRenderer {
+class PushingRenderer final : public render::SceneFreeRenderer {
  public:
-  Result<render::Decisions> decide(const render::SceneInput&, const render::PrepareContext&) const override {
-    return render::Decisions{};
-  }
-  Result<render::PrepareReport> prepare(const render::SceneInput&, const render::PrepareContext&) override {
-    return render::PrepareReport{};
-  }
-  void restart(const Vec3&, double) noexcept override {}
-  void let_go(const Vec3&) noexcept override {}
   render::Frame step(const Vec3& hip_mm, double) noexcept override {
     render::Frame frame;
     frame.god_object_mm = hip_mm;
@@ -62,7 +55,6 @@ class PushingRenderer final : public render::HapticRenderer {
     if (stuck > 0.0) std::this_thread::sleep_for(std::chrono::duration<double, std::milli>(stuck));
     return frame;
   }
-  render::FrameCounters counters() const noexcept override { return {}; }
   render::Description describe() const override { return {"push", "", "", "constant", {}}; }
   bool nan = false;
   double stuck_ms = 0.0;

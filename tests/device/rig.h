@@ -3,22 +3,16 @@
 
 #include "device/simulated/closed_loop.h"
 #include "device/simulated/simulated_arm.h"
+#include "toolkit/render/scene_free_renderer.h"
 
 namespace palpate::device {
 
 /// A plane z = 0 with a spring. Pushes only, or, bilateral, pulls too: a linear loop.
-class SpringPlane final : public render::HapticRenderer {
+class SpringPlane final : public render::SceneFreeRenderer {
  public:
   explicit SpringPlane(double stiffness, bool bilateral = false)
       : stiffness_n_per_mm(stiffness), bilateral_(bilateral) {}
-  Result<render::Decisions> decide(const render::SceneInput&, const render::PrepareContext&) const override {
-    return render::Decisions{};
-  }
-  Result<render::PrepareReport> prepare(const render::SceneInput&, const render::PrepareContext&) override {
-    return render::PrepareReport{};
-  }
   void restart(const Vec3& hip_mm, double) noexcept override { before_mm_ = hip_mm.z(); }
-  void let_go(const Vec3&) noexcept override {}
   render::Frame step(const Vec3& hip_mm, double) noexcept override {
     render::Frame frame;
     frame.god_object_mm = hip_mm;
@@ -30,7 +24,6 @@ class SpringPlane final : public render::HapticRenderer {
     before_mm_ = hip_mm.z();
     return frame;
   }
-  render::FrameCounters counters() const noexcept override { return {}; }
   render::Description describe() const override { return {"spring", "", "", "constant", {}}; }
 
   double stiffness_n_per_mm;

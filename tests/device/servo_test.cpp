@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "device/simulated/simulated_device.h"
+#include "toolkit/render/scene_free_renderer.h"
 
 namespace palpate::device {
 namespace {
@@ -16,14 +17,8 @@ constexpr double kPeriodS = 1e-3;
 constexpr double kServoNan = std::numeric_limits<double>::quiet_NaN();
 
 // A half space z < 0 in the world with a spring; answers NaN on request.
-class Wall final : public render::HapticRenderer {
+class Wall final : public render::SceneFreeRenderer {
  public:
-  Result<render::Decisions> decide(const render::SceneInput&, const render::PrepareContext&) const override {
-    return render::Decisions{};
-  }
-  Result<render::PrepareReport> prepare(const render::SceneInput&, const render::PrepareContext&) override {
-    return render::PrepareReport{};
-  }
   void restart(const Vec3& hip_mm, double t_s) noexcept override {
     ++restarts;
     placed_at_mm = hip_mm;
@@ -49,7 +44,6 @@ class Wall final : public render::HapticRenderer {
     if (steps == nan_at) frame.force_n.setConstant(kServoNan);
     return frame;
   }
-  render::FrameCounters counters() const noexcept override { return {}; }
   render::Description describe() const override { return {"wall", "", "", "constant", {}}; }
 
   int restarts = 0, lettings_go = 0, steps = 0, nan_at = -1;

@@ -10,6 +10,7 @@
 #include "experiments/session/session.h"
 #include "tests/experiments/program.h"
 #include "tests/json_schema.h"
+#include "toolkit/render/scene_free_renderer.h"
 
 namespace palpate::experiments {
 namespace {
@@ -28,18 +29,10 @@ Quarry stroke_through_a_plane() {
 }
 
 /// Feels the plane z = 0 from above, as it should or otherwise.
-class Fake final : public render::HapticRenderer {
+class Fake final : public render::SceneFreeRenderer {
  public:
   using Spoil = std::function<void(const Vec3& hip, render::Frame& frame)>;
   explicit Fake(Spoil spoil) : spoil_(std::move(spoil)) {}
-  Result<render::Decisions> decide(const render::SceneInput&, const render::PrepareContext&) const override {
-    return render::Decisions{};
-  }
-  Result<render::PrepareReport> prepare(const render::SceneInput&, const render::PrepareContext&) override {
-    return render::PrepareReport{};
-  }
-  void restart(const Vec3&, double) noexcept override {}
-  void let_go(const Vec3&) noexcept override {}
   render::Frame step(const Vec3& hip, double) noexcept override {
     render::Frame frame;
     frame.contact = hip.z() < 0.0;
@@ -49,7 +42,6 @@ class Fake final : public render::HapticRenderer {
     frame.force_n += 0.5 * (frame.god_object_mm - hip);
     return frame;
   }
-  render::FrameCounters counters() const noexcept override { return {}; }
   render::Description describe() const override { return {}; }
 
  private:

@@ -6,26 +6,20 @@
 #include <numeric>
 
 #include "toolkit/core/random.h"
+#include "toolkit/render/scene_free_renderer.h"
 
 namespace palpate::trace {
 namespace {
 
 // A half space z < 0 with a spring; `forgets` makes every restart answer a little differently.
-class Wall final : public render::HapticRenderer {
+class Wall final : public render::SceneFreeRenderer {
  public:
   explicit Wall(bool forgets = false) : forgets_(forgets) {}
-  Result<render::Decisions> decide(const render::SceneInput&, const render::PrepareContext&) const override {
-    return render::Decisions{};
-  }
-  Result<render::PrepareReport> prepare(const render::SceneInput&, const render::PrepareContext&) override {
-    return render::PrepareReport{};
-  }
   void restart(const Vec3&, double t_s) noexcept override {
     ++restarts_;
     last_s_ = t_s;
     counters_ = {};
   }
-  void let_go(const Vec3&) noexcept override {}
   render::Frame step(const Vec3& hip_mm, double t_s) noexcept override {
     ++counters_.frames;
     const double dt_s = t_s - last_s_;
