@@ -87,7 +87,7 @@ Result<DeviceChoice> choose_device(const DeviceArguments& arguments, const devic
     const std::string asked = arguments.device.substr(0, arguments.device.find(':'));
     return Error{
         fmt::format("no driver has a device {}", shown(arguments.device)),
-        did_you_mean(asked, known, "choose from " + joined(known)) + "; `palpate devices` lists them",
+        did_you_mean(asked, known, "choose from " + joined(known) + ", as `palpate devices` lists them"),
         {},
         0};
   }

@@ -10,6 +10,9 @@
 namespace palpate::experiments {
 namespace {
 
+/// The sine of 15 degrees: a surface that is seen flatter is seen on edge.
+constexpr double kSeenOnEdge = 0.26;
+
 /// A walk from neighbour to neighbour towards a place ends after so many: a cloud of four million points is
 /// two thousand across.
 constexpr int kLongestWalk = 4'000;
@@ -255,6 +258,29 @@ std::optional<std::uint32_t> SceneView::nearest(std::size_t index, const Vec3& l
   const double box_mm = model.known->half_box_mm(cloud, model.nearest).norm();
   if (least > kStuckBoxes * kStuckBoxes * box_mm * box_mm) model.nearest = nearest_of_all(cloud, local_mm);
   return model.nearest;
+}
+
+Hit SceneView::on_surface(const Hit& hit, const Vec3& eye_mm) {
+  Vec3 point_mm = hit.place_mm;
+  double least_sq = HUGE_VAL;
+  for (std::size_t i = 0; i < models_.size(); ++i) {
+    const cloud::Cloud& cloud = *scene_->models[i].cloud;
+    const std::optional<std::uint32_t> near =
+        nearest(i, models_[i].world_from_model.inverse() * hit.place_mm - cloud.origin_mm);
+    if (!near) continue;
+    const Vec3 at_mm = models_[i].world_from_model * cloud.point_mm(*near);
+    const double sq = (at_mm - hit.place_mm).squaredNorm();
+    if (sq >= least_sq) continue;
+    least_sq = sq;
+    point_mm = at_mm;
+  }
+  const Vec3 ray = (hit.place_mm - eye_mm).normalized();
+  // Along a plane that is seen on edge the ray goes far: there the point's depth counts.
+  const double facing = hit.normal.dot(ray);
+  const Vec3 n = std::abs(facing) > kSeenOnEdge ? hit.normal : ray;
+  Hit on = hit;
+  on.place_mm = eye_mm + ray * (n.dot(point_mm - eye_mm) / n.dot(ray));
+  return on;
 }
 
 void SceneView::draw_facets(const Overlay& overlay, const Model& model, std::uint32_t point) const {

@@ -51,6 +51,9 @@ class SceneView {
   /// How many points stand elsewhere than they were read.
   [[nodiscard]] std::size_t shifted() const noexcept;
   void draw_near(const Overlay& overlay, const WatchedTick& now, const NearChoice& choice);
+  /// What stands at a pixel, in the nearest point's plane: a splat is flat, stands back, and is larger where
+  /// points are few. As the splat has it while the neighbours are not known yet.
+  [[nodiscard]] Hit on_surface(const Hit& hit, const Vec3& eye_mm);
   [[nodiscard]] SplatDrawer& splats() noexcept { return *splats_; }
   [[nodiscard]] const SplatDrawer& splats() const noexcept { return *splats_; }
 

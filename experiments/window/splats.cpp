@@ -22,13 +22,10 @@ constexpr std::size_t kFewestPoints = 10'000, kFirstPoints = 50'000;
 constexpr double kMostGrowth = 2.0;
 /// Of the new measurement in the mean of what a point takes.
 constexpr double kNewShare = 0.3;
-/// Pixels of a splat's edge, the largest where all of the scene is in view: from near they are as much
-/// larger, to cover what lies between points. What is picked is the depth of a splat's middle.
-constexpr double kSmallestSplat = 1.0, kLargestSplat = 14.0;
-/// So wide, of the picture's height, is the scene's ball where all of it is in view, and somewhat nearer.
-constexpr double kWholeInView = 1.5;
+/// Pixels of a splat's edge; from near it must cover what lies between points.
+constexpr double kSmallestSplat = 2.0, kLargestSplat = 64.0;
 /// A splat's edge over the distance of points: neighbours overlap, for random samples are uneven.
-constexpr double kOverlap = 2.0;
+constexpr double kOverlap = 2.8;
 /// Of the square about the scene's ball, what points fill: a surface seen at an angle.
 constexpr double kFilledShare = 0.35;
 /// What is searched for a point about a place of the picture: to each side, pixels.
@@ -316,8 +313,7 @@ void SplatDrawer::draw_more() {
   const double height = static_cast<double>(height_px_);
   const double wide_px = 2.0 * camera_.radius_mm() * camera_.pixels_per_mm(height);
   const double apart_px = wide_px * std::sqrt(kFilledShare / (until * static_cast<double>(points_)));
-  const double largest_px = kLargestSplat * std::max(1.0, wide_px / (kWholeInView * height));
-  const double size_px = std::clamp(kOverlap * apart_px, kSmallestSplat, largest_px);
+  const double size_px = std::clamp(kOverlap * apart_px, kSmallestSplat, kLargestSplat);
   set_number(program_, "size_px", size_px);
   set_number(program_, "at_distance", camera_.distance_mm());
   // Half its size further away, in the depth buffer's units of -1 to 1.

@@ -49,7 +49,8 @@ void Window::State::steer() {
   if (pans) camera.pan(moved_x, moved_y, height);
   if (!session || !session->hand || now.ticks == 0 || turns || pans || !(over_cloud || input.pressing))
     return;
-  const std::optional<Hit> hit = scene->splats().at(input.x * scale(), input.y * scale());
+  std::optional<Hit> hit = scene->splats().at(input.x * scale(), input.y * scale());
+  if (hit) hit = scene->on_surface(*hit, camera.eye_mm());
   const Mat4 clip_from_world = camera.clip_from_world(view_width(), height);
   Vec3 ray_mm = camera.target_mm();
   if (hand.last())

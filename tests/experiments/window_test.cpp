@@ -73,7 +73,9 @@ TEST_F(WindowTest, ColoursAreThoseOfWhatWasChosen) {
     const Pixel at = seen(cloud.point_mm(i));
     const auto hit = window->scene().splats().at(at.x, at.y);
     // Behind a hill another point is seen.
-    if (!hit || (hit->place_mm - cloud.point_mm(i)).norm() > 1.5) continue;
+    if (!hit) continue;
+    const Vec3 stands_mm = window->scene().on_surface(*hit, window->camera().eye_mm()).place_mm;
+    if ((stands_mm - cloud.point_mm(i)).norm() > 1.5) continue;
     const Rgba expected = ramp((cloud.point_mm(i).z() - scale.low) / (scale.high - scale.low));
     ++looked;
     right += apart(image.at(static_cast<int>(at.x), static_cast<int>(at.y)),
