@@ -99,7 +99,7 @@ Result<MadeDevice> make_arm(const DeviceRequest& request, const Clock& clock) {
   made.zero = [arm] {
     const std::unique_ptr<Link> link = arm_link(arm);
     if (!link->open()) return false;
-    const bool sent = link->submit(encoded_currents(arm.form, arm.report_bytes, {}).span());
+    const bool sent = link->submit(encoded_zero(arm.form, arm.report_bytes).span());
     link->close();
     return sent;
   };

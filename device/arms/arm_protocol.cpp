@@ -128,6 +128,16 @@ CommandBytes encoded_currents(ArmForm form, std::size_t padded, const Milliamps&
   return command;
 }
 
+CommandBytes encoded_zero(ArmForm form, std::size_t padded) noexcept {
+  CommandBytes zero = encoded_currents(form, padded, {});
+  static_assert(2 * kTextCommandBytes <= CommandBytes::kMost);
+  if (form == ArmForm::kText) {
+    std::copy_n(zero.bytes.begin(), zero.size, zero.bytes.begin() + static_cast<std::ptrdiff_t>(zero.size));
+    zero.size *= 2;
+  }
+  return zero;
+}
+
 CommandBytes encoded_counts(std::size_t padded, const std::array<std::int16_t, 6>& counts) noexcept {
   CommandBytes command = blank_report(ArmForm::kReport14, padded);
   for (std::size_t i = 0; i < 3; ++i) {

@@ -71,6 +71,9 @@ using Milliamps = std::array<std::int16_t, 3>;
 /// The command for these currents; `padded` as for reports.
 [[nodiscard]] CommandBytes encoded_currents(ArmForm form, std::size_t padded,
                                             const Milliamps& currents) noexcept;
+/// Zero, for who does not know what was sent last: of text twice, for a board that got half a line before
+/// takes the first for the rest of it.
+[[nodiscard]] CommandBytes encoded_zero(ArmForm form, std::size_t padded) noexcept;
 /// The command that makes the arm's counters show these; of report14 alone.
 [[nodiscard]] CommandBytes encoded_counts(std::size_t padded,
                                           const std::array<std::int16_t, 6>& counts) noexcept;

@@ -18,6 +18,7 @@
 #include "experiments/live/watch.h"
 #include "experiments/live/window_hooks.h"
 #include "toolkit/core/try.h"
+#include "toolkit/render/model_part.h"
 
 namespace palpate::experiments {
 namespace {
@@ -151,20 +152,6 @@ void end_recording(const std::string& file, device::Recorder& recorder, LiveDocu
   document.recording = {file, counts.ticks, counts.written, counts.lost, counts.bytes};
 }
 
-geometry::Aabb scene_box(const render::SceneInput& scene) {
-  geometry::Aabb box;
-  for (const render::ModelInput& model : scene.models) {
-    const geometry::Aabb own = model.cloud->box_mm();
-    for (int corner = 0; corner < 8; ++corner) {
-      Vec3 at = own.low_mm;
-      for (int axis = 0; axis < 3; ++axis)
-        if ((corner >> axis & 1) != 0) at[axis] = own.high_mm[axis];
-      box.add(model.world_from_model * at);
-    }
-  }
-  return box;
-}
-
 /// Where the hand is before the first tick: free. A simulated hand takes the device; one that a mouse guides
 /// is left in `guide`.
 Result<Vec3> place_hand(const LiveArguments& arguments, const Stage& stage, render::HapticRenderer& first,
@@ -258,7 +245,7 @@ struct Seat {
 Result<Seat> take_seat(const LiveArguments& arguments, const LivePlan& plan, const Stage& stage,
                        SessionDevice& device, LiveDocument& document) {
   Seat seat;
-  const geometry::Aabb box = scene_box(stage.scene.input);
+  const geometry::Aabb box = render::box_of(stage.scene.input.models);
   PALPATE_ASSIGN(seat.limits, device.limits());
   PALPATE_ASSIGN(seat.map, device::map_for(box, seat.limits, plan.workspace));
   say_mapping(box, seat.map, seat.limits, document);

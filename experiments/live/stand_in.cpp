@@ -4,11 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
 #include <utility>
 
+#include "toolkit/cloud/part.h"
 #include "toolkit/core/random.h"
 #include "toolkit/partition/uniform_grid.h"
+#include "toolkit/render/model_part.h"
 
 namespace palpate::experiments {
 namespace {
@@ -22,25 +23,6 @@ constexpr std::uint64_t kLookSeed = 20'161'123;
 /// second is nearly right; rough surfaces take another.
 constexpr int kCellTries = 3;
 constexpr int kThinThreads = 1;
-
-std::vector<float> taken(const std::vector<float>& values, const std::vector<std::uint32_t>& kept) {
-  std::vector<float> some;
-  if (values.empty()) return some;
-  some.reserve(kept.size());
-  for (const std::uint32_t i : kept) some.push_back(values[i]);
-  return some;
-}
-
-cloud::Cloud part_of(const cloud::Cloud& cloud, const std::vector<std::uint32_t>& kept) {
-  cloud::Cloud part;
-  part.origin_mm = cloud.origin_mm;
-  part.x_mm = taken(cloud.x_mm, kept);
-  part.y_mm = taken(cloud.y_mm, kept);
-  part.z_mm = taken(cloud.z_mm, kept);
-  for (const cloud::Property& property : cloud.properties)
-    part.properties.push_back({property.name, taken(property.values, kept)});
-  return part;
-}
 
 /// One of each run of numbers: every part of a file is looked at.
 std::vector<std::uint32_t> one_of_each_run(std::size_t n, std::size_t runs) {
@@ -80,38 +62,18 @@ partition::UniformGrid grid_of_cells(const cloud::Cloud& cloud, std::size_t cell
   return grid;
 }
 
-std::shared_ptr<const surface::PointProperties> taken_of(const surface::PointProperties& all,
-                                                         const std::vector<std::uint32_t>& kept) {
-  return std::make_shared<const surface::PointProperties>(
-      surface::PointProperties{taken(all.stiffness_n_per_mm, kept), taken(all.static_friction, kept),
-                               taken(all.dynamic_friction, kept), taken(all.deformation, kept)});
-}
-
-render::ModelInput coarse(const render::ModelInput& model, std::size_t points) {
-  render::ModelInput part = model;
-  ThinnedCloud thin = thinned(*model.cloud, points);
-  if (model.surface.per_point) part.surface.per_point = taken_of(*model.surface.per_point, thin.kept);
-  part.cloud = std::make_shared<const cloud::Cloud>(std::move(thin.cloud));
-  part.original_mesh = nullptr;
-  return part;
-}
-
 }  // namespace
 
-ThinnedCloud thinned(const cloud::Cloud& cloud, std::size_t points) {
-  ThinnedCloud thin;
+std::vector<std::uint32_t> thinned(const cloud::Cloud& cloud, std::size_t points) {
   const std::size_t most = std::max<std::size_t>(points, 1);
-  const std::vector<std::uint32_t> looked =
+  std::vector<std::uint32_t> looked =
       one_of_each_run(cloud.size(), std::min(cloud.size(), kLookedAtForOne * most));
-  if (cloud.size() <= most) {
-    thin.kept = looked;
-  } else {
-    const cloud::Cloud some = part_of(cloud, looked);
-    for (const std::uint32_t place : one_of_each_cell(some, grid_of_cells(some, most)))
-      thin.kept.push_back(looked[place]);
-  }
-  thin.cloud = part_of(cloud, thin.kept);
-  return thin;
+  if (cloud.size() <= most) return looked;
+  const cloud::Cloud some = cloud::part_of(cloud, looked);
+  std::vector<std::uint32_t> kept;
+  for (const std::uint32_t place : one_of_each_cell(some, grid_of_cells(some, most)))
+    kept.push_back(looked[place]);
+  return kept;
 }
 
 std::string StandIn::text() const {
@@ -132,8 +94,8 @@ std::optional<StandIn> stand_in_for(const LiveArguments& arguments, const std::v
   stand_in.input = scene;
   const double share = static_cast<double>(wanted) / static_cast<double>(stand_in.of_points);
   for (render::ModelInput& model : stand_in.input.models) {
-    model =
-        coarse(model, static_cast<std::size_t>(std::ceil(share * static_cast<double>(model.cloud->size()))));
+    const double points = std::ceil(share * static_cast<double>(model.cloud->size()));
+    model = render::part_of(model, thinned(*model.cloud, static_cast<std::size_t>(points)));
     stand_in.points += model.cloud->size();
   }
   const render::RendererInfo* first = registry.find(settings.front().request.name);

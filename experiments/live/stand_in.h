@@ -15,14 +15,9 @@ namespace palpate::experiments {
 /// Points of a stand-in where nobody says otherwise: `cloud` is prepared on them in some tenths of a second.
 inline constexpr std::size_t kStandInPoints = 60'000;
 
-/// `cloud` with about `points` of its points, in its order, the properties with them. Every one of `kept` is
-/// a number of `cloud`'s, ascending. Evenly spread: at most one in each cell of a grid. The work is bounded
-/// by `points`, not by the cloud. A cloud of no more points is kept whole.
-struct ThinnedCloud {
-  cloud::Cloud cloud;
-  std::vector<std::uint32_t> kept;
-};
-[[nodiscard]] ThinnedCloud thinned(const cloud::Cloud& cloud, std::size_t points);
+/// Numbers of about `points` of the cloud's points, ascending. Evenly spread: at most one in each cell of a
+/// grid. The work is bounded by `points`, not by the cloud. A cloud of no more points is kept whole.
+[[nodiscard]] std::vector<std::uint32_t> thinned(const cloud::Cloud& cloud, std::size_t points);
 
 /// A coarse scene, and who renders it.
 struct StandIn {

@@ -8,6 +8,7 @@
 #include "experiments/live/moving_scene.h"
 #include "experiments/psychophysics/felt_renderers.h"
 #include "toolkit/core/try.h"
+#include "toolkit/render/model_part.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {
@@ -44,27 +45,12 @@ class OneTrial final : public SessionTasks {
   double longest_s_;
 };
 
-geometry::Aabb box_of(const render::SceneInput& scene) {
-  geometry::Aabb box;
-  constexpr int kCorners = 8;
-  for (const render::ModelInput& model : scene.models) {
-    const geometry::Aabb own = model.cloud->box_mm();
-    for (int corner = 0; corner < kCorners; ++corner) {
-      Vec3 at = own.low_mm;
-      for (int axis = 0; axis < 3; ++axis)
-        if ((corner >> axis & 1) != 0) at[axis] = own.high_mm[axis];
-      box.add(model.world_from_model * at);
-    }
-  }
-  return box;
-}
-
 }  // namespace
 
 Status Rig::seat(SessionDevice& device, Progress& progress) {
   const SessionSettings settings = rig_settings(bench_.options().rate_hz);
   PALPATE_ASSIGN(limits_, device.limits());
-  PALPATE_ASSIGN(map_, device::map_for(box_of(bench_.stage().scene.input), limits_, {}));
+  PALPATE_ASSIGN(map_, device::map_for(render::box_of(bench_.stage().scene.input.models), limits_, {}));
   PALPATE_ASSIGN(const device::ForceGovernor governor,
                  device::ForceGovernor::create(limits_, Assembly::governor_options(settings)));
   force_limit_n_ = governor.limit_n();

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "toolkit/partition/cell_walk.h"
+#include "toolkit/render/model_part.h"
 
 namespace palpate::experiments {
 namespace {
@@ -61,17 +62,6 @@ std::uint32_t nearest_of_all(const cloud::Cloud& cloud, const Vec3& local_mm) {
 
 }  // namespace
 
-geometry::Aabb box_of(const ShownScene& scene) {
-  geometry::Aabb box;
-  for (const render::ModelInput& model : scene.models) {
-    const geometry::Aabb own = model.cloud->box_mm();
-    for (const Vec3& corner :
-         corners_of(own.low_mm, own.high_mm, [&](const Vec3& p) { return Vec3(model.world_from_model * p); }))
-      box.add(corner);
-  }
-  return box;
-}
-
 void SceneView::show(std::shared_ptr<const ShownScene> scene) {
   // What is still being found belongs to the scene of before.
   colours_ = {};
@@ -83,7 +73,7 @@ void SceneView::show(std::shared_ptr<const ShownScene> scene) {
   splats_->clear();
   scene_ = std::move(scene);
   if (!scene_) return;
-  box_mm_ = box_of(*scene_);
+  box_mm_ = render::box_of(scene_->models);
   ColourScale scale;
   for (const render::ModelInput& input : scene_->models) {
     Model model;

@@ -101,7 +101,4 @@ class SceneView {
   std::size_t asks_ = 0;  // models that give way are asked about in turn
 };
 
-/// The box of all models where they begin, world.
-[[nodiscard]] geometry::Aabb box_of(const ShownScene& scene);
-
 }  // namespace palpate::experiments

@@ -1,6 +1,7 @@
 // What goes wrong between a servo and a device over the real hidapi, a pseudo-terminal and UDP sockets. See
 // docs/safety.md for the table.
 #include <arpa/inet.h>
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <netinet/in.h>
 #include <poll.h>
@@ -11,6 +12,7 @@
 #include <chrono>
 #include <fstream>
 #include <iterator>
+#include <mutex>
 #include <thread>
 
 #include "device/arms/arm_device.h"
@@ -263,6 +265,38 @@ TEST_P(HidLinkFaults, OverUdpEndInZero) {
   EXPECT_EQ(violations_of(bench, wrong()), "");
 }
 INSTANTIATE_TEST_SUITE_P(Each, HidLinkFaults, testing::Range(0, kLinkWrongs));
+
+// A program that is killed may leave half a line, and who opens the line again throws away what is queued.
+TEST(TextArm, HalfACommandDoesNotSpoilTheGuardsZero) {
+  std::string last;
+  std::mutex mutex;
+  TtyBoard board([&, held = std::string()](std::span<const std::uint8_t> bytes) mutable {
+    const std::lock_guard lock(mutex);
+    for (const std::uint8_t byte : bytes) {
+      held.push_back(static_cast<char>(byte));
+      if (byte == '\n') last = std::exchange(held, {});
+    }
+    return TtyBoard::Bytes{};
+  });
+  const MonotonicClock clock;
+  Drivers drivers;
+  register_arm_driver(drivers);
+  const Result<MadeDevice> made =
+      drivers.of("arm:polhem-v3")->make({"arm:polhem-v3", {}, {{"path", board.path()}}}, clock);
+  ASSERT_TRUE(made) << made.error().message();
+  const int line = ::open(board.path().c_str(), O_WRONLY | O_NOCTTY | O_CLOEXEC);
+  ASSERT_EQ(::write(line, "[900,0,", 7), 7);
+  while (board.received().size() < 7) ::usleep(1000);
+  ASSERT_TRUE(made->zero());
+  ::close(line);
+  constexpr int kPatienceMs = 2000;
+  const auto is_zero = [&] {
+    const std::lock_guard lock(mutex);
+    return last.starts_with("[0,0,0]");
+  };
+  for (int ms = 0; ms < kPatienceMs && !is_zero(); ++ms) ::usleep(1000);
+  EXPECT_TRUE(is_zero()) << last;
+}
 
 // The page names what is tested here, each fault on each link.
 TEST(LinkFaultTable, HasARowForEachFaultOnEachLink) {

@@ -16,6 +16,7 @@
 #include "experiments/live/window_hooks.h"
 #include "tests/experiments/program.h"
 #include "tests/experiments/window_rig.h"
+#include "toolkit/cloud/part.h"
 #include "toolkit/core/clock.h"
 
 namespace palpate::experiments {
@@ -286,29 +287,30 @@ TEST(StandIn, SpreadsEvenlyAndTakesThePropertiesAlong) {
   cloud::Property number{"number", {}};
   for (std::size_t i = 0; i < cloud.size(); ++i) number.values.push_back(static_cast<float>(i));
   cloud.properties = {number};
-  const ThinnedCloud thin = thinned(cloud, 8'000);
-  EXPECT_GT(thin.kept.size(), 6'000u);
-  EXPECT_LT(thin.kept.size(), 10'000u);
-  EXPECT_EQ(thin.kept, thinned(cloud, 8'000).kept) << "the same every time";
-  ASSERT_EQ(thin.cloud.size(), thin.kept.size());
-  for (std::size_t i = 0; i < thin.kept.size(); ++i) {
-    ASSERT_TRUE(i == 0 || thin.kept[i] > thin.kept[i - 1]);
-    ASSERT_EQ(thin.cloud.point_mm(i), cloud.point_mm(thin.kept[i]));
-    ASSERT_EQ(thin.cloud.properties[0].values[i], static_cast<float>(thin.kept[i]));
+  const std::vector<std::uint32_t> kept = thinned(cloud, 8'000);
+  const cloud::Cloud thin = cloud::part_of(cloud, kept);
+  EXPECT_GT(kept.size(), 6'000u);
+  EXPECT_LT(kept.size(), 10'000u);
+  EXPECT_EQ(kept, thinned(cloud, 8'000)) << "the same every time";
+  ASSERT_EQ(thin.size(), kept.size());
+  for (std::size_t i = 0; i < kept.size(); ++i) {
+    ASSERT_TRUE(i == 0 || kept[i] > kept[i - 1]);
+    ASSERT_EQ(thin.point_mm(i), cloud.point_mm(kept[i]));
+    ASSERT_EQ(thin.properties[0].values[i], static_cast<float>(kept[i]));
   }
   // Nowhere a hole: every point has one that was kept within a few of the new spacings.
   const geometry::Aabb box = cloud.box_mm();
-  const double spacing_mm = box.extent_mm().norm() / std::sqrt(static_cast<double>(thin.kept.size()));
+  const double spacing_mm = box.extent_mm().norm() / std::sqrt(static_cast<double>(kept.size()));
   double farthest_mm = 0.0;
   for (std::size_t i = 0; i < cloud.size(); i += 501) {
     double nearest = 1e300;
-    for (std::size_t k = 0; k < thin.cloud.size(); ++k)
-      nearest = std::min(nearest, (thin.cloud.point_mm(k) - cloud.point_mm(i)).norm());
+    for (std::size_t k = 0; k < thin.size(); ++k)
+      nearest = std::min(nearest, (thin.point_mm(k) - cloud.point_mm(i)).norm());
     farthest_mm = std::max(farthest_mm, nearest);
   }
   EXPECT_LT(farthest_mm, 2.0 * spacing_mm);
-  EXPECT_EQ(thinned(cloud, cloud.size()).kept.size(), cloud.size());
-  EXPECT_GE(thinned(cloud, 1).kept.size(), 1u);
+  EXPECT_EQ(thinned(cloud, cloud.size()).size(), cloud.size());
+  EXPECT_GE(thinned(cloud, 1).size(), 1u);
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "toolkit/geometry/aabb.h"
+#include "toolkit/render/model_part.h"
 
 namespace palpate::plan {
 namespace {
@@ -83,37 +84,15 @@ Rectangle rectangle_around(const cloud::ScanRaster& raster, const std::vector<st
   return out;
 }
 
-std::vector<float> taken(const std::vector<float>& values, const std::vector<std::uint32_t>& of) {
-  std::vector<float> out;
-  if (values.empty()) return out;
-  out.reserve(of.size());
-  for (const std::uint32_t i : of) out.push_back(values[i]);
-  return out;
-}
-
 /// A part of a model, alone and at rest, with the model's surface.
 render::SceneInput part_of(const render::SceneInput& scene, const render::ModelInput& whole,
                            const std::vector<std::uint32_t>& of,
                            const std::optional<cloud::ScanRaster>& raster) {
-  auto part = std::make_shared<cloud::Cloud>();
-  const cloud::Cloud& all = *whole.cloud;
-  part->origin_mm = all.origin_mm;
-  part->x_mm = taken(all.x_mm, of);
-  part->y_mm = taken(all.y_mm, of);
-  part->z_mm = taken(all.z_mm, of);
-  part->raster = raster;
+  render::ModelInput part = render::part_of(whole, of, raster);
   render::ModelInput model;
   model.name = whole.name;
-  model.surface = whole.surface;
-  if (const surface::PointProperties* p = whole.surface.per_point.get()) {
-    auto properties = std::make_shared<surface::PointProperties>();
-    properties->stiffness_n_per_mm = taken(p->stiffness_n_per_mm, of);
-    properties->static_friction = taken(p->static_friction, of);
-    properties->dynamic_friction = taken(p->dynamic_friction, of);
-    properties->deformation = taken(p->deformation, of);
-    model.surface.per_point = properties;
-  }
-  model.cloud = part;
+  model.surface = std::move(part.surface);
+  model.cloud = std::move(part.cloud);
   render::SceneInput out;
   out.force_limit_n = scene.force_limit_n;
   out.models.push_back(std::move(model));

@@ -6,6 +6,7 @@
 #include <cassert>
 #include <numeric>
 
+#include "toolkit/cloud/part.h"
 #include "toolkit/core/clock.h"
 #include "toolkit/core/try.h"
 #include "toolkit/neighbourhood/knn.h"
@@ -48,12 +49,8 @@ Result<cloud::Cloud> apply(const cloud::Cloud& input, const StepOutput& output) 
                                : Vec3(input.origin_mm + output.placed_mm[i - first]));
   Result<cloud::Cloud> made = cloud::build_cloud(points, cloud::NonFinite::kRefuse);
   if (!made) return made;
-  for (const cloud::Property& property : input.properties) {
-    cloud::Property kept{property.name, {}};
-    kept.values.reserve(output.from.size());
-    for (const std::uint32_t i : output.from) kept.values.push_back(property.values[i]);
-    made->properties.push_back(std::move(kept));
-  }
+  for (const cloud::Property& property : input.properties)
+    made->properties.push_back({property.name, cloud::taken(property.values, output.from)});
   if (is_in_order(output.from, input.size())) made->raster = input.raster;
   return made;
 }
