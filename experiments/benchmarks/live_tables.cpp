@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "baselines/register.h"
-#include "toolkit/cloud/generate.h"
+#include "experiments/benchmarks/weave_scene.h"
 #include "toolkit/core/atomic_file.h"
 #include "toolkit/core/numbers.h"
 #include "toolkit/core/options.h"
@@ -26,11 +26,12 @@
 #include "toolkit/render/model_store.h"
 #include "toolkit/render/registry.h"
 #include "toolkit/renderers/toolkit_renderers.h"
-#include "toolkit/trace/paths.h"
 
 namespace {
 
 using namespace palpate;
+
+constexpr long long kTableFrames = 20'000;
 using Json = nlohmann::ordered_json;
 
 // As the mixer brings up a standby beside the renderer that is felt.
@@ -45,11 +46,6 @@ struct TableArguments {
   std::vector<std::string> renderers;
   int switches = 200;
   double step_mm = render::BringUpOptions{}.step_mm;
-};
-
-struct TableScene {
-  render::SceneInput input;
-  trace::ProbePath path;
 };
 
 /// One renderer's row of both tables.
@@ -96,25 +92,6 @@ Result<TableArguments> read_arguments(int argc, char** argv) {
     }
   }
   return a;
-}
-
-Result<TableScene> scene_of(const TableArguments& a) {
-  TableScene scene;
-  PALPATE_ASSIGN(const NamedOptions spec, parse_named_options(a.scene));
-  PALPATE_ASSIGN(cloud::GeneratedModel generated, cloud::generate(spec));
-  render::ModelInput model;
-  model.name = spec.name;
-  model.cloud = std::make_shared<const cloud::Cloud>(std::move(generated.cloud));
-  model.original_mesh = generated.original_mesh;
-  model.analytic = generated.surface;
-  scene.input.models.push_back(model);
-  trace::PathTarget target;
-  target.surface = model.analytic.get();
-  target.cloud = model.cloud.get();
-  target.box_mm = model.cloud->box_mm();
-  PALPATE_ASSIGN(const NamedOptions weave, parse_named_options("weave:frames=20000:depth_mm=1"));
-  PALPATE_ASSIGN(scene.path, trace::make_path(weave, target));
-  return scene;
 }
 
 using Renderer = std::unique_ptr<render::HapticRenderer>;
@@ -208,8 +185,8 @@ Status weigh(const render::Registry& registry, const NamedOptions& named, const 
   return growth(2, &store, row.two_shared_bytes);
 }
 
-Result<TableRow> row_of(const render::Registry& registry, const std::string& text, const TableScene& scene,
-                        const TableArguments& a) {
+Result<TableRow> row_of(const render::Registry& registry, const std::string& text,
+                        const experiments::WeaveScene& scene, const TableArguments& a) {
   TableRow row;
   row.name = text;
   PALPATE_ASSIGN(const NamedOptions named, parse_named_options(text));
@@ -264,7 +241,7 @@ void print_row(const TableRow& row) {
 }
 
 Status run(const TableArguments& a) {
-  PALPATE_ASSIGN(const TableScene scene, scene_of(a));
+  PALPATE_ASSIGN(const experiments::WeaveScene scene, experiments::weave_scene(a.scene, kTableFrames));
   render::Registry registry;
   render::register_toolkit_renderers(registry);
   baselines::register_baseline_renderers(registry);

@@ -16,13 +16,12 @@
 #include "device/live/mixer.h"
 #include "device/servo/servo_thread.h"
 #include "device/simulated/simulated_device.h"
-#include "toolkit/cloud/generate.h"
+#include "experiments/benchmarks/weave_scene.h"
 #include "toolkit/core/clock.h"
 #include "toolkit/core/options.h"
 #include "toolkit/core/try.h"
 #include "toolkit/render/registry.h"
 #include "toolkit/renderers/toolkit_renderers.h"
-#include "toolkit/trace/paths.h"
 
 namespace palpate::experiments {
 namespace {
@@ -62,34 +61,7 @@ class LateBook final : public device::TickObserver {
   std::uint64_t missed_ = 0, faults_ = 0;
 };
 
-struct JitterScene {
-  render::SceneInput input;
-  trace::ProbePath path;
-};
-
-Result<JitterScene> jitter_scene(const JitterWanted& wanted) {
-  JitterScene scene;
-  PALPATE_ASSIGN(const NamedOptions spec,
-                 parse_named_options(fmt::format("sinusoid:points={}", wanted.points)));
-  PALPATE_ASSIGN(cloud::GeneratedModel made, cloud::generate(spec));
-  render::ModelInput model;
-  model.name = "sinusoid";
-  model.cloud = std::make_shared<const cloud::Cloud>(std::move(made.cloud));
-  model.original_mesh = made.original_mesh;
-  model.analytic = made.surface;
-  trace::PathTarget target;
-  target.surface = model.analytic.get();
-  target.cloud = model.cloud.get();
-  target.box_mm = model.cloud->box_mm();
-  PALPATE_ASSIGN(const NamedOptions weave,
-                 parse_named_options(
-                     fmt::format("weave:frames={}:depth_mm=1", std::llround(wanted.slice_s * kJitterHz))));
-  PALPATE_ASSIGN(scene.path, trace::make_path(weave, target));
-  scene.input.models.push_back(std::move(model));
-  return scene;
-}
-
-Result<std::unique_ptr<device::Mixer>> jitter_mixer(const JitterWanted& wanted, const JitterScene& scene,
+Result<std::unique_ptr<device::Mixer>> jitter_mixer(const JitterWanted& wanted, const WeaveScene& scene,
                                                     const Clock& clock) {
   render::Registry registry;
   render::register_toolkit_renderers(registry);
@@ -102,7 +74,7 @@ Result<std::unique_ptr<device::Mixer>> jitter_mixer(const JitterWanted& wanted, 
 }
 
 /// One slice of the servo.
-Status slice(const JitterWanted& wanted, const JitterScene& scene, device::Mixer& mixer, SessionLink& link,
+Status slice(const JitterWanted& wanted, const WeaveScene& scene, device::Mixer& mixer, SessionLink& link,
              LateBook& book) {
   const MonotonicClock clock;
   device::DeviceLimits limits;
@@ -139,7 +111,7 @@ Status slice(const JitterWanted& wanted, const JitterScene& scene, device::Mixer
 /// niceness of the one that makes it, and the window makes its own nicer.
 class Slices {
  public:
-  Slices(const JitterWanted& wanted, const JitterScene& scene, device::Mixer& mixer, SessionLink& link)
+  Slices(const JitterWanted& wanted, const WeaveScene& scene, device::Mixer& mixer, SessionLink& link)
       : thread_([this, &wanted, &scene, &mixer, &link] {
           while (!begun_.load(std::memory_order_acquire))
             std::this_thread::sleep_for(std::chrono::milliseconds(1));
@@ -176,7 +148,8 @@ class Slices {
 }  // namespace
 
 Status measure_jitter(const JitterWanted& wanted) {
-  PALPATE_ASSIGN(const JitterScene scene, jitter_scene(wanted));
+  PALPATE_ASSIGN(const WeaveScene scene, weave_scene(fmt::format("sinusoid:points={}", wanted.points),
+                                                     std::llround(wanted.slice_s * kJitterHz)));
   const MonotonicClock clock;
   PALPATE_ASSIGN(const std::unique_ptr<device::Mixer> mixer, jitter_mixer(wanted, scene, clock));
   SessionLink link;

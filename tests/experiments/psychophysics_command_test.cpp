@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "tests/experiments/program.h"
+#include "tests/experiments/study_folder.h"
 #include "tests/json_schema.h"
 
 namespace palpate::experiments {
@@ -14,14 +14,8 @@ namespace {
 
 using nlohmann::json;
 
-class Blinded : public InFolder {
+class Blinded : public StudyFolder {
  protected:
-  ProcessOutcome study(const std::string& plan, const std::string& observer, const std::string& out,
-                       std::vector<std::string> more = {}) const {
-    std::vector<std::string> arguments = {"study", plan, "--observer", observer, "--out", in(out)};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return palpate_command(arguments);
-  }
   json document(const std::string& out) const { return json::parse(file_text(in(out + "/study.json"))); }
   std::vector<std::map<std::string, std::string>> trials(const std::string& out) const {
     std::istringstream lines(file_text(in(out + "/trials.csv")));

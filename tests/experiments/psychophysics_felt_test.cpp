@@ -8,7 +8,7 @@
 
 #include "experiments/psychophysics/machine.h"
 #include "experiments/psychophysics/person.h"
-#include "tests/experiments/program.h"
+#include "tests/experiments/study_folder.h"
 #include "tests/json_schema.h"
 
 namespace palpate::experiments {
@@ -161,14 +161,8 @@ TEST(MachineObserver, FeelsASpacingANoiseAndARate) {
   }
 }
 
-class FeltStudy : public InFolder {
+class FeltStudy : public StudyFolder {
  protected:
-  ProcessOutcome study(const std::string& plan, const std::string& observer, const std::string& out,
-                       std::vector<std::string> more = {}) const {
-    std::vector<std::string> arguments = {"study", plan, "--observer", observer, "--out", in(out)};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return palpate_command(arguments);
-  }
   /// With keys from standard input.
   ProcessOutcome person(const std::string& plan, const std::string& keys, const std::string& out,
                         const std::string& more = {}) const {
