@@ -30,6 +30,7 @@ constexpr double kNsPerSecond = 1e9, kMsPerSecond = 1e3;
 constexpr double kLooksPerLimit = 10.0;       // a stall is seen two looks after the limit at most
 constexpr useconds_t kBetweenTriesUs = 1000;  // while the kernel still holds the device
 constexpr int kFirstFile = 3;                 // after the standard ones
+constexpr int kSeenClosed = 256;              // more files than a session opens, in far below a millisecond
 constexpr int kIgnored[] = {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE};
 
 /// Holds back what the guard will ignore: a signal sent while it is being made must not end it.
@@ -78,7 +79,10 @@ std::array<int, 2> keep_alone(std::array<int, 2> kept) noexcept {
   int next = kFirstFile;
   for (int& fd : kept)
     if (fd >= 0) fd = ::dup2(fd, next++);
-  ::close_range(static_cast<unsigned>(next), ~0U, 0);
+  // One by one first: a library under this program that keeps a table of files sees `close` alone, and would
+  // take a file that is opened later for the one that had its number.
+  for (int fd = next; fd < kSeenClosed; ++fd) ::close(fd);
+  ::close_range(kSeenClosed, ~0U, 0);
   return kept;
 }
 

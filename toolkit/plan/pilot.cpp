@@ -159,20 +159,6 @@ double fastest_pass_ns(const std::vector<Pilot>& pilots, int passes, std::vector
   return fastest;
 }
 
-/// From the cold pass follows how many lines are read for the first time; along the whole path they come to
-/// so many bytes, and each is waited for as a read in so many bytes waits.
-double waiting_ns(const Squadron& squadron, const Machine& machine, double cold_ns, double frames,
-                  double bytes) {
-  if (machine.reads.size() < 2 || !(cold_ns > 0.0)) return 0.0;
-  const double far_ns = machine.reads.back().ns, near_ns = machine.reads.front().ns;
-  if (!(far_ns > near_ns)) return 0.0;
-  const double lines_here = cold_ns / (far_ns - near_ns);
-  const double share = squadron.frames > 0.0 ? squadron.path_frames / squadron.frames : 1.0;
-  const double here = lines_here * kLineBytes;
-  const double all = std::max(here, std::min(here * share, bytes));
-  return lines_here / frames * std::max(0.0, machine.read_ns(all) - machine.read_ns(here));
-}
-
 Result<FrameCost> model_cost(const Expected& expected, std::size_t index, const render::Registry& registry,
                              const Machine& machine) {
   PALPATE_ASSIGN(const Squadron squadron, squadron_for(expected, index, registry));
@@ -190,9 +176,9 @@ Result<FrameCost> model_cost(const Expected& expected, std::size_t index, const 
   std::vector<std::uint64_t> evicted(kEvictedWords, 1);
   const double cold_ns = fastest_pass_ns(squadron.pilots, kColdPasses, &evicted) - warm_ns;
   cost.warm_us = warm_ns / frames / kNsPerUs;
-  cost.miss_us = waiting_ns(squadron, machine, cold_ns, frames,
-                            static_cast<double>(expected.decided.models[index].bytes)) /
-                 kNsPerUs;
+  const double share = squadron.frames > 0.0 ? squadron.path_frames / squadron.frames : 1.0;
+  const double whole = static_cast<double>(expected.decided.models[index].bytes);
+  cost.miss_us = waiting_ns({cold_ns / frames, frames, share, whole}, machine) / kNsPerUs;
   cost.frame_us = cost.warm_us + cost.miss_us;
   cost.reason = fmt::format(
       "{} µs over {} frames in contact on {} pieces of {} points together, where the probe will go; {} µs of "
@@ -229,6 +215,16 @@ Result<Ready> ready(const render::SceneInput& scene, const NamedOptions& rendere
 }
 
 }  // namespace
+
+double waiting_ns(const ColdPieces& pieces, const Machine& machine) {
+  if (machine.reads.size() < 2 || !(pieces.cold_ns > 0.0)) return 0.0;
+  const double far_ns = machine.reads.back().ns, near_ns = machine.reads.front().ns;
+  if (!(far_ns > near_ns)) return 0.0;
+  const double lines_a_frame = pieces.cold_ns / (far_ns - near_ns);
+  const double here = lines_a_frame * pieces.frames * kLineBytes;
+  const double all = std::max(here, std::min(here * pieces.path_share, pieces.whole_bytes));
+  return lines_a_frame * std::max(0.0, machine.read_ns(all) - machine.read_ns(here));
+}
 
 Result<Flight> fly(const render::SceneInput& scene, const NamedOptions& renderer,
                    const render::Registry& registry, const std::string& path_text, int threads) {

@@ -32,6 +32,18 @@ struct FrameCost {
   std::string reason;  ///< one sentence
 };
 
+/// What stepping pieces of a model with cold caches showed.
+struct ColdPieces {
+  double cold_ns = 0.0;      ///< a frame, beyond what it took warm
+  double frames = 0.0;       ///< in contact, on the pieces
+  double path_share = 1.0;   ///< the whole path's frames in times of the pieces'
+  double whole_bytes = 0.0;  ///< of the whole model
+};
+/// What a frame waits for memory, ns, on the whole path: from the cold pass follows how many lines are read
+/// for the first time; along the whole path they come to so many bytes, and each is waited for as a read in
+/// so many bytes waits. Zero where the times tell nothing.
+[[nodiscard]] double waiting_ns(const ColdPieces& pieces, const Machine& machine);
+
 /// A renderer prepared for a scene and stepped along a path.
 struct Flight {
   double contact_us = 0.0;      ///< mean frame in contact, the thread's own time, the fastest of some passes

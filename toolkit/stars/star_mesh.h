@@ -36,7 +36,7 @@ inline constexpr std::uint32_t kBlockPlaces = 8;
 /// A place with its ring, half a line of cache: what a frame crosses to is read at once. Ring points are kept
 /// as differences of places, which are near along the curve; a ring that is longer than kShortRing, or goes
 /// to a place too far off, lies apart. Large arrays begin on a page, so that none is on two lines.
-struct alignas(16) StarPlace {
+struct alignas(32) StarPlace {
   float x_mm = 0.0F, y_mm = 0.0F, z_mm = 0.0F;
   std::uint32_t info = 0;  ///< see StarMesh
   std::array<std::int16_t, kShortRing> near{};
