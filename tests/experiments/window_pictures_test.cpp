@@ -45,7 +45,7 @@ class WindowPictures : public WindowTest {
 
 TEST_F(WindowPictures, OnTheDragon) {
   const Vec3 free_mm{-6.0, 125.0, 46.0};
-  VirtualSession live(dragon("dragon_vrip.ply.gz"), {"cloud", "cloud-smooth"}, free_mm);
+  VirtualSession live(dragon("dragon_vrip.ply.gz"), {"cloud", "cloud-smooth"}, free_mm, true);
   live.session.show_in(link, [&] { live.loop().request_rearm(); });
   const auto run = [&](double seconds) {
     for (double t = 0.0; t < seconds; t += 0.02) {

@@ -1,0 +1,48 @@
+// A Falcon for tests that has to find its zero first.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "device/falcon/falcon_device.h"
+#include "device/interface/drivers.h"
+#include "tests/device/mock/falcon_link.h"
+
+namespace palpate::experiments {
+
+/// A Falcon whose grip is pulled out slowly: a leg knows its zero after so many commands each.
+class PulledFalcon final : public device::ControlLink {
+ public:
+  PulledFalcon(const Clock& clock, int commands_per_leg) : link_(board_, clock), per_leg_(commands_per_leg) {
+    board_.run_firmware();
+  }
+  Status open() override { return link_.open(); }
+  void close() noexcept override { link_.close(); }
+  bool submit(std::span<const std::uint8_t> bytes) noexcept override {
+    const int legs = std::min(++commands_ / per_leg_, 3);
+    board_.homed = static_cast<std::uint8_t>((1 << legs) - 1);
+    return link_.submit(bytes);
+  }
+  device::Polled poll(std::span<std::uint8_t> into) noexcept override { return link_.poll(into); }
+  Status control(const device::ControlRequest& request) override { return link_.control(request); }
+
+ private:
+  device::FalconBoard board_;
+  device::FalconLink link_;
+  int per_leg_, commands_ = 0;
+};
+
+/// As its driver makes it.
+inline device::MadeDevice pulled_falcon(const Clock& clock, int commands_per_leg) {
+  device::FalconOptions options;
+  options.pause = [](int) {};
+  device::MadeDevice made;
+  made.device = std::make_unique<device::FalconDevice>(
+      std::make_unique<PulledFalcon>(clock, commands_per_leg), clock, options);
+  made.homing_prompt = device::falcon_homing_prompt;
+  return made;
+}
+
+}  // namespace palpate::experiments
