@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <filesystem>
 #include <functional>
@@ -279,15 +280,16 @@ TEST_F(DrivenWindow, AMovingModelIsDrawnWhereItIs) {
 }
 
 TEST_F(DrivenWindow, ADeviceThatHasToBeHomedAsksInTheWindow) {
-  constexpr int kCommandsALeg = 1'500;  // 1.5 s each at 1 kHz: a window is open by then
+  constexpr int kCommandsALeg = 500;  // half a second each, once it is pulled
+  std::atomic<bool> pulled{false};
   device::Drivers drivers;
   drivers.add({"falcon", "simulation",
                [] {
                  return std::vector<device::DeviceEntry>{
                      {"pretended", "for tests", device::DeviceStatus::kReady, {}}};
                },
-               [](const device::DeviceRequest&, const Clock& clock) -> Result<device::MadeDevice> {
-                 return pulled_falcon(clock, kCommandsALeg);
+               [&pulled](const device::DeviceRequest&, const Clock& clock) -> Result<device::MadeDevice> {
+                 return pulled_falcon(clock, kCommandsALeg, &pulled);
                }});
   LiveArguments a = arguments("sinusoid:points=2601:extent_mm=40:wavelength_mm=20:amplitude_mm=1", "cloud");
   a.device.device = "falcon";
@@ -301,6 +303,7 @@ TEST_F(DrivenWindow, ADeviceThatHasToBeHomedAsksInTheWindow) {
               if (now.empty()) return false;
               asked.push_back(now);
               big = spot_of(window.picture(), kHomingPaper, window.view_width()).count;
+              pulled.store(true, std::memory_order_release);
               return true;
             })
       .then("homed", [&](Window& window) {

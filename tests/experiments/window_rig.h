@@ -110,8 +110,8 @@ inline Spot spot_of(const ColourImage& image, const std::array<std::uint8_t, 3>&
   return spot;
 }
 
-/// A virtual clock that goes on by the machine's between two of its steps: the same ticks, and what a frame
-/// of them takes is seen. One thread.
+/// A virtual clock that goes on by the machine's between two of its steps, by half a millisecond at most: the
+/// same ticks, and what a frame of them takes is seen. One thread.
 class TimedFrames final : public Clock {
  public:
   explicit TimedFrames(const VirtualClock& steps) : steps_(steps) {}
@@ -119,10 +119,11 @@ class TimedFrames final : public Clock {
     const std::int64_t step_ns = steps_.now_ns();
     if (step_ns != step_ns_) since_ns_ = monotonic_ns();
     step_ns_ = step_ns;
-    return last_ns_ = std::max(last_ns_, step_ns + monotonic_ns() - since_ns_);
+    return last_ns_ = std::max(last_ns_, step_ns + std::min(kMostNs, monotonic_ns() - since_ns_));
   }
 
  private:
+  static constexpr std::int64_t kMostNs = 500'000;
   const VirtualClock& steps_;
   mutable std::int64_t step_ns_ = -1, since_ns_ = 0, last_ns_ = 0;
 };
