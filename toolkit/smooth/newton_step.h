@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "toolkit/smooth/brick_grid.h"
+#include "toolkit/smooth/spline.h"
 
 namespace palpate::render {
 

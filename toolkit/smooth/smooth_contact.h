@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "toolkit/render/renderer.h"
-#include "toolkit/smooth/brick_grid.h"
+#include "toolkit/smooth/spline.h"
 #include "toolkit/smooth/smooth_without.h"
 
 namespace palpate::render {
