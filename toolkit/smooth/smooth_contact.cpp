@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "toolkit/core/lanes.h"
 #include "toolkit/smooth/newton_step.h"
 
 namespace palpate::render {
@@ -161,7 +162,7 @@ bool SmoothContact::update(const Vec3& h_mm, FrameCounters& counters) noexcept {
 
 /// In contact, the way nearly all frames go: the god object goes on as it went, and a Newton step or two mend
 /// it. False, with nothing changed, where that does not bring it nearer, or the HIP came out.
-bool SmoothContact::follow_quickly(const Vec3& h) noexcept {
+[[gnu::always_inline]] inline bool SmoothContact::follow(const Vec3& h) noexcept {
   Vec3 at = god_ + moved_;
   Cube cube = cube_;
   std::uint32_t brick = brick_;
@@ -187,6 +188,20 @@ bool SmoothContact::follow_quickly(const Vec3& h) noexcept {
     return true;
   }
   return false;
+}
+
+#if defined(__x86_64__)
+PALPATE_AVX2 bool SmoothContact::follow_wide(const Vec3& h) noexcept {
+  return follow(h);
+}
+#endif
+
+/// The same code and bits for both: with AVX2 the compiler needs a fifth fewer instructions for it.
+bool SmoothContact::follow_quickly(const Vec3& h) noexcept {
+#if defined(__x86_64__)
+  if (wide_) return follow_wide(h);
+#endif
+  return follow(h);
 }
 
 /// Steps that each bring the god object nearer to the HIP on its sheet, until it is as near as it gets.
