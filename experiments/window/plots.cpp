@@ -13,7 +13,7 @@ namespace {
 constexpr ImU32 kPlotPaper = IM_COL32(22, 26, 32, 255), kPlotEdge = IM_COL32(70, 78, 90, 255),
                 kPlotText = IM_COL32(150, 160, 175, 255), kForceInk = IM_COL32(255, 200, 40, 255),
                 kTimeInk = IM_COL32(110, 200, 255, 255), kLimitInk = IM_COL32(255, 90, 80, 255),
-                kMarkInk = IM_COL32(200, 140, 255, 255), kLabelPaper = IM_COL32(22, 26, 32, 190);
+                kMarkInk = IM_COL32(200, 140, 255, 255), kLabelPaper = IM_COL32(22, 26, 32, 235);
 /// Between a label and a line that it does not touch.
 constexpr float kLabelGap = 2.0f;
 /// Frame times are shown from a tenth of a microsecond to ten milliseconds; a period of 1 kHz among them.

@@ -23,7 +23,7 @@ constexpr double kMostGrowth = 2.0;
 /// Of the new measurement in the mean of what a point takes.
 constexpr double kNewShare = 0.3;
 /// Pixels of a splat's edge; from near it must cover what lies between points.
-constexpr double kSmallestSplat = 2.0, kLargestSplat = 64.0;
+constexpr double kSmallestSplat = 2.0, kLargestSplat = 200.0;
 /// From here on one sees that splats are squares: they are drawn as discs, which takes longer a pixel.
 constexpr double kDiscFrom = 8.0;
 /// A splat's edge over the distance of points: neighbours overlap, for random samples are uneven.
@@ -53,7 +53,7 @@ flat out vec4 shown;
 flat out vec4 facing;
 void main() {
   gl_Position = clip_from_model * vec4(place, 1.0);
-  gl_PointSize = clamp(size_px * at_distance / gl_Position.w, 1.0, 96.0);
+  gl_PointSize = clamp(size_px * at_distance / gl_Position.w, 1.0, 250.0);
   gl_Position.z += back * gl_Position.w;
   vec3 n = world_from_model * normal;
   float known = step(0.25, dot(n, n));
