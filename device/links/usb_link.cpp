@@ -23,7 +23,7 @@ namespace {
 
 // The thread looks at its flags so often where nothing happens: nothing hangs on a wake-up that was lost.
 constexpr int kUsbLookMs = 100;
-// Commands take some 0.1 ms each; a device that has not taken three of them by then takes none.
+// Commands take some 0.1 ms each; a device that has not taken two of them by then takes none.
 constexpr double kUsbDrainMs = 200.0, kUsbCancelMs = 500.0;
 constexpr double kUsbStopMs = 100.0;
 // One transfer fails on a bad cable. So many in a row, and the device is as good as gone.
@@ -43,7 +43,6 @@ struct UsbLink::Io {
     bool flying = false;
   };
   struct Out {
-    Io* io = nullptr;
     UsbTransfer transfer;
     CommandBytes command;
     std::uint64_t number = 0;  // so many were submitted up to it
@@ -53,7 +52,7 @@ struct UsbLink::Io {
   UsbLink& link;
   UsbSession session;
   std::array<In, kInTransfers> ins;
-  std::array<Out, kInFlight> outs;
+  Out out;
   std::thread thread;
   std::atomic<bool> stopping{false};
   bool cancelling = false;  // the thread's
@@ -65,11 +64,10 @@ struct UsbLink::Io {
   void handle_events(int wait_ms) noexcept;
   void send_newest() noexcept;
   void drain() noexcept;
-  [[nodiscard]] bool out_flying() const noexcept;
   [[nodiscard]] bool flying() const noexcept;
   void lost() noexcept { link.gone_.store(true, std::memory_order_release); }
   void arrived(In& in) noexcept;
-  void departed(Out& out) noexcept;
+  void departed() noexcept;
   /// Whether a transfer that ended so may go on.
   bool endured(libusb_transfer_status status) noexcept;
 };
@@ -89,18 +87,11 @@ Status UsbLink::Io::prepare() {
         },
         &in, 0);
   }
-  for (Out& out : outs) {
-    out.io = this;
-    out.transfer.reset(libusb_alloc_transfer(0));
-    if (!out.transfer) return Error{"no memory for USB transfers", "close other programs", link.name_, 0};
-    libusb_fill_bulk_transfer(
-        out.transfer.get(), session.handle(), link.interface_.out, out.command.bytes.data(), 0,
-        [](libusb_transfer* done) {
-          Out& ended = *static_cast<Out*>(done->user_data);
-          ended.io->departed(ended);
-        },
-        &out, 0);
-  }
+  out.transfer.reset(libusb_alloc_transfer(0));
+  if (!out.transfer) return Error{"no memory for USB transfers", "close other programs", link.name_, 0};
+  libusb_fill_bulk_transfer(
+      out.transfer.get(), session.handle(), link.interface_.out, out.command.bytes.data(), 0,
+      [](libusb_transfer* done) { static_cast<Io*>(done->user_data)->departed(); }, this, 0);
   return Done{};
 }
 
@@ -133,9 +124,9 @@ void UsbLink::Io::arrived(In& in) noexcept {
   if (!start(in)) lost();
 }
 
-void UsbLink::Io::departed(Out& out) noexcept {
+void UsbLink::Io::departed() noexcept {
   out.flying = false;
-  link.counts_.done.store(out.number, std::memory_order_release);  // the kernel keeps their order
+  link.counts_.done.store(out.number, std::memory_order_release);
   const libusb_transfer_status status = out.transfer->status;
   if (status == LIBUSB_TRANSFER_CANCELLED) return;
   if (status == LIBUSB_TRANSFER_COMPLETED)
@@ -145,33 +136,24 @@ void UsbLink::Io::departed(Out& out) noexcept {
   if (!endured(status)) lost();
 }
 
-/// The newest of what frames have submitted goes to the kernel when that has room.
+/// The newest of what frames have submitted goes to the kernel when that has none.
 void UsbLink::Io::send_newest() noexcept {
-  for (Out& out : outs) {
-    if (out.flying) continue;
-    out.number = link.counts_.accepted.load(std::memory_order_acquire);
-    if (link.gone_.load(std::memory_order_relaxed) || !link.command_.take(out.command)) return;
-    out.transfer->length = static_cast<int>(out.command.size);
-    const int failed = libusb_submit_transfer(out.transfer.get());
-    out.flying = failed == LIBUSB_SUCCESS;
-    if (out.flying) continue;
-    link.counts_.done.store(out.number, std::memory_order_release);
-    link.counts_.out_errors.fetch_add(1, std::memory_order_relaxed);
-    if (!endured(failed == LIBUSB_ERROR_NO_DEVICE ? LIBUSB_TRANSFER_NO_DEVICE : LIBUSB_TRANSFER_ERROR))
-      lost();
-  }
-}
-
-bool UsbLink::Io::out_flying() const noexcept {
-  for (const Out& out : outs)
-    if (out.flying) return true;
-  return false;
+  if (out.flying) return;
+  out.number = link.counts_.accepted.load(std::memory_order_acquire);
+  if (link.gone_.load(std::memory_order_relaxed) || !link.command_.take(out.command)) return;
+  out.transfer->length = static_cast<int>(out.command.size);
+  const int failed = libusb_submit_transfer(out.transfer.get());
+  out.flying = failed == LIBUSB_SUCCESS;
+  if (out.flying) return;
+  link.counts_.done.store(out.number, std::memory_order_release);
+  link.counts_.out_errors.fetch_add(1, std::memory_order_relaxed);
+  if (!endured(failed == LIBUSB_ERROR_NO_DEVICE ? LIBUSB_TRANSFER_NO_DEVICE : LIBUSB_TRANSFER_ERROR)) lost();
 }
 
 bool UsbLink::Io::flying() const noexcept {
   for (const In& in : ins)
     if (in.flying) return true;
-  return out_flying();
+  return out.flying;
 }
 
 /// Waits for libusb's files and the link's own, then lets libusb do what is due.
@@ -207,14 +189,13 @@ void UsbLink::Io::drain() noexcept {
   const Stopwatch watch;
   do {
     send_newest();
-    if (link.command_.empty() && !out_flying()) break;
+    if (link.command_.empty() && !out.flying) break;
     handle_events(1);
   } while (!link.gone_.load(std::memory_order_relaxed) && watch.ms() < kUsbDrainMs);
   cancelling = true;
   for (In& in : ins)
     if (in.flying) libusb_cancel_transfer(in.transfer.get());
-  for (Out& out : outs)
-    if (out.flying) libusb_cancel_transfer(out.transfer.get());
+  if (out.flying) libusb_cancel_transfer(out.transfer.get());
   const Stopwatch cancel_watch;
   while (flying() && cancel_watch.ms() < kUsbCancelMs) handle_events(1);
 }

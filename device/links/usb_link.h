@@ -4,10 +4,12 @@
 // link's own does: it keeps two 64-byte IN transfers queued, sends the newest command that submit() has left,
 // and puts what comes into a ring. Frames touch that command's place, the ring and an eventfd, nothing else.
 //
-// Two commands are with the kernel at most; meanwhile a newer one overtakes the one that waits, so that a
-// device that is slower than the frames is late by what it takes for three packets, and never by a queue. Who
-// needs every command taken waits for its answer before the next. Nothing is sent twice. A program that is
-// being stopped waits until what was submitted before is out (at_stop.h), 0.1 s at most.
+// One command is with the kernel at most, for nothing can be put before what the kernel has; meanwhile a
+// newer one overtakes the one that waits. So a zero has one packet before it and never a queue, however slow
+// the device is. A controller that tells of a packet at the end of its frame alone (UHCI, OHCI) then takes
+// every second command of 1 kHz; the newest, each time. Who needs every command taken waits for its answer
+// before the next. Nothing is sent twice. A program that is being stopped waits until what was submitted
+// before is out (at_stop.h), 0.1 s at most.
 #pragma once
 
 #include <atomic>
@@ -63,7 +65,7 @@ struct UsbLinkCounters {
 
 class UsbLink final : public ControlLink {
  public:
-  static constexpr std::size_t kInTransfers = 2, kInFlight = 2, kRing = 64;
+  static constexpr std::size_t kInTransfers = 2, kRing = 64;
   /// Of the link's thread: above the servo's 80, which waits for it, below the watchdog's 85.
   static constexpr int kPriority = 83;
 

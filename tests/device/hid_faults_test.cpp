@@ -54,14 +54,13 @@ class HidBench final : public LinkBench {
  public:
   std::string link() const override { return "hidapi, arm with reports"; }
   Device& device() override { return device_; }
-  bool holds_force() override { return plugged_ && forced_; }
   void unplug() override {
     plugged_ = false;
     usb_.unplug();
+    held.tell(false);
   }
   void plug() override {
     if (!plugged_) usb_.plug();  // twice would be two of them
-    forced_ = false;
     plugged_ = true;
   }
   bool counts_packets() const override { return true; }
@@ -69,7 +68,8 @@ class HidBench final : public LinkBench {
 
  private:
   std::optional<HidrawDouble::Bytes> take(std::span<const std::uint8_t> bytes) {
-    forced_ = std::any_of(bytes.begin() + 1, bytes.begin() + 7, [](std::uint8_t byte) { return byte != 0; });
+    held.tell(plugged_ && std::any_of(bytes.begin() + 1, bytes.begin() + 7,
+                                      [](std::uint8_t byte) { return byte != 0; }));
     return std::nullopt;
   }
   void report_one() {
@@ -79,7 +79,7 @@ class HidBench final : public LinkBench {
     for (const SpoiltReplies::Bytes& one : replies.instead_of(words({0, 0, 0, count_}))) usb_.report(one);
   }
 
-  std::atomic<bool> forced_{false}, plugged_{true};
+  std::atomic<bool> plugged_{true};
   int count_ = 0;
   HidrawDouble usb_{{}, [this](std::span<const std::uint8_t> bytes) { return take(bytes); }};
   MonotonicClock clock_;
@@ -94,41 +94,37 @@ class TtyBench final : public LinkBench {
   TtyBench() { plug(); }
   std::string link() const override { return "terminal, arm with text"; }
   Device& device() override { return *device_; }
-  bool holds_force() override { return plugged_ && forced_; }
   void unplug() override {
-    plugged_ = false;
     board_->unplug();
+    held.tell(false);
   }
   void plug() override {
     device_.reset();
-    forced_ = false;
     board_ =
-        std::make_unique<TtyBoard>([this, held = std::string()](std::span<const std::uint8_t> bytes) mutable {
-          return answer(bytes, held);
+        std::make_unique<TtyBoard>([this, line = std::string()](std::span<const std::uint8_t> bytes) mutable {
+          return answer(bytes, line);
         });
     ArmDescription arm = find_arm("polhem-v3").value();
     arm.serial_line = board_->path();
     device_ = std::make_unique<ArmDevice>(arm, arm_link(arm), clock_);
-    plugged_ = true;
   }
   bool counts_packets() const override { return false; }
   std::vector<std::string> program() const override { return {"arm:polhem-v3", "path=" + board_->path()}; }
 
  private:
-  TtyBoard::Bytes answer(std::span<const std::uint8_t> bytes, std::string& held) {
+  TtyBoard::Bytes answer(std::span<const std::uint8_t> bytes, std::string& line) {
     TtyBoard::Bytes all;
     for (const std::uint8_t byte : bytes) {
-      held.push_back(static_cast<char>(byte));
+      line.push_back(static_cast<char>(byte));
       if (byte != '\n') continue;
-      forced_ = !std::exchange(held, {}).starts_with("[0,0,0]");
-      const std::string line = "[1,0,0,0,0,0,0,0]\n";
-      for (const SpoiltReplies::Bytes& one : replies.instead_of({line.begin(), line.end()}))
+      held.tell(!std::exchange(line, {}).starts_with("[0,0,0]"));
+      const std::string reply = "[1,0,0,0,0,0,0,0]\n";
+      for (const SpoiltReplies::Bytes& one : replies.instead_of({reply.begin(), reply.end()}))
         all.insert(all.end(), one.begin(), one.end());
     }
     return all;
   }
 
-  std::atomic<bool> forced_{false}, plugged_{false};
   MonotonicClock clock_;
   std::unique_ptr<TtyBoard> board_;
   std::unique_ptr<ArmDevice> device_;
@@ -205,7 +201,7 @@ class UdpBench final : public LinkBench {
     ticker_.emplace([this] {
       std::this_thread::sleep_for(kBoardPeriod);
       far_.tick();
-      forced_ = held_.held_n != Vec3::Zero();
+      held.tell(held_.held_n != Vec3::Zero());
     });
     BridgeOptions options;
     options.name = "bridge:relay";
@@ -216,7 +212,6 @@ class UdpBench final : public LinkBench {
   }
   std::string link() const override { return "UDP bridge"; }
   Device& device() override { return *device_; }
-  bool holds_force() override { return forced_; }
   void unplug() override { relay_->cut = true; }
   void plug() override { relay_->cut = false; }
   bool counts_packets() const override { return true; }
@@ -237,7 +232,6 @@ class UdpBench final : public LinkBench {
   }
 
   bool as_in_a_session_;
-  std::atomic<bool> forced_{false};
   MonotonicClock clock_;
   HeldDevice held_{clock_};
   UdpPort port_;
