@@ -69,9 +69,9 @@ Result<MadeDevice> make_planar(const DeviceRequest& request, const Clock& clock)
   made.zero = [line = planar.line] {
     TtyLink link(line);
     if (!link.open()) return false;
-    const bool sent = link.submit(encoded_torques({}).span());
+    const bool answered = planar_let_go(link);
     link.close();
-    return sent;
+    return answered;
   };
   made.unproven = {
       "no 2DIY has been driven by Palpate yet: its set-up, lengths and directions are those that its "
