@@ -150,6 +150,9 @@ void FarEnd::accept(const Datagram& command) noexcept {
   const std::optional<std::int64_t> age_ns = sent_.age_ns(command.answers, now_ns);
   if (!age_ns || static_cast<double>(*age_ns) > options_.most_age_s * kNsPerSecond) {
     ++counters_.old;
+    // A host that hears nothing any more answers what it heard last. To let go is right however old it is; to
+    // be obeyed again is another matter.
+    if (command.vector.isZero(0.0)) latch();
     return;
   }
   ++counters_.accepted;

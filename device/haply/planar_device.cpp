@@ -66,8 +66,12 @@ bool planar_let_go(Link& link) noexcept {
 
 PlanarDevice::PlanarDevice(std::unique_ptr<Link> link, const Clock& clock, const PlanarModel& model,
                            const PlanarOptions& options)
-    : link_(std::move(link)), clock_(clock), model_(model), options_(options),
-      zero_(encoded_torques({})), let_go_(encoded_let_go()) {}
+    : link_(std::move(link)),
+      clock_(clock),
+      model_(model),
+      options_(options),
+      zero_(encoded_torques({})),
+      let_go_(encoded_let_go()) {}
 
 Eigen::Vector2d PlanarDevice::origin_mm() const noexcept {
   return {0.5 * model_.geometry.between_mm, kPlaneMiddleMm};

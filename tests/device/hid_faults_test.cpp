@@ -22,6 +22,7 @@
 #include "tests/device/bridge_rig.h"
 #include "tests/device/hid_fake_link.h"
 #include "tests/device/hid_faults.h"
+#include "tests/device/link_benches.h"
 #include "tests/device/link_faults.h"
 #include "tests/device/mock/hidraw_double.h"
 #include "tests/device/tty_board.h"
@@ -29,64 +30,8 @@
 namespace palpate::device {
 namespace {
 
-constexpr std::chrono::milliseconds kBoardPeriod{1};
-
-/// A thread that does something again and again until this ends.
-class Repeating {
- public:
-  template <class Do>
-  explicit Repeating(Do act)
-      : thread_([this, act = std::move(act)] {
-          while (!over_.load()) act();
-        }) {}
-  ~Repeating() {
-    over_ = true;
-    thread_.join();
-  }
-
- private:
-  std::atomic<bool> over_{false};
-  std::thread thread_;
-};
-
-/// WoodenHaptics' board: sends unasked, each report with a count; lies still.
-class HidBench final : public LinkBench {
- public:
-  std::string link() const override { return "hidapi, arm with reports"; }
-  Device& device() override { return device_; }
-  void unplug() override {
-    plugged_ = false;
-    usb_.unplug();
-    held.tell(false);
-  }
-  void plug() override {
-    if (!plugged_) usb_.plug();  // twice would be two of them
-    plugged_ = true;
-  }
-  bool counts_packets() const override { return true; }
-  std::vector<std::string> program() const override { return {"arm:woodenhaptics"}; }
-
- private:
-  std::optional<HidrawDouble::Bytes> take(std::span<const std::uint8_t> bytes) {
-    held.tell(plugged_ && std::any_of(bytes.begin() + 1, bytes.begin() + 7,
-                                      [](std::uint8_t byte) { return byte != 0; }));
-    return std::nullopt;
-  }
-  void report_one() {
-    std::this_thread::sleep_for(kBoardPeriod);
-    if (!plugged_) return;
-    count_ = (count_ + 1) % 30'000;
-    for (const SpoiltReplies::Bytes& one : replies.instead_of(words({0, 0, 0, count_}))) usb_.report(one);
-  }
-
-  std::atomic<bool> plugged_{true};
-  int count_ = 0;
-  HidrawDouble usb_{{}, [this](std::span<const std::uint8_t> bytes) { return take(bytes); }};
-  MonotonicClock clock_;
-  ArmDescription arm_ = find_arm("woodenhaptics").value();
-  ArmDevice device_{arm_, arm_link(arm_), clock_};
-  Repeating sender_{[this] { report_one(); }};
-};
+using PretendedHid = HidBench<HidrawDouble>;
+constexpr const char* kHidName = "hidapi, arm with reports";
 
 /// Polhem's text board: a line for each line.
 class TtyBench final : public LinkBench {
@@ -247,7 +192,7 @@ class HidLinkFaults : public testing::TestWithParam<int> {
 };
 
 TEST_P(HidLinkFaults, OverHidapiEndInZero) {
-  HidBench bench;
+  PretendedHid bench(kHidName);
   EXPECT_EQ(violations_of(bench, wrong()), "");
 }
 TEST_P(HidLinkFaults, OverATerminalEndInZero) {
@@ -310,7 +255,7 @@ TEST(LinkFaultTable, HasARowForEachFaultOnEachLink) {
 bool measure_hid_faults(int runs, std::string& rows_json) {
   bool right = true;
   {
-    HidBench bench;
+    PretendedHid bench(kHidName);
     right = measure_link_faults(bench, runs, rows_json) && right;
   }
   {

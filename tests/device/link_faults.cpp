@@ -173,10 +173,8 @@ class Trial {
   std::int64_t next_ns_ = 0, wrong_ns_ = 0, detected_ns_ = 0;
 };
 
-/// One trial on a process of its own, which dies.
-LinkFaultOutcome run_link_death(LinkBench& bench, int signal) {
-  LinkFaultOutcome outcome;
-  outcome.died = true;
+/// The program that presses, until it dies.
+pid_t start_pressing(LinkBench& bench, int signal) {
   std::vector<std::string> arguments = {"/proc/self/exe", kPressArgument,
                                         fmt::format("{}", signal == SIGSTOP ? kKillAfterMs : 0.0)};
   for (const std::string& one : bench.program()) arguments.push_back(one);
@@ -188,8 +186,23 @@ LinkFaultOutcome run_link_death(LinkBench& bench, int signal) {
     ::execv(argv[0], argv.data());
     ::_exit(9);
   }
+  return child;
+}
+
+/// One trial on a process of its own, which dies.
+LinkFaultOutcome run_link_death(LinkBench& bench, int signal) {
+  LinkFaultOutcome outcome;
+  outcome.died = true;
+  pid_t child = start_pressing(bench, signal);
   const Stopwatch pressing;
-  while (!bench.held.holds() && pressing.ms() < 1e3 * kPressPatience) ::nanosleep(&kLook, nullptr);
+  while (!bench.held.holds() && pressing.ms() < 1e3 * kPressPatience) {
+    ::nanosleep(&kLook, nullptr);
+    if (::waitpid(child, nullptr, WNOHANG) != child) continue;
+    // It was refused: the device may still be another program's, which was killed before.
+    constexpr timespec kLetGo{0, 200'000'000};
+    ::nanosleep(&kLetGo, nullptr);
+    child = start_pressing(bench, signal);
+  }
   outcome.counts = bench.held.holds();
   constexpr timespec kSettled{0, 50'000'000};
   ::nanosleep(&kSettled, nullptr);

@@ -1,5 +1,5 @@
-// The 2DIY's board as the strictest reading of its protocol has it: a command is what its first byte begins, of
-// that length, whatever the bytes are; nothing is given up half way.
+// The 2DIY's board as the strictest reading of its protocol has it: a command is what its first byte begins,
+// of that length, whatever the bytes are; nothing is given up half way.
 #pragma once
 
 #include <algorithm>

@@ -389,10 +389,10 @@ int UsbfsDouble::out_under_way() const {
   int count = 0;
   for (const auto& [client, under_way] : bed_->urbs)
     for (const Urb& urb : under_way)
-      count += !urb.done && (urb.fields().endpoint & 0x80U) == 0 &&
-                       urb.fields().type != USBDEVFS_URB_TYPE_CONTROL
-                   ? 1
-                   : 0;
+      count +=
+          !urb.done && (urb.fields().endpoint & 0x80U) == 0 && urb.fields().type != USBDEVFS_URB_TYPE_CONTROL
+              ? 1
+              : 0;
   return count;
 }
 
