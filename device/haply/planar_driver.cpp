@@ -1,5 +1,7 @@
 #include "device/haply/planar_driver.h"
 
+#include <fmt/format.h>
+
 #include <string>
 #include <utility>
 #include <vector>
@@ -64,8 +66,18 @@ Result<MadeDevice> make_planar(const DeviceRequest& request, const Clock& clock)
     return Error{"the 2DIY's serial line must be named: " + serial_lines_text(),
                  "give --device-option path=/dev/serial/by-id/NAME", "", 0};
   MadeDevice made;
-  made.device = std::make_unique<PlanarDevice>(std::make_unique<TtyLink>(planar.line), clock, *planar.model,
-                                               planar.options);
+  auto line = std::make_unique<TtyLink>(planar.line);
+  made.facts = [model = planar.model, raw = line.get()] {
+    const LinkCounters counted = raw->counters();
+    return DeviceFacts{{"model", model->name},
+                       {"path", raw->path()},
+                       {"rest_deg", fmt::format("{:g} {:g}", model->rest_deg[0], model->rest_deg[1])},
+                       {"counts_per_turn", fmt::format("{:g}", model->counts_per_turn)},
+                       {"link_received", std::to_string(counted.received)},
+                       {"link_commands", std::to_string(counted.written)},
+                       {"link_commands_overtaken", std::to_string(counted.replaced)}};
+  };
+  made.device = std::make_unique<PlanarDevice>(std::move(line), clock, *planar.model, planar.options);
   made.zero = [line = planar.line] {
     TtyLink link(line);
     if (!link.open()) return false;

@@ -46,6 +46,7 @@ struct UsbLink::Io {
     UsbTransfer transfer;
     CommandBytes command;
     std::uint64_t number = 0;  // so many were submitted up to it
+    std::int64_t since_ns = 0;
     bool flying = false;
   };
 
@@ -129,10 +130,15 @@ void UsbLink::Io::departed() noexcept {
   link.counts_.done.store(out.number, std::memory_order_release);
   const libusb_transfer_status status = out.transfer->status;
   if (status == LIBUSB_TRANSFER_CANCELLED) return;
-  if (status == LIBUSB_TRANSFER_COMPLETED)
+  if (status == LIBUSB_TRANSFER_COMPLETED) {
+    const std::int64_t took_ns = monotonic_ns() - out.since_ns;
     link.counts_.sent.fetch_add(1, std::memory_order_relaxed);
-  else
+    link.counts_.out_ns.fetch_add(took_ns, std::memory_order_relaxed);
+    if (took_ns > link.counts_.out_most_ns.load(std::memory_order_relaxed))
+      link.counts_.out_most_ns.store(took_ns, std::memory_order_relaxed);
+  } else {
     link.counts_.out_errors.fetch_add(1, std::memory_order_relaxed);
+  }
   if (!endured(status)) lost();
 }
 
@@ -142,6 +148,7 @@ void UsbLink::Io::send_newest() noexcept {
   out.number = link.counts_.accepted.load(std::memory_order_acquire);
   if (link.gone_.load(std::memory_order_relaxed) || !link.command_.take(out.command)) return;
   out.transfer->length = static_cast<int>(out.command.size);
+  out.since_ns = monotonic_ns();
   const int failed = libusb_submit_transfer(out.transfer.get());
   out.flying = failed == LIBUSB_SUCCESS;
   if (out.flying) return;
@@ -338,8 +345,14 @@ UsbLinkCounters UsbLink::counters() const noexcept {
   const auto of = [](const std::atomic<std::uint64_t>& count) {
     return count.load(std::memory_order_relaxed);
   };
-  return {of(counts_.received), of(counts_.overrun),   of(counts_.sent),      command_.replaced(),
-          of(counts_.refused),  of(counts_.in_errors), of(counts_.out_errors)};
+  constexpr double kUsPerNs = 1e-3;
+  UsbLinkCounters all{of(counts_.received), of(counts_.overrun),   of(counts_.sent),      command_.replaced(),
+                      of(counts_.refused),  of(counts_.in_errors), of(counts_.out_errors)};
+  if (all.sent > 0)
+    all.out_mean_us = kUsPerNs * static_cast<double>(counts_.out_ns.load(std::memory_order_relaxed)) /
+                      static_cast<double>(all.sent);
+  all.out_most_us = kUsPerNs * static_cast<double>(counts_.out_most_ns.load(std::memory_order_relaxed));
+  return all;
 }
 
 }  // namespace palpate::device

@@ -61,6 +61,8 @@ struct UsbLinkCounters {
   std::uint64_t refused = 0;    ///< commands that were too long, or of too many threads at once
   std::uint64_t in_errors = 0;  ///< transfers that failed, the device being there
   std::uint64_t out_errors = 0;
+  /// From a command's way into the kernel to the news that the device took it.
+  double out_mean_us = 0.0, out_most_us = 0.0;
 };
 
 class UsbLink final : public ControlLink {
@@ -106,6 +108,7 @@ class UsbLink final : public ControlLink {
     std::atomic<std::uint64_t> received{0}, overrun{0}, sent{0}, refused{0}, in_errors{0}, out_errors{0};
     // Commands that submit() took, and how many of them, from the first on, wait no more.
     std::atomic<std::uint64_t> accepted{0}, done{0};
+    std::atomic<std::int64_t> out_ns{0}, out_most_ns{0};  // of those that were sent; the link's thread writes
   } counts_;
   std::unique_ptr<Io> io_;
   // Made with the link and not with each open(): close() may be called by a thread that must not wait for a

@@ -355,6 +355,7 @@ TEST(BridgeDriver, MakesFromItsNameAndRefusesOthers) {
     ASSERT_TRUE(made) << good << ": " << made.error().message();
     EXPECT_EQ(made->device->name(), good);
     EXPECT_TRUE(made->zero);
+    EXPECT_EQ(made->facts().front().first, "far_device");
   }
   for (const char* bad : {"bridge:", "bridge", "bridge:a:b", "bridge:a:70000", "bridge:::1:5", "bridge::5"})
     EXPECT_FALSE(driver->make({bad, {}, {}}, clock)) << bad;

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "device/interface/device.h"
+#include "device/interface/drivers.h"
 #include "device/interface/force_governor.h"
 #include "toolkit/core/clock.h"
 
@@ -123,6 +124,12 @@ inline constexpr const char* kPressArgument = "--press-until-killed";
 /// exit status.
 [[nodiscard]] int measured_faults(int argc, char** argv,
                                   const std::function<bool(int, std::string&)>& measure);
+/// A value of a device's facts; empty: there is none of that key.
+[[nodiscard]] inline std::string fact_of(const DeviceFacts& facts, const std::string& key) {
+  for (const auto& [name, value] : facts)
+    if (name == key) return value;
+  return {};
+}
 /// For tests, once: what does not hold, in words; empty: all does.
 [[nodiscard]] std::string violations_of(LinkBench& bench, LinkWrong wrong);
 

@@ -285,6 +285,13 @@ TEST(TtyLink, AnArmSpeaksTextOverIt) {
   std::this_thread::sleep_for(std::chrono::milliseconds(50));  // what was under way
   const int before = lines;
   EXPECT_TRUE(made->zero());
+  ASSERT_TRUE(made->facts);
+  const DeviceFacts facts = made->facts();
+  for (const std::pair<std::string, std::string> fact : {std::pair{"arm", "polhem-v3"},
+                                                         {"counts_per_turn", "4096 4096 4096"},
+                                                         {"rest", "power-on"},
+                                                         {"reports", "0"}})
+    EXPECT_NE(std::find(facts.begin(), facts.end(), fact), facts.end()) << fact.first;
   EXPECT_TRUE(comes_true([&] { return lines > before; }));
   // Unplugged in a session, and plugged in again.
   ASSERT_TRUE(device.open());
@@ -383,6 +390,8 @@ void let_go_after(std::span<const std::uint8_t> command, std::size_t sent, Unkno
   ASSERT_EQ(::write(line, command.data(), sent), static_cast<ssize_t>(sent));
   ASSERT_TRUE(comes_true([&] { return board.received().size() >= held.size + sent; }));
   EXPECT_TRUE(made->zero()) << "the board answered a zero";
+  const DeviceFacts facts = made->facts();
+  EXPECT_EQ(facts.front(), (std::pair<std::string, std::string>{"model", "2DIY, generation 2"}));
   ::close(line);
   const std::lock_guard lock(mutex);
   EXPECT_EQ(plane.torques, (std::array<float, 2>{})) << sent << " of " << command.size();

@@ -66,6 +66,12 @@ std::array<int, 3> pose_counts(const Vec3& device_mm) {
   return rounded;
 }
 
+std::vector<std::uint8_t> garbled_reply() {
+  FalconBytes bytes = encoded(FalconReply{});
+  bytes[7] = 'z';  // no letter of a number
+  return {bytes.begin(), bytes.end()};
+}
+
 /// Nothing of the governor's is to end what a busy machine delays.
 GovernorOptions patient() {
   GovernorOptions options;
@@ -218,6 +224,30 @@ TEST_F(UsbFalcon, LoadsFirmwareFromAFileAndReads) {
   EXPECT_LT((state.position_mm - Vec3(10, -5, 20)).norm(), 0.06);
   EXPECT_EQ(state.buttons, 4u);
   EXPECT_EQ(seen([](const FalconBoard& now) { return now.refused(); }), 0u);
+}
+
+// For the report that a first user sends back.
+TEST_F(UsbFalcon, ItsFactsTellFirmwareCalibrationAndWhatTheCableCarried) {
+  Drivers drivers;
+  register_falcon_driver(drivers);
+  const auto made = drivers.of("falcon")->make({"falcon", {}, {{"k", "12.5"}, {"calibrated", "yes"}}}, clock);
+  ASSERT_TRUE(made) << made.error().message();
+  ASSERT_TRUE(made->device->open());
+  usb->with([](FalconBoard& now) { now.instead = [](auto) { return std::vector{garbled_reply()}; }; });
+  ASSERT_TRUE(comes([&] {
+    made->device->cut_force();
+    return made->device->read().status == ReadStatus::kGarbled;
+  }));
+  const DeviceFacts facts = made->facts();
+  EXPECT_EQ(fact_of(facts, "firmware"), "ran already");
+  EXPECT_EQ(fact_of(facts, "counts_per_n_mm"), "12.5");
+  EXPECT_EQ(fact_of(facts, "calibrated"), "yes");
+  EXPECT_GE(std::stoul(fact_of(facts, "replies_malformed")), 3u);
+  EXPECT_GE(std::stoul(fact_of(facts, "usb_commands")), 3u);
+  EXPECT_EQ(fact_of(facts, "usb_out_errors"), "0");
+  EXPECT_GT(std::stod(fact_of(facts, "usb_command_mean_us")), 0.0);
+  EXPECT_GE(std::stod(fact_of(facts, "usb_command_most_us")),
+            std::stod(fact_of(facts, "usb_command_mean_us")));
 }
 
 TEST_F(UsbFalcon, HasOneOwnerAtATime) {
