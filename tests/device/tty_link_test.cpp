@@ -287,10 +287,10 @@ TEST(TtyLink, AnArmSpeaksTextOverIt) {
   EXPECT_TRUE(made->zero());
   ASSERT_TRUE(made->facts);
   const DeviceFacts facts = made->facts();
-  for (const std::pair<std::string, std::string> fact : {std::pair{"arm", "polhem-v3"},
-                                                         {"counts_per_turn", "4096 4096 4096"},
-                                                         {"rest", "power-on"},
-                                                         {"reports", "0"}})
+  for (const auto& fact : DeviceFacts{{"arm", "polhem-v3"},
+                                      {"counts_per_turn", "4096 4096 4096"},
+                                      {"rest", "power-on"},
+                                      {"reports", "0"}})
     EXPECT_NE(std::find(facts.begin(), facts.end(), fact), facts.end()) << fact.first;
   EXPECT_TRUE(comes_true([&] { return lines > before; }));
   // Unplugged in a session, and plugged in again.

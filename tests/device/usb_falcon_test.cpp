@@ -233,7 +233,9 @@ TEST_F(UsbFalcon, ItsFactsTellFirmwareCalibrationAndWhatTheCableCarried) {
   const auto made = drivers.of("falcon")->make({"falcon", {}, {{"k", "12.5"}, {"calibrated", "yes"}}}, clock);
   ASSERT_TRUE(made) << made.error().message();
   ASSERT_TRUE(made->device->open());
-  usb->with([](FalconBoard& now) { now.instead = [](auto) { return std::vector{garbled_reply()}; }; });
+  usb->with([](FalconBoard& now) {
+    now.instead = [](auto) { return std::vector<std::vector<std::uint8_t>>{garbled_reply()}; };
+  });
   ASSERT_TRUE(comes([&] {
     made->device->cut_force();
     return made->device->read().status == ReadStatus::kGarbled;
