@@ -51,7 +51,7 @@ class FalconBench final : public LinkBench {
  public:
   /// `link_priority`: of the link's thread, 0: as others have it. `pretending`: of those that pretend.
   FalconBench(std::string name, int link_priority, int pretending)
-      : name_(std::move(name)), link_priority_(link_priority) {
+      : name_(std::move(name)), device_(made_link(link_priority), clock_, {}) {
     board_.run_firmware();
     const Vec3 counts = falcon_counts_of_angles(falcon_angles(Vec3{0.0, 0.0, kFalconCentreMm}).value());
     board_.home({static_cast<int>(std::lround(counts[0])), static_cast<int>(std::lround(counts[1])),
@@ -71,17 +71,21 @@ class FalconBench final : public LinkBench {
   void plug() override { cable_->plug(); }
   bool counts_packets() const override { return false; }
   std::vector<std::string> program() const override { return {"falcon"}; }
+  [[nodiscard]] UsbLinkCounters link_counters() const { return link_->counters(); }
 
  private:
+  std::unique_ptr<UsbLink> made_link(int priority) {
+    auto made = std::make_unique<UsbLink>(UsbAddress{0x0403, 0xCB48, ""}, UsbInterface{}, "falcon", priority);
+    link_ = made.get();
+    return made;
+  }
+
   std::string name_;
-  int link_priority_;
+  UsbLink* link_ = nullptr;  // the device's
   FalconBoard board_;
   std::unique_ptr<Cable> cable_;
   MonotonicClock clock_;
-  FalconDevice device_{
-      std::make_unique<UsbLink>(UsbAddress{0x0403, 0xCB48, ""}, UsbInterface{}, "falcon", link_priority_),
-      clock_,
-      {}};
+  FalconDevice device_;
 };
 
 /// WoodenHaptics' board: sends unasked, each report with a count; lies still. `Cable` as HidrawDouble.
