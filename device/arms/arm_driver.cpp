@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "device/arms/arm_device.h"
+#include "device/interface/device_facts.h"
 #include "device/links/hid_link.h"
 #include "device/links/tty_link.h"
 #include "toolkit/core/options.h"

@@ -3,6 +3,7 @@
 #include <time.h>
 
 #include "device/bridge/bridge_device.h"
+#include "device/interface/device_facts.h"
 #include "device/links/udp_link.h"
 #include "toolkit/core/options.h"
 #include "toolkit/core/try.h"

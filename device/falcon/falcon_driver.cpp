@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "device/falcon/falcon_device.h"
+#include "device/interface/device_facts.h"
 #include "device/links/usb_link.h"
 #include "toolkit/core/clock.h"
 #include "toolkit/core/options.h"

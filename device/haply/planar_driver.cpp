@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "device/interface/device_facts.h"
 #include "device/links/tty_link.h"
 #include "toolkit/core/options.h"
 #include "toolkit/core/try.h"

@@ -39,9 +39,6 @@ struct DeviceRequest {
   std::vector<std::pair<std::string, std::string>> options;
 };
 
-/// Key and value, for people and reports: keys as in files, with their unit.
-using DeviceFacts = std::vector<std::pair<std::string, std::string>>;
-
 /// A device, not yet open.
 struct MadeDevice {
   std::unique_ptr<Device> device;
@@ -50,10 +47,9 @@ struct MadeDevice {
   /// torque after the program's end.
   std::function<bool()> zero;
   std::vector<std::string> unproven;  ///< what no hardware has confirmed, for people, before force is shown
-  /// What the device says of itself once it is open (serial number, firmware, filters of its own), what it is
-  /// calibrated with, and what its link has counted since. For reports; called by the thread that owns the
-  /// device. Empty: nothing.
-  std::function<DeviceFacts()> facts{};
+  /// What the device says of itself once it is open: serial number, firmware, filters of its own,
+  /// calibration. For reports; called by the thread that owns the device. Empty: nothing.
+  std::function<std::vector<std::pair<std::string, std::string>>()> facts{};
   /// What a person has to do until the device knows its zero, for a DeviceState::homing_step that it showed:
   /// a sentence without its full stop. Any thread. Empty: the driver has no words of its own.
   std::function<std::string(std::uint8_t homing_step)> homing_prompt{};

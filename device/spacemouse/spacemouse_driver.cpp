@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "device/interface/device_facts.h"
 #include "device/links/hid_link.h"
 #include "toolkit/core/options.h"
 #include "toolkit/core/try.h"

@@ -110,10 +110,11 @@ class HidBench final : public LinkBench {
  private:
   using Bytes = std::vector<std::uint8_t>;
   std::optional<Bytes> take(std::span<const std::uint8_t> bytes) {
-    constexpr std::size_t kCurrents = 1, kBehind = 7;  // after the 0 that stands for no number
-    held.tell(plugged_ && bytes.size() >= kBehind &&
-              std::any_of(bytes.begin() + kCurrents, bytes.begin() + kBehind,
-                          [](std::uint8_t byte) { return byte != 0; }));
+    constexpr std::size_t kFrom = 1, kCurrentBytes = 6;  // behind the 0 that stands for no number
+    const auto currents = bytes.subspan(std::min(kFrom, bytes.size()));
+    held.tell(
+        plugged_ && currents.size() >= kCurrentBytes &&
+        std::ranges::any_of(currents.first(kCurrentBytes), [](std::uint8_t byte) { return byte != 0; }));
     return std::nullopt;
   }
   void report_one() {

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "device/interface/device.h"
-#include "device/interface/drivers.h"
+#include "device/interface/device_facts.h"
 #include "device/interface/force_governor.h"
 #include "toolkit/core/clock.h"
 

@@ -18,6 +18,7 @@
 #include "device/arms/arm_driver.h"
 #include "device/haply/planar_device.h"
 #include "device/haply/planar_driver.h"
+#include "device/interface/device_facts.h"
 #include "device/links/newest_command.h"
 #include "device/safety/guard.h"
 #include "tests/device/hid_fake_link.h"

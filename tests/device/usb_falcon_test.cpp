@@ -294,7 +294,7 @@ TEST_F(UsbFalcon, AZeroHasOneTransferBeforeItAtMost) {
   ASSERT_TRUE(link->control({0x40, 0x03, 0x0002, 0}));
   std::vector<int> taken;  // by the board, in its order
   usb->with([&](FalconBoard& now) {
-    now.commanded = [&taken](const FalconBoard& board) { taken.push_back(board.held().motors[0]); };
+    now.commanded = [&taken](const FalconBoard& taker) { taken.push_back(taker.held().motors[0]); };
   });
   const auto force = [&](int counts) { return link->submit(encoded(FalconCommand{{counts, 0, 0}, 1})); };
   usb->hold_out(true);

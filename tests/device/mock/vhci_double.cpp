@@ -54,7 +54,7 @@ const VhciBytes kConfiguration = {0x09, 0x02, 0x20, 0x00, 0x01, 0x01, 0x00, 0xA0
 
 std::uint32_t vhci_number(const VhciHead& head, std::size_t at) {
   std::uint32_t value = 0;
-  for (std::size_t i = 0; i < 4; ++i) value = value << 8U | head[at + i];
+  for (std::size_t i = 0; i < 4; ++i) value = value << 8U | std::uint32_t{head[at + i]};
   return value;
 }
 void put_number(VhciHead& head, std::size_t at, std::uint32_t value) {
