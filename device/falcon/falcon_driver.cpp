@@ -164,23 +164,23 @@ DeviceFacts falcon_facts(const FalconDevice& device, const UsbLink& link, const 
 }  // namespace
 
 void register_falcon_driver(Drivers& drivers) {
-  drivers.add({kDriverName, "usb", look_for_falcons,
-               [](const DeviceRequest& asked, const Clock& clock) -> Result<MadeDevice> {
-                 PALPATE_ASSIGN(FalconRequest request, read_request(asked));
-                 auto link = std::make_unique<UsbLink>(request.address, kFalconInterface, kDriverName);
-                 MadeDevice made;
-                 made.unproven = unproven(request.options);
-                 made.zero = zero_of(request.address);
-                 made.homing_prompt = falcon_homing_prompt;
-                 const FalconOptions options = request.options;
-                 const UsbLink* usb = link.get();
-                 auto device = std::make_unique<FalconDevice>(std::move(link), clock, options);
-                 made.facts = [falcon = device.get(), usb, options] {
-                   return falcon_facts(*falcon, *usb, options);
-                 };
-                 made.device = std::move(device);
-                 return made;
-               }});
+  drivers.add(
+      {kDriverName, "usb", look_for_falcons,
+       [](const DeviceRequest& asked, const Clock& clock) -> Result<MadeDevice> {
+         PALPATE_ASSIGN(FalconRequest request, read_request(asked));
+         auto link =
+             std::make_unique<UsbLink>(request.address, kFalconInterface, kDriverName, falcon_lets_go);
+         MadeDevice made;
+         made.unproven = unproven(request.options);
+         made.zero = zero_of(request.address);
+         made.homing_prompt = falcon_homing_prompt;
+         const FalconOptions options = request.options;
+         const UsbLink* usb = link.get();
+         auto device = std::make_unique<FalconDevice>(std::move(link), clock, options);
+         made.facts = [falcon = device.get(), usb, options] { return falcon_facts(*falcon, *usb, options); };
+         made.device = std::move(device);
+         return made;
+       }});
 }
 
 }  // namespace palpate::device

@@ -66,12 +66,7 @@ bool planar_let_go(Link& link) noexcept {
 
 PlanarDevice::PlanarDevice(std::unique_ptr<Link> link, const Clock& clock, const PlanarModel& model,
                            const PlanarOptions& options)
-    : link_(std::move(link)),
-      clock_(clock),
-      model_(model),
-      options_(options),
-      zero_(encoded_torques({})),
-      let_go_(encoded_let_go()) {}
+    : link_(std::move(link)), clock_(clock), model_(model), options_(options), zero_(encoded_torques({})) {}
 
 Eigen::Vector2d PlanarDevice::origin_mm() const noexcept {
   return {0.5 * model_.geometry.between_mm, kPlaneMiddleMm};
@@ -85,9 +80,11 @@ Status PlanarDevice::open() {
   reader_ = {};
   pose_.reset();
   gone_ = false;
-  // The first bytes are for what an earlier program left: its torque, should the board take any before it is
-  // set up, and perhaps a part of a command. What it answers to that is of an earlier set-up.
-  bool takes = link_->submit(let_go_.span()) && link_->submit(encoded_set_up(model_).span());
+  // The first zeros are for what an earlier program left: its torque, should the board take any before it is
+  // set up, and perhaps a part of a command, which takes its rest from the first of them. What the board
+  // answers to that is of an earlier set-up.
+  bool takes = link_->submit(zero_.span()) && link_->submit(zero_.span()) &&
+               link_->submit(encoded_set_up(model_).span());
   if (options_.open_tries > 0) ::usleep(kPlaneSetUpUs);
   std::array<std::uint8_t, kPlanePollBytes> earlier;
   for (int i = 0; i < kMostPolls && link_->poll(earlier).size > 0; ++i) {

@@ -57,7 +57,7 @@ class PlanarDevice final : public Device {
   const Clock& clock_;
   const PlanarModel& model_;
   PlanarOptions options_;
-  CommandBytes zero_, let_go_;
+  CommandBytes zero_;
   PlanarReader reader_;
   DeviceState state_;
   std::optional<PantographPose> pose_;

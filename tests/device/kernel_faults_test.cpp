@@ -47,8 +47,9 @@ TEST(KernelFalcon, LoadsFirmware) {
   FalconOptions options;
   const std::vector<std::uint8_t> image = made_up_image(2, 150);
   options.firmware = [&] { return check_falcon_firmware(image); };
-  FalconDevice device(std::make_unique<UsbLink>(UsbAddress{0x0403, 0xCB48, ""}, UsbInterface{}, "falcon", 0),
-                      clock, options);
+  FalconDevice device(
+      std::make_unique<UsbLink>(UsbAddress{0x0403, 0xCB48, ""}, UsbInterface{}, "falcon", falcon_lets_go, 0),
+      clock, options);
   const Status opened = device.open();
   ASSERT_TRUE(opened) << opened.error().message();
   EXPECT_FALSE(device.booted().was_running);

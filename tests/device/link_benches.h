@@ -75,7 +75,8 @@ class FalconBench final : public LinkBench {
 
  private:
   std::unique_ptr<UsbLink> made_link(int priority) {
-    auto made = std::make_unique<UsbLink>(UsbAddress{0x0403, 0xCB48, ""}, UsbInterface{}, "falcon", priority);
+    auto made = std::make_unique<UsbLink>(UsbAddress{0x0403, 0xCB48, ""}, UsbInterface{}, "falcon",
+                                          falcon_lets_go, priority);
     link_ = made.get();
     return made;
   }

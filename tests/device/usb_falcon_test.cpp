@@ -54,7 +54,7 @@ bool comes(const Condition& condition) {
 }
 
 std::unique_ptr<UsbLink> falcon_link() {
-  return std::make_unique<UsbLink>(kAddress, UsbInterface{}, "falcon", 0);
+  return std::make_unique<UsbLink>(kAddress, UsbInterface{}, "falcon", falcon_lets_go, 0);
 }
 
 std::array<int, 3> pose_counts(const Vec3& device_mm) {
@@ -285,33 +285,6 @@ TEST_F(UsbFalcon, OfManyCommandsForASlowDeviceTheNewestGoesOut) {
   EXPECT_LE(counters.sent, 2u) << "the one that was under way, and the newest";
   EXPECT_EQ(counters.sent + counters.overtaken, kMany + 1);
   EXPECT_FALSE(link->submit(falcon_zero())) << "closed";
-}
-
-// What is with the kernel cannot be called back: so that is one transfer, and what waits is replaced.
-TEST_F(UsbFalcon, AZeroHasOneTransferBeforeItAtMost) {
-  const auto link = falcon_link();
-  ASSERT_TRUE(link->open());
-  ASSERT_TRUE(link->control({0x40, 0x03, 0x0002, 0}));
-  std::vector<int> taken;  // by the board, in its order
-  usb->with([&](FalconBoard& now) {
-    now.commanded = [&taken](const FalconBoard& taker) { taken.push_back(taker.held().motors[0]); };
-  });
-  const auto force = [&](int counts) { return link->submit(encoded(FalconCommand{{counts, 0, 0}, 1})); };
-  usb->hold_out(true);
-  ASSERT_TRUE(force(100));
-  ASSERT_TRUE(comes([&] { return usb->out_under_way() == 1; }));
-  constexpr int kForces = 20;
-  for (int i = 1; i <= kForces; ++i) {
-    ASSERT_TRUE(force(100 + i));
-    ::nanosleep(&kMillisecond, nullptr);  // the link's thread has time to hand over what it may
-    ASSERT_EQ(usb->out_under_way(), 1) << i;
-  }
-  ASSERT_TRUE(link->submit(falcon_zero()));
-  usb->hold_out(false);
-  ASSERT_TRUE(comes([&] { return seen([](const FalconBoard& now) { return now.commands(); }) >= 2; }));
-  link->close();
-  usb->with([](FalconBoard& now) { now.commanded = {}; });
-  EXPECT_EQ(taken, (std::vector<int>{100, 0})) << "the one that was under way, then the zero";
 }
 
 TEST_F(UsbFalcon, ClosingNeverWaitsForADeviceThatTakesNothing) {
