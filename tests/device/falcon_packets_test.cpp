@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <initializer_list>
 #include <iterator>
 #include <limits>
 #include <string>
@@ -35,7 +36,7 @@ FalconBytes bytes_of(const std::string& text) {
 }
 
 TEST(FalconPackets, WhatLetsGoIsKnownByItsMotors) {
-  for (const std::uint8_t flags : {0, 1, 5, 9}) {
+  for (const std::uint8_t flags : std::initializer_list<std::uint8_t>{0, 1, 5, 9}) {
     EXPECT_TRUE(falcon_lets_go(encoded(FalconCommand{{}, flags})));
     for (std::size_t motor = 0; motor < 3; ++motor) {
       FalconCommand command{{}, flags};
