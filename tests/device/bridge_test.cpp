@@ -246,6 +246,24 @@ TEST(Bridge, StatesThatAreOldOrRepeatedAreSilence) {
   EXPECT_GT(slow.far.counters().old, 50u);
 }
 
+// Who hears nothing of the far end any more answers to old states alone: its zero counts all the same.
+TEST(Bridge, AZeroOfAnyAgeIsObeyed) {
+  BridgeRig rig;
+  ASSERT_TRUE(rig.start().ok());
+  rig.frames(kSoftStartFrames, Vec3{1, 0, 0});
+  ASSERT_EQ(rig.held.held_n.x(), 1.0);
+  rig.network.to_host.weather.loss = 1.0;
+  int frames = 0;
+  while (rig.governor->fault() == Fault::kNone && ++frames < 100) rig.frame(Vec3{1, 0, 0});
+  ASSERT_EQ(rig.governor->fault(), Fault::kSilence);
+  for (int i = 0; i < 2; ++i) rig.frame(Vec3{1, 0, 0});
+  EXPECT_TRUE(rig.held.held_n.isZero(0.0)) << "within two ticks, not when the far end's watchdog trips";
+  EXPECT_EQ(rig.far.counters().trips, 0u);
+  // And it gives no force back.
+  rig.frames(100, Vec3{1, 0, 0});
+  EXPECT_TRUE(rig.held.held_n.isZero(0.0));
+}
+
 TEST(Bridge, OldCommandsPlayedAgainMoveNothing) {
   BridgeRig rig;
   ASSERT_TRUE(rig.start().ok());
