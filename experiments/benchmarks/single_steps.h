@@ -1,6 +1,6 @@
 // Instructions of a part of a program, counted one by one: a second process runs the part instruction by
 // instruction and everything around it at full speed. For parts of some million instructions in programs that
-// would take an hour under an emulator; 5 to 30 microseconds an instruction. Linux alone.
+// would take an hour under an emulator; some 25 microseconds of processor time an instruction. Linux alone.
 #pragma once
 
 #include <array>
