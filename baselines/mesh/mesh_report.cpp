@@ -147,6 +147,12 @@ std::vector<std::string> doubts(const SurfaceMesh& mesh, const MeshReport* repor
                     "may get between "
                     "its layers; {}take another reconstruction, for example mesh=advancing-front",
                     percent(share), repaired ? "" : "repair=true makes sheets of it, or "));
+  if (counts.largest_fan > kMaxFan)
+    lines.push_back(fmt::format(
+        "{} of the mesh's faces meet at one vertex, and a frame looks at {} of them: near it the god "
+        "object may be let in, or held where it should slide on; cut the corner off, or reconstruct the "
+        "mesh from points that lie as dense around it as along, for example mesh=advancing-front",
+        counts.largest_fan, kMaxFan));
   if (const double share = share_of(report == nullptr ? 0 : report->shattered_faces, faces);
       share > kShatteredShare)
     lines.push_back(fmt::format(

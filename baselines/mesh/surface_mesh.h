@@ -15,9 +15,11 @@
 
 namespace palpate::baselines {
 
-/// Facets around one vertex that a walk looks at, at most; the rest is left to the next frame. Scans have
-/// some 6, fans in CAD files up to some dozens.
-inline constexpr std::uint32_t kMaxFan = 256;
+/// Facets around one vertex that a frame looks at, at most. Scans have some 6, fans in CAD files up to some
+/// hundreds: the tip of a turned body. A frame goes round a vertex in each of kMaxFlights flights, some five
+/// times: 20 x 1,024 looks of 30 ns stay under a millisecond. Of a larger fan the rest does not count,
+/// neither for the way on nor for the side: preparation warns of it.
+inline constexpr std::uint32_t kMaxFan = 1024;
 
 /// What preparing found.
 struct SurfaceMeshCounts {
@@ -32,6 +34,7 @@ struct SurfaceMeshCounts {
   std::size_t boundary_edges = 0;
   std::size_t radial_edges = 0;   ///< edges of three or more facets
   std::size_t flipped_edges = 0;  ///< between two facets of opposite orientation
+  std::size_t largest_fan = 0;    ///< facets around one vertex
 };
 
 /// How vertices and facets are numbered.
@@ -156,6 +159,7 @@ class SurfaceMesh {
   bool drop_fins(const Starts& begin, const Uses& uses, std::vector<bool>& two_sided);
   void drop(const std::vector<bool>& gone, std::vector<bool>& two_sided);
   void count_flat(int threads);
+  void find_largest_fan();
   struct Found;
   void connect_edge(std::span<const std::uint64_t> uses, const std::vector<bool>& two_sided, Found& found);
   void connect_radial(std::span<const std::uint64_t> uses);

@@ -156,6 +156,7 @@ Result<SurfaceMesh> SurfaceMesh::build(const geometry::TriangleMesh& mesh, int t
   result.rounding_mm_ = gamma(kOperations) * numbers.extent_mm().norm();
   result.connect(threads);
   result.count_flat(threads);
+  result.find_largest_fan();
   return result;
 }
 
@@ -221,6 +222,11 @@ void SurfaceMesh::count_flat(int threads) {
       parts[begin / kPointsPerChunk] += facets_[i].flat(facets_[i].scaled_normal().norm());
   });
   counts_.flat_facets = std::accumulate(parts.begin(), parts.end(), std::size_t{0});
+}
+
+void SurfaceMesh::find_largest_fan() {
+  for (std::uint32_t v = 0; v < vertices_.size(); ++v)
+    counts_.largest_fan = std::max(counts_.largest_fan, star(v).size());
 }
 
 }  // namespace palpate::baselines

@@ -3,16 +3,22 @@
 // drags along it over points that no surface orders; of all frames those with the most counted steps are
 // played once more under the counter.
 //
-//   worst_frames [POINTS ...]   marks each as NAME SCENE POINTS FRAME BOUND (default: 10000 300000)
+//   worst_frames [--step] [RENDERER ...] [POINTS ...]
+//
+// marks each as NAME SCENE POINTS FRAME BOUND (default: every renderer of ours, 10000 300000). --step needs
+// no valgrind, under which ten million points take an hour to prepare: the frames are run one instruction at
+// a time, everything else at full speed, and a line for each ends with its instructions.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "experiments/benchmarks/single_steps.h"
 #include "toolkit/cloud/generate.h"
 #include "toolkit/core/instructions.h"
 #include "toolkit/core/random.h"
@@ -30,6 +36,8 @@ using namespace palpate;
 constexpr double kPeriodS = 1e-3;
 constexpr int kFramesTried = 600;
 constexpr std::size_t kCounted = 3;
+/// Stepped, a million instructions take half a minute: of the frames the one with the most counted steps.
+constexpr std::size_t kStepped = 1;
 
 // Instructions of one unit of a written bound, from above: what callgrind counts on frames that do little
 // else. A node: eight boxes at once, then each child's visit and the layer of its block. A triangle: its
@@ -75,12 +83,17 @@ Stand generated(const char* scene, const std::string& spec) {
                      cloud::generate(parse_named_options(spec).value()).value().cloud)};
 }
 
-std::vector<Stand> stands_of(const std::string& name, std::size_t points) {
+/// Each is made when its turn comes: ten million points are a gigabyte.
+std::vector<std::function<Stand()>> stands_of(const std::string& name, std::size_t points) {
   if (name == "heightfield")
-    return {generated("relief", fmt::format("relief:points={}:mesh=false:slope=1", points))};
-  return {soup(points),
-          generated("pebble", fmt::format("pebble:points={}:sampling=random:mesh=false", points)),
-          generated("noisy", fmt::format("relief:points={}:sampling=random:noise=0.4:mesh=false", points))};
+    return {[=] { return generated("relief", fmt::format("relief:points={}:mesh=false:slope=1", points)); }};
+  return {
+      [=] { return soup(points); },
+      [=] { return generated("pebble", fmt::format("pebble:points={}:sampling=random:mesh=false", points)); },
+      [=] {
+        return generated("noisy",
+                         fmt::format("relief:points={}:sampling=random:noise=0.4:mesh=false", points));
+      }};
 }
 
 /// Jumps, strokes and drags.
@@ -122,7 +135,8 @@ struct Tried {
 };
 
 /// The frames with the most work, in their order.
-std::vector<std::size_t> worst_of(render::HapticRenderer& renderer, const std::vector<Vec3>& path) {
+std::vector<std::size_t> worst_of(render::HapticRenderer& renderer, const std::vector<Vec3>& path,
+                                  std::size_t wanted) {
   renderer.restart(path[0], -kPeriodS);
   std::vector<Tried> tried;
   std::uint64_t before = 0;
@@ -134,15 +148,37 @@ std::vector<std::size_t> worst_of(render::HapticRenderer& renderer, const std::v
     tried.push_back({k, now - before + (frame.status == render::FrameStatus::kBoundHit ? kAtBound : 0)});
     before = now;
   }
-  std::partial_sort(tried.begin(), tried.begin() + kCounted, tried.end(),
+  std::partial_sort(tried.begin(), tried.begin() + static_cast<std::ptrdiff_t>(wanted), tried.end(),
                     [](const Tried& a, const Tried& b) { return a.work > b.work; });
   std::vector<std::size_t> frames;
-  for (std::size_t i = 0; i < kCounted; ++i) frames.push_back(tried[i].frame);
+  for (std::size_t i = 0; i < wanted; ++i) frames.push_back(tried[i].frame);
   std::sort(frames.begin(), frames.end());
   return frames;
 }
 
-int count(const std::string& name, const Stand& stand, const render::Registry& registry) {
+/// The marks around a frame: callgrind's, or those of the process that steps this one.
+class Marks {
+ public:
+  explicit Marks(SteppedPart* stepped) : stepped_(stepped) {}
+  void begin() const noexcept {
+    if (stepped_ != nullptr)
+      stepped_->begin();
+    else
+      begin_counting();
+  }
+  void end(const std::string& name) const noexcept {
+    if (stepped_ != nullptr)
+      stepped_->end();
+    else
+      end_counting(name.c_str());
+  }
+
+ private:
+  SteppedPart* stepped_;
+};
+
+int count(const std::string& name, const Stand& stand, const render::Registry& registry,
+          SteppedPart* stepped) {
   render::ModelInput model;
   model.cloud = stand.cloud;
   render::SceneInput scene;
@@ -150,7 +186,8 @@ int count(const std::string& name, const Stand& stand, const render::Registry& r
   auto renderer = registry.make(name, {});
   if (!renderer || !(*renderer)->prepare(scene, {1, nullptr})) return 1;
   const std::vector<Vec3> path = wild_path(stand.cloud->box_mm());
-  const std::vector<std::size_t> worst = worst_of(**renderer, path);
+  const std::vector<std::size_t> worst = worst_of(**renderer, path, stepped != nullptr ? kStepped : kCounted);
+  const Marks marks(stepped);
   (*renderer)->restart(path[0], -kPeriodS);
   std::size_t next = 0;
   for (std::size_t k = 0; next < worst.size(); ++k) {
@@ -159,11 +196,54 @@ int count(const std::string& name, const Stand& stand, const render::Registry& r
       (void)(*renderer)->step(path[k], t_s);
       continue;
     }
-    begin_counting();
+    const std::string part =
+        fmt::format("{} {} {} {} {:.0f}", name, stand.scene, stand.cloud->size(), k, bound_of(name));
+    if (stepped != nullptr) stepped->name(part);
+    marks.begin();
     (void)(*renderer)->step(path[k], t_s);
-    end_counting(
-        fmt::format("{} {} {} {} {:.0f}", name, stand.scene, stand.cloud->size(), k, bound_of(name)).c_str());
+    marks.end(part);
     ++next;
+  }
+  return 0;
+}
+
+struct Wanted {
+  std::vector<std::string> renderers;
+  std::vector<std::size_t> sizes;
+  bool step = false;
+};
+
+/// What the arguments ask for; the first that says nothing is answered with why.
+Result<Wanted> wanted_of(const std::vector<std::string>& words, const render::Registry& registry) {
+  constexpr NumberRange kSizes{1'000, 20'000'000};
+  Wanted wanted;
+  for (const std::string& word : words) {
+    if (word == "--step") {
+      wanted.step = true;
+    } else if (const render::RendererInfo* info = registry.find(word);
+               info != nullptr && info->role == render::Role::kOurs) {
+      wanted.renderers.push_back(word);
+    } else {
+      const Result<long long> size = read_integer(word, kSizes);
+      if (!size) return size.error();
+      wanted.sizes.push_back(static_cast<std::size_t>(*size));
+    }
+  }
+  if (wanted.sizes.empty()) wanted.sizes = {10'000, 300'000};
+  if (wanted.renderers.empty())
+    for (const render::RendererInfo& info : registry.all())
+      if (info.role == render::Role::kOurs) wanted.renderers.push_back(info.name);
+  return wanted;
+}
+
+/// One renderer at one size on all of its stands.
+int count_all(const std::string& name, std::size_t size, bool step, const render::Registry& registry) {
+  for (const auto& stand : stands_of(name, size)) {
+    const auto counted = [&](SteppedPart* stepped) { return count(name, stand(), registry, stepped); };
+    const int status = step ? run_stepped(counted) : counted(nullptr);
+    if (status == 0) continue;
+    fmt::print(stderr, "worst_frames: {} was not counted at {} points: status {}\n", name, size, status);
+    return status;
   }
   return 0;
 }
@@ -171,27 +251,18 @@ int count(const std::string& name, const Stand& stand, const render::Registry& r
 }  // namespace
 
 int main(int argc, char** argv) {
-  std::vector<std::size_t> sizes;
-  constexpr NumberRange kSizes{1'000, 20'000'000};
-  for (int i = 1; i < argc; ++i) {
-    const Result<long long> size = read_integer(argv[i], kSizes);
-    if (!size) {
-      fmt::print(stderr, "worst_frames: {}\nusage: worst_frames [POINTS ...]\n", size.error().message());
-      return 2;
-    }
-    sizes.push_back(static_cast<std::size_t>(*size));
-  }
-  if (sizes.empty()) sizes = {10'000, 300'000};
   render::Registry registry;
   render::register_toolkit_renderers(registry);
-  for (const std::size_t size : sizes)
-    for (const render::RendererInfo& info : registry.all()) {
-      if (info.role != render::Role::kOurs) continue;
-      for (const Stand& stand : stands_of(info.name, size))
-        if (const int status = count(info.name, stand, registry); status != 0) {
-          fmt::print(stderr, "worst_frames: {} cannot be prepared on {}\n", info.name, stand.scene);
-          return status;
-        }
-    }
+  const Result<Wanted> wanted = wanted_of({argv + 1, argv + argc}, registry);
+  if (!wanted) {
+    fmt::print(stderr,
+               "worst_frames: {}\nusage: worst_frames [--step] [RENDERER ...] [POINTS ...]\n"
+               "  a renderer of ours: cloud, cloud-smooth, heightfield\n",
+               wanted.error().message());
+    return 2;
+  }
+  for (const std::size_t size : wanted->sizes)
+    for (const std::string& name : wanted->renderers)
+      if (const int status = count_all(name, size, wanted->step, registry); status != 0) return status;
   return 0;
 }

@@ -7,6 +7,9 @@
 #include "experiments/report/page.h"
 #include "experiments/report/page_figures.h"
 #include "experiments/tables/reproduction.h"
+#include "toolkit/core/atomic_file.h"
+#include "toolkit/core/input_file.h"
+#include "toolkit/core/try.h"
 
 namespace palpate::experiments {
 
@@ -21,26 +24,34 @@ void declare_report(const Declaration& declare, ReportArguments& a) {
   declare.text("DIR", a.folder, kStudyFolderHelp);
   declare.text("--docs", a.docs,
                "a checkout of Palpate: writes the figures of its pages from docs/figures, and with DIR takes "
-               "them from what reproduce or felt_surface wrote there first");
+               "them from what reproduce, stress or felt_surface wrote there first");
 }
 
 /// The run that the pages show, and what the felt surface writes: one document of its own each, by which its
-/// folder is known.
+/// folder is known, and a picture that is shown with it.
 constexpr const char* kShownRun = "one-run.json";
 struct Shown {
-  const char *written, *shown;
+  const char *written, *shown, *picture;
 };
-constexpr std::array<Shown, 2> kTrials = {
-    {{"felt_surface.json", "surface.json"}, {"ablation.json", "ablation.json"}}};
+constexpr std::array<Shown, 3> kTrials = {{{"felt_surface.json", "surface.json", nullptr},
+                                           {"ablation.json", "ablation.json", nullptr},
+                                           {"stress.json", "stress.json", "stress.svg"}}};
+
+Status take_picture(const ReportArguments& arguments, const char* picture) {
+  const std::filesystem::path from = std::filesystem::path(arguments.folder) / picture,
+                              to = std::filesystem::path(arguments.docs) / "docs/figures" / picture;
+  PALPATE_ASSIGN(const std::string text, read_file(from.string(), kMemoryLimitBytes));
+  return write_file(to.string(), text);
+}
 
 int write_docs(const ReportArguments& arguments) {
   if (!arguments.folder.empty()) {
-    const char* shown = kShownRun;
+    Shown shown{nullptr, kShownRun, nullptr};
     for (const Shown& trial : kTrials)
-      if (std::filesystem::exists(std::filesystem::path(arguments.folder) / trial.written))
-        shown = trial.shown;
-    if (const Status taken = take_page_figures(arguments.docs, shown, arguments.folder); !taken)
-      return fail(taken.error(), kExitBadInput);
+      if (std::filesystem::exists(std::filesystem::path(arguments.folder) / trial.written)) shown = trial;
+    Status taken = take_page_figures(arguments.docs, shown.shown, arguments.folder);
+    if (taken && shown.picture != nullptr) taken = take_picture(arguments, shown.picture);
+    if (!taken) return fail(taken.error(), kExitBadInput);
   }
   const Result<std::vector<std::string>> written = write_page_figures(arguments.docs);
   if (!written) return fail(written.error(), kExitBadInput);

@@ -43,6 +43,31 @@ void add_options(std::vector<StressCase>& cases) {
                    false, with_option("resolution_mm", "1e6")});
 }
 
+/// An open sheet of 1,681 points with so many more anywhere around it, pressed from above and from below.
+Result<StressSetup> flying_sheet(int flying) {
+  constexpr double kWayMm = 2.5;  // no point is thrown where the HIP goes
+  Points points = lattice_points({-10, -10, 0}, {0.5, 0, 0}, {0, 0.5, 0}, 41, 41);
+  Random random(12);
+  const auto length = [&] { return random.uniform(-14.0, 14.0); };
+  for (int i = 0; i < flying;) {
+    const Vec3 point{length(), length(), length()};
+    if (point.head<2>().norm() < kWayMm) continue;
+    points.push_back(point);
+    ++i;
+  }
+  PALPATE_ASSIGN(StressSetup setup, setup_of_points(points, "sheet with flying pixels"));
+  Way way({0.2, 0.1, 40});
+  for (const double side : {1.0, -1.0}) {
+    if (side < 0.0) way.to({40, 0.1, 40}, 50, Due::kFree).to({40, 0.1, -40}, 50, Due::kFree);
+    way.to({0.2, 0.1, side * 40}, 50, Due::kFree).to({0.2, 0.1, side * 30}, 30, Due::kFree);
+    way.to({0.2, 0.1, side * -0.8}, 600, Due::kAny).stay(50, Due::kInside);
+    way.to({0.2, 0.1, side * 30}, 300, Due::kAny);
+    way.to({0.2, 0.1, side * 40}, 30, Due::kFree);
+  }
+  std::move(way).put_into(setup);
+  return setup;
+}
+
 void add_hollow(std::vector<StressCase>& cases) {
   cases.push_back(
       {"two-hollow-balls", "likely", "Start inside one of two hollow balls of one cloud, and press outwards.",
@@ -84,33 +109,13 @@ void add_hollow(std::vector<StressCase>& cases) {
          std::move(way).put_into(setup);
          return setup;
        }});
-  cases.push_back(
-      {"flying-sheet", "likely",
-       "An open sheet with one point in ten thrown around it: pressed from above and from below, "
-       "for it is not closed.",
-       false, false, []() -> Result<StressSetup> {
-         constexpr double kWayMm = 2.5;  // no point is thrown where the HIP goes
-         Points points = lattice_points({-10, -10, 0}, {0.5, 0, 0}, {0, 0.5, 0}, 41, 41);
-         Random random(12);
-         const auto length = [&] { return random.uniform(-14.0, 14.0); };
-         for (int i = 0; i < 170;) {
-           const Vec3 point{length(), length(), length()};
-           if (point.head<2>().norm() < kWayMm) continue;
-           points.push_back(point);
-           ++i;
-         }
-         PALPATE_ASSIGN(StressSetup setup, setup_of_points(points, "sheet with flying pixels"));
-         Way way({0.2, 0.1, 40});
-         for (const double side : {1.0, -1.0}) {
-           if (side < 0.0) way.to({40, 0.1, 40}, 50, Due::kFree).to({40, 0.1, -40}, 50, Due::kFree);
-           way.to({0.2, 0.1, side * 40}, 50, Due::kFree).to({0.2, 0.1, side * 30}, 30, Due::kFree);
-           way.to({0.2, 0.1, side * -0.8}, 600, Due::kAny).stay(50, Due::kInside);
-           way.to({0.2, 0.1, side * 30}, 300, Due::kAny);
-           way.to({0.2, 0.1, side * 40}, 30, Due::kFree);
-         }
-         std::move(way).put_into(setup);
-         return setup;
-       }});
+  cases.push_back({"flying-sheet", "likely",
+                   "An open sheet with one point in ten thrown around it: pressed from above and from below, "
+                   "for it is not closed.",
+                   false, false, [] { return flying_sheet(170); }});
+  cases.push_back({"flying-fog", "likely",
+                   "The same sheet in a fog of as many points as it has, whose normals are any.", false,
+                   false, [] { return flying_sheet(1700); }});
 }
 
 void add_crowds(std::vector<StressCase>& cases) {
@@ -195,6 +200,41 @@ void add_fast(std::vector<StressCase>& cases) {
                    }});
 }
 
+/// A cylinder with a deep narrow pit: into the pit and around below its bottom, then under the cylinder and
+/// over the middle of its flat end. So many facets meet at the bottom of the pit and in that middle.
+Result<StressSetup> turned_setup(int count) {
+  constexpr double kStepMm = 1.0, kRoundMm = 1.7, kTurns = 2.0;
+  constexpr int kFrames = 300;
+  const geometry::TriangleMesh mesh =
+      turned_mesh({{0, -6}, {8, -6}, {8, 10}, {2, 10}, {0, 0}}, kStepMm, count);
+  PALPATE_ASSIGN(StressSetup setup, setup_of_points(mesh.vertices_mm, "turned body"));
+  setup.scene.models.front().original_mesh = std::make_shared<const geometry::TriangleMesh>(mesh);
+  setup.options.set("mesh", "original");
+  Way way({0.1, 0.05, 20});
+  way.to({0.1, 0.05, 16}, 50, Due::kFree).to({0.1, 0.05, -1}, 250, Due::kAny);
+  way.stay(5, Due::kInside).to({kRoundMm, 0, -1}, 50, Due::kInside);
+  for (int k = 0; k <= kFrames; ++k) {
+    const double angle = kTurns * 2.0 * std::numbers::pi * k / kFrames;
+    way.jump({kRoundMm * std::cos(angle), kRoundMm * std::sin(angle), -1}, Due::kInside);
+  }
+  way.to({0.1, 0.05, -1}, 50, Due::kInside).to({0.1, 0.05, 16}, 250, Due::kAny);
+  way.to({20, 0, 16}, 100, Due::kFree).to({20, 0, -14}, 100, Due::kFree).to({2.5, 0.1, -14}, 100, Due::kFree);
+  way.to({2.5, 0.1, -5}, 200, [](const Vec3& p) { return p.z() > -5.5 ? Due::kInside : Due::kAny; });
+  way.to({-2.4, -0.1, -5}, 100, Due::kInside).to({-2.4, -0.1, -12}, 200, Due::kAny);
+  way.to({-2.4, -0.1, -14}, 30, Due::kFree);
+  std::move(way).put_into(setup);
+  return setup;
+}
+
+/// Renderers without a mesh skip these.
+void add_fans(std::vector<StressCase>& cases) {
+  cases.push_back({"fan-400", "likely",
+                   "A mesh of a turned body, four hundred facets around each end of its axis.", true, false,
+                   [] { return turned_setup(400); }});
+  cases.push_back(
+      {"fan-1000", "likely", "The same with a thousand.", false, false, [] { return turned_setup(1000); }});
+}
+
 }  // namespace
 
 void add_likely_cases(std::vector<StressCase>& cases) {
@@ -202,6 +242,7 @@ void add_likely_cases(std::vector<StressCase>& cases) {
   add_hollow(cases);
   add_crowds(cases);
   add_fast(cases);
+  add_fans(cases);
 }
 
 std::vector<StressCase> stress_cases() {

@@ -1,8 +1,10 @@
 #include "experiments/stress/matrix.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <map>
 #include <nlohmann/json.hpp>
 
 namespace palpate::experiments {
@@ -39,6 +41,34 @@ constexpr CellStatus kStatuses[] = {CellStatus::kOk, CellStatus::kLimit, CellSta
 std::size_t count_of(const std::vector<StressCell>& row, CellStatus status) {
   return static_cast<std::size_t>(
       std::count_if(row.begin(), row.end(), [&](const StressCell& cell) { return cell.status == status; }));
+}
+
+/// The cells of this status, by what did not hold: "felt: CASE, CASE; free: CASE"; "none" where there is
+/// none.
+std::string stress_cells_text(const std::vector<StressCell>& row, CellStatus status) {
+  constexpr std::size_t kMostNamed = 16;  // of one check: whoever fails more fails by its method
+  std::map<std::string, std::vector<std::string>> by_check;
+  for (const StressCell& cell : row)
+    if (cell.status == status) by_check[cell.check].push_back(cell.name);
+  std::string text;
+  for (const auto& [check, names] : by_check) {
+    if (!text.empty()) text += "; ";
+    if (!check.empty()) text += check + ": ";
+    if (names.size() > kMostNamed)
+      text += fmt::format("{} cells", names.size());
+    else
+      text += fmt::format("{}", fmt::join(names, ", "));
+  }
+  return text.empty() ? "none" : text;
+}
+
+/// A renderer's row in numbers, as tables on pages show it.
+nlohmann::ordered_json stress_row_json(const StressMatrix& matrix, std::size_t r) {
+  nlohmann::ordered_json row = {{"label", matrix.renderers[r].label}, {"role", name_of(matrix.roles[r])}};
+  for (const CellStatus status : kStatuses) row[name_of(status)] = count_of(matrix.cells[r], status);
+  row["failed_cells"] = stress_cells_text(matrix.cells[r], CellStatus::kFailed);
+  row["limit_cells"] = stress_cells_text(matrix.cells[r], CellStatus::kLimit);
+  return row;
 }
 
 /// Red cells first, then the limits; with the command that shows a red one alone.
@@ -159,6 +189,9 @@ std::string stress_json(const StressMatrix& matrix) {
   json["cases"] = nlohmann::ordered_json::array();
   for (const StressCase& one : matrix.cases)
     json["cases"].push_back({{"name", one.name}, {"group", one.group}, {"text", one.text}});
+  json["renderers"] = nlohmann::ordered_json::array();
+  for (std::size_t r = 0; r < matrix.cells.size(); ++r)
+    json["renderers"].push_back(stress_row_json(matrix, r));
   json["cells"] = nlohmann::ordered_json::array();
   for (std::size_t r = 0; r < matrix.cells.size(); ++r)
     for (std::size_t c = 0; c < matrix.cells[r].size(); ++c) {

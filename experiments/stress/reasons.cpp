@@ -17,6 +17,15 @@ constexpr std::string_view kSinglePrecision =
     "the "
     "mesh. frame=local, which is usual, keeps it";
 
+constexpr std::string_view kBetweenCoarse =
+    "Its size follows the gap that one in a hundred exceed: where a few points stand a hundred times as far "
+    "apart as "
+    "the rest it falls between them";
+constexpr std::string_view kGraphWalk =
+    "It walks from vertex to nearer vertex, and facets around the last one alone count: on thin and pointed "
+    "bodies, "
+    "and from afar, these are of another sheet";
+
 constexpr std::array kReasons = {
     Reason{"penalty-grid", "free", "",
            "Its force begins at a threshold of distance in front of the points, by design"},
@@ -42,6 +51,26 @@ constexpr std::array kReasons = {
     Reason{"heightfield-literal", "twin", "", "Its 0.2 mm rule of shading is a length that does not scale"},
     Reason{"brute-force", "free", "", "The oracle of tests takes the nearest point, without a way in"},
     Reason{"brute-force", "felt", "", "The oracle of tests takes the nearest point, without a way in"},
+    Reason{"sphere-proxy", "felt", "", kBetweenCoarse},
+    Reason{"stream-proxy", "felt", "", kBetweenCoarse},
+    Reason{"variable-proxy", "felt", "", kBetweenCoarse},
+    Reason{"sdf-godobject", "felt", "", kBetweenCoarse},
+    Reason{"sdf-godobject", "free", "",
+           "The sign of its field is that of the nearest points' planes: past an open border, at a tip and "
+           "inside a "
+           "hollow body it is not the side that the HIP came from"},
+    Reason{"vgraph", "free", "", kGraphWalk},
+    Reason{"vgraph", "felt", "", kGraphWalk},
+    Reason{
+        "mesh-proxy", "bounded", "",
+        "Its sphere is held against up to 65,536 facets a frame, as its bound says: at a tip of hundreds of "
+        "facets, or between sheets that are all but one, that takes milliseconds"},
+    Reason{"mesh-proxy", "twin", "",
+           "Which of several facets stops its sphere hangs on rounding in that frame"},
+    Reason{"analytic", "bounded", "probe",
+           "The truth looks for its way in by steps that are safe, up to the number that its bound states: "
+           "from so "
+           "far off it takes them all"},
     Reason{"mesh-godobject:frame=world", "twin", "offset", kSinglePrecision},
     Reason{"mesh-godobject:frame=world", "felt", "offset", kSinglePrecision},
     Reason{"mesh-godobject:frame=world", "free", "offset", kSinglePrecision},

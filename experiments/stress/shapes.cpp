@@ -20,6 +20,22 @@ void add_ring(std::vector<Vec3>& points, const Vec3& centre, const Vec3& u, cons
   }
 }
 
+/// The corners of a profile and places between them, none further from the next than `step_mm`.
+std::vector<OnProfile> filled_profile(const std::vector<OnProfile>& corners, double step_mm) {
+  std::vector<OnProfile> filled = {corners.front()};
+  for (std::size_t i = 1; i < corners.size(); ++i) {
+    const OnProfile from = corners[i - 1], to = corners[i];
+    const double radius = to.radius_mm - from.radius_mm, z = to.z_mm - from.z_mm;
+    const int steps = std::max(1, static_cast<int>(std::ceil(std::hypot(radius, z) / step_mm)));
+    for (int k = 1; k < steps; ++k) {
+      const double share = static_cast<double>(k) / steps;
+      filled.push_back({from.radius_mm + share * radius, from.z_mm + share * z});
+    }
+    filled.push_back(to);
+  }
+  return filled;
+}
+
 }  // namespace
 
 std::vector<Vec3> lattice_points(const Vec3& corner, const Vec3& column, const Vec3& row, int columns,
@@ -63,6 +79,29 @@ std::vector<Vec3> horn_points(double bend_radius, double thick_radius, double sp
   }
   points.emplace_back(0, bend_radius, 0);
   return points;
+}
+
+geometry::TriangleMesh turned_mesh(const std::vector<OnProfile>& corners, double step_mm, int count) {
+  const std::vector<OnProfile> profile = filled_profile(corners, step_mm);
+  geometry::TriangleMesh mesh;
+  std::vector<std::uint32_t> first;
+  for (const OnProfile& p : profile) {
+    first.push_back(static_cast<std::uint32_t>(mesh.vertices_mm.size()));
+    for (int k = 0; k < (p.radius_mm > 0.0 ? count : 1); ++k) {
+      const double angle = 2.0 * std::numbers::pi * k / count;
+      mesh.vertices_mm.emplace_back(p.radius_mm * std::cos(angle), p.radius_mm * std::sin(angle), p.z_mm);
+    }
+  }
+  for (std::size_t i = 0; i + 1 < profile.size(); ++i)
+    for (int k = 0; k < count; ++k) {
+      const auto on = [&](std::size_t ring, int step) {
+        return first[ring] + (profile[ring].radius_mm > 0.0 ? static_cast<std::uint32_t>(step % count) : 0u);
+      };
+      if (profile[i].radius_mm > 0.0) mesh.triangles.push_back({on(i, k), on(i, k + 1), on(i + 1, k)});
+      if (profile[i + 1].radius_mm > 0.0)
+        mesh.triangles.push_back({on(i, k + 1), on(i + 1, k + 1), on(i + 1, k)});
+    }
+  return mesh;
 }
 
 }  // namespace palpate::experiments

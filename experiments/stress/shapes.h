@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "toolkit/core/vec.h"
+#include "toolkit/geometry/triangle_mesh.h"
 
 namespace palpate::experiments {
 
@@ -17,5 +18,14 @@ namespace palpate::experiments {
 /// A quarter of a ring of this radius in the plane z = 0 from the x axis to the y axis, thinning to a point
 /// there.
 [[nodiscard]] std::vector<Vec3> horn_points(double bend_radius, double thick_radius, double spacing);
+
+/// A place of a profile that is turned about the z axis, mm.
+struct OnProfile {
+  double radius_mm, z_mm;
+};
+/// The profile between these corners, with places no further apart than `step_mm`, turned in `count` steps,
+/// outward where it runs up; what is on the axis is one vertex, around which `count` facets meet.
+[[nodiscard]] geometry::TriangleMesh turned_mesh(const std::vector<OnProfile>& corners, double step_mm,
+                                                 int count);
 
 }  // namespace palpate::experiments

@@ -11,6 +11,7 @@
 #include "tests/toolkit/renderers/scenes.h"
 #include "toolkit/plan/pilot.h"
 #include "toolkit/plan/plan.h"
+#include "toolkit/render/precision.h"
 #include "toolkit/renderers/toolkit_renderers.h"
 
 namespace palpate::plan {
@@ -138,6 +139,65 @@ TEST(Precision, IsPickedFromExtentOverSpacing) {
     scene.models[0].cloud = std::make_shared<const cloud::Cloud>(std::move(far));
     const Plan coarse = make_plan(scene, named, registry, {1, nullptr}).value();
     EXPECT_EQ(coarse.warnings.size(), 1u) << name;
+  }
+}
+
+/// A sphere at the origin and another one so many of its spacings along x.
+std::vector<Vec3> two_spheres(const render::Scene& sphere, double spacings, bool second) {
+  std::vector<Vec3> points;
+  const cloud::Cloud& cloud = *sphere.input.models[0].cloud;
+  const Vec3 off(second ? spacings * sphere.spacing_mm : 0.0, 0.0, 0.0);
+  for (std::size_t i = 0; i < cloud.size(); ++i) points.push_back(cloud.point_mm(i) + off);
+  return points;
+}
+
+std::string reason_of_coordinates(const Plan& plan, std::size_t model = 0) {
+  for (const render::Decision& d : plan.decided.models[model].decisions)
+    if (d.about == "coordinates") return d.choice + "; " + d.reason;
+  return {};
+}
+
+// The limit is where it is said to be; and who does as the plan says has floats that are fine enough.
+TEST(Precision, TheLimitAndItsRemedyAreAsThePlanSays) {
+  render::Registry registry;
+  render::register_toolkit_renderers(registry);
+  const NamedOptions named = parse_named_options("cloud").value();
+  const render::Scene sphere = render::generated("sphere:points=2000");
+  const auto planned = [&](const render::SceneInput& scene) {
+    return make_plan(scene, named, registry, {1, nullptr}).value();
+  };
+  for (const int power : {10, 17, 18, 19, 20}) {
+    SCOPED_TRACE(power);
+    const double spacings = std::ldexp(1.0, power);
+    std::vector<Vec3> points = two_spheres(sphere, spacings, false);
+    const std::vector<Vec3> second = two_spheres(sphere, spacings, true);
+    points.insert(points.end(), second.begin(), second.end());
+    const render::SceneInput whole = render::cloud_of(points);
+    const Plan plan = planned(whole);
+    const std::string reason = reason_of_coordinates(plan);
+    // The plan's spacing is measured, and a little off the one that the points were made with.
+    const double share = render::coordinate_rounding_mm(*whole.models[0].cloud) / plan.spacing_mm[0];
+    EXPECT_NEAR(share, std::ldexp(1.0, power - 25), 0.4 * std::ldexp(1.0, power - 25));
+    const bool fits = share <= render::kFloatShare;
+    EXPECT_EQ(plan.warnings.empty(), fits) << reason;
+    EXPECT_EQ(reason.find("TOO COARSE") == std::string::npos, fits) << reason;
+    EXPECT_EQ(fits, power <= 18);
+    if (fits) {
+      EXPECT_NE(reason.find(fmt::format("2^{:.0f} spacings", std::log2(share) + 25.0)), std::string::npos)
+          << reason;
+      EXPECT_NE(reason.find("up to 2^18"), std::string::npos) << reason;
+      continue;
+    }
+    const double parts = std::ceil(share / render::kFloatShare);
+    EXPECT_NE(reason.find(fmt::format("{:.0f} along its longest side", parts)), std::string::npos) << reason;
+    ASSERT_GE(parts, 2.0);
+    // Cut in so many, the two spheres come into different ones.
+    render::SceneInput cut = render::cloud_of(two_spheres(sphere, spacings, false));
+    cut.models.push_back(render::cloud_of(second).models[0]);
+    const Plan better = planned(cut);
+    EXPECT_TRUE(better.warnings.empty()) << better.warnings.front();
+    for (std::size_t i = 0; i < 2; ++i)
+      EXPECT_EQ(reason_of_coordinates(better, i).find("TOO COARSE"), std::string::npos);
   }
 }
 
