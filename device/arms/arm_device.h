@@ -67,6 +67,9 @@ class ArmDevice final : public Device {
 
   [[nodiscard]] const ArmDescription& description() const noexcept { return arm_; }
   [[nodiscard]] const ArmCounters& counters() const noexcept { return counters_; }
+  /// What is added to the counters a, b, c so that the rest pose is where the description has it: its
+  /// calibration, once it is homed.
+  [[nodiscard]] const std::array<double, 3>& counts_added() const noexcept { return offset_; }
   /// What the user is to do now. The thread that reads; others see it as DeviceState::homing_step.
   [[nodiscard]] ArmStep step() const noexcept;
 

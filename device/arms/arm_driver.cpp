@@ -1,9 +1,12 @@
 #include "device/arms/arm_driver.h"
 
+#include <fmt/format.h>
+
 #include <string>
 #include <utility>
 
 #include "device/arms/arm_device.h"
+#include "device/interface/device_facts.h"
 #include "device/links/hid_link.h"
 #include "device/links/tty_link.h"
 #include "toolkit/core/options.h"
@@ -92,10 +95,60 @@ Status apply_arm_option(ArmDescription& arm, const std::string& key, const std::
                "", 0};
 }
 
+std::string three(const std::array<double, 3>& values) {
+  return fmt::format("{:g} {:g} {:g}", values[0], values[1], values[2]);
+}
+
+/// What the arm is calibrated with and what came of it.
+DeviceFacts arm_facts(const ArmDevice& device) {
+  const ArmDescription& arm = device.description();
+  const ArmCounters& counted = device.counters();
+  constexpr const char* kRests[] = {"start", "button", "power-on"};
+  DeviceFacts facts = {{"arm", arm.name},
+                       {"capstan_mm", three(arm.capstan_mm)},
+                       {"body_mm", three(arm.body_mm)},
+                       {"counts_per_turn", three(arm.counts_per_turn)},
+                       {"signs", three(arm.sign)},
+                       {"torque_n_mm_per_a", three(arm.torque_n_mm_per_a)},
+                       {"current_cap_a", fmt::format("{:g}", arm.current_cap_a)},
+                       {"rest", kRests[static_cast<std::size_t>(arm.rest)]},
+                       {"rest_counts", three(arm.rest_counts)},
+                       {"counts_added", three(device.counts_added())}};
+  for (const auto& [key, count] : {std::pair{"reports", counted.reports},
+                                   {"reports_malformed", counted.malformed},
+                                   {"reports_strange", counted.strange},
+                                   {"counter_jumps", counted.jumps},
+                                   {"commands_woken", counted.woken},
+                                   {"commands_at_cap", counted.limited}})
+    facts.emplace_back(key, std::to_string(count));
+  return facts;
+}
+
+/// The arm over a link whose counters its facts tell too.
+template <class ArmLink>
+void make_over(std::unique_ptr<ArmLink> link, const ArmDescription& arm, const Clock& clock,
+               MadeDevice& made) {
+  const ArmLink* raw = link.get();
+  auto device = std::make_unique<ArmDevice>(arm, std::move(link), clock);
+  made.facts = [held = device.get(), raw] {
+    DeviceFacts facts = arm_facts(*held);
+    const LinkCounters counted = raw->counters();
+    facts.emplace_back("path", raw->path());
+    facts.emplace_back("link_received", std::to_string(counted.received));
+    facts.emplace_back("link_commands", std::to_string(counted.written));
+    facts.emplace_back("link_commands_overtaken", std::to_string(counted.replaced));
+    return facts;
+  };
+  made.device = std::move(device);
+}
+
 Result<MadeDevice> make_arm(const DeviceRequest& request, const Clock& clock) {
   PALPATE_ASSIGN(const ArmDescription arm, requested_arm(request));
   MadeDevice made;
-  made.device = std::make_unique<ArmDevice>(arm, arm_link(arm), clock);
+  if (arm.form == ArmForm::kText)
+    make_over(std::make_unique<TtyLink>(TtyLinkOptions{arm.serial_line}), arm, clock, made);
+  else
+    make_over(std::make_unique<HidLink>(arm.hid), arm, clock, made);
   made.zero = [arm] {
     const std::unique_ptr<Link> link = arm_link(arm);
     if (!link->open()) return false;

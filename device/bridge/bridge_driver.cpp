@@ -3,6 +3,7 @@
 #include <time.h>
 
 #include "device/bridge/bridge_device.h"
+#include "device/interface/device_facts.h"
 #include "device/links/udp_link.h"
 #include "toolkit/core/options.h"
 #include "toolkit/core/try.h"
@@ -40,7 +41,22 @@ Result<MadeDevice> make_bridge(const DeviceRequest& request, const Clock& clock)
     options.most_age_s = kSPerMs * *ms;
   }
   MadeDevice made;
-  made.device = std::make_unique<BridgeDevice>(std::make_unique<UdpLink>(address), clock, options);
+  auto device = std::make_unique<BridgeDevice>(std::make_unique<UdpLink>(address), clock, options);
+  made.facts = [held = device.get()] {
+    const BridgeCounters& counted = held->counters();
+    DeviceFacts facts = {{"far_device", std::string(held->welcome().name())}};
+    for (const auto& [key, count] : {std::pair{"states", counted.states},
+                                     {"states_malformed", counted.malformed},
+                                     {"states_overtaken", counted.overtaken},
+                                     {"states_old", counted.old},
+                                     {"states_disobeying", counted.disobeying},
+                                     {"states_lost", counted.lost}})
+      facts.emplace_back(key, std::to_string(count));
+    constexpr std::int64_t kNsPerUs = 1000;
+    facts.emplace_back("round_trip_newest_us", std::to_string(counted.round_trip_ns / kNsPerUs));
+    return facts;
+  };
+  made.device = std::move(device);
   made.zero = [where = address.text()] { return release_far_end(where); };
   made.homing_prompt = [](std::uint8_t) {
     return std::string("Home the device at the other machine, as `palpate bridge` tells there");

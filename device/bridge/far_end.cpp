@@ -150,6 +150,12 @@ void FarEnd::accept(const Datagram& command) noexcept {
   const std::optional<std::int64_t> age_ns = sent_.age_ns(command.answers, now_ns);
   if (!age_ns || static_cast<double>(*age_ns) > options_.most_age_s * kNsPerSecond) {
     ++counters_.old;
+    // A force that is old is none; that there shall be none holds at any age: a host that hears nothing any
+    // more has nothing newer to answer. It arms nothing, and no time of the watchdog begins anew.
+    if (command.vector.isZero(0.0)) {
+      latch();
+      accepted_ = command.sequence;
+    }
     return;
   }
   ++counters_.accepted;

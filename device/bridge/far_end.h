@@ -5,8 +5,7 @@
 //   - A command counts only once: its sequence must be after the last one that was accepted, of the same
 //     session and address, undamaged, and finite.
 //   - It must answer a state that was sent at most `most_age_s` ago, by this side's clock. What a network
-//   held
-//     back is refused, however it comes.
+//     held back is refused, however it comes; but a zero that is too old lets go, latched.
 //   - Without an accepted command for `watchdog_s`: zero force, latched.
 //   - Force begins after a command of exactly zero, with a soft start: at first, and after every latch.
 //   - A release from anybody lets go at once, latched.

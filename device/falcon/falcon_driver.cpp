@@ -1,9 +1,12 @@
 #include "device/falcon/falcon_driver.h"
 
+#include <fmt/format.h>
+
 #include <memory>
 #include <utility>
 
 #include "device/falcon/falcon_device.h"
+#include "device/interface/device_facts.h"
 #include "device/links/usb_link.h"
 #include "toolkit/core/clock.h"
 #include "toolkit/core/options.h"
@@ -131,21 +134,53 @@ std::vector<DeviceEntry> look_for_falcons() {
   return entries;
 }
 
+DeviceFacts falcon_facts(const FalconDevice& device, const UsbLink& link, const FalconOptions& options) {
+  const FalconBooted& booted = device.booted();
+  const FalconCounters counted = device.counters();
+  const UsbLinkCounters usb = link.counters();
+  DeviceFacts facts = {{"firmware", booted.was_running ? "ran already" : booted.firmware},
+                       {"firmware_sha256", booted.sha256},
+                       {"firmware_loadings", std::to_string(booted.attempts)},
+                       {"counts_per_n_mm", fmt::format("{:g}", options.counts_per_n_mm)},
+                       {"calibrated", options.calibrated ? "yes" : "no"},
+                       {"event_character", options.event_character ? "yes" : "no"}};
+  for (const auto& [key, count] : {std::pair{"replies", counted.replies},
+                                   {"replies_malformed", counted.malformed},
+                                   {"bytes_dropped", counted.dropped},
+                                   {"replies_unreachable", counted.unreachable},
+                                   {"commands_refused", counted.refused},
+                                   {"usb_packets", usb.received},
+                                   {"usb_packets_overrun", usb.overrun},
+                                   {"usb_commands", usb.sent},
+                                   {"usb_commands_overtaken", usb.overtaken},
+                                   {"usb_in_errors", usb.in_errors},
+                                   {"usb_out_errors", usb.out_errors}})
+    facts.emplace_back(key, std::to_string(count));
+  facts.emplace_back("usb_command_mean_us", fmt::format("{:.1f}", usb.out_mean_us));
+  facts.emplace_back("usb_command_most_us", fmt::format("{:.1f}", usb.out_most_us));
+  return facts;
+}
+
 }  // namespace
 
 void register_falcon_driver(Drivers& drivers) {
-  drivers.add({kDriverName, "usb", look_for_falcons,
-               [](const DeviceRequest& asked, const Clock& clock) -> Result<MadeDevice> {
-                 PALPATE_ASSIGN(FalconRequest request, read_request(asked));
-                 auto link = std::make_unique<UsbLink>(request.address, kFalconInterface, kDriverName);
-                 MadeDevice made;
-                 made.unproven = unproven(request.options);
-                 made.zero = zero_of(request.address);
-                 made.homing_prompt = falcon_homing_prompt;
-                 made.device =
-                     std::make_unique<FalconDevice>(std::move(link), clock, std::move(request.options));
-                 return made;
-               }});
+  drivers.add(
+      {kDriverName, "usb", look_for_falcons,
+       [](const DeviceRequest& asked, const Clock& clock) -> Result<MadeDevice> {
+         PALPATE_ASSIGN(FalconRequest request, read_request(asked));
+         auto link =
+             std::make_unique<UsbLink>(request.address, kFalconInterface, kDriverName, falcon_lets_go);
+         MadeDevice made;
+         made.unproven = unproven(request.options);
+         made.zero = zero_of(request.address);
+         made.homing_prompt = falcon_homing_prompt;
+         const FalconOptions options = request.options;
+         const UsbLink* usb = link.get();
+         auto device = std::make_unique<FalconDevice>(std::move(link), clock, options);
+         made.facts = [falcon = device.get(), usb, options] { return falcon_facts(*falcon, *usb, options); };
+         made.device = std::move(device);
+         return made;
+       }});
 }
 
 }  // namespace palpate::device

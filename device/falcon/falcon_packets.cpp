@@ -77,6 +77,12 @@ std::optional<FalconCommand> falcon_command(
                        static_cast<std::uint8_t>(found->flags)};
 }
 
+bool falcon_lets_go(std::span<const std::uint8_t> bytes) noexcept {
+  if (bytes.size() != kFalconPacketBytes) return false;
+  const std::optional<FalconCommand> command = falcon_command(bytes.first<kFalconPacketBytes>());
+  return command && command->motors == std::array<int, 3>{};
+}
+
 std::optional<FalconReply> falcon_reply(std::span<const std::uint8_t, kFalconPacketBytes> bytes) noexcept {
   const std::optional<Framed> found = framed(bytes, kMostReplyFlags);
   if (!found) return std::nullopt;

@@ -54,6 +54,9 @@ struct FalconReply {
 [[nodiscard]] std::optional<FalconReply> falcon_reply(
     std::span<const std::uint8_t, kFalconPacketBytes> bytes) noexcept;
 
+/// Of a command's bytes: no motor is given anything, whatever the flags. What is no command does not let go.
+[[nodiscard]] bool falcon_lets_go(std::span<const std::uint8_t> bytes) noexcept;
+
 /// Motor commands for torques in N mm at `counts_per_n_mm`. All three are scaled together where one would
 /// not fit: the direction stays. Zero for what is not finite.
 [[nodiscard]] std::array<int, 3> falcon_motors(const Vec3& torques_n_mm, double counts_per_n_mm) noexcept;

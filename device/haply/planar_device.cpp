@@ -19,13 +19,50 @@ constexpr std::int64_t kPlaneWakeNs = 20'000'000,
                        kPlaneStaleNs = 20'000'000;  // as long as the governor bears silence
 constexpr useconds_t kPlaneOpenStepUs = 5000, kPlaneSetUpUs = 20000;
 constexpr int kPlaneOpenWakeEvery = 20;  // looks: 0.1 s
+// A board answers within a ms or two; a quiet line for longer, and all that was sent before is answered.
+constexpr useconds_t kPlaneLookUs = 1000;
+constexpr int kPlaneQuietLooks = 5, kPlaneAnswerLooks = 20, kPlaneLetGoRounds = 5;
 constexpr double kPlaneRateHz = 1000.0;
 // Where both editions reach without their bars nearing a line; tests walk it.
 constexpr double kHalfWidthMm = 50.0, kHalfHeightMm = 30.0, kPlaneMiddleMm = 90.0;
 constexpr double kHalfThicknessMm = 5.0;  // of a plane: a box must have some
 constexpr double kPlaneDegree = std::numbers::pi / 180.0;
 
+/// Whether a whole reply comes within so many looks.
+bool plane_answers(Link& link, int looks) noexcept {
+  PlanarReader reader;
+  std::array<std::uint8_t, kPlanePollBytes> bytes;
+  for (int look = 0; look < looks; ++look) {
+    const Polled polled = link.poll(bytes);
+    for (const std::uint8_t byte : std::span(bytes).first(polled.size))
+      if (reader.take(byte)) return true;
+    if (polled.gone) return false;
+    if (polled.size == 0) ::usleep(kPlaneLookUs);
+  }
+  return false;
+}
+
+/// Throws away what comes until the line is quiet.
+void await_quiet_plane(Link& link) noexcept {
+  std::array<std::uint8_t, kPlanePollBytes> bytes;
+  for (int look = 0, quiet = 0; look < kPlaneAnswerLooks && quiet < kPlaneQuietLooks; ++look) {
+    ::usleep(kPlaneLookUs);
+    quiet = link.poll(bytes).size == 0 ? quiet + 1 : 0;
+  }
+}
+
 }  // namespace
+
+bool planar_let_go(Link& link) noexcept {
+  const CommandBytes let_go = encoded_let_go(), zero = encoded_torques({});
+  for (int round = 0; round < kPlaneLetGoRounds; ++round) {
+    if (!link.submit(let_go.span())) return false;
+    await_quiet_plane(link);
+    if (!link.submit(zero.span())) return false;
+    if (plane_answers(link, kPlaneAnswerLooks)) return true;
+  }
+  return false;
+}
 
 PlanarDevice::PlanarDevice(std::unique_ptr<Link> link, const Clock& clock, const PlanarModel& model,
                            const PlanarOptions& options)
@@ -43,9 +80,11 @@ Status PlanarDevice::open() {
   reader_ = {};
   pose_.reset();
   gone_ = false;
-  // The first zero is for what an earlier program left, should the board take torques before it is set up.
-  // What it answers to that is of an earlier set-up.
-  bool takes = link_->submit(zero_.span()) && link_->submit(encoded_set_up(model_).span());
+  // The first zeros are for what an earlier program left: its torque, should the board take any before it is
+  // set up, and perhaps a part of a command, which takes its rest from the first of them. What the board
+  // answers to that is of an earlier set-up.
+  bool takes = link_->submit(zero_.span()) && link_->submit(zero_.span()) &&
+               link_->submit(encoded_set_up(model_).span());
   if (options_.open_tries > 0) ::usleep(kPlaneSetUpUs);
   std::array<std::uint8_t, kPlanePollBytes> earlier;
   for (int i = 0; i < kMostPolls && link_->poll(earlier).size > 0; ++i) {

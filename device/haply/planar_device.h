@@ -22,6 +22,11 @@ struct PlanarOptions {
   int open_tries = 200;            ///< how often open() looks for a first reply, 5 ms apart; 0: it does not
 };
 
+/// For a guard process, over an open link of its own: lets the motors go whatever part of a command the dead
+/// program has left in the board. The first bytes do; then the board is silent, is sent one zero more, and
+/// must answer that one, or it begins again, five times at most: 0.2 s. False: the board answered none.
+[[nodiscard]] bool planar_let_go(Link& link) noexcept;
+
 /// Keeps references to clock and model.
 class PlanarDevice final : public Device {
  public:

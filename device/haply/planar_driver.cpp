@@ -1,9 +1,12 @@
 #include "device/haply/planar_driver.h"
 
+#include <fmt/format.h>
+
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "device/interface/device_facts.h"
 #include "device/links/tty_link.h"
 #include "toolkit/core/options.h"
 #include "toolkit/core/try.h"
@@ -64,14 +67,24 @@ Result<MadeDevice> make_planar(const DeviceRequest& request, const Clock& clock)
     return Error{"the 2DIY's serial line must be named: " + serial_lines_text(),
                  "give --device-option path=/dev/serial/by-id/NAME", "", 0};
   MadeDevice made;
-  made.device = std::make_unique<PlanarDevice>(std::make_unique<TtyLink>(planar.line), clock, *planar.model,
-                                               planar.options);
+  auto line = std::make_unique<TtyLink>(planar.line);
+  made.facts = [model = planar.model, raw = line.get()] {
+    const LinkCounters counted = raw->counters();
+    return DeviceFacts{{"model", model->name},
+                       {"path", raw->path()},
+                       {"rest_deg", fmt::format("{:g} {:g}", model->rest_deg[0], model->rest_deg[1])},
+                       {"counts_per_turn", fmt::format("{:g}", model->counts_per_turn)},
+                       {"link_received", std::to_string(counted.received)},
+                       {"link_commands", std::to_string(counted.written)},
+                       {"link_commands_overtaken", std::to_string(counted.replaced)}};
+  };
+  made.device = std::make_unique<PlanarDevice>(std::move(line), clock, *planar.model, planar.options);
   made.zero = [line = planar.line] {
     TtyLink link(line);
     if (!link.open()) return false;
-    const bool sent = link.submit(encoded_torques({}).span());
+    const bool answered = planar_let_go(link);
     link.close();
-    return sent;
+    return answered;
   };
   made.unproven = {
       "no 2DIY has been driven by Palpate yet: its set-up, lengths and directions are those that its "

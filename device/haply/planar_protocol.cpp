@@ -64,6 +64,17 @@ CommandBytes encoded_torques(const std::array<float, 2>& torques_n_m) noexcept {
   return command;
 }
 
+CommandBytes encoded_let_go() noexcept {
+  const CommandBytes zero = encoded_torques({});
+  CommandBytes all;
+  while (all.size + 1 + zero.size <= CommandBytes::kMost) {
+    if (all.size > 0) all.bytes[all.size++] = 0;
+    std::copy_n(zero.bytes.begin(), zero.size, all.bytes.begin() + static_cast<std::ptrdiff_t>(all.size));
+    all.size += zero.size;
+  }
+  return all;
+}
+
 void PlanarReader::malformed() noexcept {
   if (malformed_in_a_row_ < std::numeric_limits<std::uint32_t>::max()) ++malformed_in_a_row_;
 }

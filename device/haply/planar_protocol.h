@@ -34,6 +34,11 @@ inline constexpr std::size_t kPlanarReplyBytes = 9;
 [[nodiscard]] CommandBytes encoded_set_up(const PlanarModel& model) noexcept;
 /// Torques of motors 1 and 2, N*m.
 [[nodiscard]] CommandBytes encoded_torques(const std::array<float, 2>& torques_n_m) noexcept;
+/// Zero torques six times, with a 0 between: for a board that may still wait for the rest of a command whose
+/// sender died, the longest of which needs 25 bytes. It takes that rest from the first of them (what it makes
+/// of them is below 1e-35 N*m, or a torque that was sent), and passes over bytes that begin no command:
+/// alone, or each with the next one as its address, for which the 0 shifts every second zero by one.
+[[nodiscard]] CommandBytes encoded_let_go() noexcept;
 
 /// Finds replies in a stream that may be torn and damaged. One thread; no allocation.
 class PlanarReader {

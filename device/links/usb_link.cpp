@@ -23,7 +23,7 @@ namespace {
 
 // The thread looks at its flags so often where nothing happens: nothing hangs on a wake-up that was lost.
 constexpr int kUsbLookMs = 100;
-// Commands take some 0.1 ms each; a device that has not taken three of them by then takes none.
+// Commands take some 0.1 ms each; a device that has not taken two of them by then takes none.
 constexpr double kUsbDrainMs = 200.0, kUsbCancelMs = 500.0;
 constexpr double kUsbStopMs = 100.0;
 // One transfer fails on a bad cable. So many in a row, and the device is as good as gone.
@@ -42,18 +42,23 @@ struct UsbLink::Io {
     std::array<std::uint8_t, kLinkPacketBytes> bytes{};
     bool flying = false;
   };
+  struct Command {
+    CommandBytes bytes;
+    std::uint64_t number = 0;  // so many were submitted up to it
+  };
   struct Out {
     Io* io = nullptr;
     UsbTransfer transfer;
-    CommandBytes command;
-    std::uint64_t number = 0;  // so many were submitted up to it
+    Command command;
+    std::int64_t since_ns = 0;
     bool flying = false;
   };
 
   UsbLink& link;
   UsbSession session;
   std::array<In, kInTransfers> ins;
-  std::array<Out, kInFlight> outs;
+  Out any, letting_go;  // the second one's commands are zeros
+  Command next;         // the newest, while it waits; of no bytes: there is none
   std::thread thread;
   std::atomic<bool> stopping{false};
   bool cancelling = false;  // the thread's
@@ -63,9 +68,11 @@ struct UsbLink::Io {
   [[nodiscard]] bool start(In& in) noexcept;
   void run() noexcept;
   void handle_events(int wait_ms) noexcept;
+  [[nodiscard]] Status prepare(Out& out);
+  void take_newest() noexcept;
   void send_newest() noexcept;
+  void send(Out& out) noexcept;
   void drain() noexcept;
-  [[nodiscard]] bool out_flying() const noexcept;
   [[nodiscard]] bool flying() const noexcept;
   void lost() noexcept { link.gone_.store(true, std::memory_order_release); }
   void arrived(In& in) noexcept;
@@ -89,18 +96,21 @@ Status UsbLink::Io::prepare() {
         },
         &in, 0);
   }
-  for (Out& out : outs) {
-    out.io = this;
-    out.transfer.reset(libusb_alloc_transfer(0));
-    if (!out.transfer) return Error{"no memory for USB transfers", "close other programs", link.name_, 0};
-    libusb_fill_bulk_transfer(
-        out.transfer.get(), session.handle(), link.interface_.out, out.command.bytes.data(), 0,
-        [](libusb_transfer* done) {
-          Out& ended = *static_cast<Out*>(done->user_data);
-          ended.io->departed(ended);
-        },
-        &out, 0);
-  }
+  PALPATE_TRY(prepare(any));
+  return prepare(letting_go);
+}
+
+Status UsbLink::Io::prepare(Out& out) {
+  out.io = this;
+  out.transfer.reset(libusb_alloc_transfer(0));
+  if (!out.transfer) return Error{"no memory for USB transfers", "close other programs", link.name_, 0};
+  libusb_fill_bulk_transfer(
+      out.transfer.get(), session.handle(), link.interface_.out, out.command.bytes.bytes.data(), 0,
+      [](libusb_transfer* done) {
+        Out& ended = *static_cast<Out*>(done->user_data);
+        ended.io->departed(ended);
+      },
+      &out, 0);
   return Done{};
 }
 
@@ -135,43 +145,57 @@ void UsbLink::Io::arrived(In& in) noexcept {
 
 void UsbLink::Io::departed(Out& out) noexcept {
   out.flying = false;
-  link.counts_.done.store(out.number, std::memory_order_release);  // the kernel keeps their order
+  link.counts_.done.store(out.command.number, std::memory_order_release);  // the kernel keeps their order
   const libusb_transfer_status status = out.transfer->status;
   if (status == LIBUSB_TRANSFER_CANCELLED) return;
-  if (status == LIBUSB_TRANSFER_COMPLETED)
+  if (status == LIBUSB_TRANSFER_COMPLETED) {
+    const std::int64_t took_ns = monotonic_ns() - out.since_ns;
     link.counts_.sent.fetch_add(1, std::memory_order_relaxed);
-  else
+    link.counts_.out_ns.fetch_add(took_ns, std::memory_order_relaxed);
+    if (took_ns > link.counts_.out_most_ns.load(std::memory_order_relaxed))
+      link.counts_.out_most_ns.store(took_ns, std::memory_order_relaxed);
+  } else {
     link.counts_.out_errors.fetch_add(1, std::memory_order_relaxed);
+  }
   if (!endured(status)) lost();
 }
 
-/// The newest of what frames have submitted goes to the kernel when that has room.
-void UsbLink::Io::send_newest() noexcept {
-  for (Out& out : outs) {
-    if (out.flying) continue;
-    out.number = link.counts_.accepted.load(std::memory_order_acquire);
-    if (link.gone_.load(std::memory_order_relaxed) || !link.command_.take(out.command)) return;
-    out.transfer->length = static_cast<int>(out.command.size);
-    const int failed = libusb_submit_transfer(out.transfer.get());
-    out.flying = failed == LIBUSB_SUCCESS;
-    if (out.flying) continue;
-    link.counts_.done.store(out.number, std::memory_order_release);
-    link.counts_.out_errors.fetch_add(1, std::memory_order_relaxed);
-    if (!endured(failed == LIBUSB_ERROR_NO_DEVICE ? LIBUSB_TRANSFER_NO_DEVICE : LIBUSB_TRANSFER_ERROR))
-      lost();
-  }
+void UsbLink::Io::take_newest() noexcept {
+  const std::uint64_t number = link.counts_.accepted.load(std::memory_order_acquire);
+  const bool waited = next.bytes.size > 0;
+  if (!link.command_.take(next.bytes)) return;
+  next.number = number;
+  if (waited) link.counts_.put_aside.fetch_add(1, std::memory_order_relaxed);
 }
 
-bool UsbLink::Io::out_flying() const noexcept {
-  for (const Out& out : outs)
-    if (out.flying) return true;
-  return false;
+/// The newest of what frames have submitted goes to the kernel when that has none, and one that lets go when
+/// that has none that does.
+void UsbLink::Io::send_newest() noexcept {
+  if (link.gone_.load(std::memory_order_relaxed)) return;
+  take_newest();
+  if (next.bytes.size == 0) return;
+  if (!any.flying)
+    send(any);
+  else if (!letting_go.flying && link.lets_go_ != nullptr && link.lets_go_(next.bytes.span()))
+    send(letting_go);
+}
+
+void UsbLink::Io::send(Out& out) noexcept {
+  out.command = std::exchange(next, {});
+  out.transfer->length = static_cast<int>(out.command.bytes.size);
+  out.since_ns = monotonic_ns();
+  const int failed = libusb_submit_transfer(out.transfer.get());
+  out.flying = failed == LIBUSB_SUCCESS;
+  if (out.flying) return;
+  link.counts_.done.store(out.command.number, std::memory_order_release);
+  link.counts_.out_errors.fetch_add(1, std::memory_order_relaxed);
+  if (!endured(failed == LIBUSB_ERROR_NO_DEVICE ? LIBUSB_TRANSFER_NO_DEVICE : LIBUSB_TRANSFER_ERROR)) lost();
 }
 
 bool UsbLink::Io::flying() const noexcept {
   for (const In& in : ins)
     if (in.flying) return true;
-  return out_flying();
+  return any.flying || letting_go.flying;
 }
 
 /// Waits for libusb's files and the link's own, then lets libusb do what is due.
@@ -207,22 +231,24 @@ void UsbLink::Io::drain() noexcept {
   const Stopwatch watch;
   do {
     send_newest();
-    if (link.command_.empty() && !out_flying()) break;
+    if (link.command_.empty() && next.bytes.size == 0 && !any.flying && !letting_go.flying) break;
     handle_events(1);
   } while (!link.gone_.load(std::memory_order_relaxed) && watch.ms() < kUsbDrainMs);
   cancelling = true;
   for (In& in : ins)
     if (in.flying) libusb_cancel_transfer(in.transfer.get());
-  for (Out& out : outs)
-    if (out.flying) libusb_cancel_transfer(out.transfer.get());
+  for (Out* out : {&any, &letting_go})
+    if (out->flying) libusb_cancel_transfer(out->transfer.get());
   const Stopwatch cancel_watch;
   while (flying() && cancel_watch.ms() < kUsbCancelMs) handle_events(1);
 }
 
-UsbLink::UsbLink(UsbAddress address, const UsbInterface& interface, std::string name, int priority)
+UsbLink::UsbLink(UsbAddress address, const UsbInterface& interface, std::string name, LetsGo lets_go,
+                 int priority)
     : address_(std::move(address)),
       interface_(interface),
       name_(std::move(name)),
+      lets_go_(lets_go),
       priority_(priority),
       wake_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)),
       at_stop_([this] {
@@ -357,8 +383,16 @@ UsbLinkCounters UsbLink::counters() const noexcept {
   const auto of = [](const std::atomic<std::uint64_t>& count) {
     return count.load(std::memory_order_relaxed);
   };
-  return {of(counts_.received), of(counts_.overrun),   of(counts_.sent),      command_.replaced(),
-          of(counts_.refused),  of(counts_.in_errors), of(counts_.out_errors)};
+  constexpr double kUsPerNs = 1e-3;
+  UsbLinkCounters all{of(counts_.received),  of(counts_.overrun),
+                      of(counts_.sent),      command_.replaced() + of(counts_.put_aside),
+                      of(counts_.refused),   of(counts_.in_errors),
+                      of(counts_.out_errors)};
+  if (all.sent > 0)
+    all.out_mean_us = kUsPerNs * static_cast<double>(counts_.out_ns.load(std::memory_order_relaxed)) /
+                      static_cast<double>(all.sent);
+  all.out_most_us = kUsPerNs * static_cast<double>(counts_.out_most_ns.load(std::memory_order_relaxed));
+  return all;
 }
 
 }  // namespace palpate::device

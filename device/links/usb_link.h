@@ -4,10 +4,13 @@
 // link's own does: it keeps two 64-byte IN transfers queued, sends the newest command that submit() has left,
 // and puts what comes into a ring. Frames touch that command's place, the ring and an eventfd, nothing else.
 //
-// Two commands are with the kernel at most; meanwhile a newer one overtakes the one that waits, so that a
-// device that is slower than the frames is late by what it takes for three packets, and never by a queue. Who
-// needs every command taken waits for its answer before the next. Nothing is sent twice. A program that is
-// being stopped waits until what was submitted before is out (at_stop.h), 0.1 s at most.
+// One command is with the kernel at a time, for nothing can be put before what the kernel has; meanwhile a
+// newer one overtakes the one that waits. But one that lets the motors go does not wait for news of the one
+// before it: it is handed over at once. So a zero has one packet before it at most, however slow the device
+// is. A controller that tells of a packet at the end of its frame alone (UHCI, OHCI) takes every second
+// command of 1 kHz; the newest, each time. Who needs every command taken waits for its answer before the
+// next. Nothing is sent twice. A program that is being stopped waits until what was submitted before is out
+// (at_stop.h), 0.1 s at most.
 #pragma once
 
 #include <atomic>
@@ -59,17 +62,23 @@ struct UsbLinkCounters {
   std::uint64_t refused = 0;    ///< commands that were too long, or of too many threads at once
   std::uint64_t in_errors = 0;  ///< transfers that failed, the device being there
   std::uint64_t out_errors = 0;
+  /// From a command's way into the kernel to the news that the device took it.
+  double out_mean_us = 0.0, out_most_us = 0.0;
 };
 
 class UsbLink final : public ControlLink {
  public:
-  static constexpr std::size_t kInTransfers = 2, kInFlight = 2, kRing = 64;
+  static constexpr std::size_t kInTransfers = 2, kRing = 64;
   /// Of the link's thread: above the servo's 80, which waits for it, below the watchdog's 85.
   static constexpr int kPriority = 83;
 
-  /// `name` is for Errors: "falcon". `priority` 0: that of other threads, for devices that are only
-  /// pretended and keep a processor busy.
-  UsbLink(UsbAddress address, const UsbInterface& interface, std::string name, int priority = kPriority);
+  /// Of a command's bytes: it commands zero force.
+  using LetsGo = bool (*)(std::span<const std::uint8_t>) noexcept;
+
+  /// `name` is for Errors: "falcon". `lets_go` null: nothing is known of the commands. `priority` 0: that of
+  /// other threads, for devices that are only pretended and keep a processor busy.
+  UsbLink(UsbAddress address, const UsbInterface& interface, std::string name, LetsGo lets_go,
+          int priority = kPriority);
   ~UsbLink() override;
 
   /// Finds, opens and claims the device, detaching a kernel driver, and starts its thread. An Error where
@@ -93,6 +102,7 @@ class UsbLink final : public ControlLink {
   UsbAddress address_;
   UsbInterface interface_;
   std::string name_;
+  LetsGo lets_go_;
   int priority_;
   // Alive as long as this, so that submit() may be called at any time.
   int wake_ = -1;
@@ -102,8 +112,10 @@ class UsbLink final : public ControlLink {
   std::size_t taken_ = 0;  ///< bytes of the ring's first packet that poll has given
   struct Counts {
     std::atomic<std::uint64_t> received{0}, overrun{0}, sent{0}, refused{0}, in_errors{0}, out_errors{0};
-    // Commands that submit() took, and how many of them, from the first on, wait no more.
-    std::atomic<std::uint64_t> accepted{0}, done{0};
+    // Commands that submit() took, and how many of them, from the first on, wait no more. Those that the
+    // link's thread had taken when a newer one came.
+    std::atomic<std::uint64_t> accepted{0}, done{0}, put_aside{0};
+    std::atomic<std::int64_t> out_ns{0}, out_most_ns{0};  // of those that were sent; the link's thread writes
   } counts_;
   std::unique_ptr<Io> io_;
   // Made with the link and not with each open(): close() may be called by a thread that must not wait for a

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "device/interface/device_facts.h"
 #include "device/links/hid_link.h"
 #include "toolkit/core/options.h"
 #include "toolkit/core/try.h"
@@ -84,9 +85,15 @@ Result<MadeDevice> make_spacemouse(const DeviceRequest& request, const Clock& cl
   const HidFound& one = found.front();
   address = {one.vendor, one.product, kSpaceMousePage, kSpaceMouseUsage, "", one.path};
   MadeDevice made;
-  made.device =
-      std::make_unique<SpaceMouseDevice>(std::make_unique<HidLink>(address, HidLinkOptions{true}), clock,
-                                         *spacemouse_model(one.vendor, one.product), options);
+  auto link = std::make_unique<HidLink>(address, HidLinkOptions{true});
+  made.facts = [found_as = one.text(), raw = link.get()] {
+    const LinkCounters counted = raw->counters();
+    return DeviceFacts{{"found", found_as},
+                       {"link_received", std::to_string(counted.received)},
+                       {"link_commands", std::to_string(counted.written)}};
+  };
+  made.device = std::make_unique<SpaceMouseDevice>(std::move(link), clock,
+                                                   *spacemouse_model(one.vendor, one.product), options);
   made.has_motors = false;
   made.unproven = {"the direction of its axes, which is the published one for its model"};
   return made;

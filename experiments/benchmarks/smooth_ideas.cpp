@@ -3,6 +3,7 @@
 // see idea_costs. Each runs once; nothing is timed.
 #include <fmt/format.h>
 
+#include <array>
 #include <cmath>
 #include <memory>
 #include <vector>
@@ -80,17 +81,24 @@ Pass one_pass(const render::BrickGrid& grid, const std::vector<Vec3>& hip) {
   return pass;
 }
 
+/// The weights of a cubic B-spline along one axis.
+std::array<float, 4> plain_weights(float t) {
+  const float s = 1.0f - t;
+  return {s * s * s / 6.0f, 2.0f / 3.0f - t * t * (1.0f - 0.5f * t), 2.0f / 3.0f - s * s * (1.0f - 0.5f * s),
+          t * t * t / 6.0f};
+}
 /// The value of the spline as its formula has it.
 PALPATE_COUNTED double idea_spline_plain(const render::Brick& brick, const render::BrickPlace& at) {
-  const render::SplineWeights x(at.t[0]), y(at.t[1]), z(at.t[2]);
+  const std::array<float, 4> x = plain_weights(at.t[0]), y = plain_weights(at.t[1]),
+                             z = plain_weights(at.t[2]);
   double sum = 0.0;
-  for (int i = 0; i < 4; ++i)
-    for (int j = 0; j < 4; ++j)
-      for (int k = 0; k < 4; ++k) {
-        const int index =
-            ((at.cell[0] + i) * render::kBrickNodes + at.cell[1] + j) * render::kBrickNodes + at.cell[2] + k;
-        sum += static_cast<double>(x.value[i] * y.value[j] * z.value[k]) *
-               static_cast<double>(brick.distance[static_cast<std::size_t>(index)]);
+  for (std::size_t i = 0; i < 4; ++i)
+    for (std::size_t j = 0; j < 4; ++j)
+      for (std::size_t k = 0; k < 4; ++k) {
+        const std::size_t row = (static_cast<std::size_t>(at.cell[0]) + i) * render::kBrickNodes +
+                                static_cast<std::size_t>(at.cell[1]) + j;
+        const std::size_t index = row * render::kBrickNodes + static_cast<std::size_t>(at.cell[2]) + k;
+        sum += static_cast<double>(x[i] * y[j] * z[k]) * static_cast<double>(brick.distance[index]);
       }
   return sum * static_cast<double>(render::kBrickUnit);
 }

@@ -33,6 +33,7 @@ struct Rate {
   double turning = 0.0, standing = 0.0;  // pictures a second
   std::size_t points_a_picture = 0;      // while it turns
   double whole_s = 0.0;                  // from the camera's stop until all points are drawn
+  std::size_t whole_pictures = 0;        // how many pictures that takes
 };
 
 Result<std::shared_ptr<const ShownScene>> scene_of(std::size_t points) {
@@ -75,6 +76,7 @@ Rate measured(Window& window, std::size_t points, double seconds) {
   const Stopwatch watch;
   while (splats.drawn() < splats.points() || splats.drawn() == 0) window.frame();
   rate.whole_s = watch.ms() / kMsPerSecond;
+  rate.whole_pictures = splats.whole_after();
   rate.standing = rate_of(window, seconds, [] {});
   return rate;
 }
@@ -97,9 +99,9 @@ Status run(const Options& options) {
   wanted.paced = false;
   PALPATE_ASSIGN(const std::unique_ptr<Window> window, Window::open(link, wanted));
   fmt::print(
-      "drawn by {}\n\n| points | pictures/s turning | points in each | whole after, s | pictures/s standing "
-      "|\n"
-      "| ---: | ---: | ---: | ---: | ---: |\n",
+      "drawn by {}\n\n| points | pictures/s turning | points in each | whole after, s | in pictures | "
+      "pictures/s standing |\n"
+      "| ---: | ---: | ---: | ---: | ---: | ---: |\n",
       window->graphics());
   for (const std::string& text : split_list(options.text("points"))) {
     const Result<double> points = read_number(text, NumberRange{1.0, 1e9, true});
@@ -108,8 +110,8 @@ Status run(const Options& options) {
     link.show(scene);
     window->frame();
     const Rate rate = measured(*window, scene->models.front().cloud->size(), seconds);
-    fmt::print("| {} | {:.1f} | {} | {:.2f} | {:.1f} |\n", rate.points, rate.turning, rate.points_a_picture,
-               rate.whole_s, rate.standing);
+    fmt::print("| {} | {:.1f} | {} | {:.2f} | {} | {:.1f} |\n", rate.points, rate.turning,
+               rate.points_a_picture, rate.whole_s, rate.whole_pictures, rate.standing);
     std::fflush(stdout);  // the largest takes a while
   }
   return Done{};

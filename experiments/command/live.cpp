@@ -46,7 +46,7 @@ void declare_live(const Declaration& declare, LiveArguments& a) {
       "the mouse is the hand. A scan that is dropped on it is opened");
   declare.text("--up", a.up,
                "what is up in the window: z, y (most scans of objects), x, -z, -y or -x; key u turns it on "
-               "(default: z)");
+               "(default: as the scene's [view] has it, else z)");
   declare.number(
       "--stand-in", a.stand_in, kStandIn,
       "points of the coarse cloud that is felt in a window until the renderers of a larger scene are "

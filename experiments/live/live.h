@@ -29,7 +29,7 @@ struct LiveArguments {
   double seconds = 0.0;  ///< 0: ten, in a window as long as it is open
   double switch_every_s = 0.0, rate_hz = 1000.0, fade_ms = 150.0;
   double stand_in = 60'000.0;  ///< points of what is felt while a large scene is prepared; 0: nothing is
-  std::string up = "z";        ///< what is up in a window
+  std::string up;              ///< what is up in a window; empty: what the scene says, else z
   bool window = false, headless = false, accelerated = false, rearm = false;
   bool replace = false;         ///< a recording that is there
   SessionLink* link = nullptr;  ///< of the window over it, which outlives it; null: none

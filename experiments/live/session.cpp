@@ -322,7 +322,7 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
   tasks.asked_by(arguments.link, plan.settings);
   std::optional<CoarseNotes> notes;
   if (stand_in) replace_coarse(plan, workshop, *stand_in, notes, tasks, document);
-  const WindowHooks window(arguments, session, *felt.mixer, workshop.stage.scene.input,
+  const WindowHooks window(arguments, session, *felt.mixer, device, workshop.stage.scene.input,
                            shown_session(plan, device, seat, guide, stand_in));
   const Result<SessionEnd> end = run_heard(plan, session, tasks, progress, document);
   if (!end) {

@@ -152,7 +152,7 @@ bool run_one(Window& window, SessionLink& link, SessionRunner& runner, LiveArgum
 }  // namespace
 
 WindowHooks::WindowHooks(const LiveArguments& arguments, Assembly& session, device::Mixer& mixer,
-                         const render::SceneInput& scene, ShownSession shown)
+                         const SessionDevice& device, const render::SceneInput& scene, ShownSession shown)
     : link_(arguments.link) {
   if (link_ == nullptr) return;
   std::vector<std::shared_ptr<render::MovingModel>> moving;
@@ -168,6 +168,7 @@ WindowHooks::WindowHooks(const LiveArguments& arguments, Assembly& session, devi
   actions.switch_to = [&mixer](const device::SwitchRequest& request) { mixer.request(request); };
   actions.rearm = [&session] { (void)session.request_rearm(); };
   actions.stop = [&session] { session.request_stop(); };
+  actions.homing_prompt = [&device] { return device.homing_prompt(); };
   if (shown.recorded)
     actions.mark = [&session](const std::string& text) {
       session.mark(text);
@@ -184,11 +185,11 @@ int run_live_in_window(const LiveArguments& given, const device::Drivers& driver
                        const std::function<void(Window&)>& each_picture) {
   SessionLink link;
   const std::optional<Up> up = up_named(given.up);
-  if (!up)
+  if (!up && !given.up.empty())
     return fail(Error{fmt::format("--up {} is no axis", given.up), "give z, y, x, -z, -y or -x", {}, 0},
                 kExitBadInput, &context.progress);
   WindowOptions options;
-  options.up = *up;
+  options.up = up;
   LiveArguments arguments = given;
   arguments.link = &link;
   int status = kExitOk;

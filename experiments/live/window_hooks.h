@@ -18,9 +18,9 @@ class Window;  // experiments/window/window.h
 /// the session runs, refers to it and to the mixer.
 class WindowHooks {
  public:
-  /// `hand`: null where the mouse is not the hand.
+  /// The device is asked what a person has to do until it knows its zero.
   WindowHooks(const LiveArguments& arguments, Assembly& session, device::Mixer& mixer,
-              const render::SceneInput& scene, ShownSession shown);
+              const SessionDevice& device, const render::SceneInput& scene, ShownSession shown);
   ~WindowHooks();
   WindowHooks(const WindowHooks&) = delete;
   WindowHooks& operator=(const WindowHooks&) = delete;

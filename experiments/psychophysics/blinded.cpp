@@ -74,6 +74,7 @@ struct Opened {
   OutputFolder folder;
   std::vector<Row> rows;
   std::uint64_t whole_bytes = 0;
+  std::vector<SessionRecord> sessions{};  ///< of a person, this one too once it is over
 };
 
 /// A folder that an earlier session of the same study has begun, or a new one.
@@ -91,7 +92,8 @@ Result<Opened> open_folder(const std::string& out, const Plan& plan, const std::
                    "take the plan.toml beside them, or give --out a new folder",
                    folder.file(kPlanFile).string(), 0};
     PALPATE_ASSIGN(ReadTrials read, read_trials(folder.file(kTrialsFile).string(), plan, observer));
-    return Opened{std::move(folder), std::move(read.rows), read.whole_bytes};
+    PALPATE_ASSIGN(std::vector<SessionRecord> sessions, read_sessions(folder));
+    return Opened{std::move(folder), std::move(read.rows), read.whole_bytes, std::move(sessions)};
   }
   PALPATE_ASSIGN(OutputFolder folder, OutputFolder::open(out));
   // Complete from the start: whatever stops a session, its rows stay.
@@ -197,10 +199,10 @@ Result<bool> ask_at_device(Asking& asking, Ledger& ledger) {
   PALPATE_ASSIGN(const PersonSession session,
                  ask_person(asking.plan, *feeling.bench, *feeling.clock, *feeling.device, ledger,
                             asking.opened.folder, *feeling.markers, asking.context.progress));
-  for (const std::string& note : session.notes) asking.notes.push_back(note);
-  if (session.begun_again > 0)
-    asking.notes.push_back(
-        fmt::format("{} trials were begun anew after a fault in this session.", session.begun_again));
+  if (session.sat) {
+    asking.opened.sessions.push_back(session.record);
+    PALPATE_TRY(write_sessions(asking.opened.folder, asking.opened.sessions));
+  }
   return session.complete;
 }
 
@@ -311,6 +313,7 @@ int run_checked(const BlindedArguments& arguments, Plan plan, const ObserverSpec
   document.observer = observer;
   document.device = observer.kind == ObserverKind::kSimulated ? "" : device.name();
   document.rows = std::move(opened->rows);
+  document.sessions = std::move(opened->sessions);
   document.notes.insert(document.notes.begin(), told_of(observer.kind));
   return finish(arguments, document, opened->folder, context);
 }

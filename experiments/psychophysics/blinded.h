@@ -6,6 +6,7 @@
 
 #include "experiments/live/session_device.h"
 #include "experiments/psychophysics/analysis.h"
+#include "experiments/psychophysics/sessions.h"
 #include "experiments/report/page.h"
 #include "experiments/session/session.h"
 
@@ -38,6 +39,7 @@ struct ObservedDocument {
   ObserverSpec observer;
   std::string device;  ///< empty: none was used
   std::vector<Row> rows;
+  std::vector<SessionRecord> sessions;  ///< at the device, of a person
   Analysis analysis;
   std::vector<std::string> notes;
 };

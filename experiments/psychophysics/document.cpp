@@ -154,6 +154,9 @@ std::string to_json(const ObservedDocument& document) {
   for (const Column& column : trial_columns())
     json["trials"]["columns"].push_back(
         {{"name", column.name}, {"unit", column.unit}, {"meaning", column.meaning}});
+  json["sessions"] = Json::array();
+  for (const SessionRecord& one : document.sessions)
+    json["sessions"].push_back(Json::parse(session_line(one)));
   json["participant_excluded"] = a.participant_excluded;
   json["warnings"] = a.warnings;
   json["notes"] = document.notes;

@@ -25,7 +25,8 @@ Chart function_chart(const Plan& plan, const Threshold& t) {
   chart.wide = true;
   chart.extra = kRightAxis;
   chart.caption = fmt::format(
-      "Points: shares with their exact intervals. Grey line: the fitted function. The JND is {} {} ({} to "
+      "Points: shares with their exact intervals, long where few trials were. Grey line: the fitted "
+      "function. The JND is {} {} ({} to "
       "{}), "
       "where "
       "three of four answers are right.",
@@ -60,7 +61,8 @@ Chart course_chart(const ObservedDocument& document, const Threshold& t) {
   chart.style = Chart::Style::kMarks;
   chart.wide = true;
   chart.log_y = true;
-  chart.caption = "Every trial that counts: its difference, by whether the answer was right.";
+  chart.caption =
+      "Every trial that counts: its difference, by whether the answer was right. Grey line: the JND.";
   Series right{"right", kDotColour, {}, {}}, wrong{"wrong", kMarkColour, {}, {}, "(3,4)"};
   Series jnd{"JND", kLineColour, {}, {}};
   jnd.is_truth = true;
@@ -91,8 +93,9 @@ Chart share_chart(const ObservedDocument& document) {
       "The share of right answers so far, with its exact interval. What counts is the end alone: an interval "
       "that was "
       "looked at on the way and stopped at will is not one of 95 %.";
-  Series share{"right so far", kDotColour, {}, {}}, low{"95 %, from", kMarkColour, {}, {}, "(10,5)"},
-      high{"95 %, to", kMarkColour, {}, {}, "(10,5)"}, chance{"chance", kLineColour, {}, {}, "(3,4)"};
+  Series share{"right so far", kDotColour, {}, {}}, low{"lower end of 95 %", kMarkColour, {}, {}, "(10,5)"},
+      high{"upper end of 95 %", kMarkColour, {}, {}, "(10,5)"},
+      chance{"chance", kLineColour, {}, {}, "(3,4)"};
   std::uint64_t n = 0, k = 0;
   for (const Row& row : document.rows) {
     if (row.trial.kind != TrialKind::kMain || !row.excluded.empty()) continue;

@@ -11,9 +11,13 @@
 namespace palpate::experiments::psychophysics {
 namespace {
 
-// The C interface of liblsl, as its documentation has it.
-using LslInfo = void*;
-using LslOutlet = void*;
+// The C interface of liblsl, by its public headers (lsl/streaminfo.h, lsl/outlet.h, lsl/common.h of version
+// 1.14): handles are pointers to what is not told, a format is an enumeration of four bytes, and answers of
+// push are 0 or a code below it.
+struct LslInfoBody;
+struct LslOutletBody;
+using LslInfo = LslInfoBody*;
+using LslOutlet = LslOutletBody*;
 constexpr std::int32_t kLslText = 3;      // cft_string
 constexpr double kLslIrregular = 0.0;     // LSL_IRREGULAR_RATE
 constexpr std::int32_t kLslBuffer = 360;  // seconds, or hundreds of samples of an irregular stream
@@ -64,7 +68,8 @@ class LslMarkers final : public Markers {
 }  // namespace
 
 Result<std::unique_ptr<Markers>> lsl_markers(const std::string& library, const std::string& source) {
-  Library opened(dlopen(library.c_str(), RTLD_NOW | RTLD_LOCAL));
+  // It has threads of its own, which may still be on their way out when its objects are gone: it stays.
+  Library opened(dlopen(library.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE));
   if (!opened) {
     const char* const why = dlerror();
     return Error{fmt::format("Lab Streaming Layer is not there: {}", why == nullptr ? "no library" : why),

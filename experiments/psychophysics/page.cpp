@@ -8,6 +8,8 @@
 namespace palpate::experiments::psychophysics {
 namespace {
 
+constexpr double kUsPerMsShown = 1e3;
+
 std::string percent(double share) {
   return fmt::format("{:.1f} %", 100.0 * share);
 }
@@ -104,6 +106,30 @@ Table trials_table(const Analysis& a) {
   return table;
 }
 
+/// Which session the loop kept its time in, and how it was scheduled.
+Table sessions_table(const std::vector<SessionRecord>& sessions) {
+  Table table;
+  table.title = "Sessions at the device";
+  table.columns = {"begun", "trials", "ticks", "missed", "late, 999 of 1,000 below", "latest", "begun anew"};
+  for (const SessionRecord& s : sessions) {
+    const bool any = s.last_trial > 0;
+    table.rows.push_back({{s.started_utc},
+                          {any ? fmt::format("{} to {}", s.first_trial, s.last_trial) : kNoNumber},
+                          {count_text(s.ticks)},
+                          {count_text(s.missed)},
+                          {duration_text(s.late_p999_us / kUsPerMsShown)},
+                          {duration_text(s.late_most_us / kUsPerMsShown)},
+                          {count_text(s.begun_again)}});
+    table.notes.push_back(fmt::format("{}: {:g} Hz, {}, {}.", s.started_utc, s.rate_hz,
+                                      s.real_time ? "real time" : "virtual time, as fast as it goes",
+                                      s.scheduling));
+    table.notes.push_back(fmt::format("Every renderer was stepped in {} of {} frames of its trials.",
+                                      count_text(s.whole_frames), count_text(s.trial_frames)));
+    for (const std::string& note : s.notes) table.notes.push_back(note);
+  }
+  return table;
+}
+
 std::string described(const ObservedDocument& document) {
   const Plan& p = document.plan;
   const std::string what = p.compares() ? fmt::format("A is {}, B is {}", p.a, p.b)
@@ -178,6 +204,7 @@ std::vector<Table> observed_tables(const ObservedDocument& document) {
   if (document.analysis.threshold)
     tables.push_back(threshold_table(document.plan, *document.analysis.threshold));
   tables.push_back(trials_table(document.analysis));
+  if (!document.sessions.empty()) tables.push_back(sessions_table(document.sessions));
   return tables;
 }
 

@@ -8,13 +8,14 @@
 #include <utility>
 
 #include "toolkit/core/try.h"
+#include "toolkit/metrics/machine_info.h"
 
 namespace palpate::experiments::psychophysics {
 namespace {
 
 // Whoever has not lifted off by then is asked to once more.
 constexpr double kAskAgainS = 3.0;
-constexpr double kServoNsPerS = 1e9;
+constexpr double kServoNsPerS = 1e9, kServoUsPerNs = 1e-3;
 
 /// What comes next from standard input, where that is no terminal: a terminal's keys go to the session.
 enum class Piped : std::uint8_t { kNothing, kKey, kEnd };
@@ -167,7 +168,7 @@ Status PersonTasks::follow(double now_s) {
                  "look at it with `palpate live`; the same command goes on from here", plan_.name, 0};
   if (passage == Passage::kBroken) {
     say("a fault stopped the trial; it begins anew");
-    ++session_.begun_again;
+    ++session_.record.begun_again;
     step_ = Step::kBegin;
   }
   if (passage != Passage::kDone) return Done{};
@@ -194,6 +195,10 @@ Status PersonTasks::ask(double now_s) {
   answer.clipped_frames = felt_.clipped_frames;
   mark(fmt::format("answer {}", choice + 1), static_cast<double>(clock_.now_ns()) / kServoNsPerS);
   PALPATE_TRY(ledger_.enter(trial_, answer));
+  if (session_.record.first_trial == 0) session_.record.first_trial = trial_.number;
+  session_.record.last_trial = trial_.number;
+  session_.record.trial_frames += felt_.frames;
+  session_.record.whole_frames += felt_.whole_frames;
   rig_.conductor().return_room(std::move(felt_));
   step_ = Step::kNext;
   return Done{};
@@ -223,6 +228,23 @@ Status PersonTasks::go_on(double now_s) {
       return ask(now_s);
   }
   return Done{};
+}
+
+/// How the loop went.
+void tell_loop(const SessionEnd& end, bool real_time, double rate_hz, SessionRecord& record) {
+  record.real_time = real_time;
+  record.scheduling = end.scheduling;
+  record.notes = end.notes;
+  record.rate_hz = rate_hz;
+  record.ticks = end.loop.ticks;
+  record.missed = end.loop.missed;
+  const device::DurationStatistics& late = end.loop.lateness;
+  const auto us = [](auto ns) { return static_cast<double>(ns) * kServoUsPerNs; };
+  record.late_p50_us = us(late.p50_ns);
+  record.late_p99_us = us(late.p99_ns);
+  record.late_p999_us = us(late.p999_ns);
+  record.late_most_us = us(late.max_ns);
+  record.watchdog_trips = end.watchdog_trips;
 }
 
 }  // namespace
@@ -256,7 +278,8 @@ Result<PersonSession> ask_person(const Plan& plan, Bench& bench, SessionClock& c
                                  Ledger& ledger, const OutputFolder& folder, Markers& markers,
                                  ProgressBar& progress) {
   PALPATE_ASSIGN(const std::optional<Trial> first, ledger.next());
-  if (!first) return PersonSession{true, 0, {}};
+  if (!first) return PersonSession{true, false, {}};
+  const std::string started_utc = metrics::utc_now();
   PALPATE_ASSIGN(const std::unique_ptr<Rig> rig, Rig::make(bench, clock, device, first->level, progress));
   PersonTasks tasks(plan, bench, *rig, ledger, folder, markers, clock.clock());
   tasks.level_is(first->level);
@@ -264,7 +287,9 @@ Result<PersonSession> ask_person(const Plan& plan, Bench& bench, SessionClock& c
   if (!end) return end.error();
   if (!tasks.failed().what.empty()) return tasks.failed();
   PersonSession session = tasks.session();
-  session.notes = end->notes;
+  session.sat = true;
+  session.record.started_utc = started_utc;
+  tell_loop(*end, !clock.accelerated(), bench.options().rate_hz, session.record);
   return session;
 }
 

@@ -4,14 +4,15 @@
 #include "experiments/psychophysics/ledger.h"
 #include "experiments/psychophysics/markers.h"
 #include "experiments/psychophysics/rig.h"
+#include "experiments/psychophysics/sessions.h"
 
 namespace palpate::experiments::psychophysics {
 
 /// How a session with a person ended.
 struct PersonSession {
   bool complete = false;
-  std::uint64_t begun_again = 0;  ///< trials that a fault stopped
-  std::vector<std::string> notes;
+  bool sat = false;      ///< the loop ran; else there was nothing left to ask
+  SessionRecord record;  ///< of the loop, where it ran
 };
 
 /// What is asked after the intervals, and which keys answer it.

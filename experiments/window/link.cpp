@@ -75,6 +75,11 @@ void SessionLink::mark(const std::string& text) {
   view_.answer = marked ? "Marked in the recording: " + text : marked.error().message();
 }
 
+std::string SessionLink::homing_prompt() const {
+  const std::scoped_lock lock(mutex_);
+  return actions_.homing_prompt ? actions_.homing_prompt() : std::string();
+}
+
 void SessionLink::change(std::string text) {
   const std::scoped_lock lock(mutex_);
   changes_.push_back(std::move(text));

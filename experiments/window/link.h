@@ -30,6 +30,7 @@ namespace palpate::experiments {
 struct ShownScene {
   std::string name;
   std::vector<render::ModelInput> models;
+  std::string up{};  ///< as up_named() takes it; empty: nobody has said
 };
 
 /// A session that is running, as far as a window asks.
@@ -55,6 +56,9 @@ struct SessionActions {
   std::function<void()> rearm;
   std::function<void()> stop;
   std::function<Status(const std::string&)> mark;  ///< a remark into the recording
+  /// What a person has to do until the device knows its zero, a sentence without its full stop; empty: it
+  /// does.
+  std::function<std::string()> homing_prompt;
 };
 
 class SessionLink {
@@ -91,6 +95,8 @@ class SessionLink {
   void rearm();
   void mark(const std::string& text);
   void change(std::string text);
+  /// SessionActions::homing_prompt; empty too where nothing runs.
+  [[nodiscard]] std::string homing_prompt() const;
   /// The first tick was seen, the first contact.
   void touchable();
   void felt();

@@ -4,6 +4,10 @@
 #include <imgui.h>
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "toolkit/core/numbers.h"
 
 namespace palpate::experiments {
 namespace {
@@ -13,7 +17,22 @@ using Kind = device::SwitchRequest::Kind;
 const ImVec4 kGood = {0.47f, 0.86f, 0.55f, 1.0f}, kQuiet = {0.60f, 0.65f, 0.72f, 1.0f},
              kWarm = {1.0f, 0.78f, 0.25f, 1.0f}, kBad = {1.0f, 0.45f, 0.40f, 1.0f};
 constexpr float kForcePlot = 92.0f, kTimePlot = 92.0f, kHistogramPlot = 64.0f;
+/// What else stands in the panel, of two renderers and with a scale of colours, and a further renderer: what
+/// a window is lower than that and the plots is taken from the plots, down to half of each. Lower still, the
+/// panel scrolls.
+constexpr float kBesidePlots = 470.0f, kRendererRow = 23.0f, kLeastPlotShare = 0.5f;
+/// Between a heading and its line.
+constexpr float kRuleGap = 8.0f;
+/// A scale of colours: how high, in how many steps.
+constexpr float kScaleHeight = 10.0f;
+constexpr int kScaleSteps = 64;
+constexpr float kHomingWide = 760.0f, kHomingEdge = 24.0f;
 constexpr double kUsPerNsShown = 1e-3;
+
+/// The font that make_interface() added last.
+ImFont* large_font() {
+  return ImGui::GetIO().Fonts->Fonts.back();
+}
 
 void words(const ImVec4& colour, const std::string& text) {
   ImGui::PushStyleColor(ImGuiCol_Text, colour);
@@ -26,6 +45,7 @@ bool at_place(PanelState& state, const char* label, bool answer) {
   const ImVec2 low = ImGui::GetItemRectMin(), high = ImGui::GetItemRectMax();
   state.place_of[label] = {0.5 * static_cast<double>(low.x + high.x),
                            0.5 * static_cast<double>(low.y + high.y)};
+  state.right = std::max(state.right, static_cast<double>(high.x));
   return answer;
 }
 
@@ -40,20 +60,26 @@ void box(PanelState& state, const char* label, bool& on) {
 void heading(const char* text) {
   ImGui::Spacing();
   ImGui::TextColored(kQuiet, "%s", text);
-  ImGui::Separator();
+  // The line goes on beside the words: a panel is high enough.
+  const ImVec2 low = ImGui::GetItemRectMin(), high = ImGui::GetItemRectMax();
+  const float right = ImGui::GetWindowPos().x + ImGui::GetWindowContentRegionMax().x,
+              middle = std::floor(0.5f * (low.y + high.y));
+  if (high.x + kRuleGap < right)
+    ImGui::GetWindowDrawList()->AddRectFilled({high.x + kRuleGap, middle}, {right, middle + 1.0f},
+                                              ImGui::GetColorU32(ImGuiCol_Separator));
 }
 
 void draw_state(const PanelView& view) {
   const ShownScene* scene = view.scene.scene();
   if (scene != nullptr)
-    words(kQuiet, fmt::format("{} · {} points", scene->name, view.scene.splats().points()));
+    words(kQuiet, fmt::format("{} · {} points", scene->name, count_text(view.scene.splats().points())));
   if (view.now == nullptr || view.now->ticks == 0) {
     words(kQuiet, view.link.session ? "the servo begins" : "not touchable yet");
     return;
   }
   const device::Tick& tick = view.now->tick;
   const bool faulted = tick.fault != device::Fault::kNone;
-  ImGui::SetWindowFontScale(1.7f);
+  ImGui::PushFont(large_font());
   words(faulted              ? kBad
         : tick.frame.contact ? kGood
                              : kQuiet,
@@ -61,7 +87,7 @@ void draw_state(const PanelView& view) {
                     faulted              ? "fault"
                     : tick.frame.contact ? "touching"
                                          : "free"));
-  ImGui::SetWindowFontScale(1.0f);
+  ImGui::PopFont();
   const double depth_mm = tick.frame.contact ? (tick.frame.god_object_mm - tick.hip_mm).norm() : 0.0;
   words(kQuiet,
         fmt::format("HIP {:.2f} {:.2f} {:.2f} mm\n{} · {:.3f} mm deep", tick.hip_mm.x(), tick.hip_mm.y(),
@@ -135,7 +161,7 @@ void draw_beside(const PanelView& view) {
 
 void draw_renderers(const PanelView& view, PanelState& state, SessionLink& link) {
   if (!view.link.session) return;
-  heading("Renderers: force now (N), last frame (us)");
+  heading("Renderers: force now (N), last frame (µs)");
   if (!ImGui::BeginTable("renderers", 4, ImGuiTableFlags_SizingFixedFit)) return;
   ImGui::TableSetupColumn("who", ImGuiTableColumnFlags_WidthStretch);
   for (std::size_t lane = 0; lane < view.link.session->labels.size(); ++lane)
@@ -177,19 +203,60 @@ void draw_buttons(const PanelView& view, PanelState& state, SessionLink& link, P
     link.change(state.change.data());
 }
 
-void draw_plots(const PanelView& view, const PanelState& state) {
+/// Of a plot's full height, what a window of this height leaves.
+float plot_share(float height, std::size_t renderers) {
+  const float rows = renderers > 2 ? static_cast<float>(renderers - 2) : 0.0f;
+  const float left = height - kBesidePlots - kRendererRow * rows;
+  return std::clamp(left / (kForcePlot + kTimePlot + kHistogramPlot), kLeastPlotShare, 1.0f);
+}
+
+void draw_plots(const PanelView& view, const PanelState& state, float height) {
   if (!view.link.session) return;
   const double limit_n = view.link.session->force_limit_n;
+  const float share = plot_share(height, view.link.session->labels.size());
   heading(fmt::format("Force, last {:g} s; limit {:.3g} N", History::kSeconds, limit_n).c_str());
-  plot_force(view.history, limit_n, state.marks_s, kForcePlot);
-  heading(fmt::format("Frame time: mean {:.2f}, worst {:.1f} us", view.history.mean_step_us(),
+  plot_force(view.history, limit_n, state.marks_s, std::floor(share * kForcePlot));
+  heading(fmt::format("Frame time: mean {:.2f}, worst {:.1f} µs", view.history.mean_step_us(),
                       view.history.worst_step_us())
               .c_str());
-  plot_frame_times(view.history, kTimePlot);
+  plot_frame_times(view.history, std::floor(share * kTimePlot));
   ImGui::Spacing();
-  plot_histogram(view.history.frame_times(), kHistogramPlot);
+  plot_histogram(view.history.frame_times(), std::floor(share * kHistogramPlot));
   if (view.samples_lost > 0)
     words(kQuiet, fmt::format("{} samples came while the window stood still", view.samples_lost));
+}
+
+/// The colours from low to high, and the numbers at their ends.
+void draw_scale(const ColourScale& scale, ColourBy by) {
+  ImDrawList* const onto = ImGui::GetWindowDrawList();
+  const ImVec2 low = ImGui::GetCursorScreenPos();
+  const float wide = ImGui::GetContentRegionAvail().x, step = wide / static_cast<float>(kScaleSteps);
+  for (int i = 0; i < kScaleSteps; ++i) {
+    const double share = (i + 0.5) / kScaleSteps;
+    const Rgba ink = by == ColourBy::kError ? two_sided(2.0 * share - 1.0) : ramp(share);
+    const float x = low.x + static_cast<float>(i) * step;
+    onto->AddRectFilled({x, low.y}, {x + step, low.y + kScaleHeight}, IM_COL32(ink[0], ink[1], ink[2], 255));
+  }
+  ImGui::Dummy({wide, kScaleHeight});
+  const std::string from = fmt::format("{:.4g} {}", scale.low, scale.unit),
+                    to = fmt::format("{:.4g} {}", scale.high, scale.unit);
+  ImGui::TextColored(kQuiet, "%s", from.c_str());
+  ImGui::SameLine(ImGui::GetCursorPosX() + wide - ImGui::CalcTextSize(to.c_str()).x);
+  ImGui::TextColored(kQuiet, "%s", to.c_str());
+}
+
+/// How quick the picture is, and how far.
+std::string progress_of_picture(const PanelView& view) {
+  const SplatDrawer& splats = view.scene.splats();
+  std::string text = fmt::format("{:.0f} pictures/s", view.frames_a_second);
+  if (splats.whole_after() > 0)
+    text += fmt::format(" · all points after {} picture{}", splats.whole_after(),
+                        splats.whole_after() > 1 ? "s" : "");
+  else if (splats.points() > 0)
+    text += fmt::format(" · {:.0f} % of the points",
+                        100.0 * static_cast<double>(splats.drawn()) / static_cast<double>(splats.points()));
+  if (*view.scene.awaited() != '\0') text += std::string(" · ") + view.scene.awaited();
+  return text;
 }
 
 void draw_choices(const PanelView& view, PanelState& state, PanelWishes& wishes) {
@@ -208,7 +275,7 @@ void draw_choices(const PanelView& view, PanelState& state, PanelWishes& wishes)
   if (!scale.nothing.empty())
     words(kWarm, "no " + std::string(colour_name(view.scene.coloured())) + ": " + scale.nothing);
   else if (scale.low != scale.high)
-    words(kQuiet, fmt::format("{:.4g} to {:.4g} {}", scale.low, scale.high, scale.unit));
+    draw_scale(scale, view.scene.coloured());
   else if (view.scene.coloured() != ColourBy::kPlain && scale.high != 0.0)
     words(kQuiet, fmt::format("{:.4g} {} everywhere", scale.high, scale.unit));
   box(state, "neighbours", state.near.neighbours);
@@ -230,12 +297,7 @@ void draw_choices(const PanelView& view, PanelState& state, PanelWishes& wishes)
       if (ImGui::Selectable(up_name(up), up == view.camera.up_axis())) view.camera.set_up(up);
     ImGui::EndCombo();
   }
-  const SplatDrawer& splats = view.scene.splats();
-  words(kQuiet, fmt::format("{:.0f} pictures/s · {:.0f} % of the points{}{}", view.frames_a_second,
-                            splats.points() > 0 ? 100.0 * static_cast<double>(splats.drawn()) /
-                                                      static_cast<double>(splats.points())
-                                                : 0.0,
-                            *view.scene.awaited() != '\0' ? " · " : "", view.scene.awaited()));
+  words(kQuiet, progress_of_picture(view));
 }
 
 }  // namespace
@@ -244,6 +306,7 @@ PanelWishes draw_panel(const PanelView& view, PanelState& state, SessionLink& li
                        float height) {
   PanelWishes wishes;
   state.place_of.clear();
+  state.right = 0.0;
   ImGui::SetNextWindowPos({left, 0.0f});
   ImGui::SetNextWindowSize({width, height});
   ImGui::Begin("panel", nullptr,
@@ -253,7 +316,7 @@ PanelWishes draw_panel(const PanelView& view, PanelState& state, SessionLink& li
   draw_renderers(view, state, link);
   draw_buttons(view, state, link, wishes);
   if (!view.link.answer.empty()) words(kWarm, view.link.answer);
-  draw_plots(view, state);
+  draw_plots(view, state, height);
   draw_choices(view, state, wishes);
   if (!state.message.empty()) words(kGood, state.message);
   if (view.link.session && view.link.session->hand)
@@ -261,6 +324,7 @@ PanelWishes draw_panel(const PanelView& view, PanelState& state, SessionLink& li
           fmt::format("Move: hover. Left: press {:.1f} mm deep, wheel: deeper. Right: turn. Middle: shift. "
                       "Wheel: zoom. Drop a scan to open it.",
                       view.press_mm));
+  state.bottom = static_cast<double>(ImGui::GetCursorScreenPos().y);
   ImGui::End();
   return wishes;
 }
@@ -273,9 +337,9 @@ void draw_fault(const WatchedTick& now, SessionLink& link, float width) {
   ImGui::Begin("fault", nullptr,
                ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove |
                    ImGuiWindowFlags_NoSavedSettings);
-  ImGui::SetWindowFontScale(1.3f);
-  ImGui::Text("No force: %s", device::fault_name(now.tick.fault));
-  ImGui::SetWindowFontScale(1.0f);
+  ImGui::PushFont(large_font());
+  ImGui::TextWrapped("No force: %s", device::fault_name(now.tick.fault));
+  ImGui::PopFont();
   ImGui::TextWrapped("%s", fault_remedy(now.tick.fault));
   if (ImGui::Button("Re-arm: force comes back softly")) link.rearm();
   ImGui::End();
@@ -284,9 +348,9 @@ void draw_fault(const WatchedTick& now, SessionLink& link, float width) {
 
 void draw_preparation(const SessionLink::View& link, float width, float height) {
   if (link.session || link.phase.empty()) return;
-  constexpr float kWide = 420.0f;
-  ImGui::SetNextWindowPos({0.5f * (width - kWide), 0.45f * height});
-  ImGui::SetNextWindowSize({kWide, 0.0f});
+  const float wide = std::min(420.0f, 0.9f * width);
+  ImGui::SetNextWindowPos({0.5f * (width - wide), 0.45f * height});
+  ImGui::SetNextWindowSize({wide, 0.0f});
   ImGui::Begin("preparation", nullptr,
                ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove |
                    ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoInputs);
@@ -294,6 +358,30 @@ void draw_preparation(const SessionLink::View& link, float width, float height) 
   if (link.fraction >= 0.0)
     ImGui::ProgressBar(static_cast<float>(std::min(1.0, link.fraction)), {-1.0f, 0.0f});
   ImGui::End();
+}
+
+void draw_homing(const std::string& prompt, float width, float height) {
+  if (prompt.empty()) return;
+  const std::string head = "No force yet: the device has to find its zero.", text = prompt + ".";
+  ImFont* const font = large_font();
+  const float letters = font->FontSize, wide = std::min(kHomingWide, width - 2.0f * kHomingEdge),
+              inner = wide - 2.0f * kHomingEdge;
+  const auto high_of = [&](const std::string& of) {
+    return font->CalcTextSizeA(letters, std::numeric_limits<float>::max(), inner, of.c_str()).y;
+  };
+  const float head_high = high_of(head), high = head_high + high_of(text) + 3.0f * kHomingEdge;
+  const ImVec2 low = {std::round(0.5f * (width - wide)), std::round(std::max(0.0f, 0.5f * (height - high)))};
+  const ImU32 paper = IM_COL32(kHomingPaper[0], kHomingPaper[1], kHomingPaper[2], 255);
+  // Of what ImGui draws this comes last: no banner and no other window covers it.
+  ImDrawList* const onto = ImGui::GetForegroundDrawList();
+  onto->AddRectFilled(low, {low.x + wide, low.y + high}, paper, 6.0f);
+  onto->AddRect(low, {low.x + wide, low.y + high}, IM_COL32_WHITE, 6.0f, 0, 2.0f);
+  const auto write = [&](float below, const std::string& what) {
+    onto->AddText(font, letters, {low.x + kHomingEdge, low.y + below}, IM_COL32_WHITE, what.c_str(), nullptr,
+                  inner);
+  };
+  write(kHomingEdge, head);
+  write(2.0f * kHomingEdge + head_high, text);
 }
 
 const char* fault_remedy(device::Fault fault) noexcept {

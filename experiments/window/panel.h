@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <deque>
 #include <map>
 #include <string>
@@ -23,6 +24,8 @@ struct PanelState {
   /// Middles of buttons and boxes in the last picture, by their words: who drives the window by program finds
   /// them here.
   std::map<std::string, std::array<double, 2>> place_of;
+  double bottom = 0.0, right = 0.0;  ///< where what was drawn of the panel last ended, window units
+  std::string homing;                ///< what was asked of the person at the device in the last picture
 };
 
 /// What a frame shows.
@@ -49,6 +52,11 @@ struct PanelWishes {
 void draw_fault(const WatchedTick& now, SessionLink& link, float width);
 /// How far preparation is, in the middle of the cloud.
 void draw_preparation(const SessionLink::View& link, float width, float height);
+/// What a person has to do before there is any force, over everything else; `prompt` is a sentence without
+/// its full stop.
+void draw_homing(const std::string& prompt, float width, float height);
+/// Its paper: tests find it by that.
+inline constexpr std::array<std::uint8_t, 3> kHomingPaper = {24, 66, 140};
 /// What a person can do about a fault.
 [[nodiscard]] const char* fault_remedy(device::Fault fault) noexcept;
 

@@ -13,7 +13,9 @@ namespace {
 constexpr ImU32 kPlotPaper = IM_COL32(22, 26, 32, 255), kPlotEdge = IM_COL32(70, 78, 90, 255),
                 kPlotText = IM_COL32(150, 160, 175, 255), kForceInk = IM_COL32(255, 200, 40, 255),
                 kTimeInk = IM_COL32(110, 200, 255, 255), kLimitInk = IM_COL32(255, 90, 80, 255),
-                kMarkInk = IM_COL32(200, 140, 255, 255);
+                kMarkInk = IM_COL32(200, 140, 255, 255), kLabelPaper = IM_COL32(22, 26, 32, 235);
+/// Between a label and a line that it does not touch.
+constexpr float kLabelGap = 2.0f;
 /// Frame times are shown from a tenth of a microsecond to ten milliseconds; a period of 1 kHz among them.
 constexpr double kLeastUs = 0.1, kMostUs = 1e4, kPeriodUs = 1e3;
 /// The force plot reaches at least so far, of the limit: small forces are not blown up to noise.
@@ -28,8 +30,16 @@ struct PlotArea {
   [[nodiscard]] float y(double share) const {
     return high.y - static_cast<float>(std::clamp(share, 0.0, 1.0)) * height();
   }
+  /// On paper of its own, so that it is read over curves and bars.
   void text(float x, float at_y, const std::string& words) const {
+    const ImVec2 size = ImGui::CalcTextSize(words.c_str());
+    onto->AddRectFilled({x - 2.0f, at_y}, {x + size.x + 2.0f, at_y + size.y}, kLabelPaper);
     onto->AddText({x, at_y}, kPlotText, words.c_str());
+  }
+  /// Just above a level, below it where there is no room above.
+  void name_level(float x, double share, const std::string& words) const {
+    const float line = y(share), above = line - kLabelGap - ImGui::GetFontSize();
+    text(x, above >= low.y ? above : line + kLabelGap, words);
   }
 };
 
@@ -45,8 +55,9 @@ PlotArea begin_plot(float height) {
 }
 
 void level_line(const PlotArea& area, double share, ImU32 ink) {
-  const float y = area.y(share);
-  area.onto->AddLine({area.low.x, y}, {area.high.x, y}, ink, 1.0f);
+  // A rectangle on whole pixels: a line would be two rows of half its colour.
+  const float y = std::floor(area.y(share));
+  area.onto->AddRectFilled({area.low.x, y}, {area.high.x, y + 1.0f}, ink);
 }
 
 /// Neighbouring columns that have a value are joined.
@@ -76,7 +87,11 @@ void plot_force(const History& history, double limit_n, const std::deque<double>
   const auto columns = history.columns(static_cast<std::size_t>(std::max(1.0f, area.width())),
                                        [](const TickSample& one) { return one.sent_n; });
   const double most = static_cast<double>(*std::max_element(columns.begin(), columns.end()));
-  const double top = std::max({1.15 * most, kLeastForceShare * limit_n, 1e-9});
+  double top = std::max({1.15 * most, kLeastForceShare * limit_n, 1e-9});
+  // Where the limit is in the plot, its line runs below the label of the top.
+  const double below_label =
+      1.0 - static_cast<double>((ImGui::GetFontSize() + 3.0f * kLabelGap) / area.height());
+  if (limit_n > 0.0 && limit_n <= top) top = std::max(top, limit_n / std::max(below_label, 0.1));
   if (limit_n > 0.0 && limit_n <= top) level_line(area, limit_n / top, kLimitInk);
   if (!history.samples().empty()) {
     const double end_s = history.samples().back().t_s;
@@ -87,7 +102,7 @@ void plot_force(const History& history, double limit_n, const std::deque<double>
     }
   }
   curve(area, columns, kForceInk, [&](double n) { return n / top; });
-  area.text(area.low.x + 4.0f, area.low.y + 2.0f, fmt::format("{:.3g} N", top));
+  area.text(area.low.x + 4.0f, area.low.y + kLabelGap, fmt::format("{:.3g} N", top));
 }
 
 void plot_frame_times(const History& history, float height) {
@@ -97,8 +112,8 @@ void plot_frame_times(const History& history, float height) {
   const auto columns = history.columns(static_cast<std::size_t>(std::max(1.0f, area.width())),
                                        [](const TickSample& one) { return one.step_us; });
   curve(area, columns, kTimeInk, [](double us) { return share_of_us(std::max(us, kLeastUs)); });
-  area.text(area.low.x + 4.0f, area.y(share_of_us(kPeriodUs)) - 16.0f, "1 ms");
-  area.text(area.low.x + 4.0f, area.y(share_of_us(1.0)) - 16.0f, "1 us");
+  area.name_level(area.low.x + 4.0f, share_of_us(kPeriodUs), "1 ms");
+  area.name_level(area.low.x + 4.0f, share_of_us(1.0), "1 µs");
 }
 
 void plot_histogram(const FrameTimeHistogram& histogram, float height) {
@@ -116,8 +131,8 @@ void plot_histogram(const FrameTimeHistogram& histogram, float height) {
     return area.low.x + static_cast<float>(2.0 * std::log2(us / FrameTimeHistogram::kFirstUs)) * wide;
   };
   area.onto->AddLine({at(kPeriodUs), area.low.y}, {at(kPeriodUs), area.high.y}, kLimitInk, 1.0f);
-  area.text(at(1.0), area.low.y + 2.0f, "1 us");
-  area.text(at(30.0), area.low.y + 2.0f, "30 us");
+  area.text(at(1.0), area.low.y + 2.0f, "1 µs");
+  area.text(at(30.0), area.low.y + 2.0f, "30 µs");
   area.text(at(kPeriodUs) + 3.0f, area.low.y + 2.0f, "1 ms");
 }
 

@@ -23,7 +23,9 @@ constexpr double kMostGrowth = 2.0;
 /// Of the new measurement in the mean of what a point takes.
 constexpr double kNewShare = 0.3;
 /// Pixels of a splat's edge; from near it must cover what lies between points.
-constexpr double kSmallestSplat = 2.0, kLargestSplat = 64.0;
+constexpr double kSmallestSplat = 2.0, kLargestSplat = 200.0;
+/// From here on one sees that splats are squares: they are drawn as discs, which takes longer a pixel.
+constexpr double kDiscFrom = 8.0;
 /// A splat's edge over the distance of points: neighbours overlap, for random samples are uneven.
 constexpr double kOverlap = 2.8;
 /// Of the square about the scene's ball, what points fill: a surface seen at an angle.
@@ -51,7 +53,7 @@ flat out vec4 shown;
 flat out vec4 facing;
 void main() {
   gl_Position = clip_from_model * vec4(place, 1.0);
-  gl_PointSize = clamp(size_px * at_distance / gl_Position.w, 1.0, 96.0);
+  gl_PointSize = clamp(size_px * at_distance / gl_Position.w, 1.0, 250.0);
   gl_Position.z += back * gl_Position.w;
   vec3 n = world_from_model * normal;
   float known = step(0.25, dot(n, n));
@@ -73,6 +75,29 @@ void main() {
 }
 )";
 
+/// Of splats that are seen as such: discs that lie in their point's plane, each pixel at its own depth, so
+/// that neighbours meet where their planes do. Seen flatter than acos(0.3) a disc is no narrower, or gaps
+/// open.
+constexpr const char* kDiscShader = R"(#version 330 core
+uniform vec3 to_eye;
+uniform vec3 to_right;
+uniform vec3 to_up;
+uniform float radius;
+flat in vec4 shown;
+flat in vec4 facing;
+layout(location = 0) out vec4 colour;
+layout(location = 1) out vec4 normal;
+void main() {
+  vec2 at = vec2(2.0, -2.0) * (gl_PointCoord - 0.5);
+  vec3 n = (2.0 * facing.xyz - 1.0) * facing.w;
+  float nearer = -(dot(n, to_right) * at.x + dot(n, to_up) * at.y) / max(dot(n, to_eye), 0.3);
+  if (dot(at, at) + nearer * nearer > 1.0) discard;
+  gl_FragDepth = gl_FragCoord.z - nearer * radius;
+  colour = shown;
+  normal = facing;
+}
+)";
+
 Result<unsigned> compiled(unsigned kind, const char* source) {
   const unsigned shader = glCreateShader(kind);
   glShaderSource(shader, 1, &source, nullptr);
@@ -87,6 +112,23 @@ Result<unsigned> compiled(unsigned kind, const char* source) {
                "a driver with OpenGL 3.3 is needed; Mesa's software drawing has it",
                {},
                0};
+}
+
+/// The points of one shader, the pixels of another.
+Result<unsigned> linked(const char* of_pixels) {
+  PALPATE_ASSIGN(const unsigned vertex, compiled(GL_VERTEX_SHADER, kVertexShader));
+  PALPATE_ASSIGN(const unsigned fragment, compiled(GL_FRAGMENT_SHADER, of_pixels));
+  const unsigned program = glCreateProgram();
+  glAttachShader(program, vertex);
+  glAttachShader(program, fragment);
+  glLinkProgram(program);
+  glDeleteShader(vertex);
+  glDeleteShader(fragment);
+  int good = 0;
+  glGetProgramiv(program, GL_LINK_STATUS, &good);
+  if (good == GL_TRUE) return program;
+  glDeleteProgram(program);
+  return Error{"the graphics driver does not link the shaders", "a driver with OpenGL 3.3 is needed", {}, 0};
 }
 
 void set_matrix(unsigned program, const char* name, const Mat4& matrix) {
@@ -165,7 +207,8 @@ SplatDrawer::SplatDrawer() : target_(std::make_unique<Target>()), budget_(kFirst
 
 SplatDrawer::~SplatDrawer() {
   clear();
-  glDeleteProgram(program_);
+  glDeleteProgram(squares_);
+  glDeleteProgram(discs_);
 }
 
 Result<std::unique_ptr<SplatDrawer>> SplatDrawer::create() {
@@ -175,19 +218,8 @@ Result<std::unique_ptr<SplatDrawer>> SplatDrawer::create() {
 }
 
 Status SplatDrawer::build() {
-  PALPATE_ASSIGN(const unsigned vertex, compiled(GL_VERTEX_SHADER, kVertexShader));
-  PALPATE_ASSIGN(const unsigned fragment, compiled(GL_FRAGMENT_SHADER, kFragmentShader));
-  program_ = glCreateProgram();
-  glAttachShader(program_, vertex);
-  glAttachShader(program_, fragment);
-  glLinkProgram(program_);
-  glDeleteShader(vertex);
-  glDeleteShader(fragment);
-  int good = 0;
-  glGetProgramiv(program_, GL_LINK_STATUS, &good);
-  if (good != GL_TRUE)
-    return Error{
-        "the graphics driver does not link the shaders", "a driver with OpenGL 3.3 is needed", {}, 0};
+  PALPATE_ASSIGN(squares_, linked(kFragmentShader));
+  PALPATE_ASSIGN(discs_, linked(kDiscShader));
   return Done{};
 }
 
@@ -283,6 +315,7 @@ void SplatDrawer::begin() {
   glClearBufferfv(GL_DEPTH, 0, &kFarthest);
   for (Model& model : models_) model.drawn = 0;
   drawn_ = 0;
+  pictures_ = whole_after_ = 0;
   stale_ = false;
   ++begun_;
 }
@@ -299,12 +332,13 @@ void SplatDrawer::draw(const Camera& camera, int width_px, int height_px) {
   glDisable(GL_BLEND);
   glDepthMask(GL_TRUE);
   if (stale_) begin();
+  ++pictures_;
   if (drawn_ < points_) draw_more();
+  if (points_ > 0 && drawn_ == points_ && whole_after_ == 0) whole_after_ = pictures_;
   glBindFramebuffer(GL_FRAMEBUFFER, 0);
 }
 
 void SplatDrawer::draw_more() {
-  glUseProgram(program_);
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_LESS);
   glEnable(GL_PROGRAM_POINT_SIZE);
@@ -314,21 +348,28 @@ void SplatDrawer::draw_more() {
   const double wide_px = 2.0 * camera_.radius_mm() * camera_.pixels_per_mm(height);
   const double apart_px = wide_px * std::sqrt(kFilledShare / (until * static_cast<double>(points_)));
   const double size_px = std::clamp(kOverlap * apart_px, kSmallestSplat, kLargestSplat);
-  set_number(program_, "size_px", size_px);
-  set_number(program_, "at_distance", camera_.distance_mm());
-  // Half its size further away, in the depth buffer's units of -1 to 1.
-  set_number(program_, "back", size_px / camera_.pixels_per_mm(height) * camera_.depth_per_mm());
-  set_number(program_, "lit", lit_ ? 1.0 : 0.0);
+  // Of the depth buffer's, 0 to 1.
+  const double deep = size_px / camera_.pixels_per_mm(height) * camera_.depth_per_mm();
+  const unsigned program = size_px < kDiscFrom ? squares_ : discs_;
+  glUseProgram(program);
+  set_number(program, "size_px", size_px);
+  set_number(program, "at_distance", camera_.distance_mm());
+  // Half its size further away, in units of -1 to 1.
+  set_number(program, "back", deep);
+  set_number(program, "radius", 0.5 * deep);
+  set_number(program, "lit", lit_ ? 1.0 : 0.0);
   const Vec3 to_eye = -camera_.forward();
-  set_vector(program_, "to_eye", to_eye);
-  set_vector(program_, "to_light", (to_eye - 0.45 * camera_.right() + 0.6 * camera_.up()).normalized());
+  set_vector(program, "to_eye", to_eye);
+  set_vector(program, "to_right", camera_.right());
+  set_vector(program, "to_up", camera_.up());
+  set_vector(program, "to_light", (to_eye - 0.45 * camera_.right() + 0.6 * camera_.up()).normalized());
   for (Model& model : models_) {
     const auto end = static_cast<std::size_t>(std::ceil(until * static_cast<double>(model.count)));
     const std::size_t more = std::min(end, model.count) - model.drawn;
     const Mat4 world_from_model = matrix_of(model.world_from_model, model.origin_mm);
-    set_matrix(program_, "clip_from_model", clip_from_world_ * world_from_model);
+    set_matrix(program, "clip_from_model", clip_from_world_ * world_from_model);
     const Eigen::Matrix3f turn = world_from_model.block<3, 3>(0, 0).cast<float>();
-    glUniformMatrix3fv(glGetUniformLocation(program_, "world_from_model"), 1, GL_FALSE, turn.data());
+    glUniformMatrix3fv(glGetUniformLocation(program, "world_from_model"), 1, GL_FALSE, turn.data());
     glBindVertexArray(model.array);
     glDrawArrays(GL_POINTS, static_cast<int>(model.drawn), static_cast<int>(more));
     model.drawn += more;

@@ -60,6 +60,8 @@ class SplatDrawer {
   [[nodiscard]] std::size_t points() const noexcept { return points_; }
   [[nodiscard]] std::size_t drawn() const noexcept { return drawn_; }
   [[nodiscard]] std::size_t points_a_frame() const noexcept { return budget_; }
+  /// How many pictures it took from the last beginning until every point was drawn; 0: that is to come.
+  [[nodiscard]] std::size_t whole_after() const noexcept { return whole_after_; }
   /// How often the picture was begun anew.
   [[nodiscard]] std::uint64_t begun() const noexcept { return begun_; }
 
@@ -78,12 +80,13 @@ class SplatDrawer {
 
   std::unique_ptr<Target> target_;
   std::vector<Model> models_;
-  unsigned program_ = 0;
+  unsigned squares_ = 0, discs_ = 0;  // programs
   Camera camera_;
   Mat4 clip_from_world_ = Mat4::Identity();
   int width_px_ = 0, height_px_ = 0;
   bool lit_ = true, stale_ = true;
   std::size_t points_ = 0, drawn_ = 0, budget_, last_drawn_ = 0;
+  std::size_t pictures_ = 0, whole_after_ = 0;  // since it was begun
   double ms_a_point_ = 0.0;
   std::uint64_t begun_ = 0;
 };

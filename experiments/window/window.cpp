@@ -20,6 +20,10 @@ namespace palpate::experiments {
 namespace {
 
 constexpr int kPanelWidth = 384;
+/// Smaller, what a person needs is cut off: the panel with its buttons, and as much of the cloud.
+constexpr int kLeastWidth = 2 * kPanelWidth, kLeastHeight = 480;
+/// What is read from where one holds a device: twice the usual letters, so that their pixels stay square.
+constexpr float kLargeLetters = 26.0f;
 /// No more pictures than a screen shows: what is saved is the servo's.
 constexpr double kShortestPictureMs = 16.0;
 constexpr std::size_t kPicturesCounted = 30;
@@ -68,6 +72,10 @@ void make_interface() {
   io.KeyMap[ImGuiKey_Backspace] = GLFW_KEY_BACKSPACE;
   io.KeyMap[ImGuiKey_Enter] = GLFW_KEY_ENTER;
   io.KeyMap[ImGuiKey_Escape] = GLFW_KEY_ESCAPE;
+  io.Fonts->AddFontDefault();
+  ImFontConfig large;
+  large.SizePixels = kLargeLetters;
+  io.Fonts->AddFontDefault(&large);
   ImGui::StyleColorsDark();
   ImGuiStyle& style = ImGui::GetStyle();
   style.WindowRounding = 0.0f;
@@ -110,7 +118,7 @@ Result<std::unique_ptr<Window>> Window::open(SessionLink& link, const WindowOpti
   std::string why = "there is no display";
   if (glfwInit() != GLFW_TRUE) return no_window(why);
   auto state = std::make_unique<State>(link, options);
-  state->camera.set_up(options.up);
+  if (options.up) state->camera.set_up(*options.up);
   glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 3);
   glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
   glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
@@ -125,6 +133,7 @@ Result<std::unique_ptr<Window>> Window::open(SessionLink& link, const WindowOpti
   }
   std::unique_ptr<Window> window(new Window(std::move(state)));
   GLFWwindow* raw = window->state_->window;
+  glfwSetWindowSizeLimits(raw, kLeastWidth, kLeastHeight, GLFW_DONT_CARE, GLFW_DONT_CARE);
   glfwMakeContextCurrent(raw);
   // Never waits for the screen: it paces itself.
   glfwSwapInterval(0);
@@ -161,7 +170,8 @@ void Window::State::take_news() {
     const std::string before = scene->scene() != nullptr ? scene->scene()->name : "";
     scene->show(view.scene);
     // A session that begins anew over the same scene is looked at from where one stood.
-    if (view.scene->name != before) camera = Camera::of(scene->box_mm(), camera.up_axis());
+    const std::optional<Up> said = options.up ? std::nullopt : up_named(view.scene->up);
+    if (view.scene->name != before) camera = Camera::of(scene->box_mm(), said.value_or(camera.up_axis()));
     hand.forget();
     glfwSetWindowTitle(window, ("Palpate: " + view.scene->name).c_str());
   }
@@ -226,6 +236,8 @@ void Window::State::draw() {
   wishes = draw_panel(shown, panel, link, left, static_cast<float>(width) - left, static_cast<float>(height));
   if (session && now.ticks > 0) draw_fault(now, link, left);
   draw_preparation(view, left, static_cast<float>(height));
+  panel.homing = link.homing_prompt();
+  draw_homing(panel.homing, left, static_cast<float>(height));
   ImGui::Render();
   ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
 }

@@ -21,7 +21,7 @@ struct WindowOptions {
   int width = 1280, height = 800;
   std::string pictures = ".";  ///< the folder of screenshots and exported frames
   bool paced = true;           ///< false: as many pictures as go, for measurements
-  Up up = Up::kZ;
+  std::optional<Up> up;        ///< empty: as the scene says, else z
 };
 
 /// One thread. Input comes from the window system, or from a program through the same members.

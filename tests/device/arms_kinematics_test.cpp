@@ -101,8 +101,8 @@ TEST(ArmKinematics, JacobiansAgreeWithFiniteDifferences) {
     EXPECT_GT(checked, 1000);
     // h^2 / 6 times a third derivative, which in a linkage grows as the square of the Jacobian.
     EXPECT_LT(worst, arm.linkage == ArmLinkage::kChain ? 1e-6 : 1e-3) << "seed 33";
-    RecordProperty(arm.linkage == ArmLinkage::kChain ? "chain_mm_per_rad" : "five_bar_mm_per_rad",
-                   std::to_string(worst));
+    std::printf("%s: differs from finite differences by %.1e mm/rad at most, of %d poses\n",
+                arm.linkage == ArmLinkage::kChain ? "chain" : "five-bar", worst, checked);
   }
 }
 

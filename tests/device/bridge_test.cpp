@@ -176,6 +176,31 @@ TEST(Bridge, AProgramThatDiesIsSilenceAndZeroWithinTheWatchdogsTime) {
   }
 }
 
+// What it heard last is 20 ms old by then, and so is what its commands answer.
+TEST(Bridge, AHostThatHearsNothingLetsGoInTheFrameInWhichItSeesThat) {
+  BridgeRig rig;
+  ASSERT_TRUE(rig.start().ok());
+  rig.frames(kSoftStartFrames, Vec3{1, 0, 0});
+  rig.network.to_host.weather.loss = 1.0;
+  int frames = 0;
+  for (; frames < 100 && rig.governor->fault() == Fault::kNone; ++frames) {
+    EXPECT_EQ(rig.held.held_n.x(), 1.0) << "until then the far end has no reason";
+    rig.frame(Vec3{1, 0, 0});
+  }
+  EXPECT_EQ(rig.governor->fault(), Fault::kSilence);
+  EXPECT_TRUE(rig.held.held_n.isZero(0.0)) << "by the command of that very frame";
+  EXPECT_EQ(rig.far.counters().trips, 0u) << "not by its watchdog";
+  EXPECT_GT(rig.far.counters().old, 0u);
+  // An old zero lets go, and no more: force is not obeyed before a zero that is new.
+  for (int i = 0; i < 30; ++i) rig.frame(Vec3{1, 0, 0});
+  EXPECT_FALSE(rig.far.governor()->armed());
+  rig.network.to_host.weather.loss = 0.0;
+  rig.frames(40, Vec3{1, 0, 0});
+  rig.governor->arm(rig.clock.now_s());
+  rig.frames(kSoftStartFrames, Vec3{1, 0, 0});
+  EXPECT_EQ(rig.held.held_n.x(), 1.0);
+}
+
 TEST(Bridge, AFarEndThatTrippedIsSilenceHereAndBothBeginSoftly) {
   BridgeRig rig;
   ASSERT_TRUE(rig.start().ok());
@@ -219,6 +244,24 @@ TEST(Bridge, StatesThatAreOldOrRepeatedAreSilence) {
   EXPECT_NE(slow.governor->fault(), Fault::kNone);
   EXPECT_TRUE(slow.held.held_n.isZero(0.0));
   EXPECT_GT(slow.far.counters().old, 50u);
+}
+
+// Who hears nothing of the far end any more answers to old states alone: its zero counts all the same.
+TEST(Bridge, AZeroOfAnyAgeIsObeyed) {
+  BridgeRig rig;
+  ASSERT_TRUE(rig.start().ok());
+  rig.frames(kSoftStartFrames, Vec3{1, 0, 0});
+  ASSERT_EQ(rig.held.held_n.x(), 1.0);
+  rig.network.to_host.weather.loss = 1.0;
+  int frames = 0;
+  while (rig.governor->fault() == Fault::kNone && ++frames < 100) rig.frame(Vec3{1, 0, 0});
+  ASSERT_EQ(rig.governor->fault(), Fault::kSilence);
+  for (int i = 0; i < 2; ++i) rig.frame(Vec3{1, 0, 0});
+  EXPECT_TRUE(rig.held.held_n.isZero(0.0)) << "within two ticks, not when the far end's watchdog trips";
+  EXPECT_EQ(rig.far.counters().trips, 0u);
+  // And it gives no force back.
+  rig.frames(100, Vec3{1, 0, 0});
+  EXPECT_TRUE(rig.held.held_n.isZero(0.0));
 }
 
 TEST(Bridge, OldCommandsPlayedAgainMoveNothing) {
@@ -330,6 +373,7 @@ TEST(BridgeDriver, MakesFromItsNameAndRefusesOthers) {
     ASSERT_TRUE(made) << good << ": " << made.error().message();
     EXPECT_EQ(made->device->name(), good);
     EXPECT_TRUE(made->zero);
+    EXPECT_EQ(made->facts().front().first, "far_device");
   }
   for (const char* bad : {"bridge:", "bridge", "bridge:a:b", "bridge:a:70000", "bridge:::1:5", "bridge::5"})
     EXPECT_FALSE(driver->make({bad, {}, {}}, clock)) << bad;

@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <initializer_list>
 #include <iterator>
 #include <limits>
 #include <string>
@@ -32,6 +33,22 @@ FalconBytes bytes_of(const std::string& text) {
   FalconBytes bytes{};
   std::copy(text.begin(), text.end(), bytes.begin());
   return bytes;
+}
+
+TEST(FalconPackets, WhatLetsGoIsKnownByItsMotors) {
+  for (const std::uint8_t flags : std::initializer_list<std::uint8_t>{0, 1, 5, 9}) {
+    EXPECT_TRUE(falcon_lets_go(encoded(FalconCommand{{}, flags})));
+    for (std::size_t motor = 0; motor < 3; ++motor) {
+      FalconCommand command{{}, flags};
+      command.motors[motor] = motor == 1 ? -1 : 1;
+      EXPECT_FALSE(falcon_lets_go(encoded(command)));
+    }
+  }
+  FalconBytes damaged = encoded(FalconCommand{});
+  damaged[0] = '>';
+  EXPECT_FALSE(falcon_lets_go(damaged));
+  EXPECT_FALSE(falcon_lets_go(std::span(damaged).first(15)));
+  EXPECT_FALSE(falcon_lets_go({}));
 }
 
 TEST(FalconPackets, KnownOnes) {

@@ -22,6 +22,7 @@
 #include "tests/device/bridge_rig.h"
 #include "tests/device/hid_fake_link.h"
 #include "tests/device/hid_faults.h"
+#include "tests/device/link_benches.h"
 #include "tests/device/link_faults.h"
 #include "tests/device/mock/hidraw_double.h"
 #include "tests/device/tty_board.h"
@@ -29,64 +30,8 @@
 namespace palpate::device {
 namespace {
 
-constexpr std::chrono::milliseconds kBoardPeriod{1};
-
-/// A thread that does something again and again until this ends.
-class Repeating {
- public:
-  template <class Do>
-  explicit Repeating(Do act)
-      : thread_([this, act = std::move(act)] {
-          while (!over_.load()) act();
-        }) {}
-  ~Repeating() {
-    over_ = true;
-    thread_.join();
-  }
-
- private:
-  std::atomic<bool> over_{false};
-  std::thread thread_;
-};
-
-/// WoodenHaptics' board: sends unasked, each report with a count; lies still.
-class HidBench final : public LinkBench {
- public:
-  std::string link() const override { return "hidapi, arm with reports"; }
-  Device& device() override { return device_; }
-  bool holds_force() override { return plugged_ && forced_; }
-  void unplug() override {
-    plugged_ = false;
-    usb_.unplug();
-  }
-  void plug() override {
-    if (!plugged_) usb_.plug();  // twice would be two of them
-    forced_ = false;
-    plugged_ = true;
-  }
-  bool counts_packets() const override { return true; }
-  std::vector<std::string> program() const override { return {"arm:woodenhaptics"}; }
-
- private:
-  std::optional<HidrawDouble::Bytes> take(std::span<const std::uint8_t> bytes) {
-    forced_ = std::any_of(bytes.begin() + 1, bytes.begin() + 7, [](std::uint8_t byte) { return byte != 0; });
-    return std::nullopt;
-  }
-  void report_one() {
-    std::this_thread::sleep_for(kBoardPeriod);
-    if (!plugged_) return;
-    count_ = (count_ + 1) % 30'000;
-    for (const SpoiltReplies::Bytes& one : replies.instead_of(words({0, 0, 0, count_}))) usb_.report(one);
-  }
-
-  std::atomic<bool> forced_{false}, plugged_{true};
-  int count_ = 0;
-  HidrawDouble usb_{{}, [this](std::span<const std::uint8_t> bytes) { return take(bytes); }};
-  MonotonicClock clock_;
-  ArmDescription arm_ = find_arm("woodenhaptics").value();
-  ArmDevice device_{arm_, arm_link(arm_), clock_};
-  Repeating sender_{[this] { report_one(); }};
-};
+using PretendedHid = HidBench<HidrawDouble>;
+constexpr const char* kHidName = "hidapi, arm with reports";
 
 /// Polhem's text board: a line for each line.
 class TtyBench final : public LinkBench {
@@ -94,41 +39,37 @@ class TtyBench final : public LinkBench {
   TtyBench() { plug(); }
   std::string link() const override { return "terminal, arm with text"; }
   Device& device() override { return *device_; }
-  bool holds_force() override { return plugged_ && forced_; }
   void unplug() override {
-    plugged_ = false;
     board_->unplug();
+    held.tell(false);
   }
   void plug() override {
     device_.reset();
-    forced_ = false;
     board_ =
-        std::make_unique<TtyBoard>([this, held = std::string()](std::span<const std::uint8_t> bytes) mutable {
-          return answer(bytes, held);
+        std::make_unique<TtyBoard>([this, line = std::string()](std::span<const std::uint8_t> bytes) mutable {
+          return answer(bytes, line);
         });
     ArmDescription arm = find_arm("polhem-v3").value();
     arm.serial_line = board_->path();
     device_ = std::make_unique<ArmDevice>(arm, arm_link(arm), clock_);
-    plugged_ = true;
   }
   bool counts_packets() const override { return false; }
   std::vector<std::string> program() const override { return {"arm:polhem-v3", "path=" + board_->path()}; }
 
  private:
-  TtyBoard::Bytes answer(std::span<const std::uint8_t> bytes, std::string& held) {
+  TtyBoard::Bytes answer(std::span<const std::uint8_t> bytes, std::string& line) {
     TtyBoard::Bytes all;
     for (const std::uint8_t byte : bytes) {
-      held.push_back(static_cast<char>(byte));
+      line.push_back(static_cast<char>(byte));
       if (byte != '\n') continue;
-      forced_ = !std::exchange(held, {}).starts_with("[0,0,0]");
-      const std::string line = "[1,0,0,0,0,0,0,0]\n";
-      for (const SpoiltReplies::Bytes& one : replies.instead_of({line.begin(), line.end()}))
+      held.tell(!std::exchange(line, {}).starts_with("[0,0,0]"));
+      const std::string reply = "[1,0,0,0,0,0,0,0]\n";
+      for (const SpoiltReplies::Bytes& one : replies.instead_of({reply.begin(), reply.end()}))
         all.insert(all.end(), one.begin(), one.end());
     }
     return all;
   }
 
-  std::atomic<bool> forced_{false}, plugged_{false};
   MonotonicClock clock_;
   std::unique_ptr<TtyBoard> board_;
   std::unique_ptr<ArmDevice> device_;
@@ -205,7 +146,7 @@ class UdpBench final : public LinkBench {
     ticker_.emplace([this] {
       std::this_thread::sleep_for(kBoardPeriod);
       far_.tick();
-      forced_ = held_.held_n != Vec3::Zero();
+      held.tell(held_.held_n != Vec3::Zero());
     });
     BridgeOptions options;
     options.name = "bridge:relay";
@@ -216,7 +157,6 @@ class UdpBench final : public LinkBench {
   }
   std::string link() const override { return "UDP bridge"; }
   Device& device() override { return *device_; }
-  bool holds_force() override { return forced_; }
   void unplug() override { relay_->cut = true; }
   void plug() override { relay_->cut = false; }
   bool counts_packets() const override { return true; }
@@ -237,7 +177,6 @@ class UdpBench final : public LinkBench {
   }
 
   bool as_in_a_session_;
-  std::atomic<bool> forced_{false};
   MonotonicClock clock_;
   HeldDevice held_{clock_};
   UdpPort port_;
@@ -253,7 +192,7 @@ class HidLinkFaults : public testing::TestWithParam<int> {
 };
 
 TEST_P(HidLinkFaults, OverHidapiEndInZero) {
-  HidBench bench;
+  PretendedHid bench(kHidName);
   EXPECT_EQ(violations_of(bench, wrong()), "");
 }
 TEST_P(HidLinkFaults, OverATerminalEndInZero) {
@@ -316,7 +255,7 @@ TEST(LinkFaultTable, HasARowForEachFaultOnEachLink) {
 bool measure_hid_faults(int runs, std::string& rows_json) {
   bool right = true;
   {
-    HidBench bench;
+    PretendedHid bench(kHidName);
     right = measure_link_faults(bench, runs, rows_json) && right;
   }
   {

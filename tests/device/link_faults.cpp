@@ -7,7 +7,6 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <csignal>
@@ -37,7 +36,7 @@ constexpr double kHeldBackMs = 30.0;         // of late packets
 constexpr double kStuckMs = 60.0, kKillAfterMs = 50.0;
 constexpr int kTicksToZero = 2;
 constexpr std::uint64_t kOneComesOf = 1000;  // of lost packets
-constexpr timespec kLook{0, 200'000};
+constexpr timespec kLook{0, 200'000}, kOwnTime{1, 0};
 
 /// Pushes towards the middle, or up where the device is there, until it goes wrong: a rest pose may lie at
 /// the workspace's edge, where a governor fades what pushes outward.
@@ -80,28 +79,6 @@ Limits limits_of(const LinkFaultOptions& options) {
   return limits;
 }
 
-/// Watches the board from a thread of its own: when it last held a force.
-class BoardWatch {
- public:
-  explicit BoardWatch(LinkBench& bench)
-      : thread_([this, &bench] {
-          while (!over_.load()) {
-            if (bench.holds_force()) held_ns_.store(monotonic_ns());
-            ::nanosleep(&kLook, nullptr);
-          }
-        }) {}
-  ~BoardWatch() {
-    over_ = true;
-    thread_.join();
-  }
-  [[nodiscard]] std::int64_t held_ns() const { return held_ns_.load(); }
-
- private:
-  std::atomic<bool> over_{false};
-  std::atomic<std::int64_t> held_ns_{0};
-  std::thread thread_;
-};
-
 double ms_since(std::int64_t then_ns, std::int64_t now_ns) {
   return 1e-6 * static_cast<double>(now_ns - then_ns);
 }
@@ -124,7 +101,6 @@ class Trial {
     servo_.watched_by(&heart_);
     if (!servo_.start() || !watchdog_.start() || !press()) return outcome_;
     outcome_.counts = true;
-    BoardWatch board(bench_);
     wrong_ns_ = monotonic_ns();
     spoil();
     const double most_ms = may_be_felt_through() ? limits_.felt_through_ms : 1e3 * kPressPatience;
@@ -133,13 +109,14 @@ class Trial {
         bench_.replies.heal();
       take(tick());
       constexpr double kForGoodMs = 60.0;  // no force came back for so long
-      const std::int64_t since_ns = std::max(board.held_ns(), detected_ns_);
+      const std::int64_t since_ns = std::max(bench_.held.until_ns(), detected_ns_);
       if (outcome_.fault != Fault::kNone && ms_since(since_ns, monotonic_ns()) > kForGoodMs) break;
     }
-    outcome_.held_at_end = bench_.holds_force();
+    outcome_.held_at_end = bench_.held.holds();
     if (outcome_.held_at_end || outcome_.fault == Fault::kNone) return outcome_;
-    outcome_.zero_ms = std::max(0.0, ms_since(wrong_ns_, board.held_ns()));
-    outcome_.within_two_ticks = board.held_ns() - detected_ns_ <= kTicksToZero * kTickNs;
+    const std::int64_t until_ns = bench_.held.until_ns();
+    outcome_.zero_ms = std::max(0.0, ms_since(wrong_ns_, until_ns));
+    outcome_.within_two_ticks = until_ns - detected_ns_ <= kTicksToZero * kTickNs;
     return outcome_;
   }
 
@@ -160,7 +137,7 @@ class Trial {
     while (pressed < kLongEnough) {
       const Tick now = tick();
       if (now.fault != Fault::kNone || watch.ms() > 1e3 * kPressPatience) return false;
-      pressed = now.sent_n.norm() > kPressedEnoughN && bench_.holds_force() ? pressed + 1 : 0;
+      pressed = now.sent_n.norm() > kPressedEnoughN && bench_.held.holds() ? pressed + 1 : 0;
     }
     return true;
   }
@@ -196,10 +173,8 @@ class Trial {
   std::int64_t next_ns_ = 0, wrong_ns_ = 0, detected_ns_ = 0;
 };
 
-/// One trial on a process of its own, which dies.
-LinkFaultOutcome run_link_death(LinkBench& bench, int signal) {
-  LinkFaultOutcome outcome;
-  outcome.died = true;
+/// The program that presses, until it dies.
+pid_t start_pressing(LinkBench& bench, int signal) {
   std::vector<std::string> arguments = {"/proc/self/exe", kPressArgument,
                                         fmt::format("{}", signal == SIGSTOP ? kKillAfterMs : 0.0)};
   for (const std::string& one : bench.program()) arguments.push_back(one);
@@ -211,23 +186,34 @@ LinkFaultOutcome run_link_death(LinkBench& bench, int signal) {
     ::execv(argv[0], argv.data());
     ::_exit(9);
   }
+  return child;
+}
+
+/// One trial on a process of its own, which dies.
+LinkFaultOutcome run_link_death(LinkBench& bench, int signal) {
+  LinkFaultOutcome outcome;
+  outcome.died = true;
+  pid_t child = start_pressing(bench, signal);
   const Stopwatch pressing;
-  while (!bench.holds_force() && pressing.ms() < 1e3 * kPressPatience) ::nanosleep(&kLook, nullptr);
-  outcome.counts = bench.holds_force();
-  {
-    BoardWatch board(bench);
-    constexpr timespec kSettled{0, 50'000'000};
-    ::nanosleep(&kSettled, nullptr);
-    const std::int64_t wrong_ns = monotonic_ns();
-    ::kill(child, signal);
-    constexpr double kGoneMs = 300.0;
-    const Stopwatch waited;
-    while (waited.ms() < 1e3 * kPressPatience &&
-           (bench.holds_force() || ms_since(board.held_ns(), monotonic_ns()) < kGoneMs))
-      ::nanosleep(&kLook, nullptr);
-    outcome.held_at_end = bench.holds_force();
-    if (!outcome.held_at_end) outcome.zero_ms = std::max(0.0, ms_since(wrong_ns, board.held_ns()));
+  while (!bench.held.holds() && pressing.ms() < 1e3 * kPressPatience) {
+    ::nanosleep(&kLook, nullptr);
+    if (::waitpid(child, nullptr, WNOHANG) != child) continue;
+    // It was refused: the device may still be another program's, which was killed before.
+    constexpr timespec kLetGo{0, 200'000'000};
+    ::nanosleep(&kLetGo, nullptr);
+    child = start_pressing(bench, signal);
   }
+  outcome.counts = bench.held.holds();
+  constexpr timespec kSettled{0, 50'000'000};
+  ::nanosleep(&kSettled, nullptr);
+  const std::int64_t wrong_ns = monotonic_ns();
+  ::kill(child, signal);
+  constexpr double kGoneMs = 300.0;
+  const Stopwatch waited;
+  while (waited.ms() < 1e3 * kPressPatience && ms_since(bench.held.until_ns(), monotonic_ns()) < kGoneMs)
+    ::nanosleep(&kLook, nullptr);
+  outcome.held_at_end = bench.held.holds();
+  if (!outcome.held_at_end) outcome.zero_ms = std::max(0.0, ms_since(wrong_ns, bench.held.until_ns()));
   ::kill(child, SIGKILL);
   ::waitpid(child, nullptr, 0);
   return outcome;
@@ -390,6 +376,8 @@ bool measure_link_faults(LinkBench& bench, int runs, std::string& rows_json) {
     for (; row.runs < runs && tried < 5 * runs; ++tried)
       if (const LinkFaultOutcome one = run_link_fault(bench, wrong, {true}); one.counts)
         row.add(bench, wrong, one);
+      else
+        ::nanosleep(&kOwnTime, nullptr);  // who was there before may still be waited for
     fmt::print("| {} | {} | {} | {} | {} | {} of {} | {} of {} |\n", link_wrong_name(wrong), bench.link(),
                row.seen_text(), p50_and_most(row.detected_ms), p50_and_most(row.zero_ms), row.in_two,
                row.detected_ms.empty() ? 0 : row.runs, row.right, row.runs);

@@ -2,6 +2,7 @@
 // and how soon the board has let go. Shared by the tests of real libraries, each of which brings its board.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -11,7 +12,9 @@
 #include <vector>
 
 #include "device/interface/device.h"
+#include "device/interface/device_facts.h"
 #include "device/interface/force_governor.h"
+#include "toolkit/core/clock.h"
 
 namespace palpate::device {
 
@@ -50,6 +53,25 @@ class SpoiltReplies {
   std::uint64_t count_ = 0;
 };
 
+/// Whether a board's motors are commanded a force, and until when they were: told by the board itself, with
+/// each command, so that nobody has to look in time. One thread tells, or several under one lock.
+class HeldForce {
+ public:
+  void tell(bool holds) noexcept {
+    if (!holds && holds_.load()) until_ns_.store(monotonic_ns());
+    holds_.store(holds);
+  }
+  [[nodiscard]] bool holds() const noexcept { return holds_.load(); }
+  /// The last moment with a force.
+  [[nodiscard]] std::int64_t until_ns() const noexcept {
+    return holds_.load() ? monotonic_ns() : until_ns_.load();
+  }
+
+ private:
+  std::atomic<bool> holds_{false};
+  std::atomic<std::int64_t> until_ns_{0};
+};
+
 /// A device over a library, and the board at its other end, which holds the last force that it was commanded.
 class LinkBench {
  public:
@@ -59,8 +81,6 @@ class LinkBench {
   virtual ~LinkBench() = default;
   [[nodiscard]] virtual std::string link() const = 0;
   [[nodiscard]] virtual Device& device() = 0;
-  /// Any thread.
-  [[nodiscard]] virtual bool holds_force() = 0;
   virtual void unplug() = 0;
   virtual void plug() = 0;
   /// A packet that comes again is known as such.
@@ -68,6 +88,7 @@ class LinkBench {
   /// Name and options of the device for a program of its own.
   [[nodiscard]] virtual std::vector<std::string> program() const = 0;
   SpoiltReplies replies;
+  HeldForce held;
 };
 
 struct LinkFaultOptions {
@@ -103,6 +124,12 @@ inline constexpr const char* kPressArgument = "--press-until-killed";
 /// exit status.
 [[nodiscard]] int measured_faults(int argc, char** argv,
                                   const std::function<bool(int, std::string&)>& measure);
+/// A value of a device's facts; empty: there is none of that key.
+[[nodiscard]] inline std::string fact_of(const DeviceFacts& facts, const std::string& key) {
+  for (const auto& [name, value] : facts)
+    if (name == key) return value;
+  return {};
+}
 /// For tests, once: what does not hold, in words; empty: all does.
 [[nodiscard]] std::string violations_of(LinkBench& bench, LinkWrong wrong);
 

@@ -10,6 +10,7 @@
 
 #include "device/haply/planar_driver.h"
 #include "tests/device/hid_fake_link.h"
+#include "tests/device/planar_board.h"
 #include "toolkit/core/random.h"
 
 namespace palpate::device {
@@ -104,6 +105,26 @@ TEST(PlanarProtocol, MessagesHaveTheseBytes) {
   EXPECT_EQ(planar_model(1), nullptr);
 }
 
+// A program that is killed may leave any part of a command: zero must be whole for the board all the same.
+TEST(PlanarProtocol, NoPartOfACommandBeforeSpoilsLettingGo) {
+  const CommandBytes let_go = encoded_let_go();
+  constexpr float kHeldNm = 0.1F, kCutNm = 0.123F;
+  const CommandBytes held = encoded_torques({kHeldNm, -kHeldNm});
+  for (const CommandBytes& cut : {encoded_torques({kCutNm, -kCutNm}), encoded_set_up(*planar_model(3))})
+    for (const UnknownByte unknown : {UnknownByte::kPassedOver, UnknownByte::kWithItsAddress})
+      for (std::size_t sent = 0; sent < cut.size; ++sent) {
+        PlanarBoard board(unknown);
+        board.take(held.span());
+        ASSERT_EQ(board.torques, (std::array<float, 2>{-kHeldNm, kHeldNm}));
+        board.take(cut.span().first(sent));
+        const int obeyed = board.obeyed;
+        board.take(let_go.span());
+        EXPECT_EQ(board.torques, (std::array<float, 2>{})) << sent << " of " << cut.size;
+        EXPECT_GT(board.obeyed, obeyed);
+        EXPECT_LE(board.most, kCutNm) << "what it made of the part";
+      }
+}
+
 TEST(PlanarProtocol, RepliesAreFoundAndNonsenseIsNot) {
   PlanarReader reader;
   const auto feed = [&](const TestBytes& bytes) {
@@ -165,10 +186,11 @@ const TestBytes kPlaneZero = {2, 5, 0, 0, 0, 0, 0, 0, 0, 0};
 TEST(PlanarDevice, IsSetUpWithZeroBeforeAndAfter) {
   PlaneRig rig;
   ASSERT_TRUE(rig.device->open());
-  ASSERT_EQ(rig.wire.sent.size(), 3u);
+  ASSERT_EQ(rig.wire.sent.size(), 4u);
   EXPECT_EQ(rig.wire.sent[0], kPlaneZero);
-  EXPECT_EQ(rig.wire.sent[1].front(), 1);
-  EXPECT_EQ(rig.wire.sent[2], kPlaneZero);
+  EXPECT_EQ(rig.wire.sent[1], kPlaneZero) << "the first may be the rest of what was cut off";
+  EXPECT_EQ(rig.wire.sent[2].front(), 1);
+  EXPECT_EQ(rig.wire.sent[3], kPlaneZero);
   EXPECT_FALSE(rig.frame().homed);
   const DeviceState state = rig.at(10, -20);
   EXPECT_TRUE(state.homed);

@@ -1,6 +1,7 @@
 // The serial link over a pseudo-terminal, and the hand-over of commands between threads.
 #include "device/links/tty_link.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/wait.h>
@@ -9,15 +10,19 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
+#include <mutex>
 #include <set>
 #include <thread>
 
 #include "device/arms/arm_device.h"
 #include "device/arms/arm_driver.h"
 #include "device/haply/planar_device.h"
+#include "device/haply/planar_driver.h"
+#include "device/interface/device_facts.h"
 #include "device/links/newest_command.h"
 #include "device/safety/guard.h"
 #include "tests/device/hid_fake_link.h"
+#include "tests/device/planar_board.h"
 #include "tests/device/tty_board.h"
 #include "tests/house/allocation_count.h"
 
@@ -281,6 +286,13 @@ TEST(TtyLink, AnArmSpeaksTextOverIt) {
   std::this_thread::sleep_for(std::chrono::milliseconds(50));  // what was under way
   const int before = lines;
   EXPECT_TRUE(made->zero());
+  ASSERT_TRUE(made->facts);
+  const DeviceFacts facts = made->facts();
+  for (const auto& fact : DeviceFacts{{"arm", "polhem-v3"},
+                                      {"counts_per_turn", "4096 4096 4096"},
+                                      {"rest", "power-on"},
+                                      {"reports", "0"}})
+    EXPECT_NE(std::find(facts.begin(), facts.end(), fact), facts.end()) << fact.first;
   EXPECT_TRUE(comes_true([&] { return lines > before; }));
   // Unplugged in a session, and plugged in again.
   ASSERT_TRUE(device.open());
@@ -358,6 +370,52 @@ TEST(TtyLink, WhenTheProgramIsKilledTheGuardSendsZeroThroughAHandleOfItsOwn) {
     ::waitpid(program, &status, 0);
     EXPECT_TRUE(WIFSIGNALED(status)) << "it did not end by itself, with " << WEXITSTATUS(status);
   }
+}
+
+/// What the guard's zero comes to, where a program was killed after `sent` bytes of a command.
+void let_go_after(std::span<const std::uint8_t> command, std::size_t sent, UnknownByte unknown) {
+  std::mutex mutex;
+  PlanarBoard plane(unknown);
+  TtyBoard board([&](std::span<const std::uint8_t> bytes) {
+    const std::lock_guard lock(mutex);
+    return plane.take(bytes);
+  });
+  const MonotonicClock clock;
+  Drivers drivers;
+  register_planar_driver(drivers);
+  const auto made = drivers.of("planar")->make({"planar", {}, {{"path", board.path()}}}, clock);
+  ASSERT_TRUE(made) << made.error().message();
+  const CommandBytes held = encoded_torques({0.1F, -0.1F});
+  const int line = ::open(board.path().c_str(), O_WRONLY | O_NOCTTY | O_CLOEXEC);
+  ASSERT_EQ(::write(line, held.bytes.data(), held.size), static_cast<ssize_t>(held.size));
+  ASSERT_EQ(::write(line, command.data(), sent), static_cast<ssize_t>(sent));
+  ASSERT_TRUE(comes_true([&] { return board.received().size() >= held.size + sent; }));
+  EXPECT_TRUE(made->zero()) << "the board answered a zero";
+  const DeviceFacts facts = made->facts();
+  EXPECT_EQ(facts.front(), (std::pair<std::string, std::string>{"model", "2DIY, generation 2"}));
+  ::close(line);
+  const std::lock_guard lock(mutex);
+  EXPECT_EQ(plane.torques, (std::array<float, 2>{})) << sent << " of " << command.size();
+  EXPECT_LE(plane.most, 0.123F);
+}
+
+TEST(TtyLink, APlaneLetsGoWhateverPartOfACommandItsProgramLeft) {
+  const CommandBytes torques = encoded_torques({0.123F, -0.123F}), set_up = encoded_set_up(*planar_model(2));
+  for (const UnknownByte unknown :
+       {UnknownByte::kPassedOver, UnknownByte::kWithItsAddress, UnknownByte::kWithAllThatCame})
+    for (std::size_t sent = 1; sent < torques.size; ++sent) let_go_after(torques.span(), sent, unknown);
+  for (std::size_t sent = 1; sent < set_up.size; ++sent)
+    let_go_after(set_up.span(), sent, UnknownByte::kPassedOver);
+}
+
+TEST(TtyLink, APlaneThatAnswersNothingIsNotSaidToHaveLetGo) {
+  TtyBoard board;
+  TtyLink link({board.path()});
+  ASSERT_TRUE(link.open());
+  EXPECT_FALSE(planar_let_go(link));
+  link.close();
+  ASSERT_TRUE(comes_true([&] { return board.received().size() >= encoded_let_go().size; }))
+      << "but it was told";
 }
 
 TEST(TtyLink, APlaneSpeaksOverIt) {

@@ -110,7 +110,7 @@ RoundTrips measure_round_trips(const RoundTripOptions& options) {
   const bool fifo =
       options.real_time && ::pthread_setschedparam(::pthread_self(), SCHED_FIFO, &priority) == 0;
   if (fifo) usb.run_at(kDoublePriority);
-  UsbLink link({0x0403, 0xCB48, ""}, {}, "falcon", fifo ? UsbLink::kPriority : 0);
+  UsbLink link({0x0403, 0xCB48, ""}, {}, "falcon", falcon_lets_go, fifo ? UsbLink::kPriority : 0);
   const auto fail = [](const Error& error) {
     fmt::print(stderr, "{}\n", error.message());
     std::abort();

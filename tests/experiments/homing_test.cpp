@@ -20,36 +20,14 @@
 #include "experiments/live/live.h"
 #include "experiments/live/recording_session.h"
 #include "tests/device/hid_fake_link.h"
-#include "tests/device/mock/falcon_link.h"
 #include "tests/experiments/live_device_rig.h"
 #include "tests/experiments/program.h"
+#include "tests/experiments/pulled_falcon.h"
 
 namespace palpate::experiments {
 namespace {
 
 const char* const kSmallWaves = "sinusoid:points=2601:extent_mm=40:wavelength_mm=20:amplitude_mm=1";
-
-/// A Falcon whose grip is pulled out slowly: a leg knows its zero after so many commands each.
-class PulledFalcon final : public device::ControlLink {
- public:
-  PulledFalcon(const Clock& clock, int commands_per_leg) : link_(board_, clock), per_leg_(commands_per_leg) {
-    board_.run_firmware();
-  }
-  Status open() override { return link_.open(); }
-  void close() noexcept override { link_.close(); }
-  bool submit(std::span<const std::uint8_t> bytes) noexcept override {
-    const int legs = std::min(++commands_ / per_leg_, 3);
-    board_.homed = static_cast<std::uint8_t>((1 << legs) - 1);
-    return link_.submit(bytes);
-  }
-  device::Polled poll(std::span<std::uint8_t> into) noexcept override { return link_.poll(into); }
-  Status control(const device::ControlRequest& request) override { return link_.control(request); }
-
- private:
-  device::FalconBoard board_;
-  device::FalconLink link_;
-  int per_leg_, commands_ = 0;
-};
 
 /// An arm that is moved for so many reports, and then lies in its rest pose with its button pressed.
 class LaidArm final : public device::Link {
@@ -92,13 +70,7 @@ device::Drivers homing_drivers(int ticks) {
   };
   drivers.add({"falcon", "simulation", look,
                [ticks](const device::DeviceRequest&, const Clock& clock) -> Result<device::MadeDevice> {
-                 device::FalconOptions options;
-                 options.pause = [](int) {};
-                 device::MadeDevice made;
-                 made.device = std::make_unique<device::FalconDevice>(
-                     std::make_unique<PulledFalcon>(clock, ticks), clock, options);
-                 made.homing_prompt = device::falcon_homing_prompt;
-                 return made;
+                 return pulled_falcon(clock, ticks);
                }});
   for (const auto& [name, arm] : {std::pair{"lying", "woodenhaptics"}, std::pair{"button", "polhem-v2"}})
     drivers.add({name, "simulation", look,

@@ -1,15 +1,18 @@
 // Blinded studies that feel: trials in a live session, the machine observer, a person by scripted keys.
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <sstream>
+#include <thread>
 
 #include "experiments/psychophysics/machine.h"
 #include "experiments/psychophysics/person.h"
 #include "tests/experiments/study_folder.h"
 #include "tests/json_schema.h"
+#include "toolkit/core/clock.h"
 
 namespace palpate::experiments {
 namespace {
@@ -166,8 +169,12 @@ class FeltStudy : public StudyFolder {
   /// With keys from standard input.
   ProcessOutcome person(const std::string& plan, const std::string& keys, const std::string& out,
                         const std::string& more = {}) const {
+    return person_in_real_time(plan, keys, out, "--accelerated " + more);
+  }
+  ProcessOutcome person_in_real_time(const std::string& plan, const std::string& keys, const std::string& out,
+                                     const std::string& more = {}) const {
     const std::string line = "printf '" + keys + "' | " PALPATE_PROGRAM " study " + plan +
-                             " --observer person --accelerated --out " + in(out) + " " + more;
+                             " --observer person --out " + in(out) + " " + more;
     Result<ProcessOutcome> run = run_process({"/bin/sh", "-c", line}, {.time_limit_s = 120.0});
     EXPECT_TRUE(run);
     return *std::move(run);
@@ -237,6 +244,126 @@ TEST_F(FeltStudy, APersonAnswersByKeys) {
       "");
 }
 
+/// Sleeps in the first tick of each interval, so that the loop misses deadlines.
+class Sleeper final : public device::TickObserver {
+ public:
+  explicit Sleeper(psychophysics::Conductor& conductor) : conductor_(conductor) {}
+  void took(const device::Tick&) noexcept override {
+    const bool within = conductor_.passage() == psychophysics::Passage::kInterval;
+    if (within && !within_) std::this_thread::sleep_for(std::chrono::milliseconds(6));
+    within_ = within;
+  }
+
+ private:
+  psychophysics::Conductor& conductor_;
+  bool within_ = false;
+};
+
+/// Begins the trial once the hand is calm; ends the session with it.
+class OneRealTrial final : public SessionTasks {
+ public:
+  OneRealTrial(psychophysics::Rig& rig, const psychophysics::Passes& passes) : rig_(rig), passes_(passes) {}
+  void work(double now_s) override {
+    using psychophysics::Passage;
+    psychophysics::Conductor& conductor = rig_.conductor();
+    const Passage passage = conductor.passage();
+    // Broken: the machine was busy elsewhere.
+    if ((passage == Passage::kIdle || passage == Passage::kBroken) && conductor.calm())
+      conductor.begin(passes_);
+    if (passage == Passage::kDone || now_s > 30.0) rig_.assembly().request_stop();
+  }
+  void key(char) override {}
+
+ private:
+  psychophysics::Rig& rig_;
+  psychophysics::Passes passes_;
+};
+
+TEST(FeltTrials, DeadlinesThatTheRealLoopMissedAreCountedAndExcludeATrial) {
+  Plan plan = plan_of("abx");
+  plan.interval_s = 0.5;
+  plan.switch_delay_s = 0.05;
+  ProgressBar progress;
+  auto bench = Bench::make(plan, {"press", 4.0, 1000.0}, progress);
+  ASSERT_TRUE(bench) << bench.error().message();
+  SessionClock clock(false);
+  auto device = SessionDevice::make(*choose_device({}, session_drivers()), clock.clock(), 1e-3);
+  ASSERT_TRUE(device);
+  auto rig = psychophysics::Rig::make(**bench, clock, *device, 0.0, progress);
+  ASSERT_TRUE(rig) << rig.error().message();
+  Sleeper sleeper((*rig)->conductor());
+  (*rig)->assembly().observe(sleeper);
+  Trial trial;
+  trial.shown = "AB";
+  OneRealTrial tasks(**rig, (*bench)->passes(trial));
+  const auto end = (*rig)->run(tasks, progress);
+  ASSERT_TRUE(end) << end.error().message();
+  ASSERT_EQ((*rig)->conductor().passage(), psychophysics::Passage::kDone);
+  const FeltTrial felt = (*rig)->conductor().take();
+  EXPECT_GE(felt.missed_deadlines, 8u) << "twice 6 ms at 1 kHz";
+  EXPECT_LE(felt.missed_deadlines, end->loop.missed) << "the loop's own count";
+  EXPECT_GT(ticks_of(felt, 1), 100u);
+  psychophysics::Answer answer;
+  answer.seconds = 1.0;
+  answer.missed_deadlines = felt.missed_deadlines;
+  EXPECT_EQ(psychophysics::exclusion_of(answer, plan.exclusions), "missed deadline");
+  answer.missed_deadlines = 0;
+  EXPECT_EQ(psychophysics::exclusion_of(answer, plan.exclusions), "");
+}
+
+TEST_F(FeltStudy, OfAPersonInRealTimeKeepsHowTheLoopWasScheduled) {
+  const std::string file = in("real.toml");
+  write_text(
+      file,
+      "task = \"yes-no\"\nscene = \"sinusoid:points=2601\"\n[compare]\na = \"cloud\"\nb = \"cloud-smooth\"\n"
+      "[trials]\ncount = 4\npractice = 0\ncatch_every = 0\nswitch_delay_s = 0.05\ninterval_s = 0.5\n"
+      "[exclusions]\nmissed_deadlines = 1000000\nclipped_frames = 1000000\nfastest_s = 0\n");
+  const Stopwatch watch;
+  const ProcessOutcome part = person_in_real_time(file, "12", "out", "--stop-after 2");
+  ASSERT_EQ(part.exit_code, 0) << part.err;
+  const ProcessOutcome rest = person_in_real_time(file, "21", "out");
+  ASSERT_EQ(rest.exit_code, 0) << rest.err;
+  EXPECT_GT(watch.ms(), 4.0 * 550.0) << "four intervals and delays take their time";
+  const std::string text = file_text(in("out/study.json"));
+  EXPECT_EQ(schema_violations(std::string(PALPATE_DOCS) + "/observed.schema.json", text), "");
+  const auto document = nlohmann::json::parse(text);
+  EXPECT_EQ(document["trials"]["rows"], 4);
+  ASSERT_EQ(document["sessions"].size(), 2u);
+  for (const auto& session : document["sessions"]) {
+    EXPECT_TRUE(session["real_time"].get<bool>());
+    EXPECT_NE(session["scheduling"].get<std::string>().find("SCHED_"), std::string::npos) << session;
+    EXPECT_EQ(session["rate_hz"], 1000.0);
+    EXPECT_GT(session["ticks"].get<int>() + session["missed"].get<int>(), 1000) << session;
+    EXPECT_GT(session["trial_frames"].get<int>(), 400) << session;
+    EXPECT_LE(session["whole_frames"].get<int>(), session["trial_frames"].get<int>());
+    EXPECT_GT(2 * session["whole_frames"].get<int>(), session["trial_frames"].get<int>()) << session;
+    EXPECT_GE(session["late_us"]["max"].get<double>(), session["late_us"]["p50"].get<double>());
+  }
+  EXPECT_EQ(document["sessions"][0]["last_trial"], 2);
+  EXPECT_EQ(document["sessions"][1]["first_trial"], 3);
+  EXPECT_NE(file_text(in("out/report.html")).find("Sessions at the device"), std::string::npos);
+  // A trace has a row for every tick, in order.
+  std::istringstream trace(file_text(in("out/traces/trial-0003.csv")));
+  std::string line;
+  std::getline(trace, line);
+  double before_s = -1.0, first_s = 0.0;
+  int ticks = 0, touching = 0;
+  for (; std::getline(trace, line); ++ticks) {
+    const double t_s = std::stod(line);
+    if (ticks == 0) first_s = t_s;
+    EXPECT_GT(t_s, before_s);
+    before_s = t_s;
+    touching += line.ends_with(",1,1") ? 1 : 0;
+  }
+  EXPECT_GT(before_s - first_s, 0.5);
+  EXPECT_GT(touching, 50) << "the interval was felt";
+  // A line of it that somebody changed is named.
+  write_text(in("out/sessions.jsonl"), "{\"started_utc\": 3}\n");
+  const ProcessOutcome changed = person_in_real_time(file, "", "out");
+  EXPECT_EQ(changed.exit_code, 2);
+  EXPECT_NE(changed.err.find("sessions.jsonl:1"), std::string::npos) << changed.err;
+}
+
 TEST_F(FeltStudy, ALevelIsFeltAfterAnother) {
   // The staircase makes a renderer anew for each level, in one session.
   const ProcessOutcome run = person("staircase", "11221122", "out", "--stop-after 8");
@@ -251,10 +378,10 @@ TEST_F(FeltStudy, MarksGoToLabStreamingLayer) {
   ASSERT_EQ(run.exit_code, 0) << run.err;
   const std::string marks = file_text(in("marks"));
   std::size_t at = 0;
-  for (const char* next :
-       {"name;Palpate;1", "type;Markers;0", "source;palpate-P01;3", "sample;trial 1 begins;",
-        "sample;trial 1 interval 1;", "sample;trial 1 interval 2;", "sample;trial 1 interval 3;",
-        "sample;trial 1 ends;", "sample;trial 1 answer 1;", "end;outlet", "end;info"}) {
+  for (const char* next : {"name;Palpate;1", "type;Markers;0", "source;palpate-P01;3", "outlet;chunk;0",
+                           "outlet;buffered;360", "sample;trial 1 begins;", "sample;trial 1 interval 1;",
+                           "sample;trial 1 interval 2;", "sample;trial 1 interval 3;", "sample;trial 1 ends;",
+                           "sample;trial 1 answer 1;", "end;outlet", "end;info"}) {
     at = marks.find(next, at);
     ASSERT_NE(at, std::string::npos) << next << "\n" << marks;
   }

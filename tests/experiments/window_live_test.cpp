@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <filesystem>
 #include <functional>
@@ -15,6 +16,7 @@
 #include "experiments/live/stand_in.h"
 #include "experiments/live/window_hooks.h"
 #include "tests/experiments/program.h"
+#include "tests/experiments/pulled_falcon.h"
 #include "tests/experiments/window_rig.h"
 #include "toolkit/cloud/part.h"
 #include "toolkit/core/clock.h"
@@ -116,10 +118,11 @@ class DrivenWindow : public InFolder {
     a.window = true;
     return a;
   }
-  static int live(const LiveArguments& a, const std::function<void(Window&)>& each_picture) {
+  static int live(const LiveArguments& a, const std::function<void(Window&)>& each_picture,
+                  const device::Drivers& drivers = session_drivers()) {
     ProgressBar progress;
     Context context{progress, "palpate live"};
-    return run_live_in_window(a, session_drivers(), context, each_picture);
+    return run_live_in_window(a, drivers, context, each_picture);
   }
   static bool ticks(Window& window) { return window.drawn_tick().ticks > 0; }
 
@@ -274,6 +277,75 @@ TEST_F(DrivenWindow, AMovingModelIsDrawnWhereItIs) {
   EXPECT_EQ(there, looked) << "the model is not drawn where it is";
   EXPECT_GT(left, 30);
   EXPECT_LE(left_painted, left / 20) << "it is still drawn where it was";
+}
+
+TEST_F(DrivenWindow, ADeviceThatHasToBeHomedAsksInTheWindow) {
+  constexpr int kCommandsALeg = 500;  // half a second each, once it is pulled
+  std::atomic<bool> pulled{false};
+  device::Drivers drivers;
+  drivers.add({"falcon", "simulation",
+               [] {
+                 return std::vector<device::DeviceEntry>{
+                     {"pretended", "for tests", device::DeviceStatus::kReady, {}}};
+               },
+               [&pulled](const device::DeviceRequest&, const Clock& clock) -> Result<device::MadeDevice> {
+                 return pulled_falcon(clock, kCommandsALeg, &pulled);
+               }});
+  LiveArguments a = arguments("sinusoid:points=2601:extent_mm=40:wavelength_mm=20:amplitude_mm=1", "cloud");
+  a.device.device = "falcon";
+  std::vector<std::string> asked;
+  int big = 0;
+  Script script;
+  script
+      .then("asked",
+            [&](Window& window) {
+              const std::string now = window.panel().homing;
+              if (now.empty()) return false;
+              asked.push_back(now);
+              big = spot_of(window.picture(), kHomingPaper, window.view_width()).count;
+              pulled.store(true, std::memory_order_release);
+              return true;
+            })
+      .then("homed", [&](Window& window) {
+        const std::string now = window.panel().homing;
+        if (!now.empty() && now != asked.back()) asked.push_back(now);
+        return now.empty() && spot_of(window.picture(), kHomingPaper, window.view_width()).count == 0;
+      });
+  // A fault of lateness, on a busy machine, is nothing of this test.
+  EXPECT_LE(live(a, std::ref(script), drivers), kExitFellShort);
+  ASSERT_TRUE(script.done());
+  ASSERT_FALSE(asked.empty());
+  EXPECT_NE(asked.front().find("Pull the grip all the way out"), std::string::npos) << asked.front();
+  EXPECT_GT(asked.size(), 1u) << "what is left to do changes";
+  EXPECT_GT(big, 50'000);
+}
+
+TEST_F(DrivenWindow, AScenesFileSaysWhatIsUpAndTheOptionWins) {
+  const std::string scene = in("lying.toml");
+  const std::string model = "[[model]]\ngenerate = \"sinusoid\"\npoints = 2601\n[view]\nup = ";
+  write_text(scene, model + "\"-y\"\n");
+  for (const auto& [option, up] : {std::pair{"", Up::kMinusY}, std::pair{"x", Up::kX}}) {
+    LiveArguments a = arguments(scene, "cloud");
+    a.up = option;
+    a.run.out = in(std::string("results") + option);
+    Script script;
+    script.then("touchable", ticks);
+    std::optional<Up> seen;
+    EXPECT_EQ(live(a,
+                   [&](Window& window) {
+                     if (window.scene().scene() != nullptr) seen = window.camera().up_axis();
+                     script(window);
+                   }),
+              kExitOk);
+    EXPECT_EQ(seen, up);
+  }
+  write_text(scene, model + "\"w\"\n");
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(live(arguments(scene, "cloud"), [](Window&) { ADD_FAILURE() << "a window opened"; }),
+            kExitBadInput);
+  const std::string said = testing::internal::GetCapturedStderr();
+  EXPECT_NE(said.find("lying.toml:5"), std::string::npos) << said;
+  EXPECT_NE(said.find("choose from"), std::string::npos) << said;
 }
 
 TEST_F(DrivenWindow, WhatIsUpIsAnAxis) {

@@ -45,7 +45,7 @@ class WindowPictures : public WindowTest {
 
 TEST_F(WindowPictures, OnTheDragon) {
   const Vec3 free_mm{-6.0, 125.0, 46.0};
-  VirtualSession live(dragon("dragon_vrip.ply.gz"), {"cloud", "cloud-smooth"}, free_mm);
+  VirtualSession live(dragon("dragon_vrip.ply.gz"), {"cloud", "cloud-smooth"}, free_mm, true);
   live.session.show_in(link, [&] { live.loop().request_rearm(); });
   const auto run = [&](double seconds) {
     for (double t = 0.0; t < seconds; t += 0.02) {
@@ -57,7 +57,7 @@ TEST_F(WindowPictures, OnTheDragon) {
   stand_before();
   window->panel().workspace = false;
   settle();
-  const double x = 0.42 * window->view_width(), y = 0.5 * window->view_height();
+  const double x = 0.6 * window->view_width(), y = 0.4 * window->view_height();
   window->mouse_at(x, y);
   run(2.0);
   window->mouse_button(Window::Button::kLeft, true);
@@ -93,7 +93,7 @@ TEST_F(WindowPictures, OnTheDragon) {
   const Pixel centre = seen(window->drawn_tick().tick.frame.god_object_mm);
   near.pan(0.5 * window->view_width() - centre.x, 0.5 * window->view_height() - centre.y,
            window->view_height());
-  near.zoom(9.0);
+  near.zoom(22.0);
   window->look_from(near);
   window->panel().near.boxes = window->panel().near.facets = true;
   for (int i = 0; i < 50; ++i) settle();

@@ -40,10 +40,9 @@ inline std::string picture_folder() {
 /// A window over a link, where there is a display.
 class WindowTest : public testing::Test {
  protected:
+  WindowTest() { window_options.paced = false; }
   void SetUp() override {
-    WindowOptions options;
-    options.paced = false;
-    auto opened = Window::open(link, options);
+    auto opened = Window::open(link, window_options);
     if (!opened)
       GTEST_SKIP() << "needs a display with OpenGL 3.3, which xvfb-run gives: " << opened.error().message();
     window = std::move(*opened);
@@ -74,6 +73,7 @@ class WindowTest : public testing::Test {
     window->mouse_at(at.x, at.y);
   }
 
+  WindowOptions window_options;
   SessionLink link;
   std::unique_ptr<Window> window;
 };
@@ -110,11 +110,30 @@ inline Spot spot_of(const ColourImage& image, const std::array<std::uint8_t, 3>&
   return spot;
 }
 
+/// A virtual clock that goes on by the machine's between two of its steps, by half a millisecond at most: the
+/// same ticks, and what a frame of them takes is seen. One thread.
+class TimedFrames final : public Clock {
+ public:
+  explicit TimedFrames(const VirtualClock& steps) : steps_(steps) {}
+  [[nodiscard]] std::int64_t now_ns() const noexcept override {
+    const std::int64_t step_ns = steps_.now_ns();
+    if (step_ns != step_ns_) since_ns_ = monotonic_ns();
+    step_ns_ = step_ns;
+    return last_ns_ = std::max(last_ns_, step_ns + std::min(kMostNs, monotonic_ns() - since_ns_));
+  }
+
+ private:
+  static constexpr std::int64_t kMostNs = 500'000;
+  const VirtualClock& steps_;
+  mutable std::int64_t step_ns_ = -1, since_ns_ = 0, last_ns_ = 0;
+};
+
 /// Owns everything that ticks, in the order in which it may end. The hand goes where `guide` says.
 class WindowSession {
  public:
+  /// `frames`: what times them; null: the same clock.
   WindowSession(const std::string& scene, const std::vector<std::string>& renderers, const Clock& clock,
-                const std::optional<Vec3>& fitted_free_mm = std::nullopt)
+                const std::optional<Vec3>& fitted_free_mm = std::nullopt, const Clock* frames = nullptr)
       : loaded_(loaded_scene(scene)) {
     const render::Registry registry = all_renderers();
     hold(Vec3(0.0, 0.0, 10.0), clock);
@@ -123,14 +142,15 @@ class WindowSession {
     device::SwitchOptions switching;
     switching.device_force_max_n = plant_->limits().force_max_n;
     switching.force_limit_n = plant_->limits().force_max_n;
-    mixer_ = std::make_unique<device::Mixer>(switching, clock);
+    const Clock& timed = frames != nullptr ? *frames : clock;
+    mixer_ = std::make_unique<device::Mixer>(switching, clock, timed);
     for (const std::string& name : renderers) {
       const NamedOptions named = parse_named_options(name).value();
       auto renderer = registry.make(named.name, named.options).value();
       EXPECT_TRUE(renderer->prepare(loaded_.input, {}).ok()) << name;
       mixer_->add(std::move(renderer));
     }
-    servo_ = std::make_unique<device::Servo>(*mixer_, device::GovernorOptions{}, *plant_, clock,
+    servo_ = std::make_unique<device::Servo>(*mixer_, device::GovernorOptions{}, *plant_, timed,
                                              fitted_free_mm ? fitted_map() : device::DeviceMap{});
     feed_ =
         std::make_shared<WindowFeed>(*servo_, *mixer_, std::vector<std::shared_ptr<render::MovingModel>>{});
@@ -140,17 +160,20 @@ class WindowSession {
     shown.labels = renderers;
     shown.limits = plant_->limits();
     shown.force_limit_n = 0.7 * shown.limits.force_max_n;
+    shown.felt_options = renderers.front() + ":stiffness=0.8";
     shown.feed = feed_;
     shown.hand = guide_;
     shown_ = std::make_shared<const ShownSession>(std::move(shown));
   }
 
   /// Shows it in a window.
-  void show_in(SessionLink& link, std::function<void()> rearm = {}) {
+  void show_in(SessionLink& link, std::function<void()> rearm = {},
+               std::function<std::string()> homing_prompt = {}) {
     link.show(scene_);
     SessionActions actions;
     actions.switch_to = [this](const device::SwitchRequest& request) { mixer_->request(request); };
     actions.rearm = std::move(rearm);
+    actions.homing_prompt = std::move(homing_prompt);
     link.running(shown_, std::move(actions));
   }
   /// All of the scene within the device's reach.
@@ -193,8 +216,9 @@ class VirtualSession {
  public:
   explicit VirtualSession(const std::string& scene,
                           const std::vector<std::string>& renderers = {"cloud", "cloud-smooth"},
-                          const std::optional<Vec3>& free_mm = std::nullopt)
-      : session(scene, renderers, clock, free_mm), observers_{&session.feed()} {
+                          const std::optional<Vec3>& free_mm = std::nullopt, bool times_frames = false)
+      : session(scene, renderers, clock, free_mm, times_frames ? &frames : nullptr),
+        observers_{&session.feed()} {
     EXPECT_TRUE(session.servo().start(free_mm.value_or(Vec3(0.0, 0.0, 10.0))).ok());
     loop_ = device::ServoLoop::create(session.servo(), clock, 1000, observers_).value();
   }
@@ -205,6 +229,7 @@ class VirtualSession {
   [[nodiscard]] device::ServoLoop& loop() { return *loop_; }
 
   VirtualClock clock;
+  TimedFrames frames{clock};
   WindowSession session;
 
  private:

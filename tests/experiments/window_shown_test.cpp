@@ -1,6 +1,8 @@
 // What the window shows beyond points and contact: errors against the truth, dents, cells, other axes up.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -148,6 +150,150 @@ TEST_F(WindowShows, CellsThatTheWayIntoTheSurfaceCrosses) {
   const Pixel god_object = seen(window->drawn_tick().tick.frame.god_object_mm);
   ASSERT_GT(cells.count, 40);
   EXPECT_LT(std::hypot(cells.x - god_object.x, cells.y - god_object.y), 60.0);
+}
+
+int ink_in(const ColourImage& image, const std::array<std::uint8_t, 3>& colour, int left, int top, int right,
+           int bottom) {
+  int count = 0;
+  for (int y = std::max(0, top); y < std::min(bottom, image.height); ++y)
+    for (int x = std::max(0, left); x < std::min(right, image.width); ++x)
+      count += apart(image.at(x, y), colour) <= 2.0 ? 1 : 0;
+  return count;
+}
+
+TEST_F(WindowShows, WhatHomesTheDeviceOverEverythingElse) {
+  VirtualSession virtual_session("sinusoid:points=10201:extent_mm=60", {"cloud"});
+  std::string prompt =
+      "Pull the grip all the way out, slowly, and push it back in (0 of 3 legs know their zero)";
+  virtual_session.session.show_in(link, {}, [&] { return prompt; });
+  virtual_session.run(0.6);
+  settle();
+  // With a fault's banner too: what homes comes first.
+  virtual_session.clock.advance(0.1);
+  virtual_session.loop().tick();
+  ASSERT_TRUE(window->frame());
+  ASSERT_TRUE(window->frame());
+  EXPECT_EQ(window->panel().homing, prompt);
+  const ColourImage asked = window->picture();
+  const int wide = static_cast<int>(window->view_width()), high = asked.height;
+  const Spot paper = spot_of(asked, kHomingPaper, window->view_width());
+  EXPECT_GT(paper.count, 50'000) << "big";
+  EXPECT_NEAR(paper.x, 0.5 * wide, 30.0) << "in the middle of the cloud";
+  EXPECT_NEAR(paper.y, 0.5 * high, 60.0);
+  // Nothing of the cloud within it, and letters.
+  const int left = wide / 2 - 200, right = wide / 2 + 200, top = high / 2 - 20, bottom = high / 2 + 20;
+  EXPECT_GT(ink_in(asked, {255, 255, 255}, left, top, right, bottom), 300) << "no letters";
+  int strange = 0;  // paper and letters are bluish or white; the cloud is ivory, the banner red
+  for (int y = top; y < bottom; ++y)
+    for (int x = left; x < right; ++x) {
+      const std::uint8_t* pixel = asked.at(x, y);
+      strange += pixel[2] < pixel[1] || pixel[1] < pixel[0] ? 1 : 0;
+    }
+  EXPECT_EQ(strange, 0) << "something else shows through";
+  prompt.clear();
+  ASSERT_TRUE(window->frame());
+  EXPECT_TRUE(window->panel().homing.empty());
+  EXPECT_EQ(spot_of(window->picture(), kHomingPaper, window->view_width()).count, 0);
+  link.ended();
+  EXPECT_TRUE(link.homing_prompt().empty());
+}
+
+TEST_F(WindowShows, HowManyPicturesItTakesUntilEveryPointIsDrawn) {
+  VirtualSession virtual_session("sinusoid:points=400000", {"cloud"});
+  virtual_session.session.show_in(link);
+  settle();
+  Camera camera = window->camera();
+  camera.turn(0.1, 0.0);
+  window->look_from(camera);
+  const SplatDrawer& splats = window->scene().splats();
+  std::size_t pictures = 0;
+  do {
+    ASSERT_TRUE(window->frame());
+    ++pictures;
+    EXPECT_EQ(splats.whole_after() > 0, splats.drawn() == splats.points());
+  } while (splats.drawn() < splats.points() && pictures < 1'000);
+  EXPECT_EQ(splats.whole_after(), pictures);
+  EXPECT_GT(pictures, 1u) << "all at once: nothing was counted";
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(window->frame());
+  EXPECT_EQ(splats.whole_after(), pictures) << "nothing moved";
+}
+
+/// The colours of plots.cpp.
+constexpr std::array<std::uint8_t, 3> kLimitLine = {255, 90, 80}, kPlotLetters = {150, 160, 175};
+
+TEST_F(WindowShows, TheLimitsLineTouchesNoLabel) {
+  VirtualSession virtual_session("sinusoid:points=10201:extent_mm=60", {"cloud"});
+  virtual_session.session.show_in(link);
+  virtual_session.run(0.6);
+  settle();
+  // As far as the governor lets it.
+  virtual_session.session.hand().aim(Vec3(0.0, 0.0, -25.0));
+  virtual_session.run(1.5);
+  ASSERT_TRUE(window->frame());
+  const ColourImage image = window->picture();
+  const int left = static_cast<int>(window->view_width());
+  int line = -1;
+  for (int y = 0; y < image.height && line < 0; ++y)
+    if (ink_in(image, kLimitLine, left, y, image.width, y + 1) > 200) line = y;
+  ASSERT_GT(line, 0) << "the force never reached the limit";
+  const int above = ink_in(image, kPlotLetters, left + 8, line - 18, left + 70, line - 1);
+  EXPECT_GT(above, 20) << "no label above the line";
+  EXPECT_EQ(ink_in(image, kPlotLetters, left + 8, line - 1, left + 70, line + 2), 0)
+      << "the label touches it";
+  EXPECT_EQ(ink_in(image, kPlotLetters, left + 8, line + 2, left + 70, line + 12), 0);
+}
+
+class SmallWindow : public WindowShows {
+ protected:
+  SmallWindow() {
+    window_options.width = 900;
+    window_options.height = 600;
+  }
+};
+
+TEST_F(SmallWindow, HasAllOfThePanel) {
+  VirtualSession virtual_session("sinusoid:points=10201:extent_mm=60", {"cloud", "cloud-smooth"});
+  virtual_session.session.show_in(link);
+  virtual_session.run(0.6);
+  window->scene().colour(ColourBy::kHeight);
+  settle();
+  virtual_session.session.hand().aim(Vec3(0.0, 0.0, -25.0));
+  virtual_session.run(1.5);
+  ASSERT_TRUE(window->frame());
+  ASSERT_TRUE(window->frame());
+  EXPECT_LE(window->panel().bottom, 600.0) << "something has to be scrolled to";
+  EXPECT_GT(window->panel().bottom, 450.0);
+  EXPECT_LE(window->panel().right, 900.0) << "something is cut off";
+  for (const char* words :
+       {"Next", "Record", "Mark", "Change", "Screenshot", "sound", "cells", "workspace"}) {
+    const auto at = window->place_of(words);
+    ASSERT_TRUE(at) << words;
+    EXPECT_LT((*at)[1], 600.0) << words;
+  }
+  // A banner's words wrap: nothing of it is under the panel.
+  virtual_session.clock.advance(0.1);
+  virtual_session.loop().tick();
+  ASSERT_TRUE(window->frame());
+  ASSERT_TRUE(window->frame());
+  ASSERT_EQ(window->drawn_tick().tick.fault, device::Fault::kLate);
+}
+
+TEST_F(WindowShows, TheColoursBesideTheirNumbers) {
+  VirtualSession virtual_session("sinusoid:points=10201:extent_mm=60:amplitude_mm=5", {"cloud"});
+  virtual_session.session.show_in(link);
+  settle();
+  const int left = static_cast<int>(window->view_width());
+  const auto has = [&](double share) {
+    const Rgba ink = ramp(share);
+    const ColourImage image = window->picture();
+    return ink_in(image, {ink[0], ink[1], ink[2]}, left, 0, image.width, image.height) > 20;
+  };
+  EXPECT_FALSE(has(0.5 / 64) && has(63.5 / 64));
+  window->scene().colour(ColourBy::kHeight);
+  settle();
+  ASSERT_TRUE(window->frame());
+  EXPECT_TRUE(has(0.5 / 64)) << "the lowest colour";
+  EXPECT_TRUE(has(63.5 / 64)) << "the highest colour";
 }
 
 TEST_F(WindowShows, AnyAxisUp) {

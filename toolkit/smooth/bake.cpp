@@ -13,6 +13,7 @@
 #include "toolkit/geometry/mouth.h"
 #include "toolkit/smooth/blend.h"
 #include "toolkit/smooth/cube_faces.h"
+#include "toolkit/smooth/spline.h"
 #include "toolkit/smooth/surround.h"
 
 namespace palpate::render {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "toolkit/smooth/brick_grid.h"
+#include "toolkit/smooth/spline.h"
 
 namespace palpate::render {
 
@@ -20,7 +20,7 @@ struct NewtonStep {
   double lift = 0.0;           ///< along the normal, back to the surface
 };
 
-[[nodiscard]] inline NewtonStep newton_step(const Jet& jet, const Vec3& d, double longest,
+[[nodiscard, gnu::always_inline]] inline NewtonStep newton_step(const Jet& jet, const Vec3& d, double longest,
                                             bool exact = true) noexcept {
   NewtonStep s;
   const Vec3 g = jet.gradient.cast<double>();

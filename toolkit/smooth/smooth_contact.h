@@ -6,9 +6,10 @@
 #include <cstdint>
 #include <vector>
 
+#include "toolkit/core/lanes.h"
 #include "toolkit/render/renderer.h"
-#include "toolkit/smooth/brick_grid.h"
 #include "toolkit/smooth/smooth_without.h"
+#include "toolkit/smooth/spline.h"
 
 namespace palpate::render {
 
@@ -67,6 +68,8 @@ class SmoothContact {
                           Jet& jet) const noexcept;
   [[nodiscard]] bool change_brick(const Vec3& at, const Cube& to, Cube& cube, std::uint32_t& brick,
                                   float& side, Jet& jet) const noexcept;
+  [[nodiscard]] bool follow(const Vec3& h) noexcept;
+  [[nodiscard]] bool follow_wide(const Vec3& h) noexcept;
   [[nodiscard]] bool follow_quickly(const Vec3& h) noexcept;
   [[nodiscard]] Stay descend(const Vec3& h, int& steps, FrameCounters& counters) noexcept;
   [[nodiscard]] bool find_clear(const Vec3& h, Vec3& clear) const noexcept;
@@ -83,6 +86,7 @@ class SmoothContact {
   static bool along(const Vec3& from, const Vec3& way, int most, double& reached, Visit&& visit) noexcept;
 
   const BrickGrid* grid_ = nullptr;
+  bool wide_ = wide_lanes();
   bool contact_ = false;
   int most_steps_ = kMaxNewtonSteps;
   SmoothWithout without_;

@@ -18,6 +18,7 @@
 #include "toolkit/smooth/doubts.h"
 #include "toolkit/smooth/first_ball.h"
 #include "toolkit/smooth/folds.h"
+#include "toolkit/smooth/spline.h"
 #include "toolkit/smooth/strays.h"
 
 namespace palpate::render {

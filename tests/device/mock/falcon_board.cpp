@@ -127,6 +127,7 @@ void FalconBoard::take_packet(std::uint8_t byte) {
   }
   held_ = *command;
   ++commands_;
+  if (commanded) commanded(*this);
   if (faults.deaf_for > 0) {
     --faults.deaf_for;
     return;

@@ -50,6 +50,8 @@ class FalconBoard {
   std::size_t most_per_packet = 62;  ///< payload: fewer tears replies
   /// What comes instead of a reply; empty: it does itself.
   std::function<std::vector<std::vector<std::uint8_t>>(std::vector<std::uint8_t>)> instead{};
+  /// Called with each command that was taken.
+  std::function<void(const FalconBoard&)> commanded{};
   bool echo_motors = false;  ///< replies carry the motors' commands: which answers which
   void run_firmware() { stage_ = Stage::kRunning; }
   void power_cycle();

@@ -384,6 +384,18 @@ void UsbfsDouble::hold_out(bool hold) {
   bed_->show_whether_ready();
 }
 
+int UsbfsDouble::out_under_way() const {
+  const std::lock_guard lock(bed_->mutex);
+  int count = 0;
+  for (const auto& [client, under_way] : bed_->urbs)
+    for (const Urb& urb : under_way)
+      count +=
+          !urb.done && (urb.fields().endpoint & 0x80U) == 0 && urb.fields().type != USBDEVFS_URB_TYPE_CONTROL
+              ? 1
+              : 0;
+  return count;
+}
+
 void UsbfsDouble::forbid() {
   gchar* root = umockdev_testbed_get_root_dir(bed_->bed);
   const std::string folder = root;

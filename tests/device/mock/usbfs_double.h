@@ -28,6 +28,8 @@ class UsbfsDouble {
   void plug();
   /// Takes no more bytes: what is sent stays under way. Off again: all of it goes through.
   void hold_out(bool hold);
+  /// Transfers of commands that are under way.
+  [[nodiscard]] int out_under_way() const;
   /// Nobody may open the node from now on, but for root.
   void forbid();
   /// SCHED_FIFO for the threads that pretend, where it is allowed.
