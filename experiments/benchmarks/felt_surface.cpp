@@ -131,6 +131,8 @@ nlohmann::ordered_json json_of(const Row& row) {
   json["force_max_n"] = or_null(a.force_max_n);
   json["median_error_n"] = or_null(row.median_error_n);
   json["uncaught_rms_percent"] = or_null(row.uncaught_rms_percent);
+  json["caught_frames"] = row.caught_frames;
+  json["caught_error_percent"] = or_null(row.caught_error_percent);
   json["god_object_rms_mm"] = or_null(a.god_object_rms_mm);
   json["excess_jumps"] = or_null(a.excess_jumps);
   json["missed_contact_frames"] = a.missed_contact_frames;

@@ -50,6 +50,10 @@ constexpr double kMixedSpacings = 0.15;
 constexpr double kCovered = 0.1;
 /// Patches known better than this, in spacings, count alike.
 constexpr double kTrusted = 0.01;
+/// Where the noise is known a first fit may take so many times as much for noise: what is off by more has no
+/// say, however many points it pulls with it. Of 15 points a standard deviation is known to a quarter, and
+/// this is two of those.
+constexpr double kMostNoise = 1.5;
 /// The seed is on its own patch where the robust cost leaves it this weight: two scales off.
 constexpr double kOwnWeight = 0.04;
 /// A leftover point is one of a piece of surface where this share of those within the first radius were left
@@ -92,6 +96,8 @@ class ChunkCover {
   /// The fits of growing radius about a point, as long as they agree: how many.
   std::size_t grow(const Vec3& at, double spacing, std::array<QuadricFit, kSizes>& fits) {
     const FitRule fit_rule{noise_, !rule_.without.robust};
+    FitRule first_rule = fit_rule;
+    if (!rule_.without.known && noise_ > kOnSpacings * spacing) first_rule.most = kMostNoise;
     double radius = ball_.radius;
     for (std::size_t k = 0; k < kSizes; ++k) {
       if (k > 0) {
@@ -100,7 +106,8 @@ class ChunkCover {
         ball_.keep_near(fits[k - 1].quadric, gate(fits[k - 1], spacing));
         fits[k] = fits[k - 1];
       }
-      const bool fitted = fit_quadric(ball_, fit_rule, k > 0 ? &fits[k - 1].quadric : nullptr, fits[k]);
+      const bool fitted = k > 0 ? fit_quadric(ball_, fit_rule, &fits[k - 1].quadric, fits[k])
+                                : fit_quadric(ball_, first_rule, nullptr, fits[k]);
       if (!fitted && k > 0) return k;
       if (k == 0) {
         if (!fitted) fits[0].sigma = std::numeric_limits<double>::infinity();

@@ -252,7 +252,8 @@ bool fit_quadric(const Ball& ball, const FitRule& rule, const Quadric* start, Qu
     }
     if (!solve(p, s)) return false;
     fit.sigma = scale_of(p, s.c);
-    if (rule.robust) scale = kScaleSigmas * std::max(fit.sigma, floor);
+    const double known = rule.most > 0.0 ? std::min(fit.sigma, rule.most * floor) : fit.sigma;
+    if (rule.robust) scale = kScaleSigmas * std::max(known, floor);
     // Into the frame of the tangent plane found; heights change by second order of the turn.
     const Vec3 n = (q.n - q.u * s.c[1] - q.v * s.c[2]).normalized();
     q.at += q.n * (s.c[0] * ball.radius);

@@ -61,6 +61,7 @@ struct FitRule {
   double sigma_floor = 0.0;
   bool robust = true;
   double core = 1.0;  ///< share of the radius that a first plane is taken from
+  double most = 0.0;  ///< what it may take for noise at most, in sigma_floor; 0: anything
 };
 
 /// How the points of a ball are spread, near its centre most.

@@ -19,6 +19,7 @@
 #include "toolkit/smooth/first_ball.h"
 #include "toolkit/smooth/folds.h"
 #include "toolkit/smooth/spline.h"
+#include "toolkit/smooth/strays.h"
 
 namespace palpate::render {
 namespace {
@@ -138,6 +139,7 @@ Result<std::shared_ptr<const SmoothSurface>> build_surface(const cloud::Cloud& c
   Cover cover;
   if (measured.spacing_mm > 0.0)
     cover = cover_points(points, {build.detail, noise, build.without}, context.threads);
+  if (!build.without.beside) drop_beside_sure(cover.patches, context.threads);
   if (!build.without.folds) part_folded(points, cover.patches, context.threads);
   phases.end();
   phases.begin("sheets");

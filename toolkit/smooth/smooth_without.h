@@ -7,11 +7,13 @@ namespace palpate::render {
 struct SmoothWithout {
   bool places = false;      ///< the noise of all places is one
   bool robust = false;      ///< every point of a ball counts in a fit, however far off
+  bool known = false;       ///< a first fit may take more for noise than is known to be there
   bool agreement = false;   ///< fits grow to 6.2 spacings whether they agree with smaller ones or not
   bool growth = false;      ///< fits keep their first radius, 2.2 spacings
   bool separation = false;  ///< another sheet's points in a ball have their say
   bool folds = false;       ///< patches over a crease stay
   bool strays = false;      ///< what stands alone is surface, too
+  bool beside = false;      ///< small patches beside a surface that is known there stay
   bool creases = false;     ///< no ridges and valleys: all is blended
   bool sheets = false;      ///< all patches of a cube are one sheet
   bool trust = false;       ///< patches count alike, however well they are known

@@ -33,14 +33,16 @@ constexpr std::array<Step<stars::StarsWithout>, 6> kStarSteps = {
      {"borders", &stars::StarsWithout::borders},
      {"crossings", &stars::StarsWithout::crossings}}};
 
-constexpr std::array<Step<render::SmoothWithout>, 17> kSmoothSteps = {
+constexpr std::array<Step<render::SmoothWithout>, 19> kSmoothSteps = {
     {{"places", &render::SmoothWithout::places},
      {"robust", &render::SmoothWithout::robust},
+     {"known", &render::SmoothWithout::known},
      {"agreement", &render::SmoothWithout::agreement},
      {"growth", &render::SmoothWithout::growth},
      {"separation", &render::SmoothWithout::separation},
      {"folds", &render::SmoothWithout::folds},
      {"strays", &render::SmoothWithout::strays},
+     {"beside", &render::SmoothWithout::beside},
      {"creases", &render::SmoothWithout::creases},
      {"sheets", &render::SmoothWithout::sheets},
      {"trust", &render::SmoothWithout::trust},

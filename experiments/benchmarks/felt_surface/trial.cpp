@@ -77,19 +77,26 @@ double whole_pass(render::HapticRenderer& renderer, const trace::ProbePath& path
   return Done{};
 }
 
-/// The median over all frames of contact, and the RMS over those of true contact that is not caught.
+/// The median over all frames of contact, the RMS over those of true contact that is not caught, and how much
+/// of the error the others have.
 void look_at_errors(const Ground& ground, const trace::ForceTrace& trace, Row& row) {
   std::vector<double> errors;
-  double error_sq = 0.0, force_sq = 0.0;
+  double error_sq = 0.0, force_sq = 0.0, caught_sq = 0.0;
   for (std::size_t i = 0; i < trace.frames.size(); ++i) {
     const trace::TruthFrame& truth = ground.reference.frames[i];
     const double error = (trace.frames[i].force_n - truth.frame.force_n).norm();
     if (error > 0.0 || truth.frame.contact) errors.push_back(error);
-    if (!truth.frame.contact || ground.caught[i] != 0) continue;
+    if (!truth.frame.contact) continue;
+    if (ground.caught[i] != 0) {
+      ++row.caught_frames;
+      caught_sq += error * error;
+      continue;
+    }
     error_sq += error * error;
     force_sq += truth.frame.force_n.squaredNorm();
   }
   if (force_sq > 0.0) row.uncaught_rms_percent = 100.0 * std::sqrt(error_sq / force_sq);
+  if (error_sq + caught_sq > 0.0) row.caught_error_percent = 100.0 * caught_sq / (error_sq + caught_sq);
   if (errors.empty()) return;
   const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
   std::nth_element(errors.begin(), middle, errors.end());

@@ -38,6 +38,8 @@ struct Row {
   metrics::Accuracy accuracy;
   std::optional<double> median_error_n;        ///< of the frames that accuracy counts
   std::optional<double> uncaught_rms_percent;  ///< of true contact that is not caught
+  std::size_t caught_frames = 0;
+  std::optional<double> caught_error_percent;  ///< of the squared error of true contact: in caught frames
   std::optional<double> energy_percent;        ///< generated along the path, of the largest stored
   std::optional<double> loop_energy_percent;   ///< generated on closed loops, of their work
   std::optional<double> worst_loop_percent;
