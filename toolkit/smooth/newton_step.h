@@ -21,7 +21,7 @@ struct NewtonStep {
 };
 
 [[nodiscard, gnu::always_inline]] inline NewtonStep newton_step(const Jet& jet, const Vec3& d, double longest,
-                                            bool exact = true) noexcept {
+                                                                bool exact = true) noexcept {
   NewtonStep s;
   const Vec3 g = jet.gradient.cast<double>();
   const double size_sq = g.squaredNorm();
