@@ -110,6 +110,15 @@ TEST_F(FeltSurface, TakesOtherSeedsAndSaysWhereItErrs) {
   EXPECT_EQ(told("1"), first);
   EXPECT_NE(told("2"), first);
   EXPECT_EQ(run({"--sets", "doughnut:points=3000"}).exit_code, 2);
+  // What a generator is given already it is not given again, and what is wrong with it is said.
+  const ProcessOutcome own =
+      run({"--sets", "torus:points=3000:mesh=false:sampling=random:seed=7", "--frames", "500",
+           "--closed-paths", "0", "--renderers", "cloud-smooth", "--seed", "1"});
+  EXPECT_EQ(own.exit_code, 0) << own.err;
+  const ProcessOutcome twice =
+      run({"--sets", "torus:points=3000:points=4000", "--renderers", "cloud-smooth"});
+  EXPECT_EQ(twice.exit_code, 2) << twice.err;
+  EXPECT_NE(twice.err.find("points"), std::string::npos) << twice.err;
 }
 
 TEST_F(FeltSurface, DrawsASlice) {

@@ -334,8 +334,8 @@ Result<Ground> make_ground(const DataSet& set, bool quick, std::size_t frames, P
     ground.path = corner_path(set.seed);
     ground.reference = corner_reference(ground.path);
   } else {
-    PALPATE_ASSIGN(cloud::GeneratedModel made,
-                   cloud::generate(parse_named_options(quick ? set.quick : set.generate).value()));
+    PALPATE_ASSIGN(const NamedOptions generator, parse_named_options(quick ? set.quick : set.generate));
+    PALPATE_ASSIGN(cloud::GeneratedModel made, cloud::generate(generator));
     ground.surface = made.surface;
     add_model(ground, set.name, std::move(made.cloud));
   }

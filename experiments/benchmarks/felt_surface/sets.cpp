@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include "toolkit/cloud/generate.h"
+#include "toolkit/core/options.h"
+#include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
 
 namespace palpate::felt {
@@ -127,7 +129,8 @@ Result<DataSet> choose_set(const std::string& name, std::uint64_t seed) {
     set = *known;
   } else if (cloud::find_generator(name.substr(0, name.find(':'))) != nullptr) {
     set.name = set.about = name;
-    set.generate = set.quick = name + ":mesh=false";
+    PALPATE_ASSIGN(const NamedOptions named, parse_named_options(name));
+    set.generate = set.quick = name + (named.options.has("mesh") ? "" : ":mesh=false");
   } else {
     return Error{fmt::format("there is no set '{}'", name),
                  "choose from " + joined(names_of(data_sets())) + ", or give a generator with its options",
@@ -135,12 +138,12 @@ Result<DataSet> choose_set(const std::string& name, std::uint64_t seed) {
                  0};
   }
   set.seed = seed;
-  // A generator that leaves nothing to chance takes no seed.
+  // A generator that leaves nothing to chance takes no seed, and one that names its own keeps it.
   const auto by_chance = [](const std::string& text) {
     return text.find("sampling=") != std::string::npos || text.find("noise=") != std::string::npos ||
            text.find("shuffle") != std::string::npos;
   };
-  if (seed != 0 && by_chance(set.generate)) {
+  if (seed != 0 && by_chance(set.generate) && set.generate.find(":seed=") == std::string::npos) {
     set.generate += fmt::format(":seed={}", 1 + seed);
     set.quick += fmt::format(":seed={}", 1 + seed);
   }
