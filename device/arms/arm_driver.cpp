@@ -114,13 +114,12 @@ DeviceFacts arm_facts(const ArmDevice& device) {
                        {"rest", kRests[static_cast<std::size_t>(arm.rest)]},
                        {"rest_counts", three(arm.rest_counts)},
                        {"counts_added", three(device.counts_added())}};
-  for (const auto& [key, count] : {std::pair{"reports", counted.reports},
-                                   {"reports_malformed", counted.malformed},
-                                   {"reports_strange", counted.strange},
-                                   {"counter_jumps", counted.jumps},
-                                   {"commands_woken", counted.woken},
-                                   {"commands_at_cap", counted.limited}})
-    facts.emplace_back(key, std::to_string(count));
+  add_counts(facts, {{"reports", counted.reports},
+                     {"reports_malformed", counted.malformed},
+                     {"reports_strange", counted.strange},
+                     {"counter_jumps", counted.jumps},
+                     {"commands_woken", counted.woken},
+                     {"commands_at_cap", counted.limited}});
   return facts;
 }
 

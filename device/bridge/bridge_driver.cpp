@@ -45,13 +45,12 @@ Result<MadeDevice> make_bridge(const DeviceRequest& request, const Clock& clock)
   made.facts = [held = device.get()] {
     const BridgeCounters& counted = held->counters();
     DeviceFacts facts = {{"far_device", std::string(held->welcome().name())}};
-    for (const auto& [key, count] : {std::pair{"states", counted.states},
-                                     {"states_malformed", counted.malformed},
-                                     {"states_overtaken", counted.overtaken},
-                                     {"states_old", counted.old},
-                                     {"states_disobeying", counted.disobeying},
-                                     {"states_lost", counted.lost}})
-      facts.emplace_back(key, std::to_string(count));
+    add_counts(facts, {{"states", counted.states},
+                       {"states_malformed", counted.malformed},
+                       {"states_overtaken", counted.overtaken},
+                       {"states_old", counted.old},
+                       {"states_disobeying", counted.disobeying},
+                       {"states_lost", counted.lost}});
     constexpr std::int64_t kNsPerUs = 1000;
     facts.emplace_back("round_trip_newest_us", std::to_string(counted.round_trip_ns / kNsPerUs));
     return facts;

@@ -144,18 +144,17 @@ DeviceFacts falcon_facts(const FalconDevice& device, const UsbLink& link, const 
                        {"counts_per_n_mm", fmt::format("{:g}", options.counts_per_n_mm)},
                        {"calibrated", options.calibrated ? "yes" : "no"},
                        {"event_character", options.event_character ? "yes" : "no"}};
-  for (const auto& [key, count] : {std::pair{"replies", counted.replies},
-                                   {"replies_malformed", counted.malformed},
-                                   {"bytes_dropped", counted.dropped},
-                                   {"replies_unreachable", counted.unreachable},
-                                   {"commands_refused", counted.refused},
-                                   {"usb_packets", usb.received},
-                                   {"usb_packets_overrun", usb.overrun},
-                                   {"usb_commands", usb.sent},
-                                   {"usb_commands_overtaken", usb.overtaken},
-                                   {"usb_in_errors", usb.in_errors},
-                                   {"usb_out_errors", usb.out_errors}})
-    facts.emplace_back(key, std::to_string(count));
+  add_counts(facts, {{"replies", counted.replies},
+                     {"replies_malformed", counted.malformed},
+                     {"bytes_dropped", counted.dropped},
+                     {"replies_unreachable", counted.unreachable},
+                     {"commands_refused", counted.refused},
+                     {"usb_packets", usb.received},
+                     {"usb_packets_overrun", usb.overrun},
+                     {"usb_commands", usb.sent},
+                     {"usb_commands_overtaken", usb.overtaken},
+                     {"usb_in_errors", usb.in_errors},
+                     {"usb_out_errors", usb.out_errors}});
   facts.emplace_back("usb_command_mean_us", fmt::format("{:.1f}", usb.out_mean_us));
   facts.emplace_back("usb_command_most_us", fmt::format("{:.1f}", usb.out_most_us));
   return facts;

@@ -78,6 +78,14 @@ const Json* find(const Json& document, const std::string& path) {
   return at;
 }
 
+/// A preparation of which a part came from a cache was measured on another day: no page may show it.
+bool is_of_another_day(const Json& document, const std::string& path) {
+  static const std::string kPreparation = ".total_ms";
+  if (!path.ends_with(kPreparation)) return false;
+  const Json* cached = find(document, path.substr(0, path.size() - kPreparation.size()) + ".from_cache");
+  return cached != nullptr && *cached == true;
+}
+
 /// Copies one value, with the names of the entries on its way.
 void copy_value(const Json& from, const std::string& path, Json& into) {
   const Json* source = &from;
@@ -251,6 +259,11 @@ Status take_page_figures(const fs::path& checkout, const std::string& file, cons
     }
     const Json* value = find(read[asked.document], asked.path);
     if (value == nullptr || value->is_null()) return std::nullopt;
+    if (is_of_another_day(read[asked.document], asked.path)) {
+      wrong = Error{asked.path + " came from a cache of meshes", "run `palpate reproduce --no-cache` for it",
+                    (run / asked.document).string(), 0};
+      return std::nullopt;
+    }
     copy_value(read[asked.document], asked.path, taken["documents"][asked.document]);
     return std::string();
   };

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "baselines/mesh/surface_mesh.h"
+#include "experiments/stress/shapes.h"
 #include "tests/baselines/mesh_probe_stand.h"
 
 namespace palpate::baselines {
@@ -23,32 +24,10 @@ constexpr const char* kPointsOnFans[] = {"mesh-godobject:mesh=original", "mesh-p
 /// Rounding on lengths of some 20 mm, in a god object that many facets decide.
 constexpr double kFanRoundingMm = 1e-9;
 
-struct ProfilePoint {
-  double radius_mm, z_mm;
-};
-
-/// A profile turned about the z axis in `count` steps, outward where it runs up; a point on the axis is one
-/// vertex.
-TriangleMesh turned_body(const std::vector<ProfilePoint>& profile, int count) {
-  TriangleMesh mesh;
-  std::vector<std::uint32_t> first;
-  for (const ProfilePoint& p : profile) {
-    first.push_back(static_cast<std::uint32_t>(mesh.vertices_mm.size()));
-    for (int k = 0; k < (p.radius_mm > 0.0 ? count : 1); ++k) {
-      const double angle = 2.0 * std::numbers::pi * k / count;
-      mesh.vertices_mm.emplace_back(p.radius_mm * std::cos(angle), p.radius_mm * std::sin(angle), p.z_mm);
-    }
-  }
-  for (std::size_t i = 0; i + 1 < profile.size(); ++i)
-    for (int k = 0; k < count; ++k) {
-      const auto on = [&](std::size_t ring, int step) {
-        return first[ring] + (profile[ring].radius_mm > 0.0 ? static_cast<std::uint32_t>(step % count) : 0u);
-      };
-      if (profile[i].radius_mm > 0.0) mesh.triangles.push_back({on(i, k), on(i, k + 1), on(i + 1, k)});
-      if (profile[i + 1].radius_mm > 0.0)
-        mesh.triangles.push_back({on(i, k + 1), on(i + 1, k + 1), on(i + 1, k)});
-    }
-  return mesh;
+/// A profile that is not divided: one facet between two corners.
+constexpr double kUndivided = 1e9;
+TriangleMesh turned_body(const std::vector<experiments::OnProfile>& profile, int count) {
+  return experiments::turned_mesh(profile, kUndivided, count);
 }
 
 /// A cylinder with a deep narrow pit from above, its bottom at the origin.

@@ -60,19 +60,19 @@ Voxel voxel_of(const Vec3& at) noexcept {
   }
   return out;
 }
-BrickGrid::Coordinate cube_of(const Voxel& v) noexcept {
+BrickGrid::Coordinate cube_around(const Voxel& v) noexcept {
   return {v[0] >> 2, v[1] >> 2, v[2] >> 2};
 }
 bool is_in(const Voxel& v, const BrickGrid::Coordinate& cube) noexcept {
   return (((v[0] >> 2) ^ cube[0]) | ((v[1] >> 2) ^ cube[1]) | ((v[2] >> 2) ^ cube[2])) == 0;
 }
 /// In the brick of its cube.
-BrickPlace place_in(const Voxel& v, const Vec3& at) noexcept {
+BrickPlace place_in_voxel(const Voxel& v, const Vec3& at) noexcept {
   return {
       {v[0] & 3, v[1] & 3, v[2] & 3},
       {static_cast<float>(at[0] - v[0]), static_cast<float>(at[1] - v[1]), static_cast<float>(at[2] - v[2])}};
 }
-std::uint64_t mask_bit(const Voxel& v) noexcept {
+std::uint64_t mask_bit_of(const Voxel& v) noexcept {
   return std::uint64_t{1} << ((v[0] & 3) << 4 | (v[1] & 3) << 2 | (v[2] & 3));
 }
 
@@ -94,17 +94,17 @@ BrickPlace SmoothContact::place_in(const Cube& cube, const Vec3& at) noexcept {
 }
 
 SmoothContact::Cube SmoothContact::cube_of(const Vec3& at) noexcept {
-  return render::cube_of(voxel_of(at));
+  return cube_around(voxel_of(at));
 }
 
 bool SmoothContact::look(const Vec3& at, Cube& cube, std::uint32_t& brick, float& side,
                          Jet& jet) const noexcept {
   const Voxel voxel = voxel_of(at);
   if (is_in(voxel, cube)) {
-    jet = spline_jet(grid_->bricks[brick], render::place_in(voxel, at));
+    jet = spline_jet(grid_->bricks[brick], place_in_voxel(voxel, at));
     return true;
   }
-  const Cube to = render::cube_of(voxel);
+  const Cube to = cube_around(voxel);
   if (change_brick(at, to, cube, brick, side, jet)) return true;
   // Bricks differ by the rounding of their coefficients: a surface along a wall may be on its other side.
   const Vec3 in(at - Vec3(cube[0], cube[1], cube[2]) * kBrickCells - Vec3::Constant(0.5 * kBrickCells));
@@ -178,7 +178,7 @@ bool SmoothContact::update(const Vec3& h_mm, FrameCounters& counters) noexcept {
     if (!(d.dot(s.normal) * static_cast<double>(side) < 0.0)) return false;
     if (!(d.squaredNorm() <= (h - god_).squaredNorm() * kNoFarther)) return false;
     const Voxel voxel = voxel_of(at);
-    if (!is_in(voxel, cube) || (grid_->bricks[brick].mask & mask_bit(voxel)) == 0) return false;
+    if (!is_in(voxel, cube) || (grid_->bricks[brick].mask & mask_bit_of(voxel)) == 0) return false;
     moved_ = at - god_;
     god_ = at;
     normal_ = s.normal;

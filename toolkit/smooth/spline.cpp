@@ -92,7 +92,12 @@ Lanes row_at(const Brick& brick, int at) noexcept {
   return __builtin_convertvector(wide >> 16, Lanes);
 }
 
-/// Rows four nodes on along x, by the weights there.
+/// The rows of the four nodes on along x.
+Weights rows_on(const Brick& brick, int at) noexcept {
+  return {row_at(brick, at), row_at(brick, at + kRowStep), row_at(brick, at + 2 * kRowStep),
+          row_at(brick, at + 3 * kRowStep)};
+}
+/// Their sum by the weights along x.
 Lanes blended(const Weights& w, const Weights& row) noexcept {
   return (w[0] * row[0] + w[1] * row[1]) + (w[2] * row[2] + w[3] * row[3]);
 }
@@ -112,6 +117,10 @@ PALPATE_AVX2 inline WideLanes rows_at(const Brick& brick, int at) noexcept {
   WideShorts raw;
   __builtin_memcpy(&raw, both.data(), sizeof raw);
   return __builtin_convertvector(__builtin_convertvector(raw, WideInts), WideLanes);
+}
+PALPATE_AVX2 inline std::array<WideLanes, 4> wide_rows_on(const Brick& brick, int at) noexcept {
+  return {rows_at(brick, at), rows_at(brick, at + kRowStep), rows_at(brick, at + 2 * kRowStep),
+          rows_at(brick, at + 3 * kRowStep)};
 }
 PALPATE_AVX2 inline WideLanes twice(Lanes a) noexcept {
   return __builtin_shufflevector(a, a, 0, 0, 0, 0, 0, 0, 0, 0);
@@ -142,9 +151,7 @@ PALPATE_AVX2 Jet wide_spline_jet(const Brick& brick, const BrickPlace& at) noexc
 #pragma GCC unroll 2
   for (std::size_t j = 0; j < 4; j += 2) {
     const int here = base + static_cast<int>(j) * kBrickNodes;
-    const std::array<WideLanes, 4> row{rows_at(brick, here), rows_at(brick, here + kRowStep),
-                                       rows_at(brick, here + 2 * kRowStep),
-                                       rows_at(brick, here + 3 * kRowStep)};
+    const std::array<WideLanes, 4> row = wide_rows_on(brick, here);
     const WideLanes a = blended(x, row), ax = blended(dx, row), axx = blended(ddx, row);
     const WideLanes y = beside(w.value[j], w.value[j + 1]), dy = beside(w.first[j], w.first[j + 1]);
     sum[0] += y * a;
@@ -167,9 +174,7 @@ PALPATE_AVX2 float wide_spline_value(const Brick& brick, const BrickPlace& at) n
 #pragma GCC unroll 2
   for (std::size_t j = 0; j < 4; j += 2) {
     const int here = base + static_cast<int>(j) * kBrickNodes;
-    const std::array<WideLanes, 4> row{rows_at(brick, here), rows_at(brick, here + kRowStep),
-                                       rows_at(brick, here + 2 * kRowStep),
-                                       rows_at(brick, here + 3 * kRowStep)};
+    const std::array<WideLanes, 4> row = wide_rows_on(brick, here);
     sum += beside(w[j], w[j + 1]) * blended(x, row);
   }
   return kBrickUnit * sum_of(both_of(sum) * along_z(w));
@@ -195,8 +200,7 @@ Jet narrow_spline_jet(const Brick& brick, const BrickPlace& at) noexcept {
 #pragma GCC unroll 4
   for (std::size_t j = 0; j < 4; ++j) {
     const int here = base + static_cast<int>(j) * kBrickNodes;
-    const Weights row{row_at(brick, here), row_at(brick, here + kRowStep), row_at(brick, here + 2 * kRowStep),
-                      row_at(brick, here + 3 * kRowStep)};
+    const Weights row = rows_on(brick, here);
     const Lanes a = blended(x, row), ax = blended(dx, row), axx = blended(ddx, row);
     const Lanes y = spread<1>(w.value[j]), dy = spread<1>(w.first[j]);
     Columns& c = sum[j % 2];
@@ -221,8 +225,7 @@ float narrow_spline_value(const Brick& brick, const BrickPlace& at) noexcept {
 #pragma GCC unroll 4
   for (std::size_t j = 0; j < 4; ++j) {
     const int here = base + static_cast<int>(j) * kBrickNodes;
-    const Weights row{row_at(brick, here), row_at(brick, here + kRowStep), row_at(brick, here + 2 * kRowStep),
-                      row_at(brick, here + 3 * kRowStep)};
+    const Weights row = rows_on(brick, here);
     sum[j % 2] += spread<1>(w[j]) * blended(x, row);
   }
   return kBrickUnit * sum_of((sum[0] + sum[1]) * along_z(w));

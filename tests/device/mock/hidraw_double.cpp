@@ -19,6 +19,9 @@
 namespace palpate::device {
 namespace {
 
+/// Of its reports, in and out.
+constexpr std::uint8_t kHidrawBytes = 64;
+
 // A kernel holds so many reports for each reader, and drops what comes then.
 constexpr std::size_t kHeldReports = 64;
 
@@ -31,24 +34,6 @@ std::string hex(const std::vector<std::uint8_t>& bytes) {
   std::string text;
   for (const std::uint8_t byte : bytes) text += fmt::format("{:02X}", byte);
   return text;
-}
-
-/// One collection of the identity's usage, 64 bytes in and out.
-std::vector<std::uint8_t> descriptor_of(const HidrawIdentity& identity) {
-  const auto low = [](std::uint16_t value) { return static_cast<std::uint8_t>(value & 0xFFU); };
-  const auto high = [](std::uint16_t value) { return static_cast<std::uint8_t>(value >> 8U); };
-  std::vector<std::uint8_t> bytes = {0x06,
-                                     low(identity.usage_page),
-                                     high(identity.usage_page),
-                                     0x0A,
-                                     low(identity.usage),
-                                     high(identity.usage),
-                                     0xA1,
-                                     0x01};
-  if (identity.numbered) bytes.insert(bytes.end(), {0x85, 0x01});
-  bytes.insert(bytes.end(), {0x75, 0x08, 0x15, 0x00, 0x26, 0xFF, 0x00, 0x95, 0x40, 0x09,
-                             0x01, 0x81, 0x02, 0x95, 0x40, 0x09, 0x02, 0x91, 0x02, 0xC0});
-  return bytes;
 }
 
 [[noreturn]] void give_up(const GError* failed) {
@@ -100,7 +85,7 @@ gboolean HidrawDouble::Bed::control(UMockdevIoctlClient* client) {
     umockdev_ioctl_client_complete(client, 0, 0);
     g_object_unref(data);
   };
-  const Bytes descriptor = descriptor_of(identity);
+  const Bytes descriptor = hid_descriptor(identity, kHidrawBytes);
   const gulong request = umockdev_ioctl_client_get_request(client);
   if (!plugged) {
     umockdev_ioctl_client_complete(client, -1, ENODEV);
@@ -181,7 +166,7 @@ void HidrawDouble::Bed::add() {
       "P: {7}\nN: hidraw{9}\nE: DEVNAME=/dev/hidraw{9}\nE: SUBSYSTEM=hidraw\nL: "
       "device=../../../{10}\n",
       port(), hid(), identity.vendor, identity.product, identity.product_name, identity.serial,
-      hex(descriptor_of(identity)), raw(), index + 1, index, hid_name());
+      hex(hid_descriptor(identity, kHidrawBytes)), raw(), index + 1, index, hid_name());
   GError* failed = nullptr;
   if (umockdev_testbed_add_from_string(testbed(), description.c_str(), &failed) == FALSE) give_up(failed);
   handler = umockdev_ioctl_base_new();

@@ -19,6 +19,25 @@ struct HidrawIdentity {
   bool numbered = false;  ///< its reports have numbers
 };
 
+/// A report descriptor: one collection of the identity's usage, so many bytes in and out.
+[[nodiscard]] inline std::vector<std::uint8_t> hid_descriptor(const HidrawIdentity& identity,
+                                                              std::uint8_t bytes) {
+  const auto low = [](std::uint16_t value) { return static_cast<std::uint8_t>(value & 0xFFU); };
+  const auto high = [](std::uint16_t value) { return static_cast<std::uint8_t>(value >> 8U); };
+  std::vector<std::uint8_t> all = {0x06,
+                                   low(identity.usage_page),
+                                   high(identity.usage_page),
+                                   0x0A,
+                                   low(identity.usage),
+                                   high(identity.usage),
+                                   0xA1,
+                                   0x01};
+  if (identity.numbered) all.insert(all.end(), {0x85, 0x01});
+  all.insert(all.end(), {0x75, 0x08, 0x15, 0x00, 0x26,  0xFF, 0x00, 0x95, bytes, 0x09,
+                         0x01, 0x81, 0x02, 0x95, bytes, 0x09, 0x02, 0x91, 0x02,  0xC0});
+  return all;
+}
+
 /// The functions may be called by any thread; the board's answers are made in umockdev's.
 class HidrawDouble {
  public:

@@ -20,45 +20,14 @@
 namespace palpate::device {
 namespace {
 
+/// Of its reports, in and out.
+constexpr std::uint8_t kUhidBytes = 8;
+
 constexpr const char* kUhid = "/dev/uhid";
 constexpr std::uint16_t kBusUsb = 3;
 constexpr double kUhidPatienceMs = 20'000.0;
 constexpr timespec kUhidStep{0, 5'000'000};
 constexpr int kUhidLookMs = 5;
-
-/// One collection of the identity's usage, 8 bytes in and out.
-std::vector<std::uint8_t> uhid_descriptor(const HidrawIdentity& identity) {
-  const auto low = [](std::uint16_t value) { return static_cast<std::uint8_t>(value & 0xFFU); };
-  const auto high = [](std::uint16_t value) { return static_cast<std::uint8_t>(value >> 8U); };
-  return {0x06,
-          low(identity.usage_page),
-          high(identity.usage_page),
-          0x0A,
-          low(identity.usage),
-          high(identity.usage),
-          0xA1,
-          0x01,
-          0x75,
-          0x08,
-          0x15,
-          0x00,
-          0x26,
-          0xFF,
-          0x00,
-          0x95,
-          0x08,
-          0x09,
-          0x01,
-          0x81,
-          0x02,
-          0x95,
-          0x08,
-          0x09,
-          0x02,
-          0x91,
-          0x02,
-          0xC0};
-}
 
 template <class Place>
 void copy_name(Place& place, const std::string& name) {
@@ -142,7 +111,7 @@ void UhidDouble::plug() {
   uhid_event event{};
   event.type = UHID_CREATE2;
   uhid_create2_req& create = event.u.create2;
-  const std::vector<std::uint8_t> descriptor = uhid_descriptor(node.identity);
+  const std::vector<std::uint8_t> descriptor = hid_descriptor(node.identity, kUhidBytes);
   copy_name(create.name, node.identity.product_name);
   copy_name(create.uniq, node.identity.serial);
   create.rd_size = static_cast<__u16>(descriptor.size());
