@@ -259,6 +259,15 @@ TEST_F(Shown, FiguresAreWrittenFromARun) {
   const ProcessOutcome again = palpate_command({"report", "--docs", folder_.string()});
   ASSERT_EQ(again.exit_code, 0) << again.err;
   EXPECT_EQ(again.out.find("README.md"), std::string::npos) << again.out;
+  // What a cache kept was measured on another day: nothing is taken of it.
+  const std::string kept = file_text(in("docs/figures/one-run.json"));
+  put("run/table7/result.json",
+      R"({"commit": "abd", "renderers": [{"label": "cloud", "n": 1, "frame": {"mean_us": 0.5},)"
+      R"( "prepare": {"total_ms": 46012.5, "from_cache": true}}]})");
+  const ProcessOutcome cached = palpate_command({"report", in("run"), "--docs", folder_.string()});
+  EXPECT_EQ(cached.exit_code, 2);
+  EXPECT_NE(cached.err.find("--no-cache"), std::string::npos) << cached.err;
+  EXPECT_EQ(file_text(in("docs/figures/one-run.json")), kept);
   // A value that is not there is named with its template and line.
   put("docs/figures/a.txt", "<!-- from one-run.json -->\nfirst\n{table7 cloud frame.max_us µs}\n");
   const ProcessOutcome missing = palpate_command({"report", "--docs", folder_.string()});
