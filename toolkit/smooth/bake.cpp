@@ -48,7 +48,10 @@ constexpr double kChanceShare = 1e-4;
 /// Closed pieces that a brick can name.
 constexpr std::size_t kMostPieces = 65535;
 constexpr float kLargestValue = static_cast<float>(kBrickReach);
-constexpr std::size_t kPatchGrain = 1024, kBrickGrain = 64;
+constexpr std::size_t kPatchGrain = 1024;
+/// Cubes a chunk: wide enough that most nodes they have in common are within one, some 11 by 11 cubes of a
+/// sheet.
+constexpr std::size_t kBrickGrain = 256;
 
 std::int16_t rounded(float distance) {
   const float units = std::clamp(distance, -kLargestValue, kLargestValue) / kBrickUnit;
@@ -86,7 +89,7 @@ class Baker {
     const std::size_t chunks = (count + kBrickGrain - 1) / kBrickGrain;
     std::vector<std::vector<Made>> made(chunks);
     parallel_chunks(count, kBrickGrain, threads, [&](std::size_t begin, std::size_t end) {
-      Scratch scratch(without_);
+      Scratch scratch(patches_, grid_, without_);
       const std::size_t chunk = begin / kBrickGrain;
       for (std::size_t c = begin; c < end; ++c)
         bake_cube(std::span<const Pair>(pairs_).subspan(cubes[c], cubes[c + 1] - cubes[c]), scratch,
@@ -112,10 +115,12 @@ class Baker {
     double reach_sq;
   };
   struct Scratch {
-    explicit Scratch(const SmoothWithout& without) : faces(without.sheets), blend(without) {}
+    Scratch(const std::vector<Patch>& patches, const BrickGrid& grid, const SmoothWithout& without)
+        : faces(without.sheets), blend(patches, grid, without) {}
     std::vector<std::uint32_t> members;  ///< patches of the cube
     CubeFaces faces;
     std::vector<std::uint32_t> order;  ///< of one sheet's patches, face by face
+    std::vector<std::uint32_t> face;   ///< the patches of one
     std::vector<Near> near;
     NodeBlend blend;
   };
@@ -192,7 +197,7 @@ class Baker {
   }
 
   /// The distance of one sheet at the nodes: face by face, each body's faces in a row.
-  void blend(std::span<const Pair> pairs, std::uint32_t sheet, const Vec3& middle, Scratch& s) const {
+  void blend(std::span<const Pair> pairs, std::uint32_t sheet, Scratch& s) const {
     s.order.clear();
     for (std::uint32_t i = sheet; i < pairs.size(); ++i)
       if (s.faces.sheet(i) == sheet) s.order.push_back(i);
@@ -200,12 +205,16 @@ class Baker {
       return std::make_tuple(s.faces.body(x), s.faces.face(x), x) <
              std::make_tuple(s.faces.body(y), s.faces.face(y), y);
     });
-    s.blend.clear();
+    s.blend.begin(coordinate_of(pairs.front().code));
+    s.face.clear();
     for (std::size_t k = 0; k < s.order.size(); ++k) {
       const std::uint32_t i = s.order[k];
-      s.blend.add(patches_[pairs[i].patch], middle, grid_.per_voxel);
+      s.face.push_back(pairs[i].patch);
       const bool last = k + 1 == s.order.size();
-      if (last || s.faces.face(s.order[k + 1]) != s.faces.face(i)) s.blend.end_face();
+      if (last || s.faces.face(s.order[k + 1]) != s.faces.face(i)) {
+        s.blend.add_face(s.face);
+        s.face.clear();
+      }
       if (last || s.faces.body(s.order[k + 1]) != s.faces.body(i)) s.blend.end_ridge();
     }
   }
@@ -228,7 +237,7 @@ class Baker {
         spacing = std::max(spacing, p.spacing);
       }
       if (!through) continue;
-      blend(pairs, sheet, middle, s);
+      blend(pairs, sheet, s);
       const std::array<float, kBrickCoefficients>& distance = s.blend.finish();
       Made& out = made.emplace_back();
       Brick& brick = out.brick;

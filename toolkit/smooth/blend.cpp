@@ -1,85 +1,36 @@
 #include "toolkit/smooth/blend.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace palpate::render {
 namespace {
 
-constexpr float kLeastWeight = 1e-6f;
-constexpr float kRowReach = 3.0f;
 constexpr int kFillRounds = 2 * kBrickNodes;
 /// What a cubic B-spline takes of a second difference along an axis.
 constexpr float kBlur = 1.0f / 6.0f;
 
-RowPatch in_brick(const Patch& p, const Vec3& middle, double per_voxel) {
-  const Quadric& q = p.quadric;
-  const double voxel = 1.0 / per_voxel;
-  const auto floats = [](const Vec3& x) {
-    return std::array<float, 3>{static_cast<float>(x.x()), static_cast<float>(x.y()),
-                                static_cast<float>(x.z())};
-  };
-  RowPatch out;
-  out.at = floats((q.at - middle) * per_voxel);
-  out.u = floats(q.u);
-  out.v = floats(q.v);
-  out.n = floats(q.n);
-  out.uu = static_cast<float>(q.uu * voxel);
-  out.uv = static_cast<float>(q.uv * voxel);
-  out.vv = static_cast<float>(q.vv * voxel);
-  out.trust = static_cast<float>(p.trust);
-  out.support = static_cast<float>(p.support * per_voxel);
-  out.per_support_sq = 1.0f / (out.support * out.support);
-  // A cubic B-spline blurs by a sixth of the second difference along each axis: what it takes is added
-  // beforehand. The distance's Laplacian is minus twice the sum of the height's curvatures.
-  out.sharpen = (out.uu + out.vv) / 3.0f;
-  const float mean = out.uu + out.vv, half = std::hypot(out.uu - out.vv, out.uv);
-  const float most = mean + half, least = mean - half;  // the principal curvatures
-  out.bend = std::abs(most) > std::abs(least) ? most : least;
-  out.row_share = std::sqrt(std::max(1.0f - out.n[2] * out.n[2], 0.0f)) * kRowReach;
-  return out;
-}
-
 }  // namespace
 
-void NodeBlend::clear() {
-  sums_ = RowSums{};
+void NodeBlend::begin(const BrickGrid::Coordinate& cube) {
+  cube_ = cube;
   faces_ = ridges_ = 0;
 }
 
-void NodeBlend::add(const Patch& patch, const Vec3& middle, double per_voxel) {
-  RowPatch row = in_brick(patch, middle, per_voxel);
-  if (without_.sharpening) row.sharpen = 0.0f;
-  if (without_.blend)
-    take_most(row);
-  else
-    add_to_rows(row, sums_);
-}
-
-void NodeBlend::take_most(const RowPatch& patch) {
-  RowSums one{};
-  add_to_rows(patch, one);
-  for (std::size_t i = 0; i < one.weight.size(); ++i) {
-    if (!(one.weight[i] > sums_.weight[i])) continue;
-    sums_.weight[i] = one.weight[i];
-    sums_.distance[i] = one.distance[i];
-    sums_.x[i] = one.x[i];
-    sums_.y[i] = one.y[i];
-    sums_.z[i] = one.z[i];
-  }
-}
-
-void NodeBlend::read_sums(Values& to) const {
-  for (std::size_t i = 0; i < kBrickCoefficients; ++i) {
-    const std::size_t from = kRowLanes * (i / kBrickNodes) + i % kBrickNodes;
-    const float weight = sums_.weight[from];
-    to.known[i] = weight > kLeastWeight;
-    const float per = to.known[i] != 0 ? 1.0f / weight : 0.0f;
-    to.distance[i] = sums_.distance[from] * per;
-    to.x[i] = sums_.x[from] * per;
-    to.y[i] = sums_.y[from] * per;
-    to.z[i] = sums_.z[from] * per;
-  }
+/// `first`: the brick's node that the tile begins with. What is beyond the brick's nodes is left.
+void NodeBlend::read_tile(const Tile& tile, const std::array<int, 3>& first, Values& to) {
+  const auto count = [&](std::size_t axis) { return std::min(kBrickNodes - first[axis], kTileNodes); };
+  const auto row = static_cast<std::size_t>(count(2));
+  for (int x = 0; x < count(0); ++x)
+    for (int y = 0; y < count(1); ++y) {
+      const auto from = static_cast<std::size_t>((x * kTileNodes + y) * kTileNodes);
+      const auto at =
+          static_cast<std::size_t>(((first[0] + x) * kBrickNodes + first[1] + y) * kBrickNodes + first[2]);
+      std::copy_n(&tile.distance[from], row, &to.distance[at]);
+      std::copy_n(&tile.x[from], row, &to.x[at]);
+      std::copy_n(&tile.y[from], row, &to.y[at]);
+      std::copy_n(&tile.z[from], row, &to.z[at]);
+      std::copy_n(&tile.known[from], row, &to.known[at]);
+    }
 }
 
 /// What the spline makes of the kink of two faces at a node, each gone on from there along its gradient.
@@ -109,11 +60,17 @@ void NodeBlend::join(Values& with, const Values& other, bool greater) const {
   }
 }
 
-void NodeBlend::end_face() {
-  read_sums(faces_ == 0 ? ridge_ : face_);
+void NodeBlend::add_face(std::span<const std::uint32_t> patches) {
+  tiles_.take_face(patches);
+  Values& to = faces_ == 0 ? ridge_ : face_;
+  // A brick's nodes begin one before its cells, as the tiles do.
+  for (int corner = 0; corner < 8; ++corner) {
+    const std::array<int, 3> on{corner / 4, corner / 2 % 2, corner % 2};
+    read_tile(tiles_.at({cube_[0] + on[0], cube_[1] + on[1], cube_[2] + on[2]}),
+              {kTileNodes * on[0], kTileNodes * on[1], kTileNodes * on[2]}, to);
+  }
   if (faces_ > 0) join(ridge_, face_, true);
   ++faces_;
-  sums_ = RowSums{};
 }
 
 void NodeBlend::end_ridge() {

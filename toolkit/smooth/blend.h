@@ -4,22 +4,25 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
+#include <vector>
 
-#include "toolkit/smooth/blend_rows.h"
 #include "toolkit/smooth/brick_grid.h"
-#include "toolkit/smooth/cover.h"
+#include "toolkit/smooth/shared_tiles.h"
 
 namespace palpate::render {
 
 class NodeBlend {
  public:
-  explicit NodeBlend(const SmoothWithout& without = {}) : without_(without) {}
-  void clear();
-  /// `middle`: of the brick, local mm.
-  void add(const Patch& patch, const Vec3& middle, double per_voxel);
-  /// What was added since is one face of a ridge: its greatest distance counts.
-  void end_face();
-  /// The faces ended since are one ridge: of several the least distance counts.
+  /// Keeps references.
+  NodeBlend(const std::vector<Patch>& patches, const BrickGrid& grid, const SmoothWithout& without)
+      : without_(without), tiles_(patches, grid, without) {}
+  /// Begins with the nodes of another cube.
+  void begin(const BrickGrid::Coordinate& cube);
+  /// One face of a ridge, by the numbers of its patches, in one order for all cubes: its greatest distance
+  /// counts.
+  void add_face(std::span<const std::uint32_t> patches);
+  /// The faces added since are one ridge: of several the least distance counts.
   void end_ridge();
   /// Node values in voxels, sharpened for the spline; what no patch reaches goes on from beside it.
   [[nodiscard]] const std::array<float, kBrickCoefficients>& finish();
@@ -30,16 +33,14 @@ class NodeBlend {
     std::array<float, kBrickCoefficients> distance, x, y, z;  ///< and its gradient
     std::array<std::uint8_t, kBrickCoefficients> known;
   };
-  void read_sums(Values& to) const;
+  static void read_tile(const Tile& tile, const std::array<int, 3>& first, Values& to);
   [[nodiscard]] float blurred_crease(const Values& a, const Values& b, std::size_t i, bool greater) const;
   void join(Values& with, const Values& other, bool greater) const;
   void fill();
 
-  /// Without blending: where a patch counts more than those before it, it counts alone.
-  void take_most(const RowPatch& patch);
-
   SmoothWithout without_;
-  RowSums sums_;
+  SharedTiles tiles_;
+  BrickGrid::Coordinate cube_{};
   Values face_, ridge_, values_;
   int faces_ = 0, ridges_ = 0;
 };

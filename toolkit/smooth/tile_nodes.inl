@@ -1,6 +1,6 @@
-// No include guard: blend_rows.cpp takes it once for each width. PALPATE_ROWS: its namespace; PALPATE_LANES: nodes
-// at once; PALPATE_TARGET: the attribute of its functions.
-namespace PALPATE_ROWS {
+// No include guard: tile_nodes.cpp takes it once for each width. PALPATE_NODES: its namespace; PALPATE_LANES:
+// nodes at once; PALPATE_TARGET: the attribute of its functions.
+namespace PALPATE_NODES {
 
 using V = float __attribute__((vector_size(PALPATE_LANES * sizeof(float))));
 
@@ -30,12 +30,12 @@ PALPATE_TARGET inline V inverse_length(V x) {
 }
 
 /// The distance is that to the tangent plane at the foot, found by one step from the first guess.
-PALPATE_TARGET inline void add_row(const RowPatch& p, float dx, float dy, std::size_t row, RowSums& sums) {
-  const float a0 = dx * p.u[0] + dy * p.u[1], b0 = dx * p.v[0] + dy * p.v[1];
-  const float w0 = dx * p.n[0] + dy * p.n[1];
-  for (std::size_t part = 0; part < kRowLanes; part += PALPATE_LANES) {
-    const V dz = load(&kAlong[part]) - p.at[2];
-    const V a = dz * p.u[2] + a0, b = dz * p.v[2] + b0, w = dz * p.n[2] + w0;
+PALPATE_TARGET inline void add_part(const TilePatch& p, std::size_t part, TileSums& sums) {
+  const float dx = kPartX[part] - p.at[0], middle_y = kPartY[part] - p.at[1];
+  for (std::size_t lane = 0; lane < kPartNodes; lane += PALPATE_LANES) {
+    const V dy = load(&kNodeY[lane]) + middle_y, dz = load(&kNodeZ[lane]) - p.at[2];
+    const V a = dz * p.u[2] + (dy * p.u[1] + dx * p.u[0]), b = dz * p.v[2] + (dy * p.v[1] + dx * p.v[0]);
+    const V w = dz * p.n[2] + (dy * p.n[1] + dx * p.n[0]);
     // Slope of the height at (a, b), and the drop along the normal there: the foot is about their product
     // back.
     const V s0 = 2.0f * p.uu * a + p.uv * b, t0 = 2.0f * p.vv * b + p.uv * a;
@@ -49,7 +49,7 @@ PALPATE_TARGET inline void add_row(const RowPatch& p, float dx, float dy, std::s
     const V left = at_most(at_least((1.0f - f * p.bend - kLeastBend) * kBendFade, 0.0f), 1.0f);
     const V weight = p.trust * left * rest * rest * rest / (near * near);
     const V per = weight * inverse;
-    const std::size_t i = kRowLanes * row + part;
+    const std::size_t i = kPartNodes * part + lane;
     add_at(&sums.weight[i], weight);
     add_at(&sums.distance[i], weight * (f + p.sharpen));
     add_at(&sums.x[i], per * (p.n[0] - s1 * p.u[0] - t1 * p.v[0]));
@@ -58,16 +58,18 @@ PALPATE_TARGET inline void add_row(const RowPatch& p, float dx, float dy, std::s
   }
 }
 
-PALPATE_TARGET void add(const RowPatch& p, RowSums& sums) {
-  for (int row = 0; row < kNodeRows; ++row) {
-    const float dx = static_cast<float>(row / kBrickNodes) - kHalfRow - p.at[0];
-    const float dy = static_cast<float>(row % kBrickNodes) - kHalfRow - p.at[1];
-    // No node of the row is above the patch, wherever curvature puts its foot.
-    const float along = dx * p.n[0] + dy * p.n[1] - p.at[2] * p.n[2];
-    const float lateral_sq = dx * dx + dy * dy + p.at[2] * p.at[2] - along * along;
-    const float reach = p.support + p.row_share + kFootRoom;
-    if (lateral_sq <= reach * reach) add_row(p, dx, dy, static_cast<std::size_t>(row), sums);
+PALPATE_TARGET void add(const TilePatch& p, TileSums& sums) {
+  // No node of a part farther off than that is above the patch, wherever curvature puts its foot.
+  const float reach = p.support + p.foot_room + part_radius(p.n);
+  std::array<std::int32_t, kTileParts> near;
+  for (std::size_t part = 0; part < kTileParts; part += PALPATE_LANES) {
+    const V dx = load(&kPartX[part]) - p.at[0], dy = load(&kPartY[part]) - p.at[1];
+    const V along = dx * p.n[0] + dy * p.n[1] - p.at[2] * p.n[2];
+    const auto reaches = dx * dx + dy * dy + p.at[2] * p.at[2] - along * along <= V{} + reach * reach;
+    __builtin_memcpy(&near[part], &reaches, sizeof reaches);
   }
+  for (std::size_t part = 0; part < kTileParts; ++part)
+    if (near[part] != 0) add_part(p, part, sums);
 }
 
-}  // namespace PALPATE_ROWS
+}  // namespace PALPATE_NODES

@@ -1,0 +1,160 @@
+#include "toolkit/smooth/shared_tiles.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace palpate::render {
+namespace {
+
+constexpr float kLeastWeight = 1e-6f;
+/// Half of a tile's edge, between its outer nodes, and half of its diagonal, in voxels.
+constexpr double kHalfTile = 1.5, kHalfTileDiagonal = 2.5980762;
+/// Curvature moves no foot farther along the tangent plane than this, in voxels, from where nodes count.
+constexpr double kMostFootRoom = 1.0;
+/// Floats of some ten voxels are rounded to a millionth of one; tests of reach allow a hundred times that.
+constexpr double kReachRoom = 1e-4;
+
+/// How far a tile's nodes are from its middle, square to n.
+double tile_radius(const Vec3& n) {
+  const double most = n.cwiseAbs().maxCoeff(), least_along = 2.0 * most - n.cwiseAbs().sum();
+  const double along = kHalfTile * std::max(least_along, 0.0);
+  return std::sqrt(kHalfTileDiagonal * kHalfTileDiagonal - along * along);
+}
+
+/// A bound of what a foot is moved by, in voxels: of a node `reach` off the middle along the tangent plane
+/// and `above` off along the normal the slope is at most bend * reach, the drop above + bend * reach^2 / 2.
+double foot_room(double bend, double reach, double above) {
+  const double slope = bend * reach;
+  return std::min(slope * (above + 0.5 * slope * reach), kMostFootRoom) + kReachRoom;
+}
+
+std::array<float, 3> floats(const Vec3& x) {
+  return {static_cast<float>(x.x()), static_cast<float>(x.y()), static_cast<float>(x.z())};
+}
+
+std::size_t hash_of(const BrickGrid::Coordinate& c) {
+  // Neighbours in ten bits: four of x, and three of y and z each.
+  const auto low = [&](std::size_t axis, unsigned bits) {
+    return static_cast<std::size_t>(c[axis]) & ((std::size_t{1} << bits) - 1);
+  };
+  return low(0, 4) | low(1, 3) << 4 | low(2, 3) << 7;
+}
+
+}  // namespace
+
+void SharedTiles::forget() {
+  heads_.fill(kNone);
+  kept_.clear();
+  lists_.clear();
+}
+
+void SharedTiles::take_face(std::span<const std::uint32_t> patches) {
+  face_.clear();
+  for (const std::uint32_t i : patches) {
+    const Patch& p = patches_[i];
+    const Quadric& q = p.quadric;
+    Reach& reach = face_.emplace_back();
+    reach.patch = i;
+    reach.at = grid_.in_voxels(q.at);
+    reach.normal = q.n;
+    reach.support = p.support * grid_.per_voxel;
+    // The height's second derivatives are no larger in any direction than their root sum of squares.
+    reach.bend = std::sqrt(4.0 * (q.uu * q.uu + q.vv * q.vv) + 2.0 * q.uv * q.uv) * grid_.voxel_mm;
+    reach.tile_radius = tile_radius(q.n);
+  }
+}
+
+void SharedTiles::find_here(const BrickGrid::Coordinate& place) {
+  const Vec3 middle = kTileNodes * Vec3(place[0], place[1], place[2]) + Vec3::Constant(kHalfTile - 1.0);
+  here_.clear();
+  for (const Reach& r : face_) {
+    const Vec3 away = r.at - middle;
+    const double along = away.dot(r.normal), lateral_sq = away.squaredNorm() - along * along;
+    const double most = r.support + r.tile_radius + kMostFootRoom;
+    if (lateral_sq > most * most) continue;
+    const double room = foot_room(r.bend, r.support + kMostFootRoom, std::abs(along) + kHalfTileDiagonal);
+    const double reach = r.support + r.tile_radius + room;
+    if (lateral_sq <= reach * reach) here_.push_back({r.patch, away, room});
+  }
+}
+
+bool SharedTiles::same_patches(const Kept& kept) const {
+  return kept.count == here_.size() &&
+         std::equal(here_.begin(), here_.end(), lists_.begin() + kept.first,
+                    [](const Here& here, std::uint32_t patch) { return here.patch == patch; });
+}
+
+const Tile& SharedTiles::at(const BrickGrid::Coordinate& place) {
+  find_here(place);
+  const std::size_t hash = hash_of(place);
+  for (std::uint32_t k = heads_[hash]; k != kNone; k = kept_[k].next)
+    if (kept_[k].place == place && same_patches(kept_[k])) return kept_[k].tile;
+  if (kept_.size() == kMostTiles) forget();
+  const auto number = static_cast<std::uint32_t>(kept_.size());
+  Kept& kept = kept_.emplace_back();
+  kept.place = place;
+  kept.first = static_cast<std::uint32_t>(lists_.size());
+  kept.count = static_cast<std::uint32_t>(here_.size());
+  kept.next = std::exchange(heads_[hash], number);
+  for (const Here& here : here_) lists_.push_back(here.patch);
+  work_out(kept.tile);
+  return kept.tile;
+}
+
+void SharedTiles::work_out(Tile& tile) const {
+  TileSums sums{};
+  for (const Here& here : here_) {
+    const TilePatch patch = in_tile(here);
+    if (!without_.blend) {
+      add_to_tile(patch, sums);
+      continue;
+    }
+    // Without blending: where a patch counts more than those before it, it counts alone.
+    TileSums one{};
+    add_to_tile(patch, one);
+    for (std::size_t i = 0; i < kTileCount; ++i) {
+      if (!(one.weight[i] > sums.weight[i])) continue;
+      sums.weight[i] = one.weight[i];
+      sums.distance[i] = one.distance[i];
+      sums.x[i] = one.x[i];
+      sums.y[i] = one.y[i];
+      sums.z[i] = one.z[i];
+    }
+  }
+  for (std::size_t i = 0; i < kTileCount; ++i) {
+    const bool known = sums.weight[i] > kLeastWeight;
+    const float per = known ? 1.0f / sums.weight[i] : 0.0f;
+    tile.known[i] = known ? 1 : 0;
+    tile.distance[i] = sums.distance[i] * per;
+    tile.x[i] = sums.x[i] * per;
+    tile.y[i] = sums.y[i] * per;
+    tile.z[i] = sums.z[i] * per;
+  }
+}
+
+TilePatch SharedTiles::in_tile(const Here& here) const {
+  const Patch& p = patches_[here.patch];
+  const Quadric& q = p.quadric;
+  TilePatch out;
+  out.at = floats(here.away);
+  out.u = floats(q.u);
+  out.v = floats(q.v);
+  out.n = floats(q.n);
+  out.uu = static_cast<float>(q.uu * grid_.voxel_mm);
+  out.uv = static_cast<float>(q.uv * grid_.voxel_mm);
+  out.vv = static_cast<float>(q.vv * grid_.voxel_mm);
+  out.trust = static_cast<float>(p.trust);
+  out.support = static_cast<float>(p.support * grid_.per_voxel);
+  out.per_support_sq = 1.0f / (out.support * out.support);
+  // A cubic B-spline blurs by a sixth of the second difference along each axis: what it takes is added
+  // beforehand. The distance's Laplacian is minus twice the sum of the height's curvatures.
+  out.sharpen = without_.sharpening ? 0.0f : (out.uu + out.vv) / 3.0f;
+  const float mean = out.uu + out.vv, half = std::hypot(out.uu - out.vv, out.uv);
+  const float most = mean + half, least = mean - half;  // the principal curvatures
+  out.bend = std::abs(most) > std::abs(least) ? most : least;
+  out.foot_room = static_cast<float>(here.room);
+  return out;
+}
+
+}  // namespace palpate::render

@@ -1,0 +1,78 @@
+// Distances to the patches of one face at the nodes of all bricks, tile by tile. Bricks beside each other
+// have nodes in common: a tile is worked out once for all that ask for it with the same patches.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "toolkit/smooth/brick_grid.h"
+#include "toolkit/smooth/cover.h"
+#include "toolkit/smooth/tile_nodes.h"
+
+namespace palpate::render {
+
+/// Distance and gradient of a face at the nodes of one tile, in voxels; where it is not known, nothing.
+struct Tile {
+  std::array<float, kTileCount> distance, x, y, z;
+  std::array<std::uint8_t, kTileCount> known;
+};
+
+/// Scratch that is used again from cube to cube. Belongs to one thread; what it answers depends on the
+/// question alone, not on what was asked before.
+class SharedTiles {
+ public:
+  /// Keeps references.
+  SharedTiles(const std::vector<Patch>& patches, const BrickGrid& grid, const SmoothWithout& without)
+      : patches_(patches), grid_(grid), without_(without) {
+    forget();
+  }
+  /// The patches that are asked for until the next call, by number.
+  void take_face(std::span<const std::uint32_t> patches);
+  /// Of tile (x, y, z), which has the nodes from 4 (x, y, z) - 1 on, in voxels from the grid's low corner.
+  /// Good until the next call. O(patches of the face).
+  [[nodiscard]] const Tile& at(const BrickGrid::Coordinate& place);
+
+ private:
+  /// How far along its tangent plane a patch may reach: see foot_room().
+  struct Reach {
+    std::uint32_t patch;
+    Vec3 at, normal;  ///< voxels from the grid's low corner
+    double support;   ///< and its square's share of curvature, voxels
+    double bend, tile_radius;
+  };
+  struct Kept {
+    Tile tile;
+    BrickGrid::Coordinate place;
+    std::uint32_t first, count;  ///< of its patches, in lists_
+    std::uint32_t next;          ///< with the same hash
+  };
+  struct Here {
+    std::uint32_t patch;
+    Vec3 away;  ///< of the patch from the tile's middle, voxels
+    double room;
+  };
+  static constexpr std::uint32_t kNone = 0xffffffffu;
+  static constexpr std::size_t kHeads = 1024;
+  /// Kept at most, 5 MB: a chunk of bricks on a single sheet has some 600.
+  static constexpr std::size_t kMostTiles = 4096;
+
+  void forget();
+  /// The patches of the face whose support reaches a tile.
+  void find_here(const BrickGrid::Coordinate& place);
+  [[nodiscard]] bool same_patches(const Kept& kept) const;
+  void work_out(Tile& tile) const;
+  [[nodiscard]] TilePatch in_tile(const Here& here) const;
+
+  const std::vector<Patch>& patches_;
+  const BrickGrid& grid_;
+  SmoothWithout without_;
+  std::vector<Reach> face_;
+  std::vector<Here> here_;
+  std::array<std::uint32_t, kHeads> heads_;
+  std::vector<Kept> kept_;
+  std::vector<std::uint32_t> lists_;
+};
+
+}  // namespace palpate::render
