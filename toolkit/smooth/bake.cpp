@@ -6,10 +6,13 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <iterator>
+#include <numeric>
 #include <tuple>
 #include <utility>
 
 #include "toolkit/core/parallel.h"
+#include "toolkit/core/radix_sort.h"
 #include "toolkit/geometry/mouth.h"
 #include "toolkit/smooth/blend.h"
 #include "toolkit/smooth/cube_faces.h"
@@ -33,6 +36,7 @@ constexpr double kCellArea = 0.5 / kCrossed;
 /// its spacings of it, and at most this share of that off its tangent plane.
 constexpr double kOffPlane = 0.5;
 constexpr int kFewestNear = 4;
+constexpr double kGoldenSection = 0.6180340;
 /// The lattice begins this many bricks before the box: faces of a box that stands along the axes are often
 /// flat, and lie at no wall this way.
 constexpr double kLatticeShift = 1.09;
@@ -63,9 +67,6 @@ struct Pair {
   std::uint64_t code;
   std::uint32_t patch;
   bool through;  ///< its surface may go through the cube
-  friend bool operator<(const Pair& a, const Pair& b) {
-    return a.code != b.code ? a.code < b.code : a.patch < b.patch;
-  }
 };
 
 class Baker {
@@ -121,7 +122,8 @@ class Baker {
     CubeFaces faces;
     std::vector<std::uint32_t> order;  ///< of one sheet's patches, face by face
     std::vector<std::uint32_t> face;   ///< the patches of one
-    std::vector<Near> near;
+    std::vector<std::uint32_t> tells;  ///< those of them that may vouch for a place
+    std::vector<Near> gathered, near;
     NodeBlend blend;
   };
 
@@ -133,7 +135,9 @@ class Baker {
       for (std::size_t i = begin; i < end; ++i) pairs_of(static_cast<std::uint32_t>(i), mine);
     });
     for (const std::vector<Pair>& f : found) pairs_.insert(pairs_.end(), f.begin(), f.end());
-    std::sort(pairs_.begin(), pairs_.end());
+    // Of one cube they are in the order of their patches, and stay so.
+    const int bits = 3 * static_cast<int>(std::bit_width(static_cast<std::uint64_t>(grid_.last_brick)));
+    radix_sort(pairs_, bits, threads, [](const Pair& pair) { return pair.code; });
     // Only cubes that some surface goes through.
     std::size_t kept = 0;
     for (std::size_t i = 0; i < pairs_.size();) {
@@ -263,6 +267,9 @@ class Baker {
   void set_mask(std::span<const Pair> pairs, Made& out, const Vec3& middle, double spacing,
                 Scratch& s) const {
     bool gathered = false;
+    s.tells.clear();
+    std::copy_if(s.order.begin(), s.order.end(), std::back_inserter(s.tells),
+                 [&](std::uint32_t i) { return patches_[pairs[i].patch].filled.tells(); });
     Brick& brick = out.brick;
     for (int cell = 0; cell < kBrickCells * kBrickCells * kBrickCells; ++cell) {
       BrickPlace at;
@@ -291,22 +298,32 @@ class Baker {
     }
   }
   /// Whether some patch of the sheet has points on all sides of a place.
-  [[nodiscard]] bool vouched_for(std::span<const Pair> pairs, const Vec3& place, const Scratch& s) const {
-    return std::any_of(s.order.begin(), s.order.end(), [&](std::uint32_t i) {
+  [[nodiscard]] bool vouched_for(std::span<const Pair> pairs, const Vec3& place, Scratch& s) const {
+    const auto found = std::find_if(s.tells.begin(), s.tells.end(), [&](std::uint32_t i) {
       const Patch& p = patches_[pairs[i].patch];
       const Vec3 d = place - p.quadric.at;
       const double per = 1.0 / p.reached;
       return std::abs(p.quadric.residual(place)) <= p.spacing &&
              p.filled.around(d.dot(p.quadric.u) * per, d.dot(p.quadric.v) * per);
     });
+    if (found == s.tells.end()) return false;
+    std::iter_swap(found, s.tells.begin());  // asked first for the next place
+    return true;
   }
   void gather_near(const Vec3& middle, double spacing, Scratch& s) const {
-    s.near.clear();
+    s.gathered.clear();
     points_.in_ball(middle, kHalfDiagonal * grid_.voxel_mm + kTellsSpacings * spacing,
                     [&](std::uint32_t i, const Vec3& d, double) {
                       const double own = kTellsSpacings * std::min(points_.spacing_near(i), spacing);
-                      s.near.push_back({d, own * own});
+                      s.gathered.push_back({d, own * own});
                     });
+    // In steps of the golden section: the first few are from all around, and mostly tell.
+    s.near.clear();
+    const std::size_t count = s.gathered.size();
+    auto step = static_cast<std::size_t>(kGoldenSection * static_cast<double>(count));
+    while (std::gcd(step, count) > 1) ++step;
+    for (std::size_t i = 0, at = 0; i < count; ++i, at = (at + step) % count)
+      s.near.push_back(s.gathered[at]);
   }
   static bool points_around(const std::vector<Near>& near, const Vec3& foot, const Vec3& n) {
     const Vec3 axis = std::abs(n.x()) < std::abs(n.y()) ? Vec3::UnitX() : Vec3::UnitY();
@@ -318,9 +335,9 @@ class Baker {
       const double sq = d.squaredNorm(), along = d.dot(n);
       if (sq > p.reach_sq || along * along > kOffPlane * kOffPlane * p.reach_sq) continue;
       seen.add(d.dot(u), d.dot(v));
-      ++count;
+      if (++count >= kFewestNear && !seen.open()) return true;
     }
-    return count >= kFewestNear && !seen.open();
+    return false;
   }
 
   struct Piece {

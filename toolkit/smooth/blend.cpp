@@ -16,20 +16,25 @@ void NodeBlend::begin(const BrickGrid::Coordinate& cube) {
   faces_ = ridges_ = 0;
 }
 
-/// `first`: the brick's node that the tile begins with. What is beyond the brick's nodes is left.
-void NodeBlend::read_tile(const Tile& tile, const std::array<int, 3>& first, Values& to) {
-  const auto count = [&](std::size_t axis) { return std::min(kBrickNodes - first[axis], kTileNodes); };
-  const auto row = static_cast<std::size_t>(count(2));
-  for (int x = 0; x < count(0); ++x)
-    for (int y = 0; y < count(1); ++y) {
+/// `first`: the brick's node that the tile begins with; `kRow`: nodes of a row. What is beyond the brick's
+/// nodes is left.
+template <int kRow>
+void NodeBlend::read_rows(const Tile& tile, const std::array<int, 3>& first, Values& to) {
+  const int past_x = std::min(kBrickNodes - first[0], kTileNodes);
+  const int past_y = std::min(kBrickNodes - first[1], kTileNodes);
+  for (int x = 0; x < past_x; ++x)
+    for (int y = 0; y < past_y; ++y) {
       const auto from = static_cast<std::size_t>((x * kTileNodes + y) * kTileNodes);
       const auto at =
           static_cast<std::size_t>(((first[0] + x) * kBrickNodes + first[1] + y) * kBrickNodes + first[2]);
-      std::copy_n(&tile.distance[from], row, &to.distance[at]);
-      std::copy_n(&tile.x[from], row, &to.x[at]);
-      std::copy_n(&tile.y[from], row, &to.y[at]);
-      std::copy_n(&tile.z[from], row, &to.z[at]);
-      std::copy_n(&tile.known[from], row, &to.known[at]);
+      const auto copy = [&](const auto& values, auto& out) {
+        for (std::size_t z = 0; z < std::size_t{kRow}; ++z) out[at + z] = values[from + z];
+      };
+      copy(tile.distance, to.distance);
+      copy(tile.x, to.x);
+      copy(tile.y, to.y);
+      copy(tile.z, to.z);
+      copy(tile.known, to.known);
     }
 }
 
@@ -66,8 +71,12 @@ void NodeBlend::add_face(std::span<const std::uint32_t> patches) {
   // A brick's nodes begin one before its cells, as the tiles do.
   for (int corner = 0; corner < 8; ++corner) {
     const std::array<int, 3> on{corner / 4, corner / 2 % 2, corner % 2};
-    read_tile(tiles_.at({cube_[0] + on[0], cube_[1] + on[1], cube_[2] + on[2]}),
-              {kTileNodes * on[0], kTileNodes * on[1], kTileNodes * on[2]}, to);
+    const std::array<int, 3> first{kTileNodes * on[0], kTileNodes * on[1], kTileNodes * on[2]};
+    const Tile& tile = tiles_.at({cube_[0] + on[0], cube_[1] + on[1], cube_[2] + on[2]});
+    if (on[2] == 0)
+      read_rows<kTileNodes>(tile, first, to);
+    else
+      read_rows<kBrickNodes - kTileNodes>(tile, first, to);
   }
   if (faces_ > 0) join(ridge_, face_, true);
   ++faces_;

@@ -33,7 +33,8 @@ class NodeBlend {
     std::array<float, kBrickCoefficients> distance, x, y, z;  ///< and its gradient
     std::array<std::uint8_t, kBrickCoefficients> known;
   };
-  static void read_tile(const Tile& tile, const std::array<int, 3>& first, Values& to);
+  template <int kRow>
+  static void read_rows(const Tile& tile, const std::array<int, 3>& first, Values& to);
   [[nodiscard]] float blurred_crease(const Values& a, const Values& b, std::size_t i, bool greater) const;
   void join(Values& with, const Values& other, bool greater) const;
   void fill();

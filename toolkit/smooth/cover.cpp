@@ -99,10 +99,13 @@ class ChunkCover {
     FitRule first_rule = fit_rule;
     if (!rule_.without.known && noise_ > kOnSpacings * spacing) first_rule.most = kMostNoise;
     double radius = ball_.radius;
+    whole_ = ball_;
     for (std::size_t k = 0; k < kSizes; ++k) {
       if (k > 0) {
         radius *= kGrowth;
-        ball_.gather(points_, at, radius);
+        std::swap(before_, whole_);
+        whole_.gather(points_, at, radius);
+        ball_ = whole_;
         ball_.keep_near(fits[k - 1].quadric, gate(fits[k - 1], spacing));
         fits[k] = fits[k - 1];
       }
@@ -143,7 +146,7 @@ class ChunkCover {
     if (sure && doubtful) return false;
     for (std::size_t k = 1; k < sizes; ++k) radius *= kGrowth;
     if (best.sigma > kScattered * radius) return false;
-    if (ball_.radius != radius) ball_.gather(points_, at, radius);
+    if (ball_.radius != radius) std::swap(ball_, before_);  // one size was too much
     add(best, spacing, !doubtful, out);
     state_[i] = kDone;
     return true;
@@ -289,8 +292,9 @@ class ChunkCover {
   std::vector<float> weight_;
   std::vector<std::uint8_t> state_;
   Ball ball_;
-  double noise_ = 0.0;  ///< around the seed
-  bool mixed_ = false;  ///< another sheet is near: its points are left out
+  Ball whole_, before_;  ///< its size with all points, and that before it
+  double noise_ = 0.0;   ///< around the seed
+  bool mixed_ = false;   ///< another sheet is near: its points are left out
 };
 
 }  // namespace

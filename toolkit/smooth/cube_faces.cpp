@@ -54,6 +54,11 @@ bool same_surface(const Patch& a, const Patch& b, const Vec3& middle) {
 
 void CubeFaces::join_same(std::span<const std::uint32_t> members, const std::vector<Patch>& patches,
                           const PatchLinks& links, const Vec3& middle) {
+  const std::uint32_t first = root_of(sheet_, 0);
+  const auto same = [&](std::uint32_t i) { return root_of(sheet_, i) == first; };
+  std::uint32_t one = 1;
+  while (one < members.size() && same(one)) ++one;
+  if (one == members.size()) return;
   for (std::uint32_t i = 0; i < members.size(); ++i)
     for (std::uint32_t j = 0; j < i; ++j) {
       if (root_of(sheet_, i) == root_of(sheet_, j) || links.sheet[members[i]] != links.sheet[members[j]])
@@ -93,6 +98,7 @@ void CubeFaces::part(std::span<const std::uint32_t> members, const std::vector<P
     }
   }
   join_faces();
+  if (one_face()) return;
   join_same(members, patches, links, middle);
   for (std::uint32_t i = 1; i < members.size() && all_one_; ++i) join(sheet_, 0, i);
   for (std::uint32_t i = 0; i < members.size(); ++i) {
@@ -104,6 +110,16 @@ void CubeFaces::part(std::span<const std::uint32_t> members, const std::vector<P
   body_ = face_;
   if (!creases_.empty()) part_bodies();
   if (!all_one_) part_hidden(members, patches, middle, half);
+}
+
+/// Of most cubes all patches are one face: then nothing else is to be told.
+bool CubeFaces::one_face() {
+  const std::uint32_t first = root_of(face_, 0);
+  for (std::uint32_t i = 1; i < face_.size(); ++i)
+    if (root_of(face_, i) != first) return false;
+  sheet_.assign(face_.size(), first);
+  face_ = body_ = sheet_;
+  return true;
 }
 
 double CubeFaces::joined_distance(std::uint32_t sheet, std::span<const std::uint32_t> members,

@@ -41,6 +41,7 @@ class CubeFaces {
   /// Patches that go on without a crease are one face, those of many points first: what is joined by few does
   /// not join faces that more points tell apart.
   void join_faces();
+  [[nodiscard]] bool one_face();
   /// Patches of one sheet that are the same surface here go together, too, where no link says so.
   void join_same(std::span<const std::uint32_t> members, const std::vector<Patch>& patches,
                  const PatchLinks& links, const Vec3& middle);

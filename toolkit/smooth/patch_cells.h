@@ -53,15 +53,21 @@ class PatchCells {
     const Scale& scale = scales_[static_cast<std::size_t>(s)];
     if (scale.keys.empty()) return;
     const std::array<std::int64_t, 3> c = cell(at, s);
-    for (std::int64_t z = c[2] - 1; z <= c[2] + 1; ++z)
-      for (std::int64_t y = c[1] - 1; y <= c[1] + 1; ++y)
-        for (std::int64_t x = c[0] - 1; x <= c[0] + 1; ++x) {
-          if (x < 0 || y < 0 || z < 0) continue;
-          const std::uint32_t found = scale.table.find(code_of({x, y, z}));
+    const auto first = [&](std::size_t axis) { return std::max<std::int64_t>(c[axis] - 1, 0); };
+    const std::uint64_t code_x = code_of({first(0), 0, 0}), code_y = code_of({0, first(1), 0});
+    std::uint64_t cz = code_of({0, 0, first(2)});
+    for (std::int64_t z = first(2); z <= c[2] + 1; ++z, cz = next_code<2>(cz)) {
+      std::uint64_t cy = code_y;
+      for (std::int64_t y = first(1); y <= c[1] + 1; ++y, cy = next_code<1>(cy)) {
+        std::uint64_t cx = code_x;
+        for (std::int64_t x = first(0); x <= c[0] + 1; ++x, cx = next_code<0>(cx)) {
+          const std::uint32_t found = scale.table.find(cx | cy | cz);
           if (found == CellTable::kNone) continue;
           for (std::uint32_t i = scale.begin[found]; i < scale.begin[found + 1]; ++i)
             visit(scale.keys[i].second);
         }
+      }
+    }
   }
   [[nodiscard]] bool any(int s) const { return !scales_[static_cast<std::size_t>(s)].keys.empty(); }
 

@@ -1,18 +1,17 @@
 #include "toolkit/smooth/quadric.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
 #include <utility>
+
+#include "toolkit/smooth/fit_sums.h"
 
 namespace palpate::render {
 namespace {
-
-using Six = Eigen::Matrix<double, 6, 1>;
-using SixBySix = Eigen::Matrix<double, 6, 6>;
 
 /// Rounds of reweighting from a plane that is not known, and from one that is.
 constexpr int kFirstRounds = 4, kNextRounds = 2;
@@ -66,100 +65,72 @@ bool least_direction_of(const Ball& ball, double radius, Vec3& n) {
   return is_finite(n);
 }
 
-/// A ball's points in the quadric's frame, lengths in radii.
-struct Local {
-  std::vector<double> u, v, w, weight;
-  std::vector<double> size;
-  void take(const Ball& ball, const Quadric& q) {
-    const std::size_t count = ball.away.size();
-    u.resize(count);
-    v.resize(count);
-    w.resize(count);
-    weight.resize(count);
-    const double per_radius = 1.0 / ball.radius;
-    const Vec3 shift = q.at - ball.centre;
-    const Vec3 eu = q.u * per_radius, ev = q.v * per_radius, en = q.n * per_radius;
-    for (std::size_t i = 0; i < count; ++i) {
-      const Vec3 d = ball.away[i] - shift;
-      u[i] = d.dot(eu);
-      v[i] = d.dot(ev);
-      w[i] = d.dot(en);
+FitFrame frame_of(const Ball& ball, const Quadric& q) {
+  const double per_radius = 1.0 / ball.radius;
+  return {q.at - ball.centre, q.u * per_radius, q.v * per_radius, q.n * per_radius};
+}
+
+/// The lower triangle of six normal equations, factored.
+using Triangle = std::array<std::array<double, 6>, 6>;
+
+/// Cholesky's, of the moments' equations. False where they determine no quadric.
+bool factor(const FitMoments& sums, Triangle& l) {
+  // Of each equation the moments up to the diagonal.
+  constexpr std::array<std::array<std::uint8_t, 6>, 6> kMoment{
+      {{0}, {1, 3}, {2, 4, 5}, {3, 6, 7, 10}, {4, 7, 8, 11, 12}, {5, 8, 9, 12, 13, 14}}};
+  const double least_sq = kLeastPivot * sums.m[0];
+  for (std::size_t i = 0; i < 6; ++i)
+    for (std::size_t j = 0; j <= i; ++j) {
+      double rest = sums.m[kMoment[i][j]];
+      for (std::size_t k = 0; k < j; ++k) rest -= l[i][k] * l[j][k];
+      if (j < i) {
+        l[i][j] = rest / l[j][j];
+        continue;
+      }
+      if (!(rest > least_sq)) return false;
+      l[i][i] = std::sqrt(rest);
     }
-  }
-};
-
-struct Solution {
-  Six c = Six::Zero();                                ///< 1, u, v, u^2, uv, v^2
-  double value_variance = 0.0, slope_variance = 0.0;  ///< per variance of a point
-};
-
-bool solve(const Local& p, Solution& out) {
-  // Moments u^i v^j up to the fourth order, and with w up to the second.
-  std::array<double, 15> m{};
-  std::array<double, 6> r{};
-  for (std::size_t i = 0; i < p.u.size(); ++i) {
-    const double a = p.u[i], b = p.v[i], k = p.weight[i];
-    const double aa = a * a, ab = a * b, bb = b * b;
-    const double kaa = k * aa, kab = k * ab, kbb = k * bb, kw = k * p.w[i];
-    m[0] += k;
-    m[1] += k * a;
-    m[2] += k * b;
-    m[3] += kaa;
-    m[4] += kab;
-    m[5] += kbb;
-    m[6] += kaa * a;
-    m[7] += kaa * b;
-    m[8] += kbb * a;
-    m[9] += kbb * b;
-    m[10] += kaa * aa;
-    m[11] += kaa * ab;
-    m[12] += kaa * bb;
-    m[13] += kbb * ab;
-    m[14] += kbb * bb;
-    r[0] += kw;
-    r[1] += kw * a;
-    r[2] += kw * b;
-    r[3] += kw * aa;
-    r[4] += kw * ab;
-    r[5] += kw * bb;
-  }
-  SixBySix n;
-  n << m[0], m[1], m[2], m[3], m[4], m[5],    //
-      m[1], m[3], m[4], m[6], m[7], m[8],     //
-      m[2], m[4], m[5], m[7], m[8], m[9],     //
-      m[3], m[6], m[7], m[10], m[11], m[12],  //
-      m[4], m[7], m[8], m[11], m[12], m[13],  //
-      m[5], m[8], m[9], m[12], m[13], m[14];
-  const Eigen::LLT<SixBySix> factor(n);
-  if (factor.info() != Eigen::Success) return false;
-  const auto diagonal = factor.matrixLLT().diagonal();
-  if (!(diagonal.minCoeff() * diagonal.minCoeff() > kLeastPivot * m[0])) return false;
-  out.c = factor.solve(Six(r.data()));
-  Eigen::Matrix<double, 6, 3> unit = Eigen::Matrix<double, 6, 3>::Zero();
-  unit(0, 0) = unit(1, 1) = unit(2, 2) = 1.0;
-  const Eigen::Matrix<double, 6, 3> inverse = factor.solve(unit);
-  out.value_variance = inverse(0, 0);
-  out.slope_variance = 0.5 * (inverse(1, 1) + inverse(2, 2));
-  return out.c.allFinite();
+  return true;
 }
 
-double height(const Six& c, double a, double b) {
-  return c[0] + a * (c[1] + c[3] * a + c[4] * b) + b * (c[2] + c[5] * b);
+/// What solves the equations.
+bool solve(const Triangle& l, const std::array<double, 6>& r, FitHeight& c) {
+  for (std::size_t i = 0; i < 6; ++i) {
+    double rest = r[i];
+    for (std::size_t k = 0; k < i; ++k) rest -= l[i][k] * c[k];
+    c[i] = rest / l[i][i];
+  }
+  bool finite = true;
+  for (std::size_t i = 6; i-- > 0;) {
+    double rest = c[i];
+    for (std::size_t k = i + 1; k < 6; ++k) rest -= l[k][i] * c[k];
+    c[i] = rest / l[i][i];
+    finite = finite && std::isfinite(c[i]);
+  }
+  return finite;
 }
 
-/// The standard deviation about a solution by the median residual, allowing for the numbers fitted.
-double scale_of(Local& p, const Six& c) {
-  const std::size_t count = p.u.size();
-  p.size.resize(count);
-  for (std::size_t i = 0; i < count; ++i) p.size[i] = std::abs(p.w[i] - height(c, p.u[i], p.v[i]));
-  const auto middle = p.size.begin() + static_cast<std::ptrdiff_t>(count / 2);
-  std::nth_element(p.size.begin(), middle, p.size.end());
+/// Of coefficient i, per variance of a point: the inverse's diagonal.
+double variance_of(const Triangle& l, std::size_t i) {
+  std::array<double, 6> column{};
+  double sum = 0.0;
+  for (std::size_t k = i; k < 6; ++k) {
+    double rest = k == i ? 1.0 : 0.0;
+    for (std::size_t j = i; j < k; ++j) rest -= l[k][j] * column[j];
+    column[k] = rest / l[k][k];
+    sum += column[k] * column[k];
+  }
+  return sum;
+}
+
+/// The standard deviation about a height by the median residual, allowing for the numbers fitted.
+double scale_of(FitPoints& points, const FitHeight& c) {
+  const std::span<double> off = points.residuals(c);
+  const std::size_t count = off.size();
+  const auto middle = off.begin() + static_cast<std::ptrdiff_t>(count / 2);
+  std::nth_element(off.begin(), middle, off.end());
   const double free = static_cast<double>(count) / static_cast<double>(count > 6 ? count - 6 : 1);
   return *middle / kMedianShare * std::sqrt(free);
-}
-
-double kernel(double a, double b) {
-  return std::max(1.0 - a * a - b * b, 0.0);
 }
 
 }  // namespace
@@ -228,56 +199,39 @@ bool fit_quadric(const Ball& ball, const FitRule& rule, const Quadric* start, Qu
     q.at = ball.centre;
     turn_to(q, n);
   }
-  thread_local Local p;  // scratch; what a call leaves is never read by the next
+  thread_local FitPoints points;  // scratch; what a call leaves is never read by the next
+  points.take(ball.away);
   const double floor = std::max(rule.sigma_floor / ball.radius, kRoundingShare);
   double scale = 0.0;  // of the robust cost; 0: plain least squares
-  Solution s;
+  if (rule.robust && start != nullptr) scale = kScaleSigmas * std::max(fit.sigma / ball.radius, floor);
+  Triangle l;
+  FitMoments sums;
+  FitHeight c{0.0, 0.0, 0.0, q.uu * ball.radius, q.uv * ball.radius, q.vv * ball.radius};
   const int rounds = start != nullptr ? kNextRounds : kFirstRounds;
   for (int round = 0; round < rounds; ++round) {
-    p.take(ball, q);
-    for (std::size_t i = 0; i < count; ++i) {
-      double weight = kernel(p.u[i], p.v[i]);
-      if (scale > 0.0) {
-        const double x = (p.w[i] - height(s.c, p.u[i], p.v[i])) / scale;
-        const double y = 1.0 / (1.0 + x * x);
-        weight *= y * y;
-      } else if (rule.robust && start != nullptr) {
-        const double x = (p.w[i] - ball.radius * (q.uu * p.u[i] * p.u[i] + q.uv * p.u[i] * p.v[i] +
-                                                  q.vv * p.v[i] * p.v[i])) /
-                         (kScaleSigmas * std::max(fit.sigma / ball.radius, floor));
-        const double y = 1.0 / (1.0 + x * x);
-        weight *= y * y;
-      }
-      p.weight[i] = weight;
-    }
-    if (!solve(p, s)) return false;
-    fit.sigma = scale_of(p, s.c);
+    points.moments(frame_of(ball, q), c, scale > 0.0 ? 1.0 / scale : 0.0, sums);
+    if (!factor(sums, l) || !solve(l, sums.r, c)) return false;
+    fit.sigma = scale_of(points, c);
     const double known = rule.most > 0.0 ? std::min(fit.sigma, rule.most * floor) : fit.sigma;
     if (rule.robust) scale = kScaleSigmas * std::max(known, floor);
     // Into the frame of the tangent plane found; heights change by second order of the turn.
-    const Vec3 n = (q.n - q.u * s.c[1] - q.v * s.c[2]).normalized();
-    q.at += q.n * (s.c[0] * ball.radius);
+    const Vec3 n = (q.n - q.u * c[1] - q.v * c[2]).normalized();
+    q.at += q.n * (c[0] * ball.radius);
     turn_to(q, n);
-    q.uu = s.c[3] / ball.radius;
-    q.uv = s.c[4] / ball.radius;
-    q.vv = s.c[5] / ball.radius;
-    s.c[0] = s.c[1] = s.c[2] = 0.0;
-    if (scale > 0.0 && round + 1 == rounds) break;
+    q.uu = c[3] / ball.radius;
+    q.uv = c[4] / ball.radius;
+    q.vv = c[5] / ball.radius;
+    c[0] = c[1] = c[2] = 0.0;
   }
-  double weights = 0.0;
-  p.take(ball, q);
   const double used = scale > 0.0 ? scale : kScaleSigmas * std::max(fit.sigma, floor);
-  for (std::size_t i = 0; i < count; ++i) {
-    const double x = (p.w[i] - height(s.c, p.u[i], p.v[i])) / used;
-    weights += 1.0 / ((1.0 + x * x) * (1.0 + x * x));
-  }
+  const double weights = points.weights(frame_of(ball, q), c, 1.0 / used);
   const double x = (q.residual(ball.centre) / ball.radius) / used;
   fit.centre_weight = 1.0 / ((1.0 + x * x) * (1.0 + x * x));
   fit.points = static_cast<int>(weights);
   fit.sigma *= ball.radius;
   const double sigma = std::max(fit.sigma, rule.sigma_floor);
-  fit.value_error = sigma * std::sqrt(s.value_variance);
-  fit.slope_error = sigma / ball.radius * std::sqrt(s.slope_variance);
+  fit.value_error = sigma * std::sqrt(variance_of(l, 0));
+  fit.slope_error = sigma / ball.radius * std::sqrt(0.5 * (variance_of(l, 1) + variance_of(l, 2)));
   fit.quadric = q;
   return is_finite(q.at) && is_finite(q.n);
 }

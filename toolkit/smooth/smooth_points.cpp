@@ -191,13 +191,20 @@ void SmoothPoints::measure_spacing_near(int threads) {
 
 std::uint32_t SmoothPoints::points_around_cell(const Level& level, std::uint64_t code) noexcept {
   const std::array<std::int32_t, 3> at = coordinate_of(code);
+  const auto before = [&](std::size_t axis) { return static_cast<std::uint32_t>(std::max(at[axis] - 1, 0)); };
+  const std::array<std::uint32_t, 3> low{before(0), before(1), before(2)};
+  const auto past = [&](std::size_t axis) { return static_cast<std::uint32_t>(at[axis]) + 2; };
   std::uint32_t count = 0;
-  for (int i = 0; i < 27; ++i) {
-    const std::int32_t x = at[0] + i / 9 - 1, y = at[1] + i / 3 % 3 - 1, z = at[2] + i % 3 - 1;
-    if (x < 0 || y < 0 || z < 0) continue;
-    const std::uint32_t cell = level.table.find(partition::morton_code(
-        static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y), static_cast<std::uint32_t>(z)));
-    if (cell != CellTable::kNone) count += level.begin[cell + 1] - level.begin[cell];
+  std::uint64_t cx = partition::morton_code(low[0], 0, 0);
+  for (std::uint32_t x = low[0]; x < past(0); ++x, cx = next_code<0>(cx)) {
+    std::uint64_t cy = partition::morton_code(0, low[1], 0);
+    for (std::uint32_t y = low[1]; y < past(1); ++y, cy = next_code<1>(cy)) {
+      std::uint64_t cz = partition::morton_code(0, 0, low[2]);
+      for (std::uint32_t z = low[2]; z < past(2); ++z, cz = next_code<2>(cz)) {
+        const std::uint32_t cell = level.table.find(cx | cy | cz);
+        if (cell != CellTable::kNone) count += level.begin[cell + 1] - level.begin[cell];
+      }
+    }
   }
   return count;
 }

@@ -18,6 +18,14 @@ namespace palpate::render {
 /// The lattice coordinate that a Morton code stands for.
 [[nodiscard]] std::array<std::int32_t, 3> coordinate_of(std::uint64_t code) noexcept;
 
+/// An axis's bits of a Morton code, alone: of the next coordinate along it. Borrows pass over the bits
+/// between.
+template <int kAxis>
+[[nodiscard]] constexpr std::uint64_t next_code(std::uint64_t code) noexcept {
+  constexpr std::uint64_t kBits = 0x1249249249249249ull << kAxis;  // of 21 bits each third one
+  return (code - kBits) & kBits;
+}
+
 /// A hash from a cell's Morton code to its number. Immutable once built; cells are given in ascending order.
 class CellTable {
  public:
@@ -87,11 +95,15 @@ class SmoothPoints {
       }
       return;
     }
-    for (std::int64_t z = low[2]; z <= high[2]; ++z)
-      for (std::int64_t y = low[1]; y <= high[1]; ++y)
-        for (std::int64_t x = low[0]; x <= high[0]; ++x) {
-          const std::uint32_t cell = level.table.find(partition::morton_code(
-              static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y), static_cast<std::uint32_t>(z)));
+    const std::uint64_t code_x = partition::morton_code(static_cast<std::uint32_t>(low[0]), 0, 0);
+    const std::uint64_t code_y = partition::morton_code(0, static_cast<std::uint32_t>(low[1]), 0);
+    std::uint64_t cz = partition::morton_code(0, 0, static_cast<std::uint32_t>(low[2]));
+    for (std::int64_t z = low[2]; z <= high[2]; ++z, cz = next_code<2>(cz)) {
+      std::uint64_t cy = code_y;
+      for (std::int64_t y = low[1]; y <= high[1]; ++y, cy = next_code<1>(cy)) {
+        std::uint64_t cx = code_x;
+        for (std::int64_t x = low[0]; x <= high[0]; ++x, cx = next_code<0>(cx)) {
+          const std::uint32_t cell = level.table.find(cx | cy | cz);
           if (cell == CellTable::kNone) continue;
           for (std::uint32_t i = level.begin[cell]; i < level.begin[cell + 1]; ++i) {
             const Vec3 away = at_[i].cast<double>() - centre;
@@ -99,6 +111,8 @@ class SmoothPoints {
             if (sq <= radius_sq) visit(i, away, sq);
           }
         }
+      }
+    }
   }
   [[nodiscard]] int count_in_ball(const Vec3& centre, double radius) const {
     int count = 0;

@@ -35,6 +35,8 @@ class Filled {
     const int x = cell(a), y = cell(b);
     if (x >= 0 && x < cells_ && y >= 0 && y < cells_) filled_ |= bit(x, y);
   }
+  /// Whether there is any place of which around() may be true: it takes cells on all its sides.
+  [[nodiscard]] bool tells() const noexcept { return cells_ >= 3; }
   /// Whether a place has points on all its sides, beyond doubt: in the cells around its own. A straight
   /// border beyond which that cell reaches leaves one of them empty, however it lies.
   [[nodiscard]] bool around(double a, double b) const noexcept {
@@ -65,22 +67,22 @@ class Surround {
   void add(double a, double b) noexcept {
     seen_ |= std::uint64_t{1} << std::min(static_cast<int>(turn_of(a, b) * kSectors), kSectors - 1);
   }
-  /// The widest angle without a point, in turns, to 1/48 and rounded down.
-  [[nodiscard]] double widest() const noexcept {
-    if (seen_ == 0) return 1.0;
-    int run = 0, most = 0;
-    for (int i = 0; i < 2 * kSectors; ++i) {
-      run = ((seen_ >> (i % kSectors)) & 1u) != 0 ? 0 : run + 1;
-      most = std::max(most, run);
-    }
-    return static_cast<double>(most) / kSectors;
-  }
   /// The points end here: at a straight border half a turn is empty, and what a sector more on either side
   /// takes of it.
-  [[nodiscard]] bool open() const noexcept { return widest() >= 0.5 - 2.0 / kSectors; }
+  [[nodiscard]] bool open() const noexcept {
+    // A bit of `empty` stays where the sectors from its own on are empty, as many as are told so far.
+    std::uint64_t empty = ~seen_ & kAll;
+    for (int told = 1; told < kOpenSectors;) {
+      const int step = std::min(told, kOpenSectors - told);
+      empty &= (empty >> step | empty << (kSectors - step)) & kAll;
+      told += step;
+    }
+    return empty != 0;
+  }
 
  private:
-  static constexpr int kSectors = 48;
+  static constexpr int kSectors = 48, kOpenSectors = kSectors / 2 - 2;
+  static constexpr std::uint64_t kAll = (std::uint64_t{1} << kSectors) - 1;
   std::uint64_t seen_ = 0;
 };
 
