@@ -78,14 +78,15 @@ void CubeFaces::part(std::span<const std::uint32_t> members, const std::vector<P
   creases_.clear();
   doubtful_.clear();
   goes_on_.clear();
+  number_.resize(patches.size(), kNoMember);
+  for (std::uint32_t i = 0; i < members.size(); ++i) number_[members[i]] = i;
   for (std::uint32_t i = 0; i < members.size(); ++i) {
     const std::uint32_t from = links.begin[members[i]], past = links.begin[members[i] + 1];
     for (std::uint32_t link = from; link < past; ++link) {
       const std::uint32_t to = links.to[link];
       if (to < members[i]) continue;  // told from there
-      const auto at = std::lower_bound(members.begin(), members.end(), to);
-      if (at == members.end() || *at != to) continue;
-      const auto j = static_cast<std::uint32_t>(at - members.begin());
+      const std::uint32_t j = number_[to];
+      if (j == kNoMember) continue;
       join(sheet_, i, j);
       const Patch &a = patches[members[i]], &b = patches[to];
       const int points = std::min(a.points, b.points);
@@ -97,6 +98,7 @@ void CubeFaces::part(std::span<const std::uint32_t> members, const std::vector<P
         doubtful_.push_back(a.sure ? Doubtful{j, i, off_between(a, b)} : Doubtful{i, j, off_between(a, b)});
     }
   }
+  for (const std::uint32_t member : members) number_[member] = kNoMember;
   join_faces();
   if (one_face()) return;
   join_same(members, patches, links, middle);

@@ -66,6 +66,7 @@ class CubeFaces {
                                        const std::vector<Patch>& patches, const Vec3& at);
 
   bool all_one_;
+  std::vector<std::uint32_t> number_;  ///< of a patch that is a member of the cube, in it
   std::vector<std::uint32_t> sheet_, face_, body_;
   std::vector<Crease> creases_, goes_on_;
   std::vector<Doubtful> doubtful_;

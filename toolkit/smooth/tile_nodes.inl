@@ -3,6 +3,7 @@
 namespace PALPATE_NODES {
 
 using V = float __attribute__((vector_size(PALPATE_LANES * sizeof(float))));
+using Yes = std::int32_t __attribute__((vector_size(PALPATE_LANES * sizeof(float))));
 
 PALPATE_TARGET inline V load(const float* from) {
   V v;
@@ -20,6 +21,13 @@ PALPATE_TARGET inline V at_least(V x, float low) {
 PALPATE_TARGET inline V at_most(V x, float high) {
   const V most = V{} + high;
   return x < most ? x : most;
+}
+PALPATE_TARGET inline bool any(Yes yes) {
+  std::array<std::uint64_t, PALPATE_LANES / 2> pairs;
+  __builtin_memcpy(pairs.data(), &yes, sizeof pairs);
+  std::uint64_t found = 0;
+  for (const std::uint64_t pair : pairs) found |= pair;
+  return found != 0;
 }
 /// 1 / sqrt(1 + x) for x from 0: Newton's steps, which need no root and are rounded alike everywhere. Right
 /// to 1e-5 up to a slope of one and better below.
@@ -42,6 +50,7 @@ PALPATE_TARGET inline void add_part(const TilePatch& p, std::size_t part, TileSu
     const V back = (w - 0.5f * (s0 * a + t0 * b)) / (1.0f + s0 * s0 + t0 * t0);
     const V a1 = a + s0 * back, b1 = b + t0 * back;
     const V rest = at_least(1.0f - (a1 * a1 + b1 * b1) * p.per_support_sq, 0.0f);
+    if (!any(rest > 0.0f)) continue;
     const V s1 = 2.0f * p.uu * a1 + p.uv * b1, t1 = 2.0f * p.vv * b1 + p.uv * a1;
     const V inverse = inverse_length(s1 * s1 + t1 * t1);
     const V f = ((w - 0.5f * (s1 * a1 + t1 * b1)) - (a - a1) * s1 - (b - b1) * t1) * inverse;
