@@ -1,9 +1,17 @@
 #include "toolkit/smooth/fit_sums.h"
 
+#include <algorithm>
+#include <cstdint>
+#include <limits>
+
 #include "toolkit/core/lanes.h"
 
 namespace palpate::render {
 namespace {
+
+/// Of so many points a median is found by counting, for each in turn, how many are less: the square of their
+/// number, four at a time, but no branch that cannot be foretold.
+constexpr std::size_t kMostRanked = 64;
 
 #define PALPATE_SUMS narrow_sums
 #define PALPATE_TARGET
@@ -52,16 +60,26 @@ void FitPoints::moments(const FitFrame& frame, const FitHeight& height, double p
   narrow_sums::moments(lanes(), frame, height, per_scale, out);
 }
 
-std::span<double> FitPoints::residuals(const FitHeight& height) {
-  const std::span<double> found(off_.data(), count_);
+double FitPoints::median_residual(const FitHeight& height) {
+  const FitLanes all = lanes();
+  const std::size_t rank = count_ / 2;
 #if defined(__x86_64__)
-  if (wide_here()) {
-    wide_sums::residuals(lanes(), height);
-    return found;
-  }
+  if (wide_here())
+    wide_sums::residuals(all, height);
+  else
 #endif
-  narrow_sums::residuals(lanes(), height);
-  return found;
+    narrow_sums::residuals(all, height);
+  std::fill(off_.begin() + static_cast<std::ptrdiff_t>(count_), off_.end(),
+            std::numeric_limits<double>::infinity());
+  if (count_ > kMostRanked) {
+    const auto middle = off_.begin() + static_cast<std::ptrdiff_t>(rank);
+    std::nth_element(off_.begin(), middle, off_.end());
+    return *middle;
+  }
+#if defined(__x86_64__)
+  if (wide_here()) return wide_sums::of_rank(all, count_, rank);
+#endif
+  return narrow_sums::of_rank(all, count_, rank);
 }
 
 double FitPoints::weights(const FitFrame& frame, const FitHeight& height, double per_scale) {

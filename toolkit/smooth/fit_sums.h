@@ -4,7 +4,6 @@
 
 #include <array>
 #include <cstddef>
-#include <span>
 #include <vector>
 
 #include "toolkit/core/vec.h"
@@ -41,10 +40,10 @@ class FitPoints {
   void take(const std::vector<Vec3>& away);
   [[nodiscard]] std::size_t size() const noexcept { return count_; }
   /// Weighed by 1 - u^2 - v^2, and where `per_scale` is not 0 by (1 + x^2)^-2 of the residual x from
-  /// `height`, times per_scale. Leaves (u, v, w) for residuals().
+  /// `height`, times per_scale. Leaves (u, v, w) for median_residual().
   void moments(const FitFrame& frame, const FitHeight& height, double per_scale, FitMoments& out);
-  /// What the points are off a height, unsigned, unordered. Good until the next call of any.
-  [[nodiscard]] std::span<double> residuals(const FitHeight& height);
+  /// The median of what the points are off a height, unsigned; of an even number the greater one.
+  [[nodiscard]] double median_residual(const FitHeight& height);
   /// The sum of (1 + x^2)^-2.
   [[nodiscard]] double weights(const FitFrame& frame, const FitHeight& height, double per_scale);
 

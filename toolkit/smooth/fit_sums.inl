@@ -5,6 +5,8 @@ namespace PALPATE_SUMS {
 
 using V = double __attribute__((vector_size(FitPoints::kAtOnce * sizeof(double))));
 
+using Counts = std::int64_t __attribute__((vector_size(FitPoints::kAtOnce * sizeof(std::int64_t))));
+
 // Functions would pass vectors by value.
 #define PALPATE_LOAD(to, from) __builtin_memcpy(&(to), (from), sizeof(V))
 #define PALPATE_STORE(to, value) __builtin_memcpy((to), &(value), sizeof(V))
@@ -73,6 +75,23 @@ PALPATE_TARGET void residuals(const FitLanes& p, const FitHeight& c) {
     const V size = off < 0.0 ? -off : off;
     PALPATE_STORE(p.off + i, size);
   }
+}
+
+/// The residual that `rank` others are less than; equal ones stand in for each other.
+PALPATE_TARGET double of_rank(const FitLanes& p, std::size_t points, std::size_t rank) {
+  const auto asked = static_cast<std::int64_t>(rank);
+  for (std::size_t i = 0; i < points; ++i) {
+    const V one = V{} + p.off[i];
+    Counts less{}, up_to{};
+    for (std::size_t j = 0; j < p.count; j += FitPoints::kAtOnce) {
+      V other;
+      PALPATE_LOAD(other, p.off + j);
+      less -= other < one;
+      up_to -= other <= one;
+    }
+    if (PALPATE_SUM(less) <= asked && asked < PALPATE_SUM(up_to)) return p.off[i];
+  }
+  return p.off[rank];  // some are no numbers
 }
 
 PALPATE_TARGET double weights(const FitLanes& p, const FitFrame& f, const FitHeight& c, double per_scale) {

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <span>
 #include <utility>
 
 #include "toolkit/smooth/fit_sums.h"
@@ -125,12 +124,10 @@ double variance_of(const Triangle& l, std::size_t i) {
 
 /// The standard deviation about a height by the median residual, allowing for the numbers fitted.
 double scale_of(FitPoints& points, const FitHeight& c) {
-  const std::span<double> off = points.residuals(c);
-  const std::size_t count = off.size();
-  const auto middle = off.begin() + static_cast<std::ptrdiff_t>(count / 2);
-  std::nth_element(off.begin(), middle, off.end());
+  const std::size_t count = points.size();
+  const double middle = points.median_residual(c);
   const double free = static_cast<double>(count) / static_cast<double>(count > 6 ? count - 6 : 1);
-  return *middle / kMedianShare * std::sqrt(free);
+  return middle / kMedianShare * std::sqrt(free);
 }
 
 }  // namespace
@@ -146,12 +143,25 @@ void turn_to(Quadric& q, const Vec3& n) {
 void Ball::gather(const SmoothPoints& points, const Vec3& at, double r) {
   centre = at;
   radius = r;
-  away.clear();
-  place.clear();
-  points.in_ball(at, r, [&](std::uint32_t i, const Vec3& d, double) {
-    away.push_back(d);
-    place.push_back(i);
+  const double radius_sq = r * r;
+  std::size_t count = 0;
+  points.about_ball(at, r, [&](std::uint32_t first, std::uint32_t past) {
+    // Every point is written where the next of the ball belongs, and those outside overwritten: whether one
+    // is inside cannot be foretold.
+    const std::size_t most = count + (past - first);
+    if (away.size() < most) {
+      away.resize(std::max(most, 2 * away.size()));
+      place.resize(away.size());
+    }
+    for (std::uint32_t i = first; i < past; ++i) {
+      const Vec3 d = points[i] - at;
+      away[count] = d;
+      place[count] = i;
+      count += d.squaredNorm() <= radius_sq ? std::size_t{1} : std::size_t{0};
+    }
   });
+  away.resize(count);
+  place.resize(count);
 }
 
 bool spread_of(const Ball& ball, Spread& spread) {

@@ -78,21 +78,16 @@ class SmoothPoints {
   /// A ball over more cubes than this, and than there are points, is found point by point: a cube costs about
   /// as much as a point. One point far off would else be surrounded by millions of empty cubes.
   static constexpr double kMostCubes = 4096.0;
-  /// Calls visit(place, Vec3 from the centre, squared distance) for every point in the ball.
+  /// Calls visit(first, past) for runs of places that hold all points of the ball, and others.
   template <class Visit>
-  void in_ball(const Vec3& centre, double radius, Visit&& visit) const {
+  void about_ball(const Vec3& centre, double radius, Visit&& visit) const {
     const Level& level = level_for(radius);
     std::array<std::int64_t, 3> low{}, high{};
     if (!cells_of(level, centre, radius, low, high)) return;
-    const double radius_sq = radius * radius;
     double cubes = 1.0;
     for (std::size_t axis = 0; axis < 3; ++axis) cubes *= static_cast<double>(high[axis] - low[axis] + 1);
     if (cubes > kMostCubes && cubes > static_cast<double>(at_.size())) {
-      for (std::uint32_t i = 0; i < at_.size(); ++i) {
-        const Vec3 away = at_[i].cast<double>() - centre;
-        const double sq = away.squaredNorm();
-        if (sq <= radius_sq) visit(i, away, sq);
-      }
+      visit(std::uint32_t{0}, static_cast<std::uint32_t>(at_.size()));
       return;
     }
     const std::uint64_t code_x = partition::morton_code(static_cast<std::uint32_t>(low[0]), 0, 0);
@@ -104,15 +99,22 @@ class SmoothPoints {
         std::uint64_t cx = code_x;
         for (std::int64_t x = low[0]; x <= high[0]; ++x, cx = next_code<0>(cx)) {
           const std::uint32_t cell = level.table.find(cx | cy | cz);
-          if (cell == CellTable::kNone) continue;
-          for (std::uint32_t i = level.begin[cell]; i < level.begin[cell + 1]; ++i) {
-            const Vec3 away = at_[i].cast<double>() - centre;
-            const double sq = away.squaredNorm();
-            if (sq <= radius_sq) visit(i, away, sq);
-          }
+          if (cell != CellTable::kNone) visit(level.begin[cell], level.begin[cell + 1]);
         }
       }
     }
+  }
+  /// Calls visit(place, Vec3 from the centre, squared distance) for every point in the ball.
+  template <class Visit>
+  void in_ball(const Vec3& centre, double radius, Visit&& visit) const {
+    const double radius_sq = radius * radius;
+    about_ball(centre, radius, [&](std::uint32_t first, std::uint32_t past) {
+      for (std::uint32_t i = first; i < past; ++i) {
+        const Vec3 away = at_[i].cast<double>() - centre;
+        const double sq = away.squaredNorm();
+        if (sq <= radius_sq) visit(i, away, sq);
+      }
+    });
   }
   [[nodiscard]] int count_in_ball(const Vec3& centre, double radius) const {
     int count = 0;
