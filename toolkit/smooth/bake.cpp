@@ -134,7 +134,13 @@ class Baker {
       std::vector<Pair>& mine = found[begin / kPatchGrain];
       for (std::size_t i = begin; i < end; ++i) pairs_of(static_cast<std::uint32_t>(i), mine);
     });
-    for (const std::vector<Pair>& f : found) pairs_.insert(pairs_.end(), f.begin(), f.end());
+    std::size_t count = 0;
+    for (const std::vector<Pair>& f : found) count += f.size();
+    pairs_.reserve(count);
+    for (std::vector<Pair>& f : found) {
+      pairs_.insert(pairs_.end(), f.begin(), f.end());
+      std::vector<Pair>().swap(f);  // sorting needs its room
+    }
     // Of one cube they are in the order of their patches, and stay so.
     const int bits = 3 * static_cast<int>(std::bit_width(static_cast<std::uint64_t>(grid_.last_brick)));
     radix_sort(pairs_, bits, threads, [](const Pair& pair) { return pair.code; });
