@@ -17,8 +17,6 @@
 namespace palpate::experiments {
 namespace {
 
-using RowJson = nlohmann::ordered_json;
-
 constexpr const char* kRowSchema = "palpate-row/1";
 constexpr const char* kIntervalKey = "_interval";
 constexpr const char* kRowRemedy =
@@ -188,17 +186,10 @@ RowMachine this_machine() {
   return machine;
 }
 
-std::string row_text(const Row& row) {
+RowJson row_json(const Row& row) {
   RowJson options = RowJson::object();
   for (const auto& [key, value] : row.options) options[key] = value;
-  RowJson json = {{"schema", kRowSchema},
-                  {"setting", row.setting},
-                  {"experiment", row.experiment},
-                  {"machine",
-                   {{"name", row.machine.name},
-                    {"cpu", row.machine.cpu},
-                    {"hash", row.machine.hash},
-                    {"cores", row.machine.cores}}},
+  RowJson json = {{"setting", row.setting},
                   {"renderer", row.renderer},
                   {"works_on", row.works_on},
                   {"options", options},
@@ -230,6 +221,18 @@ std::string row_text(const Row& row) {
   json["steal_percent"] = row.steal_percent;
   json["load_before"] = row.load_before;
   json["measured_utc"] = row.measured_utc;
+  return json;
+}
+
+std::string row_text(const Row& row) {
+  RowJson json = {{"schema", kRowSchema},
+                  {"experiment", row.experiment},
+                  {"machine",
+                   {{"name", row.machine.name},
+                    {"cpu", row.machine.cpu},
+                    {"hash", row.machine.hash},
+                    {"cores", row.machine.cores}}}};
+  json.update(row_json(row));
   return json.dump(-1, ' ', false, RowJson::error_handler_t::replace);
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -76,7 +77,11 @@ struct Row {
   }
 };
 
-/// One line, without its end.
+using RowJson = nlohmann::ordered_json;
+/// What was measured: what stands in rows.jsonl and in documents alike. Those say beside it which schema,
+/// experiment and machine it is of.
+[[nodiscard]] RowJson row_json(const Row& row);
+/// One line, without its end: the same with schema, experiment and machine.
 [[nodiscard]] std::string row_text(const Row& row);
 /// Every line of `text`. A line that is no row is an Error with its number and what to do.
 [[nodiscard]] Result<std::vector<Row>> rows_of(std::string_view text, const std::string& file);

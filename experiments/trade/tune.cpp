@@ -85,12 +85,6 @@ Result<Row> verify(const std::string& scene_file, const Sweep& sweep, const Tune
   return std::move(rows.front());
 }
 
-TuneJson row_json(const Row& row) {
-  TuneJson json = TuneJson::parse(row_text(row));
-  for (const char* key : {"schema", "experiment", "machine"}) json.erase(key);
-  return json;
-}
-
 TuneJson limit_json(const std::optional<double>& limit) {
   return limit ? TuneJson(*limit) : TuneJson(nullptr);
 }
