@@ -184,22 +184,32 @@ TEST_F(WindowTest, TheArrowIsSeenFromVeryNear) {
   const WatchedTick pressing = window->drawn_tick();
   ASSERT_TRUE(pressing.tick.frame.contact);
   const Vec3 god_object_mm = pressing.tick.frame.god_object_mm;
+  const Vec3 way = pressing.map.world_n(pressing.tick.sent_n).normalized();
   Camera near = window->camera();
-  const Pixel beside = seen(god_object_mm);
-  near.pan(0.5 * window->view_width() - beside.x, 0.5 * window->view_height() - beside.y,
-           window->view_height());
-  constexpr double kAsNearAsItGoes = 1e6;
-  near.zoom(kAsNearAsItGoes);
+  ASSERT_GT((-near.forward()).dot(way), 0.0) << "the force points towards who looks";
+  // The eye just before the god object: the tip is then behind it.
+  constexpr double kBeforeRadii = 0.005;
+  const double before_mm = kBeforeRadii * near.radius_mm();
+  const double beyond_mm = (god_object_mm - near.target_mm()).dot(near.forward());
+  ASSERT_LT(beyond_mm, 0.0) << "nearer than what the camera turns about";
+  near.zoom(near.distance_mm() / (before_mm - beyond_mm));
+  ASSERT_NEAR((god_object_mm - near.eye_mm()).dot(near.forward()), before_mm, 1e-9);
+  const Vec3 aside = god_object_mm - near.eye_mm();
+  const double pixels = near.pixels_per_mm(window->view_height());
+  near.pan(-aside.dot(near.right()) * pixels, aside.dot(near.up()) * pixels, window->view_height());
   window->look_from(near);
   settle();
   ASSERT_TRUE(window->drawn_tick().tick.frame.contact);
-  const Vec3 way = pressing.map.world_n(pressing.tick.sent_n).normalized();
-  ASSERT_GT((-near.forward()).dot(way), 0.0) << "the force points towards who looks";
   const Pixel god_object = seen(god_object_mm);
-  ASSERT_NEAR(god_object.x, 0.5 * window->view_width(), 0.25 * window->view_width());
+  ASSERT_NEAR(god_object.x, 0.5 * window->view_width(), 1.0);
+  ASSERT_NEAR(god_object.y, 0.5 * window->view_height(), 1.0);
+  constexpr double kLeastArrowRadii = 0.02;  // of a force of a thirtieth of the limit
+  ASSERT_LT((god_object_mm + kLeastArrowRadii * near.radius_mm() * way - near.eye_mm()).dot(near.forward()),
+            0.0)
+      << "the tip is behind the eye";
   const Spot arrow = spot_of(window->picture(), kForceColour, window->view_width());
-  EXPECT_GT(arrow.count, 100) << "the tip is behind the eye, and the arrow is seen all the same";
-  const Pixel along = seen(god_object_mm + 0.1 * near.distance_mm() * way);
+  EXPECT_GT(arrow.count, 100) << "the arrow is seen all the same";
+  const Pixel along = seen(god_object_mm + 0.1 * before_mm * way);
   EXPECT_GT((arrow.x - god_object.x) * (along.x - god_object.x) +
                 (arrow.y - god_object.y) * (along.y - god_object.y),
             0.0)
