@@ -17,6 +17,8 @@
 namespace palpate::experiments {
 namespace {
 
+using RowJson = nlohmann::ordered_json;
+
 constexpr const char* kRowSchema = "palpate-row/1";
 constexpr const char* kIntervalKey = "_interval";
 constexpr const char* kRowRemedy =
@@ -168,25 +170,7 @@ Result<Row> row_of(const nlohmann::json& json) {
   return row;
 }
 
-}  // namespace
-
-RowMachine this_machine() {
-  const metrics::MachineInfo info = metrics::machine_info();
-  constexpr std::size_t kLongestName = 256;
-  std::array<char, kLongestName> name{};
-  if (::gethostname(name.data(), name.size() - 1) != 0) name = {};
-  RowMachine machine{name.data(), info.cpu, {}, info.cores};
-  Hash64 hash;
-  for (const std::string& part : {machine.name, machine.cpu, info.kernel}) {
-    hash.u64(part.size());
-    hash.bytes(std::as_bytes(std::span(part)));
-  }
-  hash.u64(static_cast<std::uint64_t>(machine.cores));
-  machine.hash = hash.hex();
-  return machine;
-}
-
-RowJson row_json(const Row& row) {
+RowJson measured_json(const Row& row) {
   RowJson options = RowJson::object();
   for (const auto& [key, value] : row.options) options[key] = value;
   RowJson json = {{"setting", row.setting},
@@ -224,6 +208,28 @@ RowJson row_json(const Row& row) {
   return json;
 }
 
+}  // namespace
+
+RowMachine this_machine() {
+  const metrics::MachineInfo info = metrics::machine_info();
+  constexpr std::size_t kLongestName = 256;
+  std::array<char, kLongestName> name{};
+  if (::gethostname(name.data(), name.size() - 1) != 0) name = {};
+  RowMachine machine{name.data(), info.cpu, {}, info.cores};
+  Hash64 hash;
+  for (const std::string& part : {machine.name, machine.cpu, info.kernel}) {
+    hash.u64(part.size());
+    hash.bytes(std::as_bytes(std::span(part)));
+  }
+  hash.u64(static_cast<std::uint64_t>(machine.cores));
+  machine.hash = hash.hex();
+  return machine;
+}
+
+std::string measured_text(const Row& row) {
+  return measured_json(row).dump(-1, ' ', false, RowJson::error_handler_t::replace);
+}
+
 std::string row_text(const Row& row) {
   RowJson json = {{"schema", kRowSchema},
                   {"experiment", row.experiment},
@@ -232,7 +238,7 @@ std::string row_text(const Row& row) {
                     {"cpu", row.machine.cpu},
                     {"hash", row.machine.hash},
                     {"cores", row.machine.cores}}}};
-  json.update(row_json(row));
+  json.update(measured_json(row));
   return json.dump(-1, ' ', false, RowJson::error_handler_t::replace);
 }
 

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -77,10 +76,9 @@ struct Row {
   }
 };
 
-using RowJson = nlohmann::ordered_json;
-/// What was measured: what stands in rows.jsonl and in documents alike. Those say beside it which schema,
-/// experiment and machine it is of.
-[[nodiscard]] RowJson row_json(const Row& row);
+/// What was measured, as a JSON object: what stands in rows.jsonl and in documents alike. Those say beside it
+/// which schema, experiment and machine it is of.
+[[nodiscard]] std::string measured_text(const Row& row);
 /// One line, without its end: the same with schema, experiment and machine.
 [[nodiscard]] std::string row_text(const Row& row);
 /// Every line of `text`. A line that is no row is an Error with its number and what to do.
