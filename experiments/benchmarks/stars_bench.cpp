@@ -57,6 +57,7 @@ BENCHMARK_CAPTURE(make_stars_of, random, "torus:sampling=random:points=1000000:m
 BENCHMARK_CAPTURE(make_stars_of, even, "ellipsoid:points=1000000:mesh=false")->Apply(on_one_and_two_threads);
 BENCHMARK_CAPTURE(make_stars_of, lattice, "sinusoid:shuffle:points=1002001:mesh=false")
     ->Apply(on_one_and_two_threads);
+BENCHMARK_CAPTURE(make_stars_of, raster, "sinusoid:points=1002001:mesh=false")->Apply(on_one_and_two_threads);
 BENCHMARK_CAPTURE(make_stars_of, noise, "torus:sampling=random:noise=0.22:points=428860:mesh=false")
     ->Apply(on_one_and_two_threads);
 

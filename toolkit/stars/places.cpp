@@ -23,6 +23,9 @@ constexpr std::size_t kChunk = std::size_t{1} << 16;
 /// lies across a jump has a box and a layer many times its neighbours': only blocks across the middle of a
 /// group can.
 constexpr std::size_t kGroup = 512;
+/// Steps of a raster whose lengths say how far its rows and its columns are apart.
+constexpr std::size_t kStepsLookedAt = 255;
+constexpr std::size_t kTilesPerChunk = 32;
 
 struct Item {
   std::uint32_t key;  ///< the highest bits of its code
@@ -131,6 +134,63 @@ void split(Member* first, Member* last) {
   split(middle, last);
 }
 
+/// `index(k)`: the point that is k-th along a curve. Halves groups of them.
+template <class Index>
+Places in_groups(const cloud::Cloud& cloud, const Index& index, int threads) {
+  const std::size_t n = cloud.size();
+  Places places;
+  places.point.resize(n);
+  places.order.resize(n);
+  parallel_chunks(n, kChunk, threads, [&](std::size_t first, std::size_t last) {
+    for (std::size_t begin = first; begin < last; begin += kGroup) {
+      const std::size_t end = std::min(begin + kGroup, last);
+      std::array<Member, kGroup> group;
+      for (std::size_t k = begin; k < end; ++k) group[k - begin] = {coordinates(cloud, index(k)), index(k)};
+      split(group.data(), group.data() + (end - begin));
+      for (std::size_t k = begin; k < end; ++k) {
+        const Member& member = group[k - begin];
+        places.point[k] = {member.at[0], member.at[1], member.at[2], 0.0F};
+        places.order[k] = member.index;
+      }
+    }
+  });
+  return places;
+}
+static_assert(kChunk % kGroup == 0);
+
+/// The median squared step from a position to the next row's (1, 0) or column's (0, 1).
+double typical_step_sq(const cloud::Cloud& cloud, const RasterGrid& grid, int down, int across) {
+  std::vector<double> squares;
+  for (std::size_t k = 0; k < kStepsLookedAt; ++k) {
+    const std::size_t slot = (2 * k + 1) * grid.slots() / (2 * kStepsLookedAt);
+    const auto row = static_cast<std::uint32_t>(slot / grid.columns());
+    const auto column = static_cast<std::uint32_t>(slot % grid.columns());
+    const std::uint32_t to_row = down == 0 ? row : grid.row_beside(row, 1);
+    const std::uint32_t to_column = across == 0 ? column : grid.column_beside(column, 1);
+    if (to_row == kNoPlace || to_column == kNoPlace) continue;
+    const std::uint32_t one = grid.point(row, column), other = grid.point(to_row, to_column);
+    if (one == kNoPlace || other == kNoPlace) continue;
+    squares.push_back((cloud.local_mm(other) - cloud.local_mm(one)).squaredNorm());
+  }
+  if (squares.empty()) return 0.0;
+  const auto middle = squares.begin() + static_cast<std::ptrdiff_t>(squares.size() / 2);
+  std::nth_element(squares.begin(), middle, squares.end());
+  return *middle;
+}
+
+/// Rows of a tile of kGroup positions that is about as long as wide.
+std::uint32_t rows_of_tile(const cloud::Cloud& cloud, const RasterGrid& grid) {
+  const double down_sq = typical_step_sq(cloud, grid, 1, 0), across_sq = typical_step_sq(cloud, grid, 0, 1);
+  std::uint32_t rows = 1;
+  // rows x columns = kGroup: twice the rows as long as they are no longer than the columns are wide.
+  while (rows < kGroup) {
+    const double tall = 2.0 * rows, wide = static_cast<double>(kGroup) / tall;
+    if (tall * tall * down_sq > wide * wide * across_sq) break;
+    rows *= 2;
+  }
+  return rows;
+}
+
 }  // namespace
 
 Places sort_places(const cloud::Cloud& cloud, int threads) {
@@ -141,23 +201,51 @@ Places sort_places(const cloud::Cloud& cloud, int threads) {
   std::vector<std::uint8_t> doubled(n, 0);
   std::vector<Item> items = counted(codes, threads);
   settle_runs(codes, items, doubled, threads);
-  Places places;
-  places.point.resize(n);
-  places.order.resize(n);
+  Places places = in_groups(
+      cloud, [&items](std::size_t k) { return items[k].index; }, threads);
   places.doubled.resize(n);
-  parallel_chunks(n, kGroup, threads, [&](std::size_t begin, std::size_t end) {
-    std::array<Member, kGroup> group;
-    for (std::size_t k = begin; k < end; ++k)
-      group[k - begin] = {coordinates(cloud, items[k].index), items[k].index};
-    split(group.data(), group.data() + (end - begin));
-    for (std::size_t k = begin; k < end; ++k) {
-      const Member& member = group[k - begin];
-      places.point[k] = {member.at[0], member.at[1], member.at[2], 0.0F};
-      places.order[k] = member.index;
-      places.doubled[k] = doubled[member.index];
-    }
+  parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) places.doubled[k] = doubled[places.order[k]];
   });
   return places;
+}
+
+Places raster_places(const cloud::Cloud& cloud, const RasterGrid& grid, int threads) {
+  const std::uint32_t tall = rows_of_tile(cloud, grid);
+  const auto wide = static_cast<std::uint32_t>(kGroup / tall);
+  struct Tile {
+    std::uint64_t code;
+    std::uint32_t row, column;
+    std::uint32_t first;  ///< place, once they are sorted
+  };
+  std::vector<Tile> tiles;
+  for (std::uint32_t row = 0; row < grid.rows(); row += tall)
+    for (std::uint32_t column = 0; column < grid.columns(); column += wide)
+      tiles.push_back({partition::morton_code(column / wide, row / tall, 0), row, column, 0});
+  std::sort(tiles.begin(), tiles.end(), [](const Tile& a, const Tile& b) { return a.code < b.code; });
+  const auto visit = [&](const Tile& tile, auto&& use) {
+    const std::uint32_t last_row = std::min(tile.row + tall, grid.rows());
+    const std::uint32_t last_column = std::min(tile.column + wide, grid.columns());
+    for (std::uint32_t row = tile.row; row < last_row; ++row)
+      for (std::uint32_t column = tile.column; column < last_column; ++column)
+        if (const std::uint32_t i = grid.point(row, column); i != kNoPlace) use(i);
+  };
+  std::uint32_t places = 0;
+  for (Tile& tile : tiles) {
+    tile.first = places;
+    visit(tile, [&](std::uint32_t) { ++places; });
+  }
+  std::vector<std::uint32_t> curve(cloud.size());
+  parallel_chunks(tiles.size(), kTilesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t t = begin; t < end; ++t) {
+      std::uint32_t place = tiles[t].first;
+      visit(tiles[t], [&](std::uint32_t i) { curve[place++] = i; });
+    }
+  });
+  Places made = in_groups(
+      cloud, [&curve](std::size_t k) { return curve[k]; }, threads);
+  made.doubled.assign(cloud.size(), 0);
+  return made;
 }
 
 }  // namespace palpate::stars
