@@ -117,6 +117,7 @@ std::vector<Method> make_methods() {
                  "triangles that the points agree on: the surface that cloud feels",
                  "ours, see docs/surface.md",
                  {}});
+  all.back().version = 2;  // read from a raster where there is one
   return all;
 }
 

@@ -12,6 +12,8 @@ namespace {
 /// Rows and columns of a tile: few enough that the boxes of a bent surface are thin, many enough that all
 /// tiles of a million points are looked at in a few milliseconds.
 constexpr std::uint32_t kTile = 8;
+/// Of two tiles whose boxes meet, parts are looked at: a bent surface fills little of its box.
+constexpr std::uint32_t kPart = 2, kParts = (kTile / kPart) * (kTile / kPart);
 constexpr std::size_t kTilesPerChunk = 256;
 
 struct TileBox {
@@ -35,11 +37,13 @@ struct TileBox {
       meet = meet && low[axis] <= other.high[axis] && high[axis] >= other.low[axis];
     return meet;
   }
-  /// By a spacing of its points, on all sides.
-  [[nodiscard]] TileBox wider() const noexcept {
+  /// Of a tile, about how far its points are apart.
+  [[nodiscard]] float spacing() const noexcept {
     float longest = 0.0F;
     for (std::size_t axis = 0; axis < 3; ++axis) longest = std::max(longest, high[axis] - low[axis]);
-    const float by = longest / static_cast<float>(kTile - 1);
+    return longest / static_cast<float>(kTile - 1);
+  }
+  [[nodiscard]] TileBox wider(float by) const noexcept {
     TileBox box = *this;
     for (std::size_t axis = 0; axis < 3; ++axis) {
       box.low[axis] -= by;
@@ -67,7 +71,9 @@ class TileTree {
 
   /// Whether the tile is near one that is not next to it.
   [[nodiscard]] bool is_overlapped(std::uint32_t row, std::uint32_t column) const {
-    const TileBox query = levels_.front().at(row, column).wider();
+    const TileBox& own = levels_.front().at(row, column);
+    const float spacing = own.spacing();
+    const TileBox query = own.wider(spacing);
     struct Node {
       std::size_t level;
       std::uint32_t row, column;
@@ -78,9 +84,9 @@ class TileTree {
       open.pop_back();
       if (!levels_[node.level].at(node.row, node.column).meets(query)) continue;
       if (node.level == 0) {
-        if (!is_next(row, node.row, rows(), grid_.rows_wrap()) ||
-            !is_next(column, node.column, columns(), grid_.columns_wrap()))
-          return true;
+        const bool next = is_next(row, node.row, rows(), grid_.rows_wrap()) &&
+                          is_next(column, node.column, columns(), grid_.columns_wrap());
+        if (!next && are_near(parts_of(row, column), parts_of(node.row, node.column), spacing)) return true;
         continue;
       }
       const Level& below = levels_[node.level - 1];
@@ -105,18 +111,38 @@ class TileTree {
     }
   };
 
-  [[nodiscard]] TileBox box_of(std::uint32_t tile_row, std::uint32_t tile_column) const noexcept {
-    TileBox box = TileBox::empty();
-    const std::uint32_t last_row = std::min((tile_row + 1) * kTile, grid_.rows());
-    const std::uint32_t last_column = std::min((tile_column + 1) * kTile, grid_.columns());
-    for (std::uint32_t row = tile_row * kTile; row < last_row; ++row)
-      for (std::uint32_t column = tile_column * kTile; column < last_column; ++column) {
+  using Parts = std::array<TileBox, kParts>;
+
+  /// Empty where there are no points, or the raster ends before.
+  [[nodiscard]] Parts parts_of(std::uint32_t tile_row, std::uint32_t tile_column) const noexcept {
+    Parts parts;
+    parts.fill(TileBox::empty());
+    const std::uint32_t first_row = tile_row * kTile, first_column = tile_column * kTile;
+    const std::uint32_t last_row = std::min(first_row + kTile, grid_.rows());
+    const std::uint32_t last_column = std::min(first_column + kTile, grid_.columns());
+    for (std::uint32_t row = first_row; row < last_row; ++row)
+      for (std::uint32_t column = first_column; column < last_column; ++column) {
         const std::uint32_t i = grid_.point(row, column);
         if (i == kNoPlace) continue;
         const std::array<float, 3> at = {cloud_.x_mm[i], cloud_.y_mm[i], cloud_.z_mm[i]};
-        box.add({at, at});
+        const std::uint32_t part =
+            (row - first_row) / kPart * (kTile / kPart) + (column - first_column) / kPart;
+        parts[part].add({at, at});
       }
+    return parts;
+  }
+  [[nodiscard]] TileBox box_of(std::uint32_t tile_row, std::uint32_t tile_column) const noexcept {
+    TileBox box = TileBox::empty();
+    for (const TileBox& part : parts_of(tile_row, tile_column)) box.add(part);
     return box;
+  }
+  static bool are_near(const Parts& one, const Parts& other, float spacing) noexcept {
+    for (const TileBox& part : one) {
+      const TileBox query = part.wider(spacing);
+      for (const TileBox& there : other)
+        if (there.meets(query)) return true;
+    }
+    return false;
   }
   static Level above(const Level& below) {
     Level level((below.rows + 1) / 2, (below.columns + 1) / 2);
