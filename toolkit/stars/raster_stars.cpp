@@ -16,9 +16,11 @@ namespace {
 /// A star that is laid out beside the raster's costs what three do where all are: those around are asked for
 /// their neighbours too. From a quarter on nothing is saved.
 constexpr std::uint64_t kLaidOutShare = 4;
-/// Points of a part of what is seen from afar, as in turn.cpp.
-constexpr std::size_t kPointsPerRasterPart = 16;
-static_assert(kPointsPerChunk % kPointsPerRasterPart == 0);
+/// Points of a part of what is seen from afar, at least, as in turn.cpp; and parts, about at most: sixty
+/// points of a million are as flat from there as sixteen.
+constexpr std::size_t kPointsPerRasterPart = 16, kMostRasterParts = 16384, kRasterPartsPerChunk = 256;
+
+constexpr std::size_t kRowsPerChunk = 16;
 
 /// What is done about a point: nothing, asked again whether its star is agreed on, or laid out.
 constexpr std::uint8_t kAsItIs = 0, kBeside = 1, kLaidOut = 2;
@@ -32,7 +34,7 @@ constexpr std::array<std::array<int, 2>, kAround> kStepTo = {
 void mark_next(const RasterGrid& grid, std::uint8_t from, std::uint8_t mark, int threads,
                std::vector<std::uint8_t>& state) {
   const std::vector<std::uint8_t> before = state;
-  parallel_chunks(grid.rows(), 16, threads, [&](std::size_t begin, std::size_t end) {
+  parallel_chunks(grid.rows(), kRowsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t r = begin; r < end; ++r) {
       const auto row = static_cast<std::uint32_t>(r);
       for (std::uint32_t column = 0; column < grid.columns(); ++column) {
@@ -164,25 +166,25 @@ RasterStars::Side RasterStars::side_of_whole(const Draft& draft) const {
   Side side;
   side.enclosure = is_closed ? Enclosure::kWhole : Enclosure::kOpen;
   if (!is_closed && draft.without.enclosure) return side;
-  std::vector<geometry::SurfacePart> parts((n + kPointsPerRasterPart - 1) / kPointsPerRasterPart);
+  const std::size_t size = std::max(kPointsPerRasterPart, n / kMostRasterParts);
+  std::vector<geometry::SurfacePart> parts((n + size - 1) / size);
   std::vector<double> volume(parts.size(), 0.0);
-  parallel_chunks(
-      parts.size(), kPointsPerChunk / kPointsPerRasterPart, draft.threads,
-      [&](std::size_t begin, std::size_t end) {
-        for (std::size_t part = begin; part < end; ++part) {
-          const std::size_t first = part * kPointsPerRasterPart;
-          const std::size_t last = std::min(first + kPointsPerRasterPart, n);
-          Vec3 area = Vec3::Zero(), sum = Vec3::Zero();
-          for (std::size_t i = first; i < last; ++i) {
-            // Each point has the cell below and beside it.
-            const Vec3 own = 0.5 * cells_.cell[slot_of_[i]].area.cast<double>();
-            area += own;
-            sum += draft.at(static_cast<std::uint32_t>(i));
-            volume[part] += own.dot(draft.at(static_cast<std::uint32_t>(i)));
-          }
-          parts[part] = {(sum / static_cast<double>(last - first)).cast<float>(), area.cast<float>()};
-        }
-      });
+  const auto look = [&](std::size_t part) {
+    const std::size_t first = part * size, last = std::min(first + size, n);
+    Vec3 area = Vec3::Zero(), sum = Vec3::Zero();
+    for (std::size_t i = first; i < last; ++i) {
+      // Each point has the cell below and beside it.
+      const Vec3 own = 0.5 * cells_.cell[slot_of_[i]].area.cast<double>();
+      const Vec3 at = draft.at(static_cast<std::uint32_t>(i));
+      area += own;
+      sum += at;
+      volume[part] += own.dot(at);
+    }
+    parts[part] = {(sum / static_cast<double>(last - first)).cast<float>(), area.cast<float>()};
+  };
+  parallel_chunks(parts.size(), kRasterPartsPerChunk, draft.threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t part = begin; part < end; ++part) look(part);
+  });
   if (is_closed) {
     side.inward = std::accumulate(volume.begin(), volume.end(), 0.0) < 0.0;
     return side;
