@@ -30,22 +30,27 @@ constexpr std::uint32_t kAround = 8;
 constexpr std::array<std::array<int, 2>, kAround> kStepTo = {
     {{0, 1}, {1, 1}, {1, 0}, {1, -1}, {0, -1}, {-1, -1}, {-1, 0}, {-1, 1}}};
 
-/// Marks with `mark` what is next to a point that has at least `from`, and is less than `mark` itself.
+/// Marks with `mark`, where less is, what is next to a point that has at least `from`.
 void mark_next(const RasterGrid& grid, std::uint8_t from, std::uint8_t mark, int threads,
                std::vector<std::uint8_t>& state) {
   const std::vector<std::uint8_t> before = state;
+  const std::size_t columns = grid.columns();
   parallel_chunks(grid.rows(), kRowsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+    std::vector<std::uint8_t> most(columns);
     for (std::size_t r = begin; r < end; ++r) {
       const auto row = static_cast<std::uint32_t>(r);
-      for (std::uint32_t column = 0; column < grid.columns(); ++column) {
-        std::uint8_t& here = state[std::size_t{row} * grid.columns() + column];
-        if (here >= mark) continue;
-        for (const auto& [down, across] : kStepTo) {
-          const std::uint32_t to_row = down == 0 ? row : grid.row_beside(row, down);
-          const std::uint32_t to_column = across == 0 ? column : grid.column_beside(column, across);
-          if (to_row == kNoPlace || to_column == kNoPlace) continue;
-          if (before[std::size_t{to_row} * grid.columns() + to_column] >= from) here = mark;
-        }
+      // Of each column the most of three rows, then of these the most of three.
+      std::copy_n(before.begin() + static_cast<std::ptrdiff_t>(r * columns), columns, most.begin());
+      for (const int down : {-1, 1})
+        if (const std::uint32_t other = grid.row_beside(row, down); other != kNoPlace)
+          for (std::size_t c = 0; c < columns; ++c) most[c] = std::max(most[c], before[other * columns + c]);
+      for (std::uint32_t column = 0; column < columns; ++column) {
+        std::uint8_t around = most[column];
+        for (const int across : {-1, 1})
+          if (const std::uint32_t other = grid.column_beside(column, across); other != kNoPlace)
+            around = std::max(around, most[other]);
+        std::uint8_t& here = state[r * columns + column];
+        if (around >= from && here < mark) here = mark;
       }
     }
   });
