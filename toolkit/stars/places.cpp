@@ -23,8 +23,6 @@ constexpr std::size_t kChunk = std::size_t{1} << 16;
 /// lies across a jump has a box and a layer many times its neighbours': only blocks across the middle of a
 /// group can.
 constexpr std::size_t kGroup = 512;
-/// Steps of a raster whose lengths say how far its rows and its columns are apart.
-constexpr std::size_t kStepsLookedAt = 255;
 constexpr std::size_t kTilesPerChunk = 32;
 
 struct Item {
@@ -158,29 +156,9 @@ Places in_groups(const cloud::Cloud& cloud, const Index& index, int threads) {
 }
 static_assert(kChunk % kGroup == 0);
 
-/// The median squared step from a position to the next row's (1, 0) or column's (0, 1).
-double typical_step_sq(const cloud::Cloud& cloud, const RasterGrid& grid, int down, int across) {
-  std::vector<double> squares;
-  for (std::size_t k = 0; k < kStepsLookedAt; ++k) {
-    const std::size_t slot = (2 * k + 1) * grid.slots() / (2 * kStepsLookedAt);
-    const auto row = static_cast<std::uint32_t>(slot / grid.columns());
-    const auto column = static_cast<std::uint32_t>(slot % grid.columns());
-    const std::uint32_t to_row = down == 0 ? row : grid.row_beside(row, 1);
-    const std::uint32_t to_column = across == 0 ? column : grid.column_beside(column, 1);
-    if (to_row == kNoPlace || to_column == kNoPlace) continue;
-    const std::uint32_t one = grid.point(row, column), other = grid.point(to_row, to_column);
-    if (one == kNoPlace || other == kNoPlace) continue;
-    squares.push_back((cloud.local_mm(other) - cloud.local_mm(one)).squaredNorm());
-  }
-  if (squares.empty()) return 0.0;
-  const auto middle = squares.begin() + static_cast<std::ptrdiff_t>(squares.size() / 2);
-  std::nth_element(squares.begin(), middle, squares.end());
-  return *middle;
-}
-
 /// Rows of a tile of kGroup positions that is about as long as wide.
 std::uint32_t rows_of_tile(const cloud::Cloud& cloud, const RasterGrid& grid) {
-  const double down_sq = typical_step_sq(cloud, grid, 1, 0), across_sq = typical_step_sq(cloud, grid, 0, 1);
+  const double down_sq = grid.typical_step_sq(cloud, 1, 0), across_sq = grid.typical_step_sq(cloud, 0, 1);
   std::uint32_t rows = 1;
   // rows x columns = kGroup: twice the rows as long as they are no longer than the columns are wide.
   while (rows < kGroup) {

@@ -7,9 +7,11 @@
 namespace palpate::stars {
 namespace {
 
-/// A raster with three holes for a point says little of who is next to whom, and its memory would be that of
-/// the holes.
-constexpr std::uint64_t kMostSlotsPerPoint = 4;
+/// A scanner's raster is wider than what it saw: of the bunny's range scans five to six positions of seven
+/// are empty. With more its memory, 25 bytes a position, would be that of the holes.
+constexpr std::uint64_t kMostSlotsPerPoint = 8;
+/// Steps whose lengths say how far rows and columns are apart.
+constexpr std::size_t kStepsLookedAt = 255;
 
 }  // namespace
 
@@ -54,6 +56,25 @@ bool RasterGrid::read_positions(const cloud::Cloud& cloud) {
     slot_of_[i] = slot;
   }
   return true;
+}
+
+double RasterGrid::typical_step_sq(const cloud::Cloud& cloud, int down, int across) const {
+  std::vector<double> squares;
+  for (std::size_t k = 0; k < kStepsLookedAt; ++k) {
+    const std::size_t slot = (2 * k + 1) * slots() / (2 * kStepsLookedAt);
+    const auto row = static_cast<std::uint32_t>(slot / columns_);
+    const auto column = static_cast<std::uint32_t>(slot % columns_);
+    const std::uint32_t to_row = down == 0 ? row : row_beside(row, 1);
+    const std::uint32_t to_column = across == 0 ? column : column_beside(column, 1);
+    if (to_row == kNoPlace || to_column == kNoPlace) continue;
+    const std::uint32_t one = point(row, column), other = point(to_row, to_column);
+    if (one == kNoPlace || other == kNoPlace) continue;
+    squares.push_back((cloud.local_mm(other) - cloud.local_mm(one)).squaredNorm());
+  }
+  if (squares.empty()) return 0.0;
+  const auto middle = squares.begin() + static_cast<std::ptrdiff_t>(squares.size() / 2);
+  std::nth_element(squares.begin(), middle, squares.end());
+  return *middle;
 }
 
 }  // namespace palpate::stars

@@ -45,6 +45,9 @@ class RasterGrid {
     return beside(column, by, columns_, columns_wrap_);
   }
 
+  /// The median of some squared steps to the next row's (1, 0) or column's (0, 1) point.
+  [[nodiscard]] double typical_step_sq(const cloud::Cloud& cloud, int down, int across) const;
+
  private:
   static std::uint32_t beside(std::uint32_t at, int by, std::uint32_t count, bool wraps) noexcept {
     if (by < 0) return at > 0 ? at - 1 : wraps ? count - 1 : kNoPlace;

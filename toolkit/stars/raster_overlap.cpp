@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 #include <vector>
 
@@ -15,6 +16,10 @@ constexpr std::uint32_t kTile = 8;
 /// Of two tiles whose boxes meet, parts are looked at: a bent surface fills little of its box.
 constexpr std::uint32_t kPart = 2, kParts = (kTile / kPart) * (kTile / kPart);
 constexpr std::size_t kTilesPerChunk = 256;
+/// A tile is near another one that is less than a spacing off; where rows are much farther apart than
+/// columns, or the other way around, less than half of the way across a tile the short way: the next tile but
+/// one is farther.
+constexpr double kMostOfShort = 0.5 * kTile;
 
 struct TileBox {
   std::array<float, 3> low, high;
@@ -57,6 +62,12 @@ struct TileBox {
 class TileTree {
  public:
   TileTree(const cloud::Cloud& cloud, const RasterGrid& grid, int threads) : cloud_(cloud), grid_(grid) {
+    const double down_sq = grid.typical_step_sq(cloud, 1, 0), across_sq = grid.typical_step_sq(cloud, 0, 1);
+    const double longer_sq = std::max(down_sq, across_sq);
+    if (longer_sq > 0.0) {
+      const double share = kMostOfShort * std::sqrt(std::min(down_sq, across_sq) / longer_sq);
+      near_share_ = static_cast<float>(std::min(1.0, share));
+    }
     Level tiles((grid.rows() + kTile - 1) / kTile, (grid.columns() + kTile - 1) / kTile);
     parallel_chunks(tiles.rows, 1, threads, [&](std::size_t begin, std::size_t end) {
       for (std::size_t row = begin; row < end; ++row)
@@ -72,7 +83,7 @@ class TileTree {
   /// Whether the tile is near one that is not next to it.
   [[nodiscard]] bool is_overlapped(std::uint32_t row, std::uint32_t column) const {
     const TileBox& own = levels_.front().at(row, column);
-    const float spacing = own.spacing();
+    const float spacing = near_share_ * own.spacing();
     const TileBox query = own.wider(spacing);
     struct Node {
       std::size_t level;
@@ -159,6 +170,7 @@ class TileTree {
 
   const cloud::Cloud& cloud_;
   const RasterGrid& grid_;
+  float near_share_ = 1.0F;    ///< of a tile's longer spacing
   std::vector<Level> levels_;  ///< 0: tiles; the last has one box
 };
 

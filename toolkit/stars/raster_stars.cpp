@@ -13,9 +13,9 @@
 namespace palpate::stars {
 namespace {
 
-/// A star that is laid out beside the raster's costs what three do where all are: those around are asked for
-/// their neighbours too. From a quarter on nothing is saved.
-constexpr std::uint64_t kLaidOutShare = 4;
+/// What is laid out beside the raster's stars is mended with them, and asks those around for their
+/// neighbours. Measured: where 3 % are a third is saved, where 18 % are nothing is.
+constexpr std::uint64_t kLaidOutShare = 10;
 /// Points of a part of what is seen from afar, at least, as in turn.cpp; and parts, about at most: sixty
 /// points of a million are as flat from there as sixteen.
 constexpr std::size_t kPointsPerRasterPart = 16, kMostRasterParts = 16384, kRasterPartsPerChunk = 256;

@@ -289,7 +289,7 @@ TEST(RasterStars, OverlappingViewsAreLaidOut) {
 TEST(RasterStars, DuplicatesAreOnePoint) {
   // A pole: a whole row at one place. And single points that stand where the next one does.
   std::vector<Vec3> points;
-  const std::uint32_t columns = 60, rows = 90;
+  const std::uint32_t columns = 60, rows = 150;
   for (std::uint32_t r = 0; r < rows; ++r)
     for (std::uint32_t c = 0; c < columns; ++c) {
       const double u = 2.0 * std::numbers::pi * c / columns, v = 0.5 * std::numbers::pi * r / rows;
