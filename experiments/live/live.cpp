@@ -16,7 +16,6 @@
 #include "experiments/session/run_key.h"
 #include "experiments/session/terminal.h"
 #include "toolkit/core/try.h"
-#include "toolkit/scene/up.h"
 
 namespace palpate::experiments {
 namespace {
@@ -87,10 +86,8 @@ Status check_window(const LiveArguments& arguments) {
 /// To the window, where there is one: it is seen before anything is prepared.
 void show_stage(const LiveArguments& arguments, const Stage& stage) {
   if (arguments.link == nullptr) return;
-  // It was read before: what is up is asked for again because no scene that is loaded holds it.
-  const Result<std::string> up = scene::up_of_scene(arguments.run.scene);
   arguments.link->show(std::make_shared<const ShownScene>(
-      ShownScene{stage.scene_name, stage.scene.input.models, up ? *up : std::string()}));
+      ShownScene{stage.scene_name, stage.scene.input.models, stage.scene.view_up}));
 }
 
 /// Whole Hz, and where a recording is to be.

@@ -63,6 +63,7 @@ struct Limits {
   GovernorOptions governor;
   WatchdogOptions watchdog;
   double held_back_ms = kHeldBackMs, stuck_ms = kStuckMs, felt_through_ms = 150.0;
+  bool late_until_seen = false;  ///< a busy machine may not look once between the limit and their coming
 };
 
 Limits limits_of(const LinkFaultOptions& options) {
@@ -74,6 +75,7 @@ Limits limits_of(const LinkFaultOptions& options) {
   limits.governor.silence_s = kSilenceS;
   limits.watchdog = {kWatchdogS, 0.01};
   limits.held_back_ms = 1e3 * kSilenceS + kHeldBackMs;
+  limits.late_until_seen = true;
   limits.stuck_ms = 3e3 * kWatchdogS;
   limits.felt_through_ms = 300.0;
   return limits;
@@ -105,7 +107,8 @@ class Trial {
     spoil();
     const double most_ms = may_be_felt_through() ? limits_.felt_through_ms : 1e3 * kPressPatience;
     while (ms_since(wrong_ns_, monotonic_ns()) < most_ms) {
-      if (wrong_ == LinkWrong::kLate && ms_since(wrong_ns_, monotonic_ns()) > limits_.held_back_ms)
+      if (wrong_ == LinkWrong::kLate && ms_since(wrong_ns_, monotonic_ns()) > limits_.held_back_ms &&
+          (!limits_.late_until_seen || outcome_.fault != Fault::kNone))
         bench_.replies.heal();
       take(tick());
       constexpr double kForGoodMs = 60.0;  // no force came back for so long

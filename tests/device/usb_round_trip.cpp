@@ -19,6 +19,7 @@ namespace palpate::device {
 namespace {
 
 constexpr std::int64_t kPeriodNs = 1'000'000;
+constexpr std::int64_t kLastLookNs = 300 * kPeriodNs, kPatienceNs = 10'000 * kPeriodNs;
 constexpr timespec kBetweenPolls{0, 50'000};
 constexpr int kLoopPriority = 80, kDoublePriority = 82;
 constexpr int kNumbers = 4000;  // a command's range; more than can be under way
@@ -53,6 +54,13 @@ class Meter {
           if (const auto reply = reader_.take(byte)) answered(*reply);
       ::nanosleep(&kBetweenPolls, nullptr);
     } while (monotonic_ns() < until_ns);
+  }
+  /// Neither answered nor overtaken until now.
+  [[nodiscard]] std::uint64_t under_way() const {
+    const auto open = static_cast<std::uint64_t>(
+        std::count_if(sent_ns_.begin(), sent_ns_.end(), [](std::int64_t sent) { return sent != 0; }));
+    const std::uint64_t overtaken = link_.counters().overtaken - overtaken_before_;
+    return result.lost + open > overtaken ? result.lost + open - overtaken : 0;
   }
   RoundTrips finished() {
     for (const std::int64_t sent : sent_ns_) result.lost += sent != 0 ? 1 : 0;
@@ -134,7 +142,10 @@ RoundTrips measure_round_trips(const RoundTripOptions& options) {
     meter.listen_until(next_ns);
     for (; monotonic_ns() > next_ns + kPeriodNs; next_ns += kPeriodNs) ++meter.result.late_ticks;  // skipped
   }
-  meter.listen_until(monotonic_ns() + 300 * kPeriodNs);
+  // A busy machine keeps the last answers for long. One that does not come at all is lost.
+  const std::int64_t patient_ns = monotonic_ns() + kPatienceNs;
+  do meter.listen_until(monotonic_ns() + kLastLookNs);
+  while (meter.under_way() > 0 && monotonic_ns() < patient_ns);
   meter.result.seconds = options.seconds;
   meter.result.fifo = fifo;
   RoundTrips result = meter.finished();

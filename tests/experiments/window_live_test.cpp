@@ -116,6 +116,7 @@ class DrivenWindow : public InFolder {
     a.run.renderers = renderers;
     a.run.out = in("results");
     a.window = true;
+    a.rearm = true;  // a busy machine stands still for longer than the watchdog allows
     return a;
   }
   static int live(const LiveArguments& a, const std::function<void(Window&)>& each_picture,

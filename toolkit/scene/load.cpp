@@ -218,6 +218,7 @@ Result<LoadedScene> load(const SceneFile& scene, const io::Readers& readers, con
   LoadedScene loaded;
   loaded.input.force_limit_n = scene.force_limit_n;
   loaded.control = scene.control;
+  loaded.view_up = scene.view_up;
   if (const Status fit = check_wishes(scene, options); !fit) return Error(fit.error()).in_file(scene.path);
   const Cleaning none;
   const Cleaning& cleaning = options.cleaning != nullptr ? *options.cleaning : none;

@@ -101,6 +101,8 @@ struct SceneFile {
   double simulation_hz = render::kSimulationHz;  ///< how often poses are published
   double force_limit_n = 0.0;                    ///< 0 = none
   control::ControlOptions control;  ///< the rest of [control]; stages around whatever renderer runs
+  std::string
+      view_up;  ///< [view]: what is up in pictures, "-y" or the like; empty: not said. Nobody feels it
 };
 
 /// Largest scene file that is read: a thousand models take some 300 kB.
@@ -153,6 +155,7 @@ struct Provenance {
 struct LoadedScene {
   render::SceneInput input;
   control::ControlOptions control;     ///< as in the file
+  std::string view_up;                 ///< as in the file
   std::vector<Provenance> provenance;  ///< one per model
   /// One per model: the mesh that the points were taken from by `sample`, which is their truth and which no
   /// renderer sees; null where they are the file's own.

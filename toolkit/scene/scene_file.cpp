@@ -10,7 +10,6 @@
 #include "toolkit/core/input_file.h"
 #include "toolkit/core/try.h"
 #include "toolkit/scene/toml_reading.h"
-#include "toolkit/scene/up.h"
 
 namespace palpate::scene {
 namespace {
@@ -223,68 +222,51 @@ Status read_simulation(const toml::node& node, SceneFile& scene, const InFile& i
   return Done{};
 }
 
-/// Of pictures alone: a scene is the same without it, so it is no part of SceneFile.
-Fields view_of_scene_fields(std::string& up) {
-  return {choice("up", up, {{"z", "z"}, {"y", "y"}, {"x", "x"}, {"-z", "-z"}, {"-y", "-y"}, {"-x", "-x"}})};
+Fields view_fields(SceneFile& scene) {
+  return {choice("up", scene.view_up,
+                 {{"z", "z"}, {"y", "y"}, {"x", "x"}, {"-z", "-z"}, {"-y", "-y"}, {"-x", "-x"}})};
 }
 
-Status read_view_of_scene(const toml::node& node, std::string& up, const InFile& in_file) {
+Status read_view(const toml::node& node, SceneFile& scene, const InFile& in_file) {
   PALPATE_ASSIGN(const toml::table* table, table_of(node, "view", in_file));
-  return read_fields(*table, view_of_scene_fields(up), "[view]", {}, in_file);
+  return read_fields(*table, view_fields(scene), "[view]", {}, in_file);
 }
 
 /// In the order of reading: the simulation asks whether a model moves.
-Fields scene_fields(SceneFile& scene, std::string& up) {
+Fields scene_fields(SceneFile& scene) {
   return {whole_field("model", scene, &read_models),
           whole_field("renderer", scene, &read_renderer),
           whole_field("control", scene, &read_control),
           whole_field("simulation", scene, &read_simulation),
-          {"view", [&up](const toml::node& node, const std::string&,
-                         const InFile& in_file) { return read_view_of_scene(node, up, in_file); }},
+          whole_field("view", scene, &read_view),
           {"plan", nullptr},
           {"device", nullptr},
           {"light", nullptr}};
 }
 
-Result<SceneFile> from_table(const toml::table& root, const std::string& path, std::string& up) {
+Result<SceneFile> from_table(const toml::table& root, const std::string& path) {
   SceneFile scene;
   scene.path = path;
-  PALPATE_TRY(read_fields(root, scene_fields(scene, up), "the scene", {}, InFile{path}));
+  PALPATE_TRY(read_fields(root, scene_fields(scene), "the scene", {}, InFile{path}));
   if (scene.models.empty())
     return Error{"the scene has no model",
                  "add [[model]] with cloud = \"file.ply\" or generate = \"sinusoid\"", path, 1};
   return scene;
 }
 
-Result<SceneFile> parse(std::string_view contents, const std::string& path, std::string& up) {
+}  // namespace
+
+Result<SceneFile> parse_scene(std::string_view contents, const std::string& path) {
   if (contents.size() > kMaxSceneBytes)
     return Error{fmt::format("the scene file is larger than {} bytes", kMaxSceneBytes), "is it a scene?",
                  path, 0};
   try {
-    return from_table(toml::parse(contents, path), path, up);
+    return from_table(toml::parse(contents, path), path);
   } catch (const toml::parse_error& error) {
     return Error{fmt::format("{} (column {})", error.description(), error.source().begin.column),
                  "the file must be TOML; docs/scene.md has an example", path,
                  static_cast<std::int64_t>(error.source().begin.line)};
   }
-}
-
-Result<SceneFile> read_with_up(const std::string& path, std::string& up) {
-  PALPATE_ASSIGN(const std::string contents, read_file(path, kMaxSceneBytes));
-  if (const Result<std::size_t> mark = byte_order_mark(contents); !mark)
-    return Error(mark.error()).in_file(path);
-  return parse(contents, path, up);
-}
-
-bool is_scene_file(const std::string& argument) {
-  return std::filesystem::path(argument).extension() == ".toml";
-}
-
-}  // namespace
-
-Result<SceneFile> parse_scene(std::string_view contents, const std::string& path) {
-  std::string up;
-  return parse(contents, path, up);
 }
 
 std::vector<TableKeys> scene_keys() {
@@ -303,8 +285,7 @@ std::vector<TableKeys> scene_keys() {
   SceneMotion motion;
   control::Coupling coupling;
   control::PassivityOptions passivity;
-  std::string up;
-  add("", scene_fields(scene, up));
+  add("", scene_fields(scene));
   Fields of_models = model_fields(model, nullptr, kOfGenerator);
   // The options of generators are theirs.
   std::erase_if(of_models, [](const Field& one) {
@@ -321,25 +302,21 @@ std::vector<TableKeys> scene_keys() {
   add("control", coupling_fields(coupling));
   add("control", passivity_fields(passivity));
   add("simulation", simulation_fields(scene));
-  add("view", view_of_scene_fields(up));
+  add("view", view_fields(scene));
   return all;
 }
 
 Result<SceneFile> read_scene(const std::string& path) {
-  std::string up;
-  return read_with_up(path, up);
-}
-
-Result<std::string> up_of_scene(const std::string& scene) {
-  std::string up;
-  if (is_scene_file(scene)) PALPATE_TRY(read_with_up(scene, up));
-  return up;
+  PALPATE_ASSIGN(const std::string contents, read_file(path, kMaxSceneBytes));
+  if (const Result<std::size_t> mark = byte_order_mark(contents); !mark)
+    return Error(mark.error()).in_file(path);
+  return parse_scene(contents, path);
 }
 
 Result<SceneFile> open_scene(const std::string& argument) {
   std::error_code code;
   const bool exists = std::filesystem::exists(argument, code);
-  if (is_scene_file(argument)) return read_scene(argument);
+  if (std::filesystem::path(argument).extension() == ".toml") return read_scene(argument);
   SceneFile scene;
   scene.path = argument;
   SceneModel model;
