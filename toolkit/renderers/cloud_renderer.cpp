@@ -83,7 +83,7 @@ RendererInfo cloud_info() {
                           OptionKind::kChoice,
                           "auto",
                           "triangles are read from the rows and columns of a scan where its cells are a "
-                          "surface (auto), or are those of any points (off), as raster=off",
+                          "surface (auto), or made as of any points (off)",
                           {"auto", "off"},
                           -1e300,
                           1e300,
