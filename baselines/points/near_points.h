@@ -62,7 +62,9 @@ class NearPoints {
     return {scale_at_hand_.data(), scale_.empty() ? 0 : count_};
   }
   /// How far from the place where fetch() is called it looks.
-  [[nodiscard]] double reach_mm() const noexcept { return reach_ * most_ + 2.0 * stride_; }
+  [[nodiscard]] double reach_mm() const noexcept { return reach_mm(most_); }
+  /// How far points of this scale may be.
+  [[nodiscard]] double reach_mm(double scale) const noexcept { return reach_ * scale + 2.0 * stride_; }
   static constexpr std::size_t bytes_for(bool scaled) noexcept {
     return kMaxNear * (sizeof(Vec3) + (scaled ? sizeof(double) : 0));
   }

@@ -96,7 +96,8 @@ class ShellWalk {
     return answer;
   }
   [[nodiscard]] std::size_t bytes() const noexcept { return near_.bytes(); }
-  [[nodiscard]] double reach_mm() const noexcept { return near_.reach_mm(); }
+  /// Of points of this scale.
+  [[nodiscard]] double reach_mm(double scale) const noexcept { return near_.reach_mm(scale); }
 
  private:
   /// What the points around a place say.

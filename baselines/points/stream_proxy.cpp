@@ -8,9 +8,11 @@
 #include <vector>
 
 #include "baselines/points/gaps.h"
+#include "baselines/points/local_spacing.h"
 #include "baselines/points/rival.h"
 #include "baselines/points/shell_walk.h"
 #include "baselines/points/thinned.h"
+#include "toolkit/core/try.h"
 #include "toolkit/partition/dynamic_grid.h"
 #include "toolkit/render/prepare_phases.h"
 
@@ -45,16 +47,37 @@ class StreamProxy : public RivalModel {
   void take_moves() noexcept;
 
   PointsIn<Grid> points_;
+  PlacedScales scales_;  ///< of local radii
   std::unique_ptr<ShellWalk<Grid>> walk_;
   Shells shells_;
   bool felt_offset_ = false;
   int walk_steps_ = kMaxShellSteps;
+  // For preparation.
+  bool local_ = false;
+  SpacingRange range_;
+  Gaps gaps_;
   // Of clouds that move.
   std::shared_ptr<render::MoveReader> moves_;
   std::shared_ptr<const cloud::Cloud> original_;
   std::vector<std::uint32_t> place_of_;
   bool moved_ = false;
 };
+
+/// Whether each point has radii of its own, by the spacing around it; says it.
+bool has_local_radii(const Options& options, const Gaps& gaps, bool points_move,
+                     render::ModelDecisions& out) {
+  const std::string asked = options.text("radii");
+  const bool local = asked == "local" || (asked == "auto" && density_changes(gaps) && !points_move);
+  const char* why = "the points have one density";
+  if (asked != "auto")
+    why = "as given";
+  else if (local)
+    why = "the density changes: one size would be too small in places or too large in others";
+  else if (points_move)
+    why = "points move, and their density with them";
+  out.decisions.push_back({"radii", local ? "local" : "one", why, asked != "auto"});
+  return local;
+}
 
 std::vector<OptionSpec> StreamProxy::specs() {
   using enum OptionKind;
@@ -69,6 +92,15 @@ std::vector<OptionSpec> StreamProxy::specs() {
       {"r2", kNumber, "2", "nearer points are touched, in mean spacings; above r1", {}, 0.1, 32.0},
       {"r3", kNumber, "3", "nearer points give the normal, in mean spacings; at least r2", {}, 0.1, 32.0},
       {"spacing_mm", kNumber, "0", "what stands for the mean spacing, in mm; 0: measured", {}, 0.0, 1e12},
+      {"radii",
+       kChoice,
+       "auto",
+       "one: the same everywhere, by what closes the gaps; local: by the spacing around each point, as "
+       "variable-proxy's; auto: local where the density changes and no point moves",
+       {"auto", "one", "local"},
+       0.0,
+       0.0,
+       {{"spacing_mm", {"0"}}}},
       {"weights",
        kChoice,
        "tapered",
@@ -86,9 +118,11 @@ Status StreamProxy::decide(StreamProxy& model, const render::ModelInput& input, 
   if (spacing > 0.0) {
     say_spacing(spacing, out);
   } else {
-    const Gaps gaps = measured_gaps(*input.cloud, context, report);
-    say_gaps(gaps, out);
-    spacing = gaps.closing_mm();
+    model.gaps_ = measured_gaps(*input.cloud, context, report);
+    say_gaps(model.gaps_, out);
+    model.local_ = has_local_radii(options, model.gaps_, input.moves != nullptr, out);
+    model.range_ = spacing_range(model.gaps_, kUsualRatio);
+    spacing = model.local_ ? model.gaps_.spacing_mm : model.gaps_.closing_mm();
   }
   model.shells_.r1 = options.number("r1") * spacing;
   model.shells_.r2 = options.number("r2") * spacing;
@@ -104,7 +138,10 @@ Status StreamProxy::decide(StreamProxy& model, const render::ModelInput& input, 
   model.walk_steps_ = static_cast<int>(options.integer("walk_steps"));
   out.decisions.push_back(
       {"shells",
-       fmt::format("{:.4g}, {:.4g} and {:.4g} mm", model.shells_.r1, model.shells_.r2, model.shells_.r3),
+       fmt::format("{:.4g}, {:.4g} and {:.4g} mm{}", model.shells_.r1, model.shells_.r2, model.shells_.r3,
+                   model.local_
+                       ? fmt::format(", times {:.3g} to {:.3g}", model.range_.least, model.range_.most)
+                       : std::string()),
        "nearer than the first pushes out, than the second is touched, than the third gives the normal"});
   out.decisions.push_back(model.shells_.tapered
                               ? render::Decision{"weights", "tapered", "points fade in and out"}
@@ -117,25 +154,38 @@ Status StreamProxy::decide(StreamProxy& model, const render::ModelInput& input, 
                               : render::Decision{"points that move", "none", "the scene moves none"});
   out.bytes += static_cast<std::uint64_t>(kFollowBytes * static_cast<double>(out.points)) +
                (input.moves != nullptr ? sizeof(std::uint32_t) * out.points : 0) +
-               NearPoints<Grid>::bytes_for(false);
+               (model.local_ ? sizeof(float) * out.points : 0) + NearPoints<Grid>::bytes_for(model.local_);
   return Done{};
 }
 
 Status StreamProxy::prepare(StreamProxy& model, const render::ModelInput& input, const Options& /*options*/,
                             const render::PrepareContext& context, render::PrepareReport& report) {
-  render::PreparePhases phases(report, context);
-  phases.begin("grid");
-  partition::PartitionOptions grid;
-  grid.cell_mm = model.shells_.r3;
-  model.points_ = build_points_in<Grid>(*input.cloud, grid, context.threads);
-  model.walk_ = std::make_unique<ShellWalk<Grid>>(model.points_, model.shells_);
-  model.walk_->bound_steps(model.walk_steps_);
-  // Points that are moved from outside all stay.
-  const double reach = model.walk_->reach_mm();
+  const auto build = [&](const cloud::Cloud& cloud) -> Status {
+    std::vector<float> scale;
+    if (model.local_) {
+      PALPATE_ASSIGN(scale, local_spacings(cloud, model.gaps_, model.range_, context, report));
+    }
+    render::PreparePhases phases(report, context);
+    phases.begin("grid");
+    partition::PartitionOptions grid;
+    grid.cell_mm = model.shells_.r3;
+    model.points_ = build_points_in<Grid>(cloud, grid, context.threads);
+    model.scales_ = placed_scales(scale, model.points_.grid.order());
+    model.walk_ = std::make_unique<ShellWalk<Grid>>(model.points_, model.shells_, model.scales_.by_place,
+                                                    model.scales_.least, model.scales_.most);
+    model.walk_->bound_steps(model.walk_steps_);
+    phases.end();
+    return Done{};
+  };
+  PALPATE_TRY(build(*input.cloud));
+  // Points that are moved from outside all stay. Of local radii only the least may have too many points
+  // within reach: the others grow with the gaps.
+  const double reach_mm = model.walk_->reach_mm(model.scales_.least);
   if (input.moves == nullptr &&
-      may_be_too_many(model.points_.grid.statistics().max_points, model.points_.cell_mm(), reach)) {
-    const Thinned thin = thinned_to_reach(input.cloud, model.shells_.r1, reach, report);
-    if (thin.cell_mm > 0.0) model.points_ = build_points_in<Grid>(*thin.cloud, grid, context.threads);
+      may_be_too_many(model.points_.grid.statistics().max_points, model.points_.cell_mm(), reach_mm)) {
+    const Thinned thin =
+        thinned_to_reach(input.cloud, model.scales_.least * model.shells_.r1, reach_mm, report);
+    if (thin.cell_mm > 0.0) PALPATE_TRY(build(*thin.cloud));
   }
   if (input.moves != nullptr) {
     model.moves_ = input.moves->subscribe();
@@ -145,21 +195,25 @@ Status StreamProxy::prepare(StreamProxy& model, const render::ModelInput& input,
     for (std::uint32_t place = 0; place < order.size(); ++place) model.place_of_[order[place]] = place;
   }
   model.points_.grid.drop_order();
-  phases.end();
-  report.bytes += model.points_.bytes() + NearPoints<Grid>::bytes_for(false) +
+  report.bytes += model.points_.bytes() + model.walk_->bytes() +
+                  model.scales_.by_place.capacity() * sizeof(float) +
                   model.place_of_.capacity() * sizeof(std::uint32_t);
-  report.notes.push_back(fmt::format("r1 {:.4g} mm, r2 {:.4g} mm, r3 {:.4g} mm, at most {} points a cell",
-                                     model.shells_.r1, model.shells_.r2, model.shells_.r3,
-                                     model.points_.grid.statistics().max_points));
+  report.notes.push_back(fmt::format(
+      "r1 {:.4g} mm, r2 {:.4g} mm, r3 {:.4g} mm{}, at most {} points a cell", model.shells_.r1,
+      model.shells_.r2, model.shells_.r3,
+      model.local_ ? fmt::format(", times {:.3g} to {:.3g}", model.scales_.least, model.scales_.most)
+                   : std::string(),
+      model.points_.grid.statistics().max_points));
   return Done{};
 }
 
 std::string StreamProxy::work_bound() const {
   return fmt::format(
-      "at most {} steps over at most {} points at hand, found in at most 64 cells each time the proxy is "
-      "half "
-      "r1 further; flights of at most {} pieces of {:.0f} cells",
-      walk_steps_, kMaxNear, kMaxPieces, kPieceCells);
+      "at most {} steps over at most {} points at hand, found in {} each time the proxy is half {} r1 "
+      "further; "
+      "flights of at most {} pieces of {:.0f} cells",
+      walk_steps_, kMaxNear, local_ ? "the cells within the largest r3" : "at most 64 cells",
+      local_ ? "the smallest" : "an", kMaxPieces, kPieceCells);
 }
 
 void StreamProxy::restart(const Vec3& h) noexcept {

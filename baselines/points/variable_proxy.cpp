@@ -9,25 +9,17 @@
 #include <vector>
 
 #include "baselines/points/gaps.h"
+#include "baselines/points/local_spacing.h"
 #include "baselines/points/rival.h"
 #include "baselines/points/shell_walk.h"
-#include "toolkit/neighbourhood/builders.h"
+#include "toolkit/core/try.h"
 #include "toolkit/render/prepare_phases.h"
 
 namespace palpate::baselines {
 namespace {
 
-/// On a square lattice the eighth neighbour is so many spacings off: over it, distances are spacings.
-constexpr double kEighthSpacings = 1.4142135623730951;  // sqrt 2
 /// The shells in radii: as stream-proxy's defaults.
 constexpr double kTouchRadii = 4.0 / 3.0, kNormalRadii = 2.0;
-/// The largest local spacing, in units of what closes 99 % of the gaps: with radii of 1.5 it closes gaps
-/// nearly twice as wide; what is lonelier is an outlier, or stands at a border.
-constexpr double kMostClosing = 1.25;
-/// A radius of 1.5 spacings closes even gaps (4/3 spacings) down to this share of it: means may take as much.
-constexpr double kStillCloses = kEvenGap / 1.5;
-/// Means over neighbours: local spacings then differ from one point to the next by some percent.
-constexpr int kSmoothings = 3;
 
 class VariableProxy : public RivalModel {
  public:
@@ -56,14 +48,13 @@ class VariableProxy : public RivalModel {
   using Grid = partition::UniformGrid;
 
   PointGrid points_;
-  LargeVector<float> scale_;  ///< by place: local spacings over the mean spacing
+  PlacedScales scales_;  ///< local spacings over the mean spacing
   std::unique_ptr<ShellWalk<Grid>> walk_;
   Shells shells_;  ///< at scale 1
   bool felt_offset_ = false;
   int walk_steps_ = kMaxShellSteps;
-  double least_ = 1.0, most_ = 1.0;  ///< of the scales; this and what follows: for preparation
-  double spacing_mm_ = 0.0;
-  bool lines_ = false;
+  SpacingRange range_;  ///< of the scales; this and what follows: for preparation
+  Gaps gaps_;
 };
 
 std::vector<OptionSpec> VariableProxy::specs() {
@@ -85,93 +76,45 @@ std::vector<OptionSpec> VariableProxy::specs() {
 Status VariableProxy::decide(VariableProxy& model, const render::ModelInput& input, const Options& options,
                              const render::PrepareContext& context, render::PrepareReport& report,
                              render::ModelDecisions& out) {
-  const Gaps gaps = measured_gaps(*input.cloud, context, report);
-  model.spacing_mm_ = gaps.spacing_mm;
-  model.lines_ = gaps.lines;
-  model.most_ = kMostClosing * gaps.closing_mm() / gaps.spacing_mm;
-  // In lines neighbours tell little of the gaps across: nothing is smaller than what closes them.
-  model.least_ = gaps.lines ? gaps.closing_mm() / gaps.spacing_mm : model.most_ / options.number("ratio");
+  model.gaps_ = measured_gaps(*input.cloud, context, report);
+  const Gaps& gaps = model.gaps_;
+  model.range_ = spacing_range(gaps, options.number("ratio"));
   const double radius = options.number("radius") * gaps.spacing_mm;
   model.shells_ = {radius, kTouchRadii * radius, kNormalRadii * radius, true};
   model.felt_offset_ = options.text("offset") == "kept";
   model.walk_steps_ = static_cast<int>(options.integer("walk_steps"));
   say_gaps(gaps, out);
-  out.decisions.push_back({"proxy",
-                           fmt::format("{:.4g} to {:.4g} mm", model.least_ * radius, model.most_ * radius),
-                           fmt::format("{:.3g} local spacings, by the {}", options.number("radius"),
-                                       gaps.lines ? "nearest in eight directions" : "eighth neighbour")});
+  out.decisions.push_back(
+      {"proxy", fmt::format("{:.4g} to {:.4g} mm", model.range_.least * radius, model.range_.most * radius),
+       fmt::format("{:.3g} local spacings, by the {}", options.number("radius"),
+                   gaps.lines ? "nearest in eight directions" : "eighth neighbour")});
   out.decisions.push_back(said_offset(model.felt_offset_));
   say_grid(*input.cloud, gaps.spacing_mm, model.shells_.r3, out);
   out.bytes += sizeof(float) * out.points + NearPoints<Grid>::bytes_for(true);
   return Done{};
 }
 
-/// The local spacing of every point over the mean one, by the cloud's index: the farthest neighbour's
-/// distance, or that of a point that it is a neighbour of: where the density steps, the last of the dense
-/// points have dense neighbours alone, and only the sparse ones beyond the gap know of it. Then means, so
-/// that radii change slowly, but never so small that a gap opens.
-std::vector<float> local_scales(const cloud::Cloud& cloud, const neighbourhood::NeighbourTable& table,
-                                double spacing_mm, double least, double most, int threads) {
-  const std::size_t n = cloud.size();
-  std::vector<float> own(n), mean(n);
-  const auto each = [&](std::vector<float>& out, const auto& value) {
-    parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) out[i] = static_cast<float>(value(i));
-    });
-  };
-  each(own, [&](std::size_t i) {
-    double most_sq = 0.0;
-    for (const std::uint32_t other : table.of[i])
-      most_sq = std::max(most_sq, (cloud.local_mm(other) - cloud.local_mm(i)).squaredNorm());
-    const double scale = std::sqrt(most_sq) / (kEighthSpacings * spacing_mm);
-    return std::clamp(scale > 0.0 ? scale : 1.0, least, most);  // alone, or in a pile: the mean
-  });
-  std::vector<float> largest = own;
-  for (std::size_t i = 0; i < n; ++i)
-    for (const std::uint32_t other : table.of[i]) largest[other] = std::max(largest[other], own[i]);
-  std::vector<float> smooth = largest;
-  for (int round = 0; round < kSmoothings; ++round) {
-    each(mean, [&](std::size_t i) {
-      double sum = static_cast<double>(smooth[i]);
-      for (const std::uint32_t other : table.of[i]) sum += static_cast<double>(smooth[other]);
-      return std::max(kStillCloses * static_cast<double>(largest[i]),
-                      sum / static_cast<double>(table.of[i].size() + 1));
-    });
-    smooth.swap(mean);
-  }
-  return smooth;
-}
-
 Status VariableProxy::prepare(VariableProxy& model, const render::ModelInput& input,
                               const Options& /*options*/, const render::PrepareContext& context,
                               render::PrepareReport& report) {
+  PALPATE_ASSIGN(const std::vector<float> scale,
+                 local_spacings(*input.cloud, model.gaps_, model.range_, context, report));
   render::PreparePhases phases(report, context);
-  phases.begin("neighbours");
-  auto built = neighbourhood::build_neighbours(model.lines_ ? "directional-knn" : "exact-knn", *input.cloud,
-                                               context.threads);
-  if (!built) return std::move(built).error();
-  phases.end();
-  phases.begin("radii");
-  const std::vector<float> scale =
-      local_scales(*input.cloud, built->table, model.spacing_mm_, model.least_, model.most_, context.threads);
-  phases.end();
   phases.begin("grid");
   partition::PartitionOptions grid;
   grid.cell_mm = model.shells_.r3;
   model.points_ = build_points_in<Grid>(*input.cloud, grid, context.threads);
-  const auto order = model.points_.grid.order();
-  model.scale_.resize(scale.size());
-  for (std::size_t place = 0; place < order.size(); ++place) model.scale_[place] = scale[order[place]];
+  model.scales_ = placed_scales(scale, model.points_.grid.order());
   model.points_.grid.drop_order();
-  const auto [least, most] = std::minmax_element(scale.begin(), scale.end());
-  model.walk_ = std::make_unique<ShellWalk<Grid>>(model.points_, model.shells_, model.scale_,
-                                                  static_cast<double>(*least), static_cast<double>(*most));
+  const auto [least, most] = std::pair(model.scales_.least, model.scales_.most);
+  model.walk_ =
+      std::make_unique<ShellWalk<Grid>>(model.points_, model.shells_, model.scales_.by_place, least, most);
   model.walk_->bound_steps(model.walk_steps_);
   phases.end();
-  report.bytes += model.points_.bytes() + model.scale_.capacity() * sizeof(float) + model.walk_->bytes();
-  report.notes.push_back(fmt::format("radii {:.4g} to {:.4g} mm",
-                                     model.shells_.r1 * static_cast<double>(*least),
-                                     model.shells_.r1 * static_cast<double>(*most)));
+  report.bytes +=
+      model.points_.bytes() + model.scales_.by_place.capacity() * sizeof(float) + model.walk_->bytes();
+  report.notes.push_back(
+      fmt::format("radii {:.4g} to {:.4g} mm", model.shells_.r1 * least, model.shells_.r1 * most));
   return Done{};
 }
 

@@ -113,10 +113,12 @@ std::vector<Method> make_methods() {
                  {number("organised_longest", "0",
                          "organised: longer edges are left out, spacings; 0: all are kept", 0, 1e6)}});
   all.back().raster_only = true;
+  all.back().version = 2;  // organised_longest leaves edges out
   all.push_back({"stars",
                  "triangles that the points agree on: the surface that cloud feels",
                  "ours, see docs/surface.md",
                  {}});
+  all.back().version = 2;  // read from a raster where there is one
   return all;
 }
 

@@ -28,6 +28,17 @@ struct Raster {
   }
 };
 
+/// PCL looks at lengths only together with the direction of sight, which is not known.
+bool has_longer_edge(const pcl::PointCloud<pcl::PointXYZ>& points, const pcl::Vertices& polygon,
+                     float longest) {
+  for (std::size_t k = 0; k < 3; ++k) {
+    const auto one = static_cast<std::size_t>(polygon.vertices[k]);
+    const auto other = static_cast<std::size_t>(polygon.vertices[(k + 1) % 3]);
+    if ((points[one].getVector3fMap() - points[other].getVector3fMap()).norm() > longest) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 Result<geometry::TriangleMesh> organised(const MethodInput& input, render::PreparePhases& phases) {
@@ -38,12 +49,12 @@ Result<geometry::TriangleMesh> organised(const MethodInput& input, render::Prepa
   mesher.setInputCloud(raster.points);
   mesher.setTriangulationType(Mesher::TRIANGLE_ADAPTIVE_CUT);
   mesher.storeShadowedFaces(true);  // the direction of sight is not known
-  if (const double longest = input.options.number("organised_longest"); longest > 0.0)
-    mesher.setMaxEdgeLength(static_cast<float>(longest));
   std::vector<pcl::Vertices> polygons;
   mesher.reconstruct(polygons);
   geometry::TriangleMesh mesh = points_as_vertices(input.cloud);
+  const auto longest = static_cast<float>(input.options.number("organised_longest"));
   for (const pcl::Vertices& polygon : polygons) {
+    if (longest > 0.0F && has_longer_edge(*raster.points, polygon, longest)) continue;
     const auto at = [&](std::size_t i) {
       return raster.index[static_cast<std::size_t>(polygon.vertices[i])];
     };

@@ -59,6 +59,64 @@ Window window_of(const trace::ProbePath& path, const Vec3& along, double from_s,
   return window;
 }
 
+GovernorOptions governor_of(const LoopOptions& options, const DeviceLimits& limits) {
+  GovernorOptions governed;
+  governed.period_s = options.period_s;
+  governed.user_limit_n = limits.force_max_n;
+  governed.slew_n_per_s = options.slew_n_per_s;
+  governed.soft_start_s = options.soft_start_s;
+  // Measured in steps of the encoder, which may be longer than a period's way.
+  governed.jump_mm_per_s = kJumpMmPerS + 2.0 * limits.resolution_mm / options.period_s;
+  // What is looked for is how renderer, hand and device swing, wherever in the workspace and however fast.
+  governed.edge_share = governed.fade_from_mm_per_s = 0.0;
+  return governed;
+}
+
+LoopRun room_for(std::size_t ticks) {
+  LoopRun run;
+  for (trace::ProbePath* path : {&run.hip, &run.measured}) {
+    path->t_s.reserve(ticks);
+    path->hip_mm.reserve(ticks);
+  }
+  run.felt.frames.reserve(ticks);
+  run.sent_n.reserve(ticks);
+  run.shown_n.reserve(ticks);
+  return run;
+}
+
+/// Unchanged ticks after which the others need not be simulated; as many as there are: never.
+std::size_t still_ticks(const LoopOptions& options, std::size_t ticks) {
+  if (!(options.still_s > 0.0)) return ticks;
+  return std::max(kLeastStillTicks, static_cast<std::size_t>(std::ceil(options.still_s / options.period_s)));
+}
+
+bool same_bits(const Vec3& a, const Vec3& b) noexcept {
+  return a == b;  // both finite; a zero of the other sign moves nothing
+}
+
+/// Whether the last tick of a run is as the one before it.
+bool repeats(const LoopRun& run) noexcept {
+  const std::size_t n = run.hip.size();
+  if (n < 2) return false;
+  const render::Frame &now = run.felt.frames[n - 1], &before = run.felt.frames[n - 2];
+  return now.contact == before.contact && now.model == before.model && now.status == before.status &&
+         same_bits(now.force_n, before.force_n) && same_bits(now.god_object_mm, before.god_object_mm) &&
+         same_bits(run.hip.hip_mm[n - 1], run.hip.hip_mm[n - 2]) &&
+         same_bits(run.measured.hip_mm[n - 1], run.measured.hip_mm[n - 2]) &&
+         same_bits(run.sent_n[n - 1], run.sent_n[n - 2]) && same_bits(run.shown_n[n - 1], run.shown_n[n - 2]);
+}
+
+/// One tick more that is like the last, at another time.
+void repeat_last(LoopRun& run, double t_s) {
+  for (trace::ProbePath* path : {&run.hip, &run.measured}) {
+    path->t_s.push_back(t_s);
+    path->hip_mm.push_back(Vec3(path->hip_mm.back()));
+  }
+  run.felt.frames.push_back(render::Frame(run.felt.frames.back()));
+  run.sent_n.push_back(Vec3(run.sent_n.back()));
+  run.shown_n.push_back(Vec3(run.shown_n.back()));
+}
+
 }  // namespace
 
 Result<LoopRun> run_loop(render::HapticRenderer& renderer, SimulatedPlant& device, VirtualClock& clock,
@@ -69,34 +127,24 @@ Result<LoopRun> run_loop(render::HapticRenderer& renderer, SimulatedPlant& devic
   if (!std::isfinite(options.duration_s) || !(options.duration_s >= options.period_s))
     return Error{"duration_s is " + std::to_string(options.duration_s), "give a period or more",
                  device.name(), 0};
-  GovernorOptions governed;
-  governed.period_s = options.period_s;
-  governed.user_limit_n = device.limits().force_max_n;
-  governed.slew_n_per_s = options.slew_n_per_s;
-  governed.soft_start_s = options.soft_start_s;
-  // Measured in steps of the encoder, which may be longer than a period's way.
-  governed.jump_mm_per_s = kJumpMmPerS + 2.0 * device.limits().resolution_mm / options.period_s;
-  // What is looked for is how renderer, hand and device swing, wherever in the workspace and however fast.
-  governed.edge_share = governed.fade_from_mm_per_s = 0.0;
-  Servo servo(renderer, governed, device, clock, options.world_from_device);
+  Servo servo(renderer, governor_of(options, device.limits()), device, clock, options.world_from_device);
   const auto ticks = static_cast<std::size_t>(std::floor(options.duration_s / options.period_s)) + 1;
-  LoopRun run;
+  LoopRun run = room_for(ticks);
   run.hip.name = run.measured.name = "closed loop of " + device.name();
-  for (trace::ProbePath* path : {&run.hip, &run.measured}) {
-    path->t_s.reserve(ticks);
-    path->hip_mm.reserve(ticks);
-  }
-  run.felt.frames.reserve(ticks);
-  run.sent_n.reserve(ticks);
-  run.shown_n.reserve(ticks);
   PALPATE_TRY(servo.start());
   Random random(options.seed);
   // The motors hold their force until the next tick: exact for them without lag and delay.
   control::PassivityObserver observer(control::EnergyRule::kHold);
   const double begun_s = clock.now_s();
+  const std::size_t enough = still_ticks(options, ticks);
+  std::size_t still = 0;
   for (std::size_t i = 0; i < ticks; ++i) {
     const double late_s = options.jitter_s > 0.0 ? options.jitter_s * random.uniform() : 0.0;
     clock.advance(begun_s + static_cast<double>(i) * options.period_s + late_s - clock.now_s());
+    if (still >= enough) {
+      repeat_last(run, clock.now_s() - begun_s);
+      continue;
+    }
     const Tick tick = servo.tick();
     if (tick.fault != Fault::kNone) {
       run.fault = tick.fault;
@@ -111,6 +159,7 @@ Result<LoopRun> run_loop(render::HapticRenderer& renderer, SimulatedPlant& devic
     run.sent_n.push_back(options.world_from_device.rotate(tick.sent_n));
     run.shown_n.push_back(options.world_from_device.rotate(device.shown_n()));
     observer.observe(hip_mm, run.sent_n.back());
+    still = device.at_rest() && repeats(run) ? still + 1 : 0;
   }
   run.energy = device.energy();
   run.least_environment_mj = observer.least_mj();

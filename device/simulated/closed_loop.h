@@ -18,8 +18,16 @@ struct LoopOptions {
   double duration_s = 1.0;
   double slew_n_per_s = 1000.0;  ///< of the governor
   double soft_start_s = 0.05;    ///< of the governor: over before a scripted hand arrives
+  /// Above 0: once nothing has changed to the bit for so long (and for kLeastStillTicks, and with the device
+  /// at rest), the ticks that are left are written down like the last one and not simulated, nor counted in
+  /// `slewed` and `clamped`. Otherwise the same run, for renderers that answer a HIP at rest the same for
+  /// good once they have done so for this long. Longer than the device's delay.
+  double still_s = 0.0;
   geometry::RigidTransform world_from_device;
 };
+
+/// What a frame of ours leaves for the next ones is done after 30 of them at one place: twice that.
+inline constexpr std::size_t kLeastStillTicks = 60;
 
 /// One entry a tick; world frame.
 struct LoopRun {

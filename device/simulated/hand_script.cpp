@@ -74,6 +74,13 @@ Goal HandScript::at(double t_s) const noexcept {
   return {goal_mm_[next - 1] + part * way_mm, rate * way_mm};
 }
 
+double HandScript::rests_from_s() const noexcept {
+  if (guide_) return std::numeric_limits<double>::infinity();
+  std::size_t last = t_s_.size() - 1;
+  while (last > 0 && goal_mm_[last - 1] == goal_mm_[last]) --last;
+  return t_s_[last];
+}
+
 HandScript press(const TaskPlace& place, const TaskSizes& sizes) {
   const Vec3 above = place.point_mm + sizes.above_mm * place.normal;
   const Vec3 below = place.point_mm - sizes.depth_mm * place.normal;

@@ -43,6 +43,9 @@ class HandScript {
   [[nodiscard]] Goal at(double t_s) const noexcept;
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
   [[nodiscard]] double duration_s() const noexcept { return t_s_.back(); }
+  /// From here on the goal stays where it is. Infinite where a guide leads. O(waypoints that rest at the
+  /// end).
+  [[nodiscard]] double rests_from_s() const noexcept;
 
   double release_s = std::numeric_limits<double>::infinity();  ///< from here on nobody holds the device
 

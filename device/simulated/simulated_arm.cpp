@@ -230,6 +230,11 @@ double SimulatedArm::slide(double h_s, const Drive& drive) noexcept {
   return high;
 }
 
+bool SimulatedArm::at_rest() const noexcept {
+  const bool goal_rests = !held_ || (now_s_ >= script_.rests_from_s() && std::isinf(script_.release_s));
+  return goal_rests && motion_.v_mm_s == Vec3::Zero();
+}
+
 EnergyLedger SimulatedArm::energy() const noexcept {
   EnergyLedger now = ledger_;
   now.kinetic = 0.5 * options_.mass_kg * kNS2PerMmPerKg * motion_.v_mm_s.squaredNorm();

@@ -47,6 +47,7 @@ class SimulatedArm final : public SimulatedPlant {
   [[nodiscard]] const Vec3& velocity_mm_s() const noexcept { return motion_.v_mm_s; }
   [[nodiscard]] const Vec3& shown_n() const noexcept override { return motion_.motor_n; }
   [[nodiscard]] EnergyLedger energy() const noexcept override;
+  [[nodiscard]] bool at_rest() const noexcept override;
 
   static constexpr std::size_t kMostInFlight = 256;  // 16 kHz over 16 ms of delay
 

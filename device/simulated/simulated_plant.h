@@ -35,6 +35,9 @@ class SimulatedPlant : public Device {
   /// The force that the motors show now.
   [[nodiscard]] virtual const Vec3& shown_n() const noexcept = 0;
   [[nodiscard]] virtual EnergyLedger energy() const noexcept = 0;
+  /// At rest under a goal that rests for good: as long as what it shows and what it is sent stay the same to
+  /// the bit, so does everything else about it. A device that cannot know says no.
+  [[nodiscard]] virtual bool at_rest() const noexcept { return false; }
 };
 
 }  // namespace palpate::device

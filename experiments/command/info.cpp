@@ -5,6 +5,8 @@
 #include "experiments/command/common_options.h"
 #include "experiments/command/subcommands.h"
 #include "experiments/data/scene_scans.h"
+#include "experiments/live/recording_facts.h"
+#include "experiments/run/arguments.h"
 #include "experiments/run/doubts.h"
 #include "experiments/session/session.h"
 #include "toolkit/cloud/height_field_holes.h"
@@ -165,16 +167,48 @@ void print_text(const Info& info) {
 struct InfoArguments {
   std::string model;
   ModelArguments load;
-  bool json = false;
+  bool skip_damaged = false, json = false;
 };
 
 void declare_info(const Declaration& declare, InfoArguments& a) {
-  declare.required("MODEL", a.model, kSceneHelp);
+  declare.required("MODEL", a.model, std::string(kSceneHelp) + "; or a recording (.palrec)");
   declare.flag("--json", a.json, "print JSON");
+  declare.flag("--skip-damaged", a.skip_damaged, "of a recording: leave out what is damaged in the middle");
   declare_model(declare, a.load);
 }
 
+/// The first option given that says how models are read; empty: none.
+std::string given_for_models(const ModelArguments& load) {
+  for (const auto& [given, name] : {std::pair{!load.unit.empty(), "--unit"},
+                                    {load.scale > 0.0, "--scale"},
+                                    {load.post_mm > 0.0, "--post-mm"},
+                                    {load.vertical_mm > 0.0, "--vertical-mm"},
+                                    {!load.non_finite.empty(), "--non-finite"},
+                                    {load.memory_limit_gb > 0.0, "--memory-limit-gb"},
+                                    {load.threads > 0, "--threads"}})
+    if (given) return name;
+  return {};
+}
+
+int run_info_recording(const InfoArguments& arguments, Context& context) {
+  if (const std::string given = given_for_models(arguments.load); !given.empty())
+    return fail({fmt::format("{} does nothing: this is a recording, and no model", given), "leave it out",
+                 arguments.model, 0},
+                kExitBadInput);
+  context.progress.report("reading the recording", -1.0);
+  const Result<RecordingFacts> facts = facts_of_recording(arguments.model, arguments.skip_damaged);
+  if (!facts) return fail(facts.error(), kExitBadInput, &context.progress);
+  context.progress.clear();
+  fmt::print("{}", arguments.json ? facts_json(*facts) + "\n" : facts_text(*facts));
+  return kExitOk;
+}
+
 int run_info(const InfoArguments& arguments, Context& context) {
+  if (is_recorded_session(arguments.model)) return run_info_recording(arguments, context);
+  if (arguments.skip_damaged)
+    return fail({"--skip-damaged does nothing: this is a model, and no recording", "leave it out",
+                 arguments.model, 0},
+                kExitBadInput);
   const Result<scene::LoadOptions> options = load_options(arguments.load);
   if (!options) return fail(options.error(), kExitBadInput);
   const Result<scene::SceneFile> file = open_scene(arguments.model, all_renderers(), context.progress);
@@ -200,9 +234,11 @@ int run_info(const InfoArguments& arguments, Context& context) {
 }  // namespace
 
 Subcommand info_subcommand() {
-  return subcommand("info", "what a model holds: points, box, resolution, density, spacing, defects",
+  return subcommand("info",
+                    "what a model holds: points, box, resolution, density, spacing, defects; or a recording: "
+                    "length, renderers, device, faults",
                     {"palpate info scan.ply --unit m --scale 1.025", "palpate info stanford-bunny",
-                     "palpate info sinusoid:points=1002001 --json"},
+                     "palpate info sinusoid:points=1002001 --json", "palpate info session.palrec"},
                     declare_info, run_info);
 }
 

@@ -26,6 +26,13 @@ Vec3 tangent_of(const Vec3& normal) {
 }  // namespace
 
 render::Frame TruthRenderer::step(const Vec3& hip_mm, double /*t_s*/) noexcept {
+  if (hip_mm == last_hip_mm_) return last_;
+  last_ = answer(hip_mm);
+  last_hip_mm_ = hip_mm;
+  return last_;
+}
+
+render::Frame TruthRenderer::answer(const Vec3& hip_mm) const noexcept {
   render::Frame frame;
   frame.god_object_mm = hip_mm;
   if (!is_finite(hip_mm)) {
@@ -53,12 +60,14 @@ Result<Bench> bench_of(const std::string& device, const std::string& hand) {
 }
 
 Result<device::LoopRun> run_on(const Bench& bench, const device::HandScript& script,
-                               render::HapticRenderer& renderer, const Vec3& origin_mm, double duration_s) {
+                               render::HapticRenderer& renderer, const Vec3& origin_mm,
+                               const RunLength& length) {
   VirtualClock clock;
   device::LoopOptions options;
   options.period_s = bench.period_s();
   options.jitter_s = bench.jitter_s;
-  options.duration_s = duration_s;
+  options.duration_s = length.duration_s;
+  options.still_s = length.still_s;
   options.slew_n_per_s = bench.slew_n_per_s;
   options.world_from_device.translation_mm = origin_mm;
   if (bench.arm) {

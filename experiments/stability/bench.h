@@ -1,6 +1,7 @@
 // A renderer on the simulated device: what one run is made of, and what is asked of it.
 #pragma once
 
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -29,7 +30,8 @@ class GainRenderer final : public render::WrappedRenderer {
   double gain_;
 };
 
-/// The truth as a renderer: a spring to the closest point of the true surface. Refers to it.
+/// The truth as a renderer: a spring to the closest point of the true surface. Refers to it. The last answer
+/// is kept: encoders hold a HIP at one place for many ticks.
 class TruthRenderer final : public render::SceneFreeRenderer {
  public:
   TruthRenderer(const metrics::TruthSurface& truth, double stiffness_n_per_mm)
@@ -40,8 +42,11 @@ class TruthRenderer final : public render::SceneFreeRenderer {
   }
 
  private:
+  [[nodiscard]] render::Frame answer(const Vec3& hip_mm) const noexcept;
   const metrics::TruthSurface& truth_;
   double stiffness_n_per_mm_;
+  Vec3 last_hip_mm_ = Vec3::Constant(std::numeric_limits<double>::quiet_NaN());  // equal to none
+  render::Frame last_;
 };
 
 inline constexpr double kMillisecondsPerS = 1e3;
@@ -59,10 +64,15 @@ struct Bench {
 /// "omni", .., "admittance" and a hand by name. Errors list the names.
 [[nodiscard]] Result<Bench> bench_of(const std::string& device, const std::string& hand);
 
+/// How long a run lasts, and after how long at rest its end is known; 0: it is simulated all the same.
+struct RunLength {
+  double duration_s = 0.0, still_s = 0.0;
+};
+
 /// Runs the script, which is in coordinates about `origin_mm` of the world.
 [[nodiscard]] Result<device::LoopRun> run_on(const Bench& bench, const device::HandScript& script,
                                              render::HapticRenderer& renderer, const Vec3& origin_mm,
-                                             double duration_s);
+                                             const RunLength& length);
 
 /// Where tasks are done; world frame.
 struct Places {

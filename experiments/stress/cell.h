@@ -14,7 +14,8 @@ namespace palpate::experiments {
 enum class CellStatus : std::uint8_t {
   kOk,
   kLimit,    ///< refused before the first frame, with a message; warned of before the first frame, and
-             ///< felt wrongly; or the renderer states that its frame is unbounded
+             ///< felt wrongly; or the renderer states that its frame may take
+             ///< longer than a tick: render::may_miss_a_tick
   kFailed,   ///< something that must hold did not
   kSkipped,  ///< not run
 };

@@ -61,10 +61,6 @@ constexpr std::array kReasons = {
            "hollow body it is not the side that the HIP came from"},
     Reason{"vgraph", "free", "", kGraphWalk},
     Reason{"vgraph", "felt", "", kGraphWalk},
-    Reason{
-        "mesh-proxy", "bounded", "",
-        "Its sphere is held against up to 65,536 facets a frame, as its bound says: at a tip of hundreds of "
-        "facets, or between sheets that are all but one, that takes milliseconds"},
     Reason{"mesh-proxy", "twin", "",
            "Which of several facets stops its sphere hangs on rounding in that frame"},
     Reason{"analytic", "bounded", "probe",

@@ -203,9 +203,7 @@ SweepJson rows_json(const SweepDocument& document) {
   const std::vector<Standing> standings = standings_of(document.rows);
   SweepJson rows = SweepJson::array();
   for (std::size_t i = 0; i < document.rows.size(); ++i) {
-    SweepJson row = SweepJson::parse(row_text(document.rows[i]));
-    row.erase("experiment");
-    row.erase("schema");
+    SweepJson row = SweepJson::parse(measured_text(document.rows[i]));
     row["machine"] = document.rows[i].machine.hash;
     row["dominated"] = standings[i].dominated;
     row["dominated_by"] = standings[i].dominated ? SweepJson(standings[i].by) : SweepJson(nullptr);

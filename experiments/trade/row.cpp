@@ -170,35 +170,10 @@ Result<Row> row_of(const nlohmann::json& json) {
   return row;
 }
 
-}  // namespace
-
-RowMachine this_machine() {
-  const metrics::MachineInfo info = metrics::machine_info();
-  constexpr std::size_t kLongestName = 256;
-  std::array<char, kLongestName> name{};
-  if (::gethostname(name.data(), name.size() - 1) != 0) name = {};
-  RowMachine machine{name.data(), info.cpu, {}, info.cores};
-  Hash64 hash;
-  for (const std::string& part : {machine.name, machine.cpu, info.kernel}) {
-    hash.u64(part.size());
-    hash.bytes(std::as_bytes(std::span(part)));
-  }
-  hash.u64(static_cast<std::uint64_t>(machine.cores));
-  machine.hash = hash.hex();
-  return machine;
-}
-
-std::string row_text(const Row& row) {
+RowJson measured_json(const Row& row) {
   RowJson options = RowJson::object();
   for (const auto& [key, value] : row.options) options[key] = value;
-  RowJson json = {{"schema", kRowSchema},
-                  {"setting", row.setting},
-                  {"experiment", row.experiment},
-                  {"machine",
-                   {{"name", row.machine.name},
-                    {"cpu", row.machine.cpu},
-                    {"hash", row.machine.hash},
-                    {"cores", row.machine.cores}}},
+  RowJson json = {{"setting", row.setting},
                   {"renderer", row.renderer},
                   {"works_on", row.works_on},
                   {"options", options},
@@ -230,6 +205,40 @@ std::string row_text(const Row& row) {
   json["steal_percent"] = row.steal_percent;
   json["load_before"] = row.load_before;
   json["measured_utc"] = row.measured_utc;
+  return json;
+}
+
+}  // namespace
+
+RowMachine this_machine() {
+  const metrics::MachineInfo info = metrics::machine_info();
+  constexpr std::size_t kLongestName = 256;
+  std::array<char, kLongestName> name{};
+  if (::gethostname(name.data(), name.size() - 1) != 0) name = {};
+  RowMachine machine{name.data(), info.cpu, {}, info.cores};
+  Hash64 hash;
+  for (const std::string& part : {machine.name, machine.cpu, info.kernel}) {
+    hash.u64(part.size());
+    hash.bytes(std::as_bytes(std::span(part)));
+  }
+  hash.u64(static_cast<std::uint64_t>(machine.cores));
+  machine.hash = hash.hex();
+  return machine;
+}
+
+std::string measured_text(const Row& row) {
+  return measured_json(row).dump(-1, ' ', false, RowJson::error_handler_t::replace);
+}
+
+std::string row_text(const Row& row) {
+  RowJson json = {{"schema", kRowSchema},
+                  {"experiment", row.experiment},
+                  {"machine",
+                   {{"name", row.machine.name},
+                    {"cpu", row.machine.cpu},
+                    {"hash", row.machine.hash},
+                    {"cores", row.machine.cores}}}};
+  json.update(measured_json(row));
   return json.dump(-1, ' ', false, RowJson::error_handler_t::replace);
 }
 

@@ -76,7 +76,10 @@ struct Row {
   }
 };
 
-/// One line, without its end.
+/// What was measured, as a JSON object: what stands in rows.jsonl and in documents alike. Those say beside it
+/// which schema, experiment and machine it is of.
+[[nodiscard]] std::string measured_text(const Row& row);
+/// One line, without its end: the same with schema, experiment and machine.
 [[nodiscard]] std::string row_text(const Row& row);
 /// Every line of `text`. A line that is no row is an Error with its number and what to do.
 [[nodiscard]] Result<std::vector<Row>> rows_of(std::string_view text, const std::string& file);

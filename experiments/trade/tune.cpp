@@ -85,12 +85,6 @@ Result<Row> verify(const std::string& scene_file, const Sweep& sweep, const Tune
   return std::move(rows.front());
 }
 
-TuneJson row_json(const Row& row) {
-  TuneJson json = TuneJson::parse(row_text(row));
-  for (const char* key : {"schema", "experiment", "machine"}) json.erase(key);
-  return json;
-}
-
 TuneJson limit_json(const std::optional<double>& limit) {
   return limit ? TuneJson(*limit) : TuneJson(nullptr);
 }
@@ -106,13 +100,14 @@ std::string tune_json(const Sweep& sweep, const TuneLimits& limits, const std::v
                    {"max_frame_us", limit_json(limits.frame_us)},
                    {"max_bytes", limit_json(limits.bytes)}};
   const bool found = !tried.empty() && tried.back().keeps;
-  json["chosen"] = found ? row_json(tried.back().found) : TuneJson(nullptr);
+  json["chosen"] = found ? TuneJson::parse(measured_text(tried.back().found)) : TuneJson(nullptr);
   json["scene_file"] = found ? TuneJson(kTunedScene) : TuneJson(nullptr);
-  json["nearest"] = nearest ? row_json(*nearest) : TuneJson(nullptr);
+  json["nearest"] = nearest ? TuneJson::parse(measured_text(*nearest)) : TuneJson(nullptr);
   TuneJson tries = TuneJson::array();
   for (const Tried& one : tried)
-    tries.push_back(
-        {{"setting", one.found.setting}, {"keeps", one.keeps}, {"verified", row_json(one.verified)}});
+    tries.push_back({{"setting", one.found.setting},
+                     {"keeps", one.keeps},
+                     {"verified", TuneJson::parse(measured_text(one.verified))}});
   json["evidence"] = {{"rows", kRowsFile},
                       {"measured", sweep.document().rows.size()},
                       {"not_measured", sweep.document().not_measured.size()},

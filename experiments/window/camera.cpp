@@ -52,6 +52,13 @@ Vec3 with_up(Up up, const Vec3& v) noexcept {
   return v;
 }
 
+std::optional<Pixel> pixel_of_clip(const Eigen::Vector4d& clip, double width_px, double height_px) noexcept {
+  if (!(clip.w() > 0.0)) return std::nullopt;
+  const Vec3 at = clip.head<3>() / clip.w();
+  if (!is_finite(at)) return std::nullopt;
+  return Pixel{0.5 * (at.x() + 1.0) * width_px, 0.5 * (1.0 - at.y()) * height_px, 0.5 * (at.z() + 1.0)};
+}
+
 }  // namespace
 
 const char* up_name(Up up) noexcept {
@@ -141,11 +148,28 @@ Mat4 Camera::clip_from_world(double width_px, double height_px) const noexcept {
 
 std::optional<Pixel> project(const Mat4& clip_from_world, const Vec3& world_mm, double width_px,
                              double height_px) noexcept {
-  const Eigen::Vector4d clip = clip_from_world * world_mm.homogeneous();
-  if (!(clip.w() > 0.0)) return std::nullopt;
-  const Vec3 at = clip.head<3>() / clip.w();
-  if (!is_finite(at)) return std::nullopt;
-  return Pixel{0.5 * (at.x() + 1.0) * width_px, 0.5 * (1.0 - at.y()) * height_px, 0.5 * (at.z() + 1.0)};
+  return pixel_of_clip(clip_from_world * world_mm.homogeneous(), width_px, height_px);
+}
+
+std::optional<SeenLine> project_line(const Mat4& clip_from_world, const Vec3& a_mm, const Vec3& b_mm,
+                                     double width_px, double height_px) noexcept {
+  Eigen::Vector4d a = clip_from_world * a_mm.homogeneous(), b = clip_from_world * b_mm.homogeneous();
+  // Homogeneous coordinates are linear along the line, behind the eye too. The near plane is z = -w.
+  const double before_a = a.z() + a.w(), before_b = b.z() + b.w();
+  SeenLine seen;
+  seen.cut_a = !(before_a >= 0.0);
+  seen.cut_b = !(before_b >= 0.0);
+  if (seen.cut_a && seen.cut_b) return std::nullopt;
+  if (seen.cut_a || seen.cut_b) {
+    const Eigen::Vector4d cut = a + (b - a) * (before_a / (before_a - before_b));
+    (seen.cut_a ? a : b) = cut;
+  }
+  const std::optional<Pixel> at_a = pixel_of_clip(a, width_px, height_px),
+                             at_b = pixel_of_clip(b, width_px, height_px);
+  if (!at_a || !at_b) return std::nullopt;
+  seen.a = *at_a;
+  seen.b = *at_b;
+  return seen;
 }
 
 Vec3 unproject(const Mat4& clip_from_world, const Pixel& pixel, double width_px, double height_px) noexcept {

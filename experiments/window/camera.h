@@ -73,6 +73,16 @@ class Camera {
 /// Where a place of the world is seen; nothing behind the eye. Outside the picture too.
 [[nodiscard]] std::optional<Pixel> project(const Mat4& clip_from_world, const Vec3& world_mm, double width_px,
                                            double height_px) noexcept;
+/// Where a line of the world is seen: what of it is before the near plane, and which ends that cuts off.
+struct SeenLine {
+  Pixel a, b;
+  bool cut_a = false, cut_b = false;  ///< this end is nearer than the near plane, or behind the eye
+};
+/// Nothing where all of it is nearer than the near plane. Pixels may lie far outside the picture, and are
+/// finite.
+[[nodiscard]] std::optional<SeenLine> project_line(const Mat4& clip_from_world, const Vec3& a_mm,
+                                                   const Vec3& b_mm, double width_px,
+                                                   double height_px) noexcept;
 /// The place of the world that is seen there.
 [[nodiscard]] Vec3 unproject(const Mat4& clip_from_world, const Pixel& pixel, double width_px,
                              double height_px) noexcept;

@@ -34,10 +34,15 @@ std::optional<Pixel> Overlay::seen(const Vec3& world_mm) const {
   return project(clip_from_world_, world_mm, width_px_, height_px_);
 }
 
+std::optional<SeenLine> Overlay::seen_line(const Vec3& a_mm, const Vec3& b_mm) const {
+  if (!is_finite(a_mm) || !is_finite(b_mm)) return std::nullopt;
+  return project_line(clip_from_world_, a_mm, b_mm, width_px_, height_px_);
+}
+
 void Overlay::line(const Vec3& a_mm, const Vec3& b_mm, const std::array<std::uint8_t, 3>& colour,
                    float thick_px, float solid) const {
-  const std::optional<Pixel> a = seen(a_mm), b = seen(b_mm);
-  if (a && b) onto_->AddLine(place_of(*a), place_of(*b), colour_of(colour, solid), thick_px);
+  if (const std::optional<SeenLine> both = seen_line(a_mm, b_mm))
+    onto_->AddLine(place_of(both->a), place_of(both->b), colour_of(colour, solid), thick_px);
 }
 
 void Overlay::box(const std::array<Vec3, 8>& corners_mm, const std::array<std::uint8_t, 3>& colour,
@@ -57,13 +62,18 @@ void Overlay::ball(const Vec3& at_mm, const std::array<std::uint8_t, 3>& colour,
 }
 
 void Overlay::arrow(const Vec3& from_mm, const Vec3& to_mm, const std::array<std::uint8_t, 3>& colour) const {
-  const std::optional<Pixel> from = seen(from_mm), to = seen(to_mm);
-  if (!from || !to) return;
-  const ImVec2 a = place_of(*from), b = place_of(*to);
+  const std::optional<SeenLine> both = seen_line(from_mm, to_mm);
+  if (!both) return;
+  const ImVec2 a = place_of(both->a), b = place_of(both->b);
   const float dx = b.x - a.x, dy = b.y - a.y, length = std::hypot(dx, dy);
   const ImU32 ink = colour_of(colour, 1.0f);
   if (length < 1.0f) {
     onto_->AddCircleFilled(b, kArrowPx, ink);
+    return;
+  }
+  // The tip is beside the eye or behind it: the shaft goes out of the picture, and has no head there.
+  if (both->cut_b) {
+    onto_->AddLine(a, b, ink, kArrowPx);
     return;
   }
   const float ux = dx / length, uy = dy / length, head = std::min(kHeadPx, 0.6f * length);

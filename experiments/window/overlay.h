@@ -39,6 +39,8 @@ class Overlay {
 
  private:
   [[nodiscard]] std::optional<Pixel> seen(const Vec3& world_mm) const;
+  /// What is nearer than the near plane is cut off.
+  [[nodiscard]] std::optional<SeenLine> seen_line(const Vec3& a_mm, const Vec3& b_mm) const;
 
   ImDrawList* onto_;
   Mat4 clip_from_world_;

@@ -275,31 +275,62 @@ TEST(ShellWalk, StopsAtTheBoundThatIsAskedFor) {
   EXPECT_NEAR(before, 10.0, 0.1);
 }
 
-TEST(VariableProxy, NothingFallsThroughAStepOfDensity) {
+/// Rivals whose size follows the density where it changes.
+class OnAStep : public testing::TestWithParam<std::string> {};
+
+TEST_P(OnAStep, NothingFallsThrough) {
   // Where each side of the step knew of itself alone, the last dense radii left a gap: 995 frames were
   // missed.
   const Uneven set = uneven("sinusoid:sampling=blue:density=40:points=40000:seed=3", 1.0);
-  const Score found = score(set, "variable-proxy", 0.9);
+  const Score found = score(set, GetParam(), 0.9);
   EXPECT_EQ(found.missed, 0);
   EXPECT_GT(found.contacts, 1500);
 }
 
-TEST(VariableProxy, RadiiFollowTheDensity) {
+TEST_P(OnAStep, RadiiFollowTheDensity) {
   // One half 16 times as dense: a proxy of one radius for all must be as large as the sparse half needs.
   const Uneven set = uneven("plane:extent_mm=40:sampling=blue:density=16:points=20000:seed=3", 1.0);
-  const Prepared rival = prepare(set.model, "variable-proxy:offset=kept");
-  const geometry::Aabb box = set.model.cloud->box_mm();
-  const auto stays_off = [&](double x) {
-    const Vec3 over(x, box.centre_mm().y(), box.high_mm.z() + 10.0);
-    rival.renderer->restart(over);
-    const Vec3 hip = over - Vec3(0, 0, 10.5);
-    const render::Frame frame = rival.glide(over, hip, 0.05);
-    EXPECT_TRUE(frame.contact) << x;
-    return frame.force_n.norm() / kStiffness - 0.5;
+  const auto ratio = [&](const std::string& name) {
+    const Prepared rival = prepare(set.model, name);
+    const geometry::Aabb box = set.model.cloud->box_mm();
+    const auto stays_off = [&](double x) {
+      const Vec3 over(x, box.centre_mm().y(), box.high_mm.z() + 10.0);
+      rival.renderer->restart(over);
+      const Vec3 hip = over - Vec3(0, 0, 10.5);
+      const render::Frame frame = rival.glide(over, hip, 0.05);
+      EXPECT_TRUE(frame.contact) << x;
+      return frame.force_n.norm() / kStiffness - 0.5;
+    };
+    return stays_off(box.low_mm.x() + 8.0) / stays_off(box.high_mm.x() - 8.0);
   };
-  const double sparse = stays_off(box.low_mm.x() + 8.0), dense = stays_off(box.high_mm.x() - 8.0);
-  EXPECT_GT(sparse, 2.5 * dense) << "the spacings are as 4 to 1";
-  EXPECT_LT(sparse, 6.0 * dense);
+  const double found = ratio(GetParam() + ":offset=kept");
+  EXPECT_GT(found, 2.5) << "the spacings are as 4 to 1";
+  EXPECT_LT(found, 6.0);
+  if (GetParam() == "stream-proxy") {
+    EXPECT_LT(ratio("stream-proxy:offset=kept:radii=one"), 1.3) << "one radius for all, on request";
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Points, OnAStep, testing::Values("stream-proxy", "variable-proxy"),
+                         [](const auto& rival) {
+                           std::string name = rival.param;
+                           std::replace(name.begin(), name.end(), '-', '_');
+                           return name;
+                         });
+
+TEST(StreamProxy, LocalRadiiAreTakenWhereTheDensityChangesAndNowhereElse) {
+  const auto choice = [](const std::string& generator, const std::string& name) {
+    const Prepared made = prepare(uneven(generator, 1.0).model, name);
+    for (const render::ModelDecisions& model : made.report.decisions.models)
+      for (const render::Decision& one : model.decisions)
+        if (one.about == "radii") return one.choice;
+    return std::string();
+  };
+  EXPECT_EQ(choice("torus:sampling=random:points=20000:seed=7", "stream-proxy"), "one");
+  EXPECT_EQ(choice("sinusoid:sampling=lines:points=20000:seed=7", "stream-proxy"), "one");
+  EXPECT_EQ(choice("sinusoid:points=10201", "stream-proxy"), "one");
+  EXPECT_EQ(choice("sinusoid:sampling=blue:density=16:points=20000:seed=3", "stream-proxy"), "local");
+  EXPECT_EQ(choice("sinusoid:points=10201", "stream-proxy:radii=local"), "local");
 }
 
 }  // namespace

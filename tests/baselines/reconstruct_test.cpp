@@ -329,6 +329,20 @@ TEST(Reconstruction, OrganisedMeshGoesRoundATurntable) {
   EXPECT_EQ(made.mesh.triangles.size(), 2 * model.cloud.size());
 }
 
+TEST(Reconstruction, OrganisedMeshLeavesLongEdgesOut) {
+  // Two squares, one ten spacings above the other: a column of cells between them.
+  std::vector<Vec3> points;
+  const std::uint32_t columns = 20, rows = 15;
+  for (std::uint32_t r = 0; r < rows; ++r)
+    for (std::uint32_t c = 0; c < columns; ++c) points.emplace_back(c, r, c < 10 ? 0.0 : 10.0);
+  cloud::Cloud cloud = cloud::build_cloud(points, cloud::NonFinite::kRefuse).value();
+  cloud.raster = cloud::ScanRaster{columns, rows};
+  Options options;
+  EXPECT_EQ(make("organised", cloud, options).mesh.triangles.size(), 2u * 19u * 14u);
+  options.set("organised_longest", "4");
+  EXPECT_EQ(make("organised", cloud, options).mesh.triangles.size(), 2u * 18u * 14u);
+}
+
 TEST(Reconstruction, NamesWhatThereIs) {
   const auto unknown = find_method("nurbs");
   ASSERT_FALSE(unknown.ok());

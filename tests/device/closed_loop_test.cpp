@@ -121,6 +121,81 @@ TEST(ClosedLoop, NoPathLeadsAroundTheGovernor) {
   }
 }
 
+/// Counts its steps, and after `changes_s` is another wall.
+class CountedPlane final : public render::SceneFreeRenderer {
+ public:
+  explicit CountedPlane(double changes_s = 1e9) : changes_s_(changes_s) {}
+  render::Frame step(const Vec3& hip_mm, double t_s) noexcept override {
+    ++steps;
+    SpringPlane wall(t_s < changes_s_ ? 0.5 : 0.1);
+    return wall.step(hip_mm, t_s);
+  }
+  render::Description describe() const override { return {"counted", "", "", "constant", {}}; }
+  std::size_t steps = 0;
+
+ private:
+  double changes_s_;
+};
+
+LoopRun run_counted(const LoopCase& c, CountedPlane& wall) {
+  VirtualClock clock;
+  SimulatedArm device(c.arm, c.hand, c.script, clock);
+  LoopOptions loop = c.loop;
+  loop.period_s = c.arm.period_s;
+  loop.duration_s = c.script.duration_s();
+  return run_loop(wall, device, clock, loop).value();
+}
+
+void expect_same_run(const LoopRun& a, const LoopRun& b) {
+  EXPECT_EQ(trace::path_hash(a.hip), trace::path_hash(b.hip));
+  EXPECT_EQ(trace::path_hash(a.measured), trace::path_hash(b.measured));
+  EXPECT_EQ(trace::trace_hash(a.felt), trace::trace_hash(b.felt));
+  EXPECT_EQ(a.sent_n, b.sent_n);
+  EXPECT_EQ(a.shown_n, b.shown_n);
+  EXPECT_EQ(a.least_environment_mj, b.least_environment_mj);
+  EXPECT_EQ(a.energy.hand(), b.energy.hand());
+  EXPECT_EQ(a.fault, b.fault);
+}
+
+TEST(ClosedLoop, APressThatIsStillIsNotSimulatedToItsEndAndEndsTheSame) {
+  for (const double delay_s : {0.0, 0.004})
+    for (const double jitter_s : {0.0, 0.0004}) {
+      LoopCase c;
+      c.arm.delay_s = delay_s;
+      c.loop.jitter_s = jitter_s;
+      CountedPlane to_the_end, until_still;
+      const LoopRun whole = run_counted(c, to_the_end);
+      c.loop.still_s = 0.25;
+      const LoopRun ended = run_counted(c, until_still);
+      expect_same_run(whole, ended);
+      EXPECT_LT(2 * until_still.steps, to_the_end.steps) << delay_s << ", " << jitter_s;
+    }
+}
+
+TEST(ClosedLoop, WhatStillMovesOrIsStillToChangeIsSimulated) {
+  LoopCase swinging;  // a wall that changes before it has been still for long enough
+  swinging.loop.still_s = 1.5;
+  CountedPlane changing(1.5), changing_too(1.5);
+  const LoopRun ended = run_counted(swinging, changing);
+  swinging.loop.still_s = 0.0;
+  expect_same_run(run_counted(swinging, changing_too), ended);
+  EXPECT_LT(ended.hip.hip_mm.back().z(), ended.hip.hip_mm[1400].z() - 0.1) << "deeper into a softer wall";
+  LoopCase released;  // the hand lets go later: what rests before that does not rest for good
+  released.script = let_go(kPlace, {});
+  released.loop.still_s = 0.1;
+  CountedPlane wall, same_wall;
+  const LoopRun let = run_counted(released, wall);
+  released.loop.still_s = 0.0;
+  expect_same_run(run_counted(released, same_wall), let);
+  EXPECT_GT(let.hip.hip_mm.back().z(), 0.0);
+  LoopCase frictionless;  // it dies away and never rests
+  frictionless.arm.friction_n = 0.0;
+  frictionless.loop.still_s = 0.1;
+  CountedPlane felt;
+  const LoopRun all = run_counted(frictionless, felt);
+  EXPECT_EQ(felt.steps, all.hip.size());
+}
+
 TEST(ClosedLoop, RefusesJitterOfAPeriodAndNoDuration) {
   VirtualClock clock;
   const HandScript script = resting_at(Vec3::UnitZ());

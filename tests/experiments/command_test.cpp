@@ -93,7 +93,12 @@ TEST_F(Command, WhatIsPrintedAsJsonFollowsItsSchema) {
   write_text(folder_ / "two.toml",
              "[[model]]\ngenerate = \"plane\"\npoints = 121\nextent_mm = 10\n[[model]]\ngenerate = "
              "\"sphere\"\npoints = 500\nposition_mm = [0, 0, 90]\n");
+  const ProcessOutcome recorded =
+      palpate_command({"record", "plane:points=441:extent_mm=20", "--renderer", "cloud", "--seconds", "0.5",
+                       "--accelerated", "--out", in("session.palrec")});
+  ASSERT_EQ(recorded.exit_code, 0) << recorded.err;
   const std::pair<const char*, std::vector<std::string>> printed[] = {
+      {"info", {"info", in("session.palrec")}},
       {"info", {"info", "plane:points=441:extent_mm=20"}},
       {"info", {"info", "sphere:points=500"}},
       {"info", {"info", in("two.toml")}},

@@ -4,6 +4,8 @@
 
 #include <array>
 #include <csignal>
+#include <fstream>
+#include <sstream>
 
 #include "experiments/report/card.h"
 #include "experiments/report/page.h"
@@ -148,6 +150,26 @@ TEST_F(Dishonest, NoHeadlineCallsThemRight) {
   EXPECT_LT(contact.find("honest"), wrong) << contact;
   EXPECT_EQ(headline("Frames that no hand tells from the truth").find("honest 100"), 0u)
       << headline("Frames that no hand tells from the truth");
+}
+
+TEST_F(Dishonest, TheirScoresStandOnThePage) {
+  std::ifstream file(std::string(PALPATE_DOCS) + "/scores.md");
+  std::ostringstream page;
+  page << file.rdbuf();
+  std::vector<std::vector<CardItem>> cards;
+  for (const char* const label : {"honest", "no-force", "late", "trembles"})
+    cards.push_back(card_of(of(label)));
+  // What is no more than rounding differs from one mathematical library to the next.
+  const auto without_rounding = [](const std::string& value) {
+    return value.find("×10⁻") != std::string::npos ? std::string("0") : value;
+  };
+  // All but the last item, which is a time.
+  for (std::size_t i = 0; i + 1 < cards.front().size(); ++i) {
+    std::string row = "| " + cards.front()[i].about + " | " + cards.front()[i].limit + " |";
+    for (const std::vector<CardItem>& card : cards) row += " " + without_rounding(card[i].value) + " |";
+    EXPECT_NE(page.str().find(row + "\n"), std::string::npos)
+        << "docs/scores.md, \"Those who cheat\", should have\n" << row;
+  }
 }
 
 TEST_F(Dishonest, AFlagThatContradictsTheForceIsRefused) {

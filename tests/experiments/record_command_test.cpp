@@ -13,6 +13,7 @@
 #include "device/record/recorder.h"
 #include "device/simulated/simulated_device.h"
 #include "experiments/live/recording_export.h"
+#include "experiments/live/recording_facts.h"
 #include "experiments/live/recording_segments.h"
 #include "experiments/live/recording_session.h"
 #include "experiments/run/recorded_path.h"
@@ -158,6 +159,49 @@ TEST(RecordedPaths, StartFreeAndGoByThePlacesOfBringUps) {
   std::filesystem::remove(file);
 }
 
+TEST(RecordingFacts, CountFaultsAndSegments) {
+  const Prepared p = prepared_stage("cloud", "weave:frames=3200:depth_mm=1.5");
+  const std::string file = testing::TempDir() + "/record_facts_" + std::to_string(::getpid()) + ".palrec";
+  std::filesystem::remove(file);
+  record_with_faults(p, file);
+  const Result<RecordingFacts> facts = facts_of_recording(file, false);
+  ASSERT_TRUE(facts) << facts.error().message();
+  EXPECT_EQ(facts->end.ticks, p.stage.path.size());
+  EXPECT_NEAR(facts->length_s, 1e-3 * static_cast<double>(p.stage.path.size() - 1), 1e-9);
+  EXPECT_EQ(facts->segments, 4u) << "three faults";
+  ASSERT_EQ(facts->faults.size(), 3u);
+  const std::pair<device::Fault, double> scripted[] = {{device::Fault::kSilence, 0.40},
+                                                       {device::Fault::kJump, 1.35},
+                                                       {device::Fault::kNonFinitePosition, 2.25}};
+  for (std::size_t i = 0; i < facts->faults.size(); ++i) {
+    EXPECT_EQ(facts->faults[i].name, device::fault_name(scripted[i].first));
+    EXPECT_EQ(facts->faults[i].times, 1u);
+    EXPECT_GE(facts->faults[i].first_s, scripted[i].second);
+    EXPECT_LE(facts->faults[i].first_s, scripted[i].second + 0.03) << "found within 30 ms";
+  }
+  ASSERT_EQ(facts->renderers.size(), 1u);
+  // The same counts, by another way.
+  std::uint64_t stepped = 0, contact = 0;
+  double force_n = 0.0;
+  Result<device::Recording> recording = device::Recording::open(file);
+  ASSERT_TRUE(recording);
+  device::RecordedTick tick;
+  for (Result<bool> more = recording->next(tick); more && *more; more = recording->next(tick)) {
+    stepped += tick.tracks[0].stepped;
+    contact += tick.tracks[0].stepped && tick.tracks[0].frame.contact;
+    force_n = std::max(force_n, tick.sent_n.norm());
+  }
+  const RecordedRendererFacts& renderer = facts->renderers.front();
+  EXPECT_EQ(renderer.renderer.name, "cloud");
+  EXPECT_EQ(renderer.ticks, stepped);
+  EXPECT_LT(renderer.ticks, facts->end.ticks) << "not stepped in a fault";
+  EXPECT_EQ(renderer.contact_ticks, contact);
+  EXPECT_GT(contact, 500u);
+  EXPECT_EQ(facts->force_max_n, force_n);
+  EXPECT_GT(force_n, 0.1);
+  std::filesystem::remove(file);
+}
+
 class RecordCommand : public InFolder {
  protected:
   /// Two seconds on a virtual clock.
@@ -170,6 +214,20 @@ class RecordCommand : public InFolder {
     return palpate_command(arguments);
   }
   json document(const std::string& file) const { return json::parse(file_text(in(file))); }
+  /// Turns a bit in the middle.
+  static void damage(const std::string& name) {
+    std::fstream file(name, std::ios::in | std::ios::out | std::ios::binary);
+    const auto middle = static_cast<std::streamoff>(std::filesystem::file_size(name) / 2);
+    file.seekg(middle);
+    const char before = static_cast<char>(file.get());
+    file.seekp(middle);
+    file.put(static_cast<char>(before ^ 1));
+  }
+  static void refused(const ProcessOutcome& outcome, const char* words) {
+    EXPECT_EQ(outcome.exit_code, 2) << outcome.err;
+    EXPECT_TRUE(outcome.out.empty()) << outcome.out;
+    EXPECT_NE(outcome.err.find(words), std::string::npos) << outcome.err;
+  }
 };
 
 TEST_F(RecordCommand, RecordsReplaysToTheSameHashesAndCompares) {
@@ -304,6 +362,60 @@ TEST_F(RecordCommand, ExportsWhatReadsBackToTheSameBits) {
 #endif
 }
 
+TEST_F(RecordCommand, InfoSaysWhatIsInIt) {
+  ASSERT_EQ(record("one.palrec").exit_code, 0);
+  const ProcessOutcome printed = palpate_command({"info", in("one.palrec"), "--json"});
+  ASSERT_EQ(printed.exit_code, 0) << printed.err;
+  const json facts = json::parse(printed.out);
+  EXPECT_EQ(facts["recording"], in("one.palrec"));
+  EXPECT_EQ(facts["bytes"], std::filesystem::file_size(in("one.palrec")));
+  EXPECT_NEAR(facts["length_s"].get<double>(), 2.0, 1e-9);
+  EXPECT_EQ(facts["lost_ticks"], 0);
+  EXPECT_EQ(facts["scene"], kRolling);
+  EXPECT_EQ(facts["segments"], 1);
+  EXPECT_TRUE(facts["faults"].empty() && facts["warnings"].empty());
+  EXPECT_TRUE(facts["closed"].get<bool>());
+  EXPECT_GT(facts["device"]["force_max_n"], 0.0);
+  ASSERT_EQ(facts["renderers"].size(), 1u);
+  EXPECT_EQ(facts["renderers"][0]["name"], "cloud");
+  EXPECT_EQ(facts["renderers"][0]["ticks"], 2001);
+  EXPECT_GT(facts["renderers"][0]["contact_ticks"], 200);
+  EXPECT_TRUE(facts["renderers"][0]["options"].contains("shading"));
+  const ProcessOutcome text = palpate_command({"info", in("one.palrec")});
+  ASSERT_EQ(text.exit_code, 0) << text.err;
+  for (const char* const words : {"2.000 s, 2,001 ticks, none lost", "virtual clock", kRolling,
+                                  "cloud (cloud): stepped in 2,001 ticks"})
+    EXPECT_NE(text.out.find(words), std::string::npos) << words << "\n" << text.out;
+  // Whatever it is called.
+  std::filesystem::copy_file(in("one.palrec"), in("renamed.bin"));
+  const ProcessOutcome renamed = palpate_command({"info", in("renamed.bin")});
+  EXPECT_NE(renamed.out.find("2,001 ticks"), std::string::npos) << renamed.err;
+}
+
+TEST_F(RecordCommand, InfoOfWhatIsMissingOrDamaged) {
+  ASSERT_EQ(record("one.palrec").exit_code, 0);
+  const auto bytes = std::filesystem::file_size(in("one.palrec"));
+  std::filesystem::copy_file(in("one.palrec"), in("torn.palrec"));
+  std::filesystem::resize_file(in("torn.palrec"), bytes / 2);
+  const ProcessOutcome torn = palpate_command({"info", in("torn.palrec"), "--json"});
+  ASSERT_EQ(torn.exit_code, 0) << torn.err;
+  const json facts = json::parse(torn.out);
+  EXPECT_TRUE(facts["ticks"] < 2001 && facts["ticks"] > 500) << facts["ticks"];
+  EXPECT_FALSE(facts["closed"].get<bool>());
+  EXPECT_TRUE(facts["reason"].is_null());
+  EXPECT_GE(facts["warnings"].size(), 1u);
+  damage(in("one.palrec"));
+  refused(palpate_command({"info", in("one.palrec")}), "--skip-damaged");
+  const ProcessOutcome skipped = palpate_command({"info", in("one.palrec"), "--skip-damaged"});
+  EXPECT_EQ(skipped.exit_code, 0) << skipped.err;
+  EXPECT_NE(skipped.out.find("damaged and were left out"), std::string::npos) << skipped.out;
+  write_text(in("text.palrec"), "somebody's");
+  refused(palpate_command({"info", in("text.palrec")}), "is no recording");
+  refused(palpate_command({"info", in("missing.palrec")}), "no such file");
+  refused(palpate_command({"info", in("torn.palrec"), "--unit", "m"}), "--unit does nothing");
+  refused(palpate_command({"info", kRolling, "--skip-damaged"}), "--skip-damaged does nothing");
+}
+
 TEST_F(RecordCommand, ATornTailIsDroppedAndSaid) {
   ASSERT_EQ(record("one.palrec").exit_code, 0);
   std::filesystem::resize_file(in("one.palrec"), std::filesystem::file_size(in("one.palrec")) / 2);
@@ -320,14 +432,7 @@ TEST_F(RecordCommand, ATornTailIsDroppedAndSaid) {
 
 TEST_F(RecordCommand, DamageInTheMiddleIsAnErrorThatNamesTheByte) {
   ASSERT_EQ(record("one.palrec").exit_code, 0);
-  {
-    std::fstream file(in("one.palrec"), std::ios::in | std::ios::out | std::ios::binary);
-    const auto middle = static_cast<std::streamoff>(std::filesystem::file_size(in("one.palrec")) / 2);
-    file.seekg(middle);
-    const char before = static_cast<char>(file.get());
-    file.seekp(middle);
-    file.put(static_cast<char>(before ^ 1));
-  }
+  damage(in("one.palrec"));
   const ProcessOutcome refused = palpate_command({"export", in("one.palrec"), "--out", in("one.csv")});
   EXPECT_EQ(refused.exit_code, 2);
   EXPECT_NE(refused.err.find("byte "), std::string::npos) << refused.err;
@@ -340,10 +445,6 @@ TEST_F(RecordCommand, DamageInTheMiddleIsAnErrorThatNamesTheByte) {
 }
 
 TEST_F(RecordCommand, BadArgumentsNameTheirRemedy) {
-  const auto refused = [](const ProcessOutcome& outcome, const char* words) {
-    EXPECT_EQ(outcome.exit_code, 2) << outcome.err;
-    EXPECT_NE(outcome.err.find(words), std::string::npos) << outcome.err;
-  };
   refused(record("no-ending"), "palrec");
   refused(record("no/such/folder.palrec"), "create the folder");
   refused(record("x.palrec", {"--device", "sim:omny"}), "sim:omni");

@@ -12,6 +12,7 @@
 #include "experiments/stress/matrix.h"
 #include "tests/experiments/program.h"
 #include "tests/json_schema.h"
+#include "toolkit/render/work_bound.h"
 
 namespace palpate::experiments {
 namespace {
@@ -45,6 +46,23 @@ TEST(Stress, EveryCaseCanBeMadeAndSaysWhatItIs) {
     EXPECT_GT(made->scene.force_limit_n, 0.0) << one.name;
   }
   EXPECT_GE(names.size(), 90u);
+}
+
+// A long frame is a limit where the renderer says beforehand that its bound is longer than a tick, and
+// nowhere else; none of ours says so.
+TEST(Stress, ABoundLongerThanATickIsALimitThatIsStated) {
+  for (const render::RendererInfo& info : registry().all()) {
+    const auto made = registry().make(info.name, {});
+    ASSERT_TRUE(made) << info.name;
+    if (info.role == render::Role::kOurs) {
+      EXPECT_FALSE(render::may_miss_a_tick((*made)->describe().work_bound)) << info.name;
+    }
+  }
+  const StressCell cell = run_cell(case_of("fan-1000"), request_of("mesh-proxy"), registry());
+  EXPECT_EQ(cell.status, CellStatus::kLimit) << cell.check << ": " << cell.cause;
+  EXPECT_EQ(cell.check, "bounded");
+  EXPECT_NE(cell.cause.find("longer than a tick at worst"), std::string::npos) << cell.cause;
+  EXPECT_GT(cell.contact_frames, 0u);
 }
 
 class OursAtTheExtremes : public ::testing::TestWithParam<const char*> {};

@@ -168,6 +168,85 @@ TEST_F(WindowTest, TheMouseHoversPressesAndTheArrowIsTheForce) {
   live(0.6);
 }
 
+TEST_F(WindowTest, TheArrowIsSeenFromVeryNear) {
+  VirtualSession virtual_session(kWaves);
+  WindowSession& session = virtual_session.session;
+  session.show_in(link);
+  virtual_session.run(0.6);  // the governor's soft start
+  settle();
+  point_at(session.input().models.front().cloud->point_mm(5050));
+  window->mouse_button(Window::Button::kLeft, true);
+  for (double t = 0.0; t < 1.2; t += 0.02) {
+    virtual_session.run(0.02);
+    ASSERT_TRUE(window->frame());
+  }
+  // Nothing runs from here on: the eye goes to the contact, and the contact stays.
+  const WatchedTick pressing = window->drawn_tick();
+  ASSERT_TRUE(pressing.tick.frame.contact);
+  const Vec3 god_object_mm = pressing.tick.frame.god_object_mm;
+  const Vec3 way = pressing.map.world_n(pressing.tick.sent_n).normalized();
+  Camera near = window->camera();
+  ASSERT_GT((-near.forward()).dot(way), 0.0) << "the force points towards who looks";
+  // The eye just before the god object: the tip is then behind it.
+  constexpr double kBeforeRadii = 0.005;
+  const double before_mm = kBeforeRadii * near.radius_mm();
+  const double beyond_mm = (god_object_mm - near.target_mm()).dot(near.forward());
+  ASSERT_LT(beyond_mm, 0.0) << "nearer than what the camera turns about";
+  near.zoom(near.distance_mm() / (before_mm - beyond_mm));
+  ASSERT_NEAR((god_object_mm - near.eye_mm()).dot(near.forward()), before_mm, 1e-9);
+  const Vec3 aside = god_object_mm - near.eye_mm();
+  const double pixels = near.pixels_per_mm(window->view_height());
+  near.pan(-aside.dot(near.right()) * pixels, aside.dot(near.up()) * pixels, window->view_height());
+  window->look_from(near);
+  settle();
+  ASSERT_TRUE(window->drawn_tick().tick.frame.contact);
+  const Pixel god_object = seen(god_object_mm);
+  ASSERT_NEAR(god_object.x, 0.5 * window->view_width(), 1.0);
+  ASSERT_NEAR(god_object.y, 0.5 * window->view_height(), 1.0);
+  constexpr double kLeastArrowRadii = 0.02;  // of a force of a thirtieth of the limit
+  ASSERT_LT((god_object_mm + kLeastArrowRadii * near.radius_mm() * way - near.eye_mm()).dot(near.forward()),
+            0.0)
+      << "the tip is behind the eye";
+  const Spot arrow = spot_of(window->picture(), kForceColour, window->view_width());
+  EXPECT_GT(arrow.count, 100) << "the arrow is seen all the same";
+  const Pixel along = seen(god_object_mm + 0.1 * before_mm * way);
+  EXPECT_GT((arrow.x - god_object.x) * (along.x - god_object.x) +
+                (arrow.y - god_object.y) * (along.y - god_object.y),
+            0.0)
+      << "it goes the way of the force";
+}
+
+TEST(SeenLine, IsCutAtTheNearPlaneAndNowhereElse) {
+  const Camera camera = Camera::of({Vec3::Constant(-10.0), Vec3::Constant(10.0)});
+  constexpr double kWidth = 800.0, kHeight = 600.0;
+  const Mat4 clip = camera.clip_from_world(kWidth, kHeight);
+  const auto line = [&](const Vec3& a, const Vec3& b) { return project_line(clip, a, b, kWidth, kHeight); };
+  const Vec3 eye = camera.eye_mm(), forward = camera.forward(), right = camera.right();
+  const Vec3 before = eye + camera.distance_mm() * forward, behind = eye - 5.0 * forward + right;
+  const auto whole = line(before, before + right);
+  ASSERT_TRUE(whole);
+  EXPECT_FALSE(whole->cut_a || whole->cut_b);
+  const Pixel end = *project(clip, before + right, kWidth, kHeight);
+  EXPECT_EQ(whole->b.x, end.x);
+  EXPECT_EQ(whole->b.y, end.y);
+  // One end behind the eye: what is left ends on the near plane, on the same line.
+  for (const bool turned : {false, true}) {
+    const auto cut = turned ? line(behind, before) : line(before, behind);
+    ASSERT_TRUE(cut);
+    EXPECT_EQ(cut->cut_a, turned);
+    EXPECT_EQ(cut->cut_b, !turned);
+    const Pixel& at = turned ? cut->a : cut->b;
+    EXPECT_NEAR(at.depth, 0.0, 1e-12);
+    const Vec3 place = unproject(clip, at, kWidth, kHeight);
+    EXPECT_NEAR((place - before).cross(behind - before).norm() / (behind - before).norm(), 0.0, 1e-9);
+    EXPECT_GT((place - eye).dot(forward), 0.0);
+    EXPECT_LT((place - eye).dot(forward), camera.distance_mm());
+  }
+  // Between the eye and the near plane, and behind the eye: nothing is seen.
+  EXPECT_FALSE(line(eye + 1e-6 * forward, eye + 2e-6 * forward + right));
+  EXPECT_FALSE(line(behind, behind + right));
+}
+
 TEST_F(WindowTest, PlotsMoveAndAButtonSwitches) {
   VirtualSession virtual_session(kWaves);
   virtual_session.session.show_in(link);

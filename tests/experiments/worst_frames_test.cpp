@@ -1,6 +1,6 @@
 // The work bound that each renderer of ours states, as instructions, against the longest frames that it could
 // be brought to. PALPATE_FULL_BOUND=1 also counts at ten million points, of which
-// cloud-smooth alone prepares for more than ten minutes where no surface orders them.
+// the renderers of points prepare for minutes.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 

@@ -19,7 +19,7 @@ namespace palpate::render {
 namespace {
 
 // Measured (see kExpectedOn): what to expect, no decision rests on them.
-constexpr double kStarFrameUs = 0.1, kStarMsPerMillion = 1'000.0;
+constexpr double kStarFrameUs = 0.1, kStarMsPerMillion = 1'000.0, kRasterMsPerMillion = 300.0;
 constexpr double kRefineMsPerMillion = 500.0;  // of places that are new
 // Points with their rings, rings apart of one random point in thirty, boxes and layers of the tree.
 constexpr double kStarBytesPerPoint = 32.0 + 1.5 + 6.0;
@@ -36,6 +36,7 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
   CloudOnStars(const Options& options, const stars::StarsWithout& without)
       : EditableShellRenderer(options), without_(without) {
     without_.enclosure = without_.enclosure || options.text("sides") == "both";
+    without_.raster = without_.raster || options.text("raster") == "off";
   }
 
   Description describe() const override {
@@ -88,7 +89,12 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
     const int levels = levels_of(input);
     const double places = n * std::pow(4.0, levels);
     out.bytes = static_cast<std::uint64_t>(kStarBytesPerPoint * places);
-    out.prepare_ms = 1e-6 * (n * kStarMsPerMillion + (places - n) * kRefineMsPerMillion);
+    const bool is_raster = input.cloud->raster.has_value() && !without_.raster;
+    if (is_raster)
+      out.decisions.push_back(
+          {"raster", "read", "triangles lie between its rows and columns, where these are a surface"});
+    out.prepare_ms = 1e-6 * (n * (is_raster ? kRasterMsPerMillion : kStarMsPerMillion) +
+                             (places - n) * kRefineMsPerMillion);
     if (levels > 0)
       out.decisions.push_back({"refined", fmt::format("{} times", levels), "option refine", true});
     else if (levels_asked() > 0)
@@ -212,6 +218,11 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
         counts.triangles, counts.pieces, counts.closed_pieces - counts.pieces_with_holes,
         counts.pieces_with_holes, points, 100.0 * share(counts.agreed_points, points), counts.voted,
         counts.filled, counts.torn, counts.welded, counts.unused, counts.open_points));
+    if (counts.raster_points > 0)
+      report.notes.push_back(
+          fmt::format("raster: the triangles of {} of {} points are read from its rows and columns; "
+                      "raster=off makes them as of any points",
+                      counts.raster_points, points));
     if (counts.pieces_with_holes > 0)
       report.notes.push_back(
           fmt::format("{} closed but for holes: felt from the side where the replay begins; sides=both feels "

@@ -79,6 +79,15 @@ RendererInfo cloud_info() {
                           0.0,
                           static_cast<double>(stars::kMostRefined),
                           {{"surface", {"auto", "stars"}}}});
+  info.options.push_back({"raster",
+                          OptionKind::kChoice,
+                          "auto",
+                          "triangles are read from the rows and columns of a scan where its cells are a "
+                          "surface (auto), or made as of any points (off)",
+                          {"auto", "off"},
+                          -1e300,
+                          1e300,
+                          {{"surface", {"auto", "stars"}}}});
   info.options.push_back(
       {"walk_steps",
        OptionKind::kInteger,

@@ -108,6 +108,13 @@ struct Draft {
 void find_near(Draft& draft, const std::vector<std::uint8_t>& doubled);
 /// A star for every point, and where they agree. Parallel.
 void make_stars(Draft& draft);
+/// The same where some stars are known: near_of_stars() makes the rings of stars the nearest and gives
+/// weights for all, find_near_of() finds what `wanted` marks, make_stars_of() lays out the wanted and asks
+/// the `asked` for agreement. Empty: all. Parallel.
+void near_of_stars(Draft& draft);
+void find_near_of(Draft& draft, const std::vector<std::uint8_t>& doubled,
+                  std::span<const std::uint8_t> wanted);
+void make_stars_of(Draft& draft, std::span<const std::uint8_t> wanted, std::span<const std::uint8_t> asked);
 /// Points whose stars the neighbours do not confirm get new ones, laid out along the plane of what is
 /// confirmed. Parallel.
 void mend_stars(Draft& draft);

@@ -15,9 +15,8 @@ using Triple = std::array<std::uint32_t, 3>;
 /// Two triangles on one edge whose other corners are less than 60 degrees apart as seen along it lie nearly
 /// on one another: one of them is none of the surface's. cos 60 = 0.5.
 constexpr double kFoldCosine = 0.5;
-/// Loops of more edges are holes or borders: around a hole as wide as the widest circle that a triangle may
-/// have, 3.4 mean spacings, stand some twenty points, and in noise the loop is twice as long as straight.
-constexpr std::size_t kMaxLoop = 20, kMaxRoughLoop = 40;
+/// In noise a loop is twice as long as straight.
+constexpr std::size_t kMaxRoughLoop = 2 * kMaxLoop;
 /// What is left of folds after points with fans apart were taken out a few times is crumpled throughout.
 constexpr int kPruningRounds = 3;
 

@@ -10,6 +10,10 @@
 
 namespace palpate::stars {
 
+/// Loops of more edges are holes or borders: around a hole as wide as the widest circle that a triangle may
+/// have, 3.4 mean spacings, stand some twenty points.
+inline constexpr std::size_t kMaxLoop = 20;
+
 struct FillReport {
   std::size_t voted = 0;   ///< triangles that one or two of their three stars had
   std::size_t filled = 0;  ///< triangles put into small loops

@@ -314,11 +314,15 @@ bool cut_wider(const Draft& draft, std::uint32_t point, FlatNeighbours& flat, do
 }  // namespace
 
 void find_near(Draft& draft, const std::vector<std::uint8_t>& doubled) {
-  const std::size_t n = draft.size();
-  draft.near.resize(n);
-  draft.normal.assign(n, Vec3f::Zero());
+  draft.near.resize(draft.size());
+  draft.normal.assign(draft.size(), Vec3f::Zero());
+  find_near_of(draft, doubled, {});
+}
+
+void find_near_of(Draft& draft, const std::vector<std::uint8_t>& doubled,
+                  std::span<const std::uint8_t> wanted) {
   draft.welded = doubled;
-  draft.sparse.assign(n, 0);
+  draft.sparse.assign(draft.size(), 0);
   const NearPlaces places(draft.point, doubled, draft.threads);
   const auto keep = [&draft](std::uint32_t self, const Nearby& nearby) {
     Near& near = draft.near[self];
@@ -327,7 +331,7 @@ void find_near(Draft& draft, const std::vector<std::uint8_t>& doubled) {
   };
   std::atomic<bool> any_line = false;
   const std::uint32_t scale = scale_bits(draft.point);
-  places.run(kNear, {}, draft.threads, [&](std::uint32_t i, const Nearby& nearby) {
+  places.run(kNear, wanted, draft.threads, [&](std::uint32_t i, const Nearby& nearby) {
     keep(i, nearby);
     if (nearby.size == 0) return;
     const float scale_sq = nearby.square[std::min(kScaleRank, nearby.size - 1)];
@@ -345,6 +349,29 @@ void find_near(Draft& draft, const std::vector<std::uint8_t>& doubled) {
   places.run(kWideNear, draft.sparse, draft.threads, [&](std::uint32_t i, const Nearby& nearby) {
     keep_directions(draft, i, {nearby.place.data(), nearby.size}, draft.near[i]);
     draft.normal[i] = Surroundings(draft, i).normal(draft, i).cast<float>();
+  });
+}
+
+void near_of_stars(Draft& draft) {
+  const std::uint32_t scale = scale_bits(draft.point);
+  parallel_chunks(draft.size(), kStarsPerChunk, draft.threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      const auto i = static_cast<std::uint32_t>(k);
+      const Star& star = draft.star[i];
+      const std::size_t size = std::min<std::size_t>(star.size, kNear);
+      std::array<std::pair<float, std::uint32_t>, kNear> found;
+      for (std::size_t j = 0; j < size; ++j) {
+        const std::uint32_t other = star.ring[j];
+        found[j] = {static_cast<float>((draft.at(other) - draft.at(i)).squaredNorm()), other};
+      }
+      std::sort(found.begin(), found.begin() + static_cast<std::ptrdiff_t>(size));
+      Near& near = draft.near[i];
+      near.fill(i);
+      for (std::size_t j = 0; j < size; ++j) near[j] = found[j].second;
+      if (size == 0) continue;
+      const float scale_sq = found[std::min(kScaleRank, size - 1)].first;
+      draft.point[i].weight = kTieShare * scale_sq * tie_weight(draft.point[i], scale);
+    }
   });
 }
 
@@ -386,26 +413,27 @@ std::uint32_t agreed_sectors(const Draft& draft, std::uint32_t point, const Star
 }
 
 void make_stars(Draft& draft) {
-  const std::size_t n = draft.size();
-  draft.star.resize(n);
-  draft.crossed.assign(n, 0);
-  draft.rough.assign(n, 0);
+  draft.star.resize(draft.size());
+  draft.crossed.assign(draft.size(), 0);
+  draft.rough.assign(draft.size(), 0);
+  make_stars_of(draft, {}, {});
+}
+
+void make_stars_of(Draft& draft, std::span<const std::uint8_t> wanted, std::span<const std::uint8_t> asked) {
   const bool apart = !draft.without.crossings;
-  parallel_chunks(n, kStarsPerChunk, draft.threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t k = begin; k < end; ++k) {
-      const auto i = static_cast<std::uint32_t>(k);
-      draft.star[i] = {};
-      if (draft.welded[i] == 0)
-        draft.star[i] =
-            lay_out(draft, i, {draft.normal[i].cast<double>(), kFirstSteepest, apart}, {}, &draft.crossed[i]);
-    }
+  const auto those = [&draft](std::span<const std::uint8_t> marked, auto&& use) {
+    parallel_chunks(draft.size(), kStarsPerChunk, draft.threads, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t k = begin; k < end; ++k)
+        if (marked.empty() || marked[k] != 0) use(static_cast<std::uint32_t>(k));
+    });
+  };
+  those(wanted, [&](std::uint32_t i) {
+    draft.star[i] = {};
+    if (draft.welded[i] == 0)
+      draft.star[i] =
+          lay_out(draft, i, {draft.normal[i].cast<double>(), kFirstSteepest, apart}, {}, &draft.crossed[i]);
   });
-  parallel_chunks(n, kStarsPerChunk, draft.threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t k = begin; k < end; ++k) {
-      const auto i = static_cast<std::uint32_t>(k);
-      draft.star[i].agreed = agreed_sectors(draft, i, draft.star[i]);
-    }
-  });
+  those(asked, [&](std::uint32_t i) { draft.star[i].agreed = agreed_sectors(draft, i, draft.star[i]); });
 }
 
 }  // namespace palpate::stars

@@ -23,6 +23,7 @@ constexpr std::size_t kChunk = std::size_t{1} << 16;
 /// lies across a jump has a box and a layer many times its neighbours': only blocks across the middle of a
 /// group can.
 constexpr std::size_t kGroup = 512;
+constexpr std::size_t kTilesPerChunk = 32;
 
 struct Item {
   std::uint32_t key;  ///< the highest bits of its code
@@ -131,6 +132,43 @@ void split(Member* first, Member* last) {
   split(middle, last);
 }
 
+/// `index(k)`: the point that is k-th along a curve. Halves groups of them.
+template <class Index>
+Places in_groups(const cloud::Cloud& cloud, const Index& index, int threads) {
+  const std::size_t n = cloud.size();
+  Places places;
+  places.point.resize(n);
+  places.order.resize(n);
+  parallel_chunks(n, kChunk, threads, [&](std::size_t first, std::size_t last) {
+    for (std::size_t begin = first; begin < last; begin += kGroup) {
+      const std::size_t end = std::min(begin + kGroup, last);
+      std::array<Member, kGroup> group;
+      for (std::size_t k = begin; k < end; ++k) group[k - begin] = {coordinates(cloud, index(k)), index(k)};
+      split(group.data(), group.data() + (end - begin));
+      for (std::size_t k = begin; k < end; ++k) {
+        const Member& member = group[k - begin];
+        places.point[k] = {member.at[0], member.at[1], member.at[2], 0.0F};
+        places.order[k] = member.index;
+      }
+    }
+  });
+  return places;
+}
+static_assert(kChunk % kGroup == 0);
+
+/// Rows of a tile of kGroup positions that is about as long as wide.
+std::uint32_t rows_of_tile(const cloud::Cloud& cloud, const RasterGrid& grid) {
+  const double down_sq = grid.typical_step_sq(cloud, 1, 0), across_sq = grid.typical_step_sq(cloud, 0, 1);
+  std::uint32_t rows = 1;
+  // rows x columns = kGroup: twice the rows as long as they are no longer than the columns are wide.
+  while (rows < kGroup) {
+    const double tall = 2.0 * rows, wide = static_cast<double>(kGroup) / tall;
+    if (tall * tall * down_sq > wide * wide * across_sq) break;
+    rows *= 2;
+  }
+  return rows;
+}
+
 }  // namespace
 
 Places sort_places(const cloud::Cloud& cloud, int threads) {
@@ -141,23 +179,51 @@ Places sort_places(const cloud::Cloud& cloud, int threads) {
   std::vector<std::uint8_t> doubled(n, 0);
   std::vector<Item> items = counted(codes, threads);
   settle_runs(codes, items, doubled, threads);
-  Places places;
-  places.point.resize(n);
-  places.order.resize(n);
+  Places places = in_groups(
+      cloud, [&items](std::size_t k) { return items[k].index; }, threads);
   places.doubled.resize(n);
-  parallel_chunks(n, kGroup, threads, [&](std::size_t begin, std::size_t end) {
-    std::array<Member, kGroup> group;
-    for (std::size_t k = begin; k < end; ++k)
-      group[k - begin] = {coordinates(cloud, items[k].index), items[k].index};
-    split(group.data(), group.data() + (end - begin));
-    for (std::size_t k = begin; k < end; ++k) {
-      const Member& member = group[k - begin];
-      places.point[k] = {member.at[0], member.at[1], member.at[2], 0.0F};
-      places.order[k] = member.index;
-      places.doubled[k] = doubled[member.index];
-    }
+  parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) places.doubled[k] = doubled[places.order[k]];
   });
   return places;
+}
+
+Places raster_places(const cloud::Cloud& cloud, const RasterGrid& grid, int threads) {
+  const std::uint32_t tall = rows_of_tile(cloud, grid);
+  const auto wide = static_cast<std::uint32_t>(kGroup / tall);
+  struct Tile {
+    std::uint64_t code;
+    std::uint32_t row, column;
+    std::uint32_t first;  ///< place, once they are sorted
+  };
+  std::vector<Tile> tiles;
+  for (std::uint32_t row = 0; row < grid.rows(); row += tall)
+    for (std::uint32_t column = 0; column < grid.columns(); column += wide)
+      tiles.push_back({partition::morton_code(column / wide, row / tall, 0), row, column, 0});
+  std::sort(tiles.begin(), tiles.end(), [](const Tile& a, const Tile& b) { return a.code < b.code; });
+  const auto visit = [&](const Tile& tile, auto&& use) {
+    const std::uint32_t last_row = std::min(tile.row + tall, grid.rows());
+    const std::uint32_t last_column = std::min(tile.column + wide, grid.columns());
+    for (std::uint32_t row = tile.row; row < last_row; ++row)
+      for (std::uint32_t column = tile.column; column < last_column; ++column)
+        if (const std::uint32_t i = grid.point(row, column); i != kNoPlace) use(i);
+  };
+  std::uint32_t places = 0;
+  for (Tile& tile : tiles) {
+    tile.first = places;
+    visit(tile, [&](std::uint32_t) { ++places; });
+  }
+  std::vector<std::uint32_t> curve(cloud.size());
+  parallel_chunks(tiles.size(), kTilesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t t = begin; t < end; ++t) {
+      std::uint32_t place = tiles[t].first;
+      visit(tiles[t], [&](std::uint32_t i) { curve[place++] = i; });
+    }
+  });
+  Places made = in_groups(
+      cloud, [&curve](std::size_t k) { return curve[k]; }, threads);
+  made.doubled.assign(cloud.size(), 0);
+  return made;
 }
 
 }  // namespace palpate::stars

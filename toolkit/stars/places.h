@@ -6,6 +6,7 @@
 
 #include "toolkit/cloud/cloud.h"
 #include "toolkit/core/vec.h"
+#include "toolkit/stars/raster_grid.h"
 
 namespace palpate::stars {
 
@@ -28,5 +29,9 @@ struct Places {
 /// Along a Morton curve, then halved along the longest side in groups down to blocks. Parallel; the same for
 /// any number of threads, and for any order of points of which no two are one.
 [[nodiscard]] Places sort_places(const cloud::Cloud& cloud, int threads);
+
+/// Of a raster nothing needs to be sorted: along a Morton curve over tiles of its rows and columns, then
+/// halved as above. `doubled` is not known, all 0. Parallel; the same for any number of threads.
+[[nodiscard]] Places raster_places(const cloud::Cloud& cloud, const RasterGrid& grid, int threads);
 
 }  // namespace palpate::stars

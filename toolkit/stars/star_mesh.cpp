@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "toolkit/core/parallel.h"
 #include "toolkit/stars/draft.h"
 #include "toolkit/stars/fill.h"
 #include "toolkit/stars/places.h"
+#include "toolkit/stars/raster_stars.h"
 #include "toolkit/stars/star_store.h"
 #include "toolkit/stars/turn.h"
 
@@ -20,24 +22,56 @@ class StarMeshBuilder {
  public:
   StarMeshBuilder(const cloud::Cloud& cloud, int threads, const OnStep& on_step, const StarsWithout& without)
       : threads_(threads), on_step_(on_step) {
+    draft_.threads = threads;
+    draft_.without = without;
+    if (asks_raster(without)) {
+      step("raster");
+      raster_ = RasterStars::of(cloud, threads);
+    }
     step("sort");
-    Places places = sort_places(cloud, threads);
+    Places places = raster_ ? raster_places(cloud, raster_->grid(), threads) : sort_places(cloud, threads);
     mesh_.order_ = std::move(places.order);
     mesh_.origin_mm_ = cloud.origin_mm;
     doubled_ = std::move(places.doubled);
     draft_.point = std::move(places.point);
-    draft_.threads = threads;
-    draft_.without = without;
+    if (raster_) raster_->set_order(mesh_.order_, threads);
   }
 
   StarMesh build() {
-    StarCounts& counts = mesh_.counts_;
-    step("neighbours");
-    find_near(draft_, doubled_);
-    step("stars");
-    make_stars(draft_);
+    if (raster_ && raster_->is_whole()) {
+      store_raster();
+    } else {
+      make();
+      settle();
+      store();
+    }
+    return std::move(mesh_);
+  }
+
+ private:
+  /// What each step of the making is worth is measured without a raster.
+  static bool asks_raster(const StarsWithout& without) noexcept {
+    StarsWithout others;
+    others.enclosure = without.enclosure;
+    return without == others;
+  }
+  /// Every point's star, and where they agree.
+  void make() {
+    if (raster_) {
+      step("stars");
+      mesh_.counts_.raster_points = raster_->fill(draft_);
+    } else {
+      step("neighbours");
+      find_near(draft_, doubled_);
+      step("stars");
+      make_stars(draft_);
+    }
     step("mend");
     if (!draft_.without.mending) mend_stars(draft_);
+  }
+  /// What they do not agree on, and one side for each piece.
+  void settle() {
+    StarCounts& counts = mesh_.counts_;
     step("fill");
     for (std::size_t i = 0; i < draft_.size(); ++i) {
       counts.agreed_points += draft_.star[i].closed_and_agreed();
@@ -59,11 +93,7 @@ class StarMeshBuilder {
     counts.pieces = pieces_.closed.size();
     counts.least_enclosed = pieces_.least_enclosed;
     step("store");
-    store();
-    return std::move(mesh_);
   }
-
- private:
   void step(std::string_view name) const {
     if (on_step_) on_step_(name);
   }
@@ -91,8 +121,33 @@ class StarMeshBuilder {
     counts.unused -= counts.welded;
   }
 
+  /// One piece, whose stars are made as they are stored.
+  void store_raster() {
+    StarCounts& counts = mesh_.counts_;
+    step("sides");
+    const RasterStars::Side side = raster_->side_of_whole(draft_);
+    const bool is_closed = side.enclosure != Enclosure::kOpen;
+    counts.raster_points = draft_.size();
+    counts.pieces = 1;
+    counts.closed_pieces = is_closed ? 1 : 0;
+    counts.pieces_with_holes = side.enclosure == Enclosure::kWithHoles ? 1 : 0;
+    counts.least_enclosed = side.least_enclosed;
+    if (is_closed) mesh_.has_holes_.push_back(side.enclosure == Enclosure::kWithHoles);
+    step("store");
+    const auto star_of = [&](std::uint32_t place) {
+      Star star = raster_->star(place);
+      if (side.inward) reverse(star);
+      return star;
+    };
+    StarMeshStore::fill(
+        mesh_, draft_.point, star_of, [&](std::uint32_t) { return is_closed ? 0u : kNoPlace; },
+        [](std::uint32_t) { return false; }, threads_);
+    counts.agreed_points = draft_.size() - counts.open_points;
+  }
+
   int threads_;
   const OnStep& on_step_;
+  std::optional<RasterStars> raster_;
   std::vector<std::uint8_t> doubled_;
   Draft draft_;
   Pieces pieces_;

@@ -112,6 +112,7 @@ class Ring {
 struct StarCounts {
   std::uint64_t triangles = 0;
   std::uint64_t agreed_points = 0;  ///< whose whole star the neighbours had at once, or after another look
+  std::uint64_t raster_points = 0;  ///< whose stars were read from a raster's rows and columns
   std::uint64_t voted = 0;          ///< triangles that one or two of three stars had
   std::uint64_t filled = 0;         ///< triangles put into small loops
   std::uint64_t torn = 0;           ///< triangles left out where sides would not agree
@@ -130,8 +131,9 @@ using OnStep = std::function<void(std::string_view)>;
 /// Immutable after build, but where its points move (MovingStars). Local coordinates, mm.
 class StarMesh {
  public:
-  /// Parallel; the same for any number of threads and any order of the points. O(n) for clouds of bounded
-  /// density variation.
+  /// Parallel; the same for any number of threads and any order of the points, where these stand in no
+  /// raster. From a raster without holes, jumps and folds the stars are read; with such, most of them. O(n)
+  /// for clouds of bounded density variation.
   static StarMesh build(const cloud::Cloud& cloud, int threads, const OnStep& on_step = {},
                         const StarsWithout& without = {});
 

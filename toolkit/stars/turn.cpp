@@ -81,17 +81,6 @@ void open_sector(Star& star, std::uint32_t b, std::uint32_t c) noexcept {
   }
 }
 
-void reverse(Star& star) noexcept {
-  const std::uint32_t n = star.size;
-  std::reverse(star.ring.begin(), star.ring.begin() + n);
-  std::uint32_t open = 0;
-  // Sector k, between k and k + 1, is now between n - 2 - k and n - 1 - k.
-  for (std::uint32_t k = 0; k < n; ++k)
-    if (!star.has_sector(k)) open |= 1u << (k + 1 == n ? n - 1 : n - 2 - k);
-  star.open = open;
-  star.agreed = ~open & (n == 32 ? ~0u : (1u << n) - 1u);
-}
-
 /// visit(i, b, c) for each triangle of a point that is its lowest.
 template <class Visit>
 void for_triangles(const Draft& draft, std::uint32_t i, Visit&& visit) {
@@ -276,6 +265,17 @@ class Turner {
 };
 
 }  // namespace
+
+void reverse(Star& star) noexcept {
+  const std::uint32_t n = star.size;
+  std::reverse(star.ring.begin(), star.ring.begin() + n);
+  std::uint32_t open = 0;
+  // Sector k, between k and k + 1, is now between n - 2 - k and n - 1 - k.
+  for (std::uint32_t k = 0; k < n; ++k)
+    if (!star.has_sector(k)) open |= 1u << (k + 1 == n ? n - 1 : n - 2 - k);
+  star.open = open;
+  star.agreed = ~open & (n == 32 ? ~0u : (1u << n) - 1u);
+}
 
 Pieces turn_stars(Draft& draft) {
   return Turner(draft).run();

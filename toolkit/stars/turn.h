@@ -26,6 +26,9 @@ struct Pieces {
 /// lies across chunks of points or is in doubt; the same for any number of threads.
 Pieces turn_stars(Draft& draft);
 
+/// The other way around.
+void reverse(Star& star) noexcept;
+
 /// In noise, of turned stars: triangles that face away from the planes around. A probe that moves along is
 /// held below such, and no surface as smooth as those planes has any.
 [[nodiscard]] std::vector<std::array<std::uint32_t, 3>> overhanging(const Draft& draft);

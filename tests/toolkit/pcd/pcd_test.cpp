@@ -11,6 +11,7 @@
 #include <span>
 
 #include "toolkit/core/random.h"
+#include "toolkit/stars/star_mesh.h"
 
 namespace palpate::pcd {
 namespace {
@@ -111,6 +112,28 @@ TEST(Pcd, EveryStorageGivesTheSamePoints) {
   }
   EXPECT_EQ(read(binary(rows))->content_hash, read(compressed(rows))->content_hash);
   EXPECT_EQ(read(binary(rows))->content_hash, read(ascii(rows))->content_hash);
+}
+
+/// What is left of a raster with points that are not finite says where it was taken: its triangles are read.
+TEST(Pcd, ARasterWithHolesIsReadIntoStars) {
+  std::vector<Row> rows = make_rows();
+  for (std::uint32_t i = 0; i < rows.size(); ++i) {
+    rows[i].x = 0.001F * static_cast<float>(i % kWidth);
+    rows[i].y = 0.001F * static_cast<float>(i / kWidth);
+    rows[i].z = 1.0F + 0.05F * rows[i].x;
+  }
+  for (const std::size_t missing : {3u, 110u, 111u}) rows[missing].z = std::nanf("");
+  const Result<io::ReadModel> model = read(ascii(rows));
+  ASSERT_TRUE(model) << model.error().message();
+  const stars::StarMesh mesh = stars::StarMesh::build(model->cloud, 2);
+  EXPECT_EQ(mesh.counts().raster_points, rows.size() - 3);
+  EXPECT_EQ(mesh.counts().pieces, 1u);
+  EXPECT_EQ(mesh.counts().unused, 0u);
+  // Two triangles a cell; a missing point takes six along at most, and each of its holes is filled but at the
+  // border.
+  constexpr std::uint64_t kWhole = 2u * (kWidth - 1) * (kHeight - 1);
+  EXPECT_LT(mesh.counts().triangles, kWhole);
+  EXPECT_GE(mesh.counts().triangles, kWhole - 3u * 4u);
 }
 
 TEST(Pcd, HolesAreDroppedAndTheRasterWithThem) {

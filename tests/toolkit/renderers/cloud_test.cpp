@@ -67,6 +67,46 @@ TEST(Cloud, NeverMissesFalselyTouchesOrSticksBeyondOneLocalResolution) {
   }
 }
 
+/// Two triangulations of the same points lie within half a sagitta of each other and of the truth: what is
+/// felt on a raster's own triangles errs as little as on those of any points, and in the same frames.
+TEST(Cloud, FeelsARasterAsItFeelsAnyPoints) {
+  for (const char* spec :
+       {"sinusoid:points=40401", "saddle:points=40401", "torus:points=40000:order=turntable"}) {
+    SCOPED_TRACE(spec);
+    const Scene scene = generated(spec);
+    ASSERT_TRUE(scene.input.models[0].cloud->raster.has_value());
+    const trace::ProbePath path = path_over(scene, "weave:frames=6000");
+    const auto read = prepared(scene.input, "cloud"), off = prepared(scene.input, "cloud:raster=off");
+    const metrics::Accuracy a = scored(scene, path, *read), b = scored(scene, path, *off);
+    ASSERT_TRUE(a.force_rms_percent && b.force_rms_percent);
+    EXPECT_GT(a.contact_frames, 3000u);
+    EXPECT_LT(*a.force_rms_percent, 1.1 * *b.force_rms_percent);
+    EXPECT_EQ(a.missed_contact_frames, 0u);
+    EXPECT_EQ(a.false_contact_frames, 0u);
+    EXPECT_NEAR(static_cast<double>(a.contact_frames), static_cast<double>(b.contact_frames), 2.0);
+    EXPECT_NE(hash_of(*read, path), hash_of(*off, path));  // else nothing was compared
+  }
+}
+
+/// What was read is said, with the option that turns it off; not of points in another order.
+TEST(Cloud, SaysThatARasterWasRead) {
+  const auto notes = [](const Scene& scene, const std::string& spec) {
+    Registry registry;
+    register_toolkit_renderers(registry);
+    const NamedOptions named = parse_named_options(spec).value();
+    const auto renderer = registry.make(named.name, named.options).value();
+    const PrepareReport report = renderer->prepare(scene.input, {2, nullptr}).value();
+    std::string all;
+    for (const std::string& note : report.notes) all += note + "\n";
+    return all;
+  };
+  const Scene raster = generated("sinusoid:points=2601"), any = generated("sinusoid:points=2601:shuffle");
+  EXPECT_NE(notes(raster, "cloud").find("2601 of 2601 points are read from its rows and columns"),
+            std::string::npos);
+  EXPECT_EQ(notes(raster, "cloud:raster=off").find("raster"), std::string::npos);
+  EXPECT_EQ(notes(any, "cloud").find("raster"), std::string::npos);
+}
+
 TEST(CloudLiteral, SticksWhereTheGrazingPathReentersABox) {
   // The surface of table 7 with its printed parameters, on a part of it.
   const Scene scene = generated("sinusoid:points=160801:extent_mm=40");

@@ -1,0 +1,198 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "toolkit/core/parallel.h"
+#include "toolkit/stars/raster_cells.h"
+
+namespace palpate::stars {
+namespace {
+
+/// Rows and columns of a tile: few enough that the boxes of a bent surface are thin, many enough that all
+/// tiles of a million points are looked at in a few milliseconds.
+constexpr std::uint32_t kTile = 8;
+/// Of two tiles whose boxes meet, parts are looked at: a bent surface fills little of its box.
+constexpr std::uint32_t kPart = 2, kParts = (kTile / kPart) * (kTile / kPart);
+constexpr std::size_t kTilesPerChunk = 256;
+/// A tile is near another one that is less than a spacing off; where rows are much farther apart than
+/// columns, or the other way around, less than half of the way across a tile the short way: the next tile but
+/// one is farther.
+constexpr double kMostOfShort = 0.5 * kTile;
+
+struct TileBox {
+  std::array<float, 3> low, high;
+
+  static TileBox empty() noexcept {
+    TileBox box;
+    box.low.fill(std::numeric_limits<float>::infinity());
+    box.high.fill(-std::numeric_limits<float>::infinity());
+    return box;
+  }
+  void add(const TileBox& other) noexcept {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      low[axis] = std::min(low[axis], other.low[axis]);
+      high[axis] = std::max(high[axis], other.high[axis]);
+    }
+  }
+  [[nodiscard]] bool meets(const TileBox& other) const noexcept {
+    bool meet = true;
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      meet = meet && low[axis] <= other.high[axis] && high[axis] >= other.low[axis];
+    return meet;
+  }
+  /// Of a tile, about how far its points are apart.
+  [[nodiscard]] float spacing() const noexcept {
+    float longest = 0.0F;
+    for (std::size_t axis = 0; axis < 3; ++axis) longest = std::max(longest, high[axis] - low[axis]);
+    return longest / static_cast<float>(kTile - 1);
+  }
+  [[nodiscard]] TileBox wider(float by) const noexcept {
+    TileBox box = *this;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      box.low[axis] -= by;
+      box.high[axis] += by;
+    }
+    return box;
+  }
+};
+
+/// Boxes of tiles, of two by two of them, and so on up to one.
+class TileTree {
+ public:
+  TileTree(const cloud::Cloud& cloud, const RasterGrid& grid, int threads) : cloud_(cloud), grid_(grid) {
+    const double down_sq = grid.typical_step_sq(cloud, 1, 0), across_sq = grid.typical_step_sq(cloud, 0, 1);
+    const double longer_sq = std::max(down_sq, across_sq);
+    if (longer_sq > 0.0) {
+      const double share = kMostOfShort * std::sqrt(std::min(down_sq, across_sq) / longer_sq);
+      near_share_ = static_cast<float>(std::min(1.0, share));
+    }
+    Level tiles((grid.rows() + kTile - 1) / kTile, (grid.columns() + kTile - 1) / kTile);
+    parallel_chunks(tiles.rows, 1, threads, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t row = begin; row < end; ++row)
+        for (std::uint32_t column = 0; column < tiles.columns; ++column)
+          tiles.at(static_cast<std::uint32_t>(row), column) = box_of(static_cast<std::uint32_t>(row), column);
+    });
+    levels_.push_back(std::move(tiles));
+    while (levels_.back().box.size() > 1) levels_.push_back(above(levels_.back()));
+  }
+  [[nodiscard]] std::uint32_t rows() const noexcept { return levels_.front().rows; }
+  [[nodiscard]] std::uint32_t columns() const noexcept { return levels_.front().columns; }
+
+  /// Whether the tile is near one that is not next to it.
+  [[nodiscard]] bool is_overlapped(std::uint32_t row, std::uint32_t column) const {
+    const TileBox& own = levels_.front().at(row, column);
+    const float spacing = near_share_ * own.spacing();
+    const TileBox query = own.wider(spacing);
+    struct Node {
+      std::size_t level;
+      std::uint32_t row, column;
+    };
+    std::vector<Node> open = {{levels_.size() - 1, 0, 0}};
+    while (!open.empty()) {
+      const Node node = open.back();
+      open.pop_back();
+      if (!levels_[node.level].at(node.row, node.column).meets(query)) continue;
+      if (node.level == 0) {
+        const bool next = is_next(row, node.row, rows(), grid_.rows_wrap()) &&
+                          is_next(column, node.column, columns(), grid_.columns_wrap());
+        if (!next && are_near(parts_of(row, column), parts_of(node.row, node.column), spacing)) return true;
+        continue;
+      }
+      const Level& below = levels_[node.level - 1];
+      for (std::uint32_t r = 2 * node.row; r < std::min(2 * node.row + 2, below.rows); ++r)
+        for (std::uint32_t c = 2 * node.column; c < std::min(2 * node.column + 2, below.columns); ++c)
+          open.push_back({node.level - 1, r, c});
+    }
+    return false;
+  }
+
+ private:
+  struct Level {
+    std::uint32_t rows, columns;
+    std::vector<TileBox> box;
+    Level(std::uint32_t r, std::uint32_t c)
+        : rows(r), columns(c), box(std::size_t{r} * c, TileBox::empty()) {}
+    [[nodiscard]] TileBox& at(std::uint32_t row, std::uint32_t column) noexcept {
+      return box[std::size_t{row} * columns + column];
+    }
+    [[nodiscard]] const TileBox& at(std::uint32_t row, std::uint32_t column) const noexcept {
+      return box[std::size_t{row} * columns + column];
+    }
+  };
+
+  using Parts = std::array<TileBox, kParts>;
+
+  /// Empty where there are no points, or the raster ends before.
+  [[nodiscard]] Parts parts_of(std::uint32_t tile_row, std::uint32_t tile_column) const noexcept {
+    Parts parts;
+    parts.fill(TileBox::empty());
+    const std::uint32_t first_row = tile_row * kTile, first_column = tile_column * kTile;
+    const std::uint32_t last_row = std::min(first_row + kTile, grid_.rows());
+    const std::uint32_t last_column = std::min(first_column + kTile, grid_.columns());
+    for (std::uint32_t row = first_row; row < last_row; ++row)
+      for (std::uint32_t column = first_column; column < last_column; ++column) {
+        const std::uint32_t i = grid_.point(row, column);
+        if (i == kNoPlace) continue;
+        const std::array<float, 3> at = {cloud_.x_mm[i], cloud_.y_mm[i], cloud_.z_mm[i]};
+        const std::uint32_t part =
+            (row - first_row) / kPart * (kTile / kPart) + (column - first_column) / kPart;
+        parts[part].add({at, at});
+      }
+    return parts;
+  }
+  [[nodiscard]] TileBox box_of(std::uint32_t tile_row, std::uint32_t tile_column) const noexcept {
+    TileBox box = TileBox::empty();
+    for (const TileBox& part : parts_of(tile_row, tile_column)) box.add(part);
+    return box;
+  }
+  static bool are_near(const Parts& one, const Parts& other, float spacing) noexcept {
+    for (const TileBox& part : one) {
+      const TileBox query = part.wider(spacing);
+      for (const TileBox& there : other)
+        if (there.meets(query)) return true;
+    }
+    return false;
+  }
+  static Level above(const Level& below) {
+    Level level((below.rows + 1) / 2, (below.columns + 1) / 2);
+    for (std::uint32_t row = 0; row < below.rows; ++row)
+      for (std::uint32_t column = 0; column < below.columns; ++column)
+        level.at(row / 2, column / 2).add(below.at(row, column));
+    return level;
+  }
+  /// Where a turn ends, the last tile may be but one row wide, so that the last but one is next as well.
+  static bool is_next(std::uint32_t one, std::uint32_t other, std::uint32_t count, bool wraps) noexcept {
+    const std::uint32_t apart = std::max(one, other) - std::min(one, other);
+    return apart <= 1 || (wraps && count - apart <= 2);
+  }
+
+  const cloud::Cloud& cloud_;
+  const RasterGrid& grid_;
+  float near_share_ = 1.0F;    ///< of a tile's longer spacing
+  std::vector<Level> levels_;  ///< 0: tiles; the last has one box
+};
+
+}  // namespace
+
+void mark_overlaps(const cloud::Cloud& cloud, const RasterGrid& grid, int threads,
+                   std::vector<std::uint8_t>& doubtful) {
+  const TileTree tree(cloud, grid, threads);
+  const std::uint32_t columns = tree.columns();
+  const std::size_t tiles = std::size_t{tree.rows()} * columns;
+  parallel_chunks(tiles, kTilesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t tile = begin; tile < end; ++tile) {
+      const auto tile_row = static_cast<std::uint32_t>(tile / columns);
+      const auto tile_column = static_cast<std::uint32_t>(tile % columns);
+      if (!tree.is_overlapped(tile_row, tile_column)) continue;
+      const std::uint32_t last_row = std::min((tile_row + 1) * kTile, grid.rows());
+      const std::uint32_t last_column = std::min((tile_column + 1) * kTile, grid.columns());
+      for (std::uint32_t row = tile_row * kTile; row < last_row; ++row)
+        for (std::uint32_t column = tile_column * kTile; column < last_column; ++column)
+          if (grid.point(row, column) != kNoPlace) doubtful[std::size_t{row} * grid.columns() + column] = 1;
+    }
+  });
+}
+
+}  // namespace palpate::stars
