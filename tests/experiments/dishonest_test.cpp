@@ -168,7 +168,8 @@ TEST_F(Dishonest, TheirScoresStandOnThePage) {
     std::string row = "| " + cards.front()[i].about + " | " + cards.front()[i].limit + " |";
     for (const std::vector<CardItem>& card : cards) row += " " + without_rounding(card[i].value) + " |";
     EXPECT_NE(page.str().find(row + "\n"), std::string::npos)
-        << "docs/scores.md, \"Those who cheat\", should have\n" << row;
+        << "docs/scores.md, \"Those who cheat\", should have\n"
+        << row;
   }
 }
 
