@@ -40,12 +40,16 @@ void words(const ImVec4& colour, const std::string& text) {
   ImGui::PopStyleColor();
 }
 
-/// Notes where the last item is.
+/// Notes where the last item is, and whether it was clicked.
 bool at_place(PanelState& state, const char* label, bool answer) {
   const ImVec2 low = ImGui::GetItemRectMin(), high = ImGui::GetItemRectMax();
   state.place_of[label] = {0.5 * static_cast<double>(low.x + high.x),
                            0.5 * static_cast<double>(low.y + high.y)};
   state.right = std::max(state.right, static_cast<double>(high.x));
+  if (answer) {
+    state.used = label;
+    ++state.uses;
+  }
   return answer;
 }
 
@@ -187,7 +191,7 @@ void draw_buttons(const PanelView& view, PanelState& state, SessionLink& link, P
   ImGui::SetNextItemWidth(-70.0f);
   const bool entered = ImGui::InputTextWithHint("##mark", "a remark", state.mark.data(), state.mark.size(),
                                                 ImGuiInputTextFlags_EnterReturnsTrue);
-  (void)at_place(state, "remark", false);
+  (void)at_place(state, "remark", ImGui::IsItemActivated());
   ImGui::SameLine();
   if (button(state, "Mark", {-1.0f, 0.0f}) || entered) {
     link.mark(state.mark[0] != '\0' ? state.mark.data() : "mark");
@@ -197,7 +201,7 @@ void draw_buttons(const PanelView& view, PanelState& state, SessionLink& link, P
   const bool changed =
       ImGui::InputTextWithHint("##change", view.link.session->felt_options.c_str(), state.change.data(),
                                state.change.size(), ImGuiInputTextFlags_EnterReturnsTrue);
-  (void)at_place(state, "change to", false);
+  (void)at_place(state, "change to", ImGui::IsItemActivated());
   ImGui::SameLine();
   if ((button(state, "Change", {-1.0f, 0.0f}) || changed) && state.change[0] != '\0')
     link.change(state.change.data());

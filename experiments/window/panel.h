@@ -24,6 +24,8 @@ struct PanelState {
   /// Middles of buttons and boxes in the last picture, by their words: who drives the window by program finds
   /// them here.
   std::map<std::string, std::array<double, 2>> place_of;
+  std::string used;  ///< which of them was clicked last; who clicks by program learns whether it was hit
+  std::size_t uses = 0;
   double bottom = 0.0, right = 0.0;  ///< where what was drawn of the panel last ended, window units
   std::string homing;                ///< what was asked of the person at the device in the last picture
 };

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <fstream>
 #include <set>
 
@@ -129,7 +130,10 @@ TEST_F(Shown, EveryCommandOfThePagesIsUnderstoodAndRuns) {
 }
 
 TEST_F(Shown, EveryExampleOfTheHelpTextsIsUnderstoodAndRuns) {
-  for (const Help& help : helps()) {
+  std::vector<Help> all = helps();
+  // Others read the recording that its example makes.
+  std::stable_partition(all.begin(), all.end(), [](const Help& help) { return help.name == "record"; });
+  for (const Help& help : all) {
     const std::vector<ShownCommand> examples = commands_in_help(help.name, help.footer);
     bool shows_itself = false;
     for (const ShownCommand& example : examples) {

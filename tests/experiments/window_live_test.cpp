@@ -41,23 +41,31 @@ void drop_file(const std::string& path) {
   callback(window, 1, const_cast<const char**>(paths));
 }
 
-/// A click takes three pictures: there, down, up. One at a time.
+/// A click takes pictures: there, down, up. One at a time.
 class Clicker {
  public:
-  /// True once it is done; where the button is not there it waits for it.
+  /// True once it was hit. Where the button is not there it waits for it; what moves away under the mouse,
+  /// as other lines of the panel come and go, is clicked again, as a person would.
   bool click(Window& window, const std::string& words) {
+    if (step_ > 0 && window.panel().uses != uses_ && window.panel().used == words) {
+      window.mouse_button(Window::Button::kLeft, false);  // a field is hit when it is pressed
+      step_ = 0;
+      return true;
+    }
     const auto at = window.place_of(words);
     if (!at && step_ == 0) return false;
     if (at) window.mouse_at((*at)[0], (*at)[1]);
+    if (step_ == 0) uses_ = window.panel().uses;
     if (step_ == 1) window.mouse_button(Window::Button::kLeft, true);
     if (step_ == 2) window.mouse_button(Window::Button::kLeft, false);
-    if (++step_ < 4) return false;
-    step_ = 0;
-    return true;
+    constexpr int kPictures = 5;  // the last one tells whether it was hit
+    step_ = (step_ + 1) % kPictures;
+    return false;
   }
 
  private:
   int step_ = 0;
+  std::size_t uses_ = 0;
 };
 
 void type(Window& window, const std::string& words) {
