@@ -10,6 +10,7 @@
 #include <system_error>
 
 #include "toolkit/core/at_stop.h"
+#include "toolkit/core/fork_ready.h"
 #include "toolkit/core/input_file.h"
 #include "toolkit/core/process.h"
 #include "toolkit/core/try.h"
@@ -23,6 +24,8 @@ namespace palpate {
 
 #ifdef PALPATE_HAS_MARKS
 void begin_counting() noexcept {
+  // A thread of the preparation that falls asleep meanwhile would be counted, too.
+  (void)end_waiting_threads();
   CALLGRIND_START_INSTRUMENTATION;
 }
 void end_counting(const char* name) noexcept {
