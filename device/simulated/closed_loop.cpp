@@ -90,20 +90,17 @@ std::size_t still_ticks(const LoopOptions& options, std::size_t ticks) {
   return std::max(kLeastStillTicks, static_cast<std::size_t>(std::ceil(options.still_s / options.period_s)));
 }
 
-bool same_bits(const Vec3& a, const Vec3& b) noexcept {
-  return a == b;  // both finite; a zero of the other sign moves nothing
-}
-
-/// Whether the last tick of a run is as the one before it.
+/// Whether the last tick of a run is as the one before it, to the bit but for the sign of a zero, which moves
+/// nothing.
 bool repeats(const LoopRun& run) noexcept {
   const std::size_t n = run.hip.size();
   if (n < 2) return false;
   const render::Frame &now = run.felt.frames[n - 1], &before = run.felt.frames[n - 2];
   return now.contact == before.contact && now.model == before.model && now.status == before.status &&
-         same_bits(now.force_n, before.force_n) && same_bits(now.god_object_mm, before.god_object_mm) &&
-         same_bits(run.hip.hip_mm[n - 1], run.hip.hip_mm[n - 2]) &&
-         same_bits(run.measured.hip_mm[n - 1], run.measured.hip_mm[n - 2]) &&
-         same_bits(run.sent_n[n - 1], run.sent_n[n - 2]) && same_bits(run.shown_n[n - 1], run.shown_n[n - 2]);
+         now.force_n == before.force_n && now.god_object_mm == before.god_object_mm &&
+         run.hip.hip_mm[n - 1] == run.hip.hip_mm[n - 2] &&
+         run.measured.hip_mm[n - 1] == run.measured.hip_mm[n - 2] && run.sent_n[n - 1] == run.sent_n[n - 2] &&
+         run.shown_n[n - 1] == run.shown_n[n - 2];
 }
 
 /// One tick more that is like the last, at another time.

@@ -37,6 +37,8 @@ inline std::string picture_folder() {
   return folder != nullptr ? folder : "";
 }
 
+class VirtualSession;
+
 /// A window over a link, where there is a display.
 class WindowTest : public testing::Test {
  protected:
@@ -53,6 +55,8 @@ class WindowTest : public testing::Test {
       (void)window->screenshot(picture_folder() + "/" + info->name() + ".png");
     }
   }
+  /// Shown, past the governor's soft start, and the picture is whole.
+  void begin(VirtualSession& virtual_session);
   /// Until every point is drawn and nothing is awaited.
   void settle() {
     constexpr int kMostFrames = 2'000;
@@ -236,5 +240,11 @@ class VirtualSession {
   std::vector<device::TickObserver*> observers_;
   std::unique_ptr<device::ServoLoop> loop_;
 };
+
+inline void WindowTest::begin(VirtualSession& virtual_session) {
+  virtual_session.session.show_in(link);
+  virtual_session.run(0.6);
+  settle();
+}
 
 }  // namespace palpate::experiments

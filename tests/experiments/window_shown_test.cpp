@@ -134,9 +134,7 @@ TEST_F(WindowDents, PointsThatGaveWayStandWhereTheyAreAndGoBack) {
 TEST_F(WindowShows, CellsThatTheWayIntoTheSurfaceCrosses) {
   VirtualSession virtual_session("sinusoid:points=2601:extent_mm=60:wavelength_mm=60:amplitude_mm=3",
                                  {"cloud:surface=vertices"});
-  virtual_session.session.show_in(link);
-  virtual_session.run(0.6);
-  settle();
+  begin(virtual_session);
   virtual_session.session.hand().aim(Vec3(2.0, 3.0, -4.0));
   virtual_session.run(1.0);
   window->panel().workspace = false;
@@ -223,9 +221,7 @@ constexpr std::array<std::uint8_t, 3> kLimitLine = {255, 90, 80}, kPlotLetters =
 
 TEST_F(WindowShows, TheLimitsLineTouchesNoLabel) {
   VirtualSession virtual_session("sinusoid:points=10201:extent_mm=60", {"cloud"});
-  virtual_session.session.show_in(link);
-  virtual_session.run(0.6);
-  settle();
+  begin(virtual_session);
   // As far as the governor lets it.
   virtual_session.session.hand().aim(Vec3(0.0, 0.0, -25.0));
   virtual_session.run(1.5);

@@ -119,9 +119,7 @@ TEST_F(WindowTest, GoesOnWithThePictureAndBeginsAnewWhenTheCameraMoves) {
 TEST_F(WindowTest, TheMouseHoversPressesAndTheArrowIsTheForce) {
   VirtualSession virtual_session(kWaves);
   WindowSession& session = virtual_session.session;
-  session.show_in(link);
-  virtual_session.run(0.6);  // the governor's soft start
-  settle();
+  begin(virtual_session);
   const Vec3 place_mm = session.input().models.front().cloud->point_mm(5050);
   point_at(place_mm);
   const auto live = [&](double seconds) {
@@ -171,9 +169,7 @@ TEST_F(WindowTest, TheMouseHoversPressesAndTheArrowIsTheForce) {
 TEST_F(WindowTest, TheArrowIsSeenFromVeryNear) {
   VirtualSession virtual_session(kWaves);
   WindowSession& session = virtual_session.session;
-  session.show_in(link);
-  virtual_session.run(0.6);  // the governor's soft start
-  settle();
+  begin(virtual_session);
   point_at(session.input().models.front().cloud->point_mm(5050));
   window->mouse_button(Window::Button::kLeft, true);
   for (double t = 0.0; t < 1.2; t += 0.02) {
@@ -339,9 +335,7 @@ TEST_F(WindowTest, AFaultIsShownWithItsRemedyAndTheButtonArmsAgain) {
 
 TEST_F(WindowTest, ShowsWhatIsNearTheTouchedPlaceOnRequest) {
   VirtualSession virtual_session("sinusoid:points=2601:extent_mm=60:wavelength_mm=60:amplitude_mm=3");
-  virtual_session.session.show_in(link);
-  virtual_session.run(0.6);
-  settle();
+  begin(virtual_session);
   virtual_session.session.hand().aim(Vec3(2.0, 3.0, -4.0));
   virtual_session.run(1.0);
   window->panel().workspace = false;

@@ -1,7 +1,9 @@
 #include "toolkit/stars/raster_grid.h"
 
 #include <algorithm>
+#include <utility>
 
+#include "toolkit/core/nearest_rank.h"
 #include "toolkit/neighbourhood/scan_table.h"
 
 namespace palpate::stars {
@@ -71,10 +73,7 @@ double RasterGrid::typical_step_sq(const cloud::Cloud& cloud, int down, int acro
     if (one == kNoPlace || other == kNoPlace) continue;
     squares.push_back((cloud.local_mm(other) - cloud.local_mm(one)).squaredNorm());
   }
-  if (squares.empty()) return 0.0;
-  const auto middle = squares.begin() + static_cast<std::ptrdiff_t>(squares.size() / 2);
-  std::nth_element(squares.begin(), middle, squares.end());
-  return *middle;
+  return squares.empty() ? 0.0 : upper_median(std::move(squares));
 }
 
 }  // namespace palpate::stars

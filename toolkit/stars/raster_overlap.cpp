@@ -1,14 +1,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <vector>
 
 #include "toolkit/core/parallel.h"
+#include "toolkit/geometry/aabb.h"
 #include "toolkit/stars/raster_cells.h"
 
 namespace palpate::stars {
 namespace {
+
+using geometry::Aabb;
 
 /// Rows and columns of a tile: few enough that the boxes of a bent surface are thin, many enough that all
 /// tiles of a million points are looked at in a few milliseconds.
@@ -21,42 +23,10 @@ constexpr std::size_t kTilesPerChunk = 256;
 /// one is farther.
 constexpr double kMostOfShort = 0.5 * kTile;
 
-struct TileBox {
-  std::array<float, 3> low, high;
-
-  static TileBox empty() noexcept {
-    TileBox box;
-    box.low.fill(std::numeric_limits<float>::infinity());
-    box.high.fill(-std::numeric_limits<float>::infinity());
-    return box;
-  }
-  void add(const TileBox& other) noexcept {
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      low[axis] = std::min(low[axis], other.low[axis]);
-      high[axis] = std::max(high[axis], other.high[axis]);
-    }
-  }
-  [[nodiscard]] bool meets(const TileBox& other) const noexcept {
-    bool meet = true;
-    for (std::size_t axis = 0; axis < 3; ++axis)
-      meet = meet && low[axis] <= other.high[axis] && high[axis] >= other.low[axis];
-    return meet;
-  }
-  /// Of a tile, about how far its points are apart.
-  [[nodiscard]] float spacing() const noexcept {
-    float longest = 0.0F;
-    for (std::size_t axis = 0; axis < 3; ++axis) longest = std::max(longest, high[axis] - low[axis]);
-    return longest / static_cast<float>(kTile - 1);
-  }
-  [[nodiscard]] TileBox wider(float by) const noexcept {
-    TileBox box = *this;
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      box.low[axis] -= by;
-      box.high[axis] += by;
-    }
-    return box;
-  }
-};
+/// Of a tile, about how far its points are apart.
+double spacing_in(const Aabb& tile) noexcept {
+  return tile.extent_mm().maxCoeff() / (kTile - 1);
+}
 
 /// Boxes of tiles, of two by two of them, and so on up to one.
 class TileTree {
@@ -66,7 +36,7 @@ class TileTree {
     const double longer_sq = std::max(down_sq, across_sq);
     if (longer_sq > 0.0) {
       const double share = kMostOfShort * std::sqrt(std::min(down_sq, across_sq) / longer_sq);
-      near_share_ = static_cast<float>(std::min(1.0, share));
+      near_share_ = std::min(1.0, share);
     }
     Level tiles((grid.rows() + kTile - 1) / kTile, (grid.columns() + kTile - 1) / kTile);
     parallel_chunks(tiles.rows, 1, threads, [&](std::size_t begin, std::size_t end) {
@@ -82,9 +52,9 @@ class TileTree {
 
   /// Whether the tile is near one that is not next to it.
   [[nodiscard]] bool is_overlapped(std::uint32_t row, std::uint32_t column) const {
-    const TileBox& own = levels_.front().at(row, column);
-    const float spacing = near_share_ * own.spacing();
-    const TileBox query = own.wider(spacing);
+    const Aabb& own = levels_.front().at(row, column);
+    const double near_mm = near_share_ * spacing_in(own);
+    const Aabb query = own.grown(near_mm);
     struct Node {
       std::size_t level;
       std::uint32_t row, column;
@@ -93,11 +63,11 @@ class TileTree {
     while (!open.empty()) {
       const Node node = open.back();
       open.pop_back();
-      if (!levels_[node.level].at(node.row, node.column).meets(query)) continue;
+      if (!levels_[node.level].at(node.row, node.column).overlaps(query)) continue;
       if (node.level == 0) {
         const bool next = is_next(row, node.row, rows(), grid_.rows_wrap()) &&
                           is_next(column, node.column, columns(), grid_.columns_wrap());
-        if (!next && are_near(parts_of(row, column), parts_of(node.row, node.column), spacing)) return true;
+        if (!next && are_near(parts_of(row, column), parts_of(node.row, node.column), near_mm)) return true;
         continue;
       }
       const Level& below = levels_[node.level - 1];
@@ -111,23 +81,21 @@ class TileTree {
  private:
   struct Level {
     std::uint32_t rows, columns;
-    std::vector<TileBox> box;
-    Level(std::uint32_t r, std::uint32_t c)
-        : rows(r), columns(c), box(std::size_t{r} * c, TileBox::empty()) {}
-    [[nodiscard]] TileBox& at(std::uint32_t row, std::uint32_t column) noexcept {
+    std::vector<Aabb> box;
+    Level(std::uint32_t r, std::uint32_t c) : rows(r), columns(c), box(std::size_t{r} * c) {}
+    [[nodiscard]] Aabb& at(std::uint32_t row, std::uint32_t column) noexcept {
       return box[std::size_t{row} * columns + column];
     }
-    [[nodiscard]] const TileBox& at(std::uint32_t row, std::uint32_t column) const noexcept {
+    [[nodiscard]] const Aabb& at(std::uint32_t row, std::uint32_t column) const noexcept {
       return box[std::size_t{row} * columns + column];
     }
   };
 
-  using Parts = std::array<TileBox, kParts>;
+  using Parts = std::array<Aabb, kParts>;
 
   /// Empty where there are no points, or the raster ends before.
   [[nodiscard]] Parts parts_of(std::uint32_t tile_row, std::uint32_t tile_column) const noexcept {
     Parts parts;
-    parts.fill(TileBox::empty());
     const std::uint32_t first_row = tile_row * kTile, first_column = tile_column * kTile;
     const std::uint32_t last_row = std::min(first_row + kTile, grid_.rows());
     const std::uint32_t last_column = std::min(first_column + kTile, grid_.columns());
@@ -135,23 +103,22 @@ class TileTree {
       for (std::uint32_t column = first_column; column < last_column; ++column) {
         const std::uint32_t i = grid_.point(row, column);
         if (i == kNoPlace) continue;
-        const std::array<float, 3> at = {cloud_.x_mm[i], cloud_.y_mm[i], cloud_.z_mm[i]};
         const std::uint32_t part =
             (row - first_row) / kPart * (kTile / kPart) + (column - first_column) / kPart;
-        parts[part].add({at, at});
+        parts[part].add(cloud_.local_mm(i));
       }
     return parts;
   }
-  [[nodiscard]] TileBox box_of(std::uint32_t tile_row, std::uint32_t tile_column) const noexcept {
-    TileBox box = TileBox::empty();
-    for (const TileBox& part : parts_of(tile_row, tile_column)) box.add(part);
+  [[nodiscard]] Aabb box_of(std::uint32_t tile_row, std::uint32_t tile_column) const noexcept {
+    Aabb box;
+    for (const Aabb& part : parts_of(tile_row, tile_column)) box.add(part);
     return box;
   }
-  static bool are_near(const Parts& one, const Parts& other, float spacing) noexcept {
-    for (const TileBox& part : one) {
-      const TileBox query = part.wider(spacing);
-      for (const TileBox& there : other)
-        if (there.meets(query)) return true;
+  static bool are_near(const Parts& one, const Parts& other, double near_mm) noexcept {
+    for (const Aabb& part : one) {
+      const Aabb query = part.grown(near_mm);
+      for (const Aabb& there : other)
+        if (there.overlaps(query)) return true;
     }
     return false;
   }
@@ -170,7 +137,7 @@ class TileTree {
 
   const cloud::Cloud& cloud_;
   const RasterGrid& grid_;
-  float near_share_ = 1.0F;    ///< of a tile's longer spacing
+  double near_share_ = 1.0;    ///< of a tile's longer spacing
   std::vector<Level> levels_;  ///< 0: tiles; the last has one box
 };
 

@@ -16,9 +16,9 @@ namespace {
 /// What is laid out beside the raster's stars is mended with them, and asks those around for their
 /// neighbours. Measured: where 3 % are a third is saved, where 18 % are nothing is.
 constexpr std::uint64_t kLaidOutShare = 10;
-/// Points of a part of what is seen from afar, at least, as in turn.cpp; and parts, about at most: sixty
-/// points of a million are as flat from there as sixteen.
-constexpr std::size_t kPointsPerRasterPart = 16, kMostRasterParts = 16384, kRasterPartsPerChunk = 256;
+/// Parts of what is seen from afar, about at most: sixty points of a million are as flat from there as
+/// kPointsPerPart.
+constexpr std::size_t kMostRasterParts = 16384, kRasterPartsPerChunk = 256;
 
 constexpr std::size_t kRowsPerChunk = 16;
 
@@ -171,7 +171,7 @@ RasterStars::Side RasterStars::side_of_whole(const Draft& draft) const {
   Side side;
   side.enclosure = is_closed ? Enclosure::kWhole : Enclosure::kOpen;
   if (!is_closed && draft.without.enclosure) return side;
-  const std::size_t size = std::max(kPointsPerRasterPart, n / kMostRasterParts);
+  const std::size_t size = std::max<std::size_t>(kPointsPerPart, n / kMostRasterParts);
   std::vector<geometry::SurfacePart> parts((n + size - 1) / size);
   std::vector<double> volume(parts.size(), 0.0);
   const auto look = [&](std::size_t part) {

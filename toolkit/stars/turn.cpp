@@ -12,9 +12,6 @@
 namespace palpate::stars {
 namespace {
 
-/// Points of a part: many enough that a million points take no time, few enough that a small piece has the 16
-/// parts that it is judged by.
-constexpr int kPointsPerPart = 16;
 /// The newest parts, in which a point's piece is looked for: more sheets are seldom in one place.
 constexpr std::size_t kPartsOpen = 4;
 

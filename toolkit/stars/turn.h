@@ -13,6 +13,10 @@ namespace palpate::stars {
 /// Whether a piece encloses a volume, and is felt from one side.
 enum class Enclosure : std::uint8_t { kOpen, kWithHoles, kWhole };
 
+/// Points of a part of what is seen from afar: many enough that a million points take no time, few enough
+/// that a small piece has the 16 parts that it is judged by.
+inline constexpr int kPointsPerPart = 16;
+
 struct Pieces {
   std::vector<std::uint32_t> of;  ///< by point; kNoPoint where it has no triangle
   std::vector<Enclosure> closed;  ///< by piece
