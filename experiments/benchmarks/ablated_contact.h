@@ -28,6 +28,9 @@ enum Idea : unsigned {
   kClearance = 256,  ///< within the distance of the nearest box nothing is looked at
   kWide = 1024,      ///< not left out but tried: boxes eight at a time, where the processor has AVX2
   kReadAhead = 512,  ///< what lies around the next facet is read before it is needed
+  kEdges = 2048,     ///< beyond two edges it crosses the farther; a foot on the edge crossed is found
+  kAheadOfStep = 4096,  ///< the cube of a look lies ahead of the HIP
+  kReady = 8192,        ///< what the god object needs where it lets go is looked up before
 };
 
 #if defined(__x86_64__)
@@ -56,7 +59,7 @@ class AblatedContact {
     if (contact_) {
       if (has(kLinear)) {
         const auto weights = frame_.at(h);
-        if (weights.hold()) return rest_inside(h, weights.height);
+        if (weights.hold()) return rest_at(h, frame_.pull(weights), stars::Feature::kInside);
         if (has(kCrossing) && cross(h, weights)) return true;
       }
     } else if (has(kClearance) && (h - clear_at_).squaredNorm() < clear_sq_) {
@@ -67,9 +70,10 @@ class AblatedContact {
   }
 
  private:
-  bool rest_inside(const Vec3& h, double height) noexcept {
-    pull_ = frame_.normal() * -height;
-    stand_.foot = {h + pull_, height * height, stars::Feature::kInside};
+  /// Always true.
+  bool rest_at(const Vec3& h, const Vec3& pull, stars::Feature feature) noexcept {
+    pull_ = pull;
+    stand_.foot = {h + pull, pull.squaredNorm(), feature};
     return true;
   }
   void read_ahead(std::uint32_t place) const noexcept {
@@ -77,20 +81,67 @@ class AblatedContact {
     mesh_.prefetch_ring(place);
   }
   bool cross(const Vec3& h, stars::FacetFrame::Weights weights) noexcept {
-    for (int crossed = 0; crossed < stars::kMaxCrossed; ++crossed) {
-      const std::uint32_t corner = weights.beyond();
-      if (corner == 3) return false;
-      const stars::Facet next = stars::across(mesh_, stand_.facet, stars::corner_after(corner));
-      if (next.place[0] == stars::kNoPlace) return false;
-      const stars::FacetFrame frame(next, 1.0);
-      weights = frame.at(h);
-      if (weights.corner[1] < 0.0 || !(weights.height < 0.0)) return false;
-      stand_.facet = next;
-      frame_ = frame;
+    stars::Facet facet = stand_.facet;
+    Vec3 pull = Vec3::Zero(), normal = frame_.normal();
+    stars::Feature feature = stars::Feature::kInside;
+    bool found = false, straight = true;
+    for (int crossed = 0; crossed < stars::kMaxCrossed && !found; ++crossed) {
+      std::uint32_t corner = weights.beyond();
+      const bool one = corner < 3;
+      if (!one && has(kEdges)) corner = weights.farther_beyond();
+      if (corner == 3) break;
+      straight = straight && one;
+      const std::uint32_t k = stars::corner_after(corner);
+      const stars::Facet next = stars::across(mesh_, facet, k);
+      if (next.place[0] == stars::kNoPlace) break;
+      const stars::FacetFrame of_next(next, 1.0);
+      weights = of_next.at(h);
+      if (!(weights.height < 0.0)) break;
+      if (weights.corner[1] < 0.0) {
+        feature = stars::edge_number(k);
+        found = has(kEdges) && one && weights.corner[0] >= 0.0 && weights.corner[2] >= 0.0 &&
+                rests_on_edge(h, next, normal + of_next.normal(), pull);
+        break;
+      }
+      facet = next;
+      frame_ = of_next;
+      normal = of_next.normal();
       read_ahead(next.place[1]);
-      if (weights.hold()) return rest_inside(h, weights.height);
+      found = weights.hold();
+      if (found) pull = of_next.pull(weights);
     }
-    return false;
+    if (!straight && !(found && pull.squaredNorm() <= (h - stand_.foot.point).squaredNorm())) {
+      frame_ = stars::FacetFrame(stand_.facet, 1.0);
+      return false;
+    }
+    stand_.facet = facet;
+    if (!found) return false;
+    const bool rises = pull.squaredNorm() < stand_.foot.distance_sq;
+    return rest_at(h, pull, feature) && get_ready(h, rises);
+  }
+  static bool rests_on_edge(const Vec3& h, const stars::Facet& next, const Vec3& around,
+                            Vec3& pull) noexcept {
+    const Vec3 &a = next.corner[0], along = next.corner[2] - a;
+    const double share = along.dot(h - a), square = along.squaredNorm();
+    if (!(share > 0.0 && share < square)) return false;
+    pull = a + along * (share / square) - h;
+    const double up = around.dot(pull);
+    return up > 0.0 && up * up > stars::kSmoothShare * around.squaredNorm() * pull.squaredNorm();
+  }
+  /// Always true.
+  bool get_ready(const Vec3& h, bool rises) noexcept {
+    if (!has(kReady) || !has(kRemembered)) return true;
+    const std::uint32_t block = stand_.facet.place[0] / stars::kBlockPlaces, node = block / stars::kFanOut;
+    if (node != node_read_) {
+      node_read_ = node;
+      tree_.prefetch_above(block);
+    } else if (rises && pull_.cwiseAbs().maxCoeff() < stars::kShallowShare * near_reach_) {
+      if (!covers(h, h + pull_))
+        find_blocks(h + pull_, near_reach_, stars::kMaxFartherNodes);
+      else if (has(kPacked))
+        (void)packed(block);
+    }
+    return true;
   }
   bool update_slowly(const Vec3& h) noexcept {
     const stars::Stand* left = nullptr;
@@ -110,7 +161,7 @@ class AblatedContact {
       contact_ = false;
       from_ = stand_.foot.point;
       left = &stand_;
-      near_reach_ = clear_sq_ = -1.0;
+      if (!has(kReady)) near_reach_ = clear_sq_ = -1.0;
     }
     return false;
   }
@@ -171,11 +222,7 @@ class AblatedContact {
       return side > 0.0 && !(left != nullptr && left->facet.place == std::array{a, b, c});
     };
     if (has(kPacked)) {
-      auto at = std::find_if(packed_.begin(), packed_.end(), [&](const auto& p) { return p.block == block; });
-      if (at == packed_.end()) {
-        at = packed_.begin() + static_cast<std::ptrdiff_t>(next_packed_++ % packed_.size());
-        at->pack(mesh_, block);
-      }
+      const stars::PackedBlock* at = &packed(block);
       for (std::uint32_t first = 0; first < std::min(at->size, at->kMost); first += stars::kFanOut) {
         const unsigned filled = (1u << std::min(at->size - first, stars::kFanOut)) - 1u;
         for (unsigned mask = meets(at->box[first / stars::kFanOut], way.box) & filled; mask != 0;
@@ -191,15 +238,27 @@ class AblatedContact {
       stars::pierce_triangle(mesh_, a, b, c, way, hit, takes);
     });
   }
+  const stars::PackedBlock& packed(std::uint32_t block) noexcept {
+    auto at = std::find_if(packed_.begin(), packed_.end(), [&](const auto& p) { return p.block == block; });
+    if (at == packed_.end()) {
+      at = packed_.begin() + static_cast<std::ptrdiff_t>(next_packed_++ % packed_.size());
+      at->pack(mesh_, block);
+    }
+    return *at;
+  }
+  [[nodiscard]] bool covers(const Vec3& a, const Vec3& b) const noexcept {
+    return std::max((a - near_at_).cwiseAbs().maxCoeff(), (b - near_at_).cwiseAbs().maxCoeff()) <=
+           near_reach_;
+  }
   void first_entry(const Vec3& to, const stars::Stand* left, stars::Hit& hit) noexcept {
     const geometry::Aabb around{from_.cwiseMin(to), from_.cwiseMax(to)};
     const stars::Way way{from_, to, stars::FloatBox::around(around)};
     bool met = false, looked = false;
-    clear_sq_ = -1.0;
-    const auto covered = [&](const Vec3& p) { return (p - near_at_).cwiseAbs().maxCoeff() <= near_reach_; };
-    bool near = covered(to) && covered(from_);
+    bool near = covers(from_, to);
     if (has(kRemembered) && !near)
-      near = looked = look_around(to, stars::kStepsAhead * (to - from_).cwiseAbs().maxCoeff());
+      near = looked = look_around(to, to - from_);
+    else if (has(kReady) && near && near_read_ < near_count_)
+      tree_.prefetch(mesh_, near_block_[near_read_++]);
     if (near) {
       for (std::uint32_t node = 0; node * stars::kFanOut < near_count_; ++node)
         for (unsigned mask = meets(near_box_[node], way.box); mask != 0; mask &= mask - 1) {
@@ -215,20 +274,24 @@ class AblatedContact {
       return true;
     });
   }
-  bool look_around(const Vec3& at, double reach) noexcept {
-    if (!find_blocks(at, reach, stars::kMaxNodes)) return false;
+  bool look_around(const Vec3& at, const Vec3& step) noexcept {
+    const double reach = stars::kStepsAhead * step.cwiseAbs().maxCoeff();
+    const double before = has(kAheadOfStep) ? stars::kStepsBefore : 0.0;
+    if (!find_blocks(at + before * step, reach, stars::kMaxNodes)) return false;
     for (int farther = 0; has(kClearance) && farther < stars::kFartherLooks && near_count_ == 0; ++farther) {
       const double known = near_reach_;
+      const Vec3 known_at = near_at_;
       if (find_blocks(at, stars::kFarther * known, stars::kMaxFartherNodes)) continue;
       near_count_ = 0;
+      near_at_ = known_at;
       near_reach_ = known;
       break;
     }
     return true;
   }
   bool find_blocks(const Vec3& at, double reach, std::uint32_t most) noexcept {
-    near_count_ = 0;
-    near_reach_ = -1.0;
+    near_count_ = near_read_ = 0;
+    near_reach_ = clear_sq_ = -1.0;
     near_box_.fill(stars::BoxNode::empty());
     const Vec3 half = Vec3::Constant(reach);
     const bool all = tree_.for_blocks(
@@ -270,7 +333,7 @@ class AblatedContact {
   double near_reach_ = -1.0, clear_sq_ = -1.0;
   std::array<stars::BoxNode, stars::kMaxBlocksNear / stars::kFanOut> near_box_;
   std::array<std::uint32_t, stars::kMaxBlocksNear> near_block_{};
-  std::uint32_t near_count_ = 0, next_packed_ = 0;
+  std::uint32_t near_count_ = 0, near_read_ = 0, node_read_ = stars::kNoPlace, next_packed_ = 0;
   std::array<stars::PackedBlock, stars::kPackedBlocks> packed_;
 };
 

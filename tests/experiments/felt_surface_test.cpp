@@ -83,8 +83,8 @@ TEST_F(FeltSurface, LeavesStepsOut) {
     }
     return document["renderers"].size();
   };
-  EXPECT_EQ(read(run({"--ablate", "--quick", "--sets", "c5k", "--frames", "500", "--json", file})), 32u);
-  EXPECT_EQ(rms.size(), 32u);
+  EXPECT_EQ(read(run({"--ablate", "--quick", "--sets", "c5k", "--frames", "500", "--json", file})), 34u);
+  EXPECT_EQ(rms.size(), 34u);
   EXPECT_NEAR(rms["c5k/cloud-plain"], rms["c5k/cloud"], 0.1);
   EXPECT_LT(rms["c5k/cloud-refined"], 0.7 * rms["c5k/cloud"]);
   EXPECT_GT(rms["c5k/cloud-smooth-without-sharpening"], 2.0 * rms["c5k/cloud-smooth"]);

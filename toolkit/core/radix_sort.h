@@ -10,16 +10,17 @@
 
 namespace palpate {
 
-/// Sorts stably by the lowest `bits` bits of key(item), a whole number. O(n) for each 11 bits; needs room for
-/// the items once more. The same for any number of threads: borders of chunks do not depend on them.
-template <class Item, class Key>
-void radix_sort(std::vector<Item>& items, int bits, int threads, Key&& key) {
+/// Sorts a vector stably by the lowest `bits` bits of key(item), a whole number. O(n) for each 11 bits; needs
+/// room for the items once more. The same for any number of threads: borders of chunks do not depend on them.
+template <class Items, class Key>
+void radix_sort(Items& items, int bits, int threads, Key&& key) {
+  using Item = typename Items::value_type;
   constexpr int kDigitBits = 11;  // 2048 counters stay in the first-level cache
   constexpr std::uint32_t kDigits = 1u << kDigitBits;
   // Small enough for two threads to balance, large enough to pay for its counters.
   constexpr std::size_t kChunk = std::size_t{1} << 16;
   const std::size_t n = items.size();
-  std::vector<Item> other(n);
+  Items other(n);
   std::vector<std::array<std::uint32_t, kDigits>> counts((n + kChunk - 1) / kChunk);
   for (int shift = 0; shift < bits; shift += kDigitBits) {
     const auto digit = [&](const Item& item) { return (key(item) >> shift) & (kDigits - 1); };

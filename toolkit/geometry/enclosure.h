@@ -25,6 +25,6 @@ struct SurfacePart {
 /// 1 where the parts enclose a volume but for holes and their normals point outwards, -1 where they point
 /// inwards; 0 where they are an open surface, or too thin or small to tell. The same for any number of
 /// threads. O(parts).
-[[nodiscard]] float outer_side(std::span<const SurfacePart> parts) noexcept;
+[[nodiscard]] float outer_side(std::span<const SurfacePart> parts, int threads = 1);
 
 }  // namespace palpate::geometry

@@ -7,7 +7,8 @@
 namespace palpate::io {
 
 std::size_t DecodedFile::bytes() const noexcept {
-  std::size_t total = points.size() * sizeof(Vec3) + triangles.size() * sizeof(triangles[0]);
+  std::size_t total = points.size() * sizeof(Vec3) + triangles.size() * sizeof(triangles[0]) +
+                      position_of.size() * sizeof(position_of[0]);
   for (const cloud::Property& property : properties) total += property.values.size() * sizeof(float);
   return total;
 }

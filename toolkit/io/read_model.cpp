@@ -101,18 +101,24 @@ std::vector<std::uint32_t> scale_and_compact(DecodedFile& decoded, double factor
 // A raster with holes is none; what is left of it are two properties, row and column, which a look-up table
 // is made of (neighbourhood/scan_table.h).
 void keep_rows_and_columns(const DecodedFile& decoded, const std::vector<std::uint32_t>& new_index,
-                           cloud::Cloud& cloud) {
+                           std::size_t file_points, cloud::Cloud& cloud) {
   constexpr std::uint32_t kWholeInFloat = std::uint32_t{1} << 24;
-  const cloud::ScanRaster& raster = *decoded.raster;
-  if (raster.columns > kWholeInFloat || raster.rows > kWholeInFloat) return;
+  const cloud::ScanRaster raster = decoded.raster.value_or(cloud::ScanRaster{decoded.position_columns, 0});
+  const auto position = [&](std::size_t i) {
+    return decoded.position_of.empty() ? i : std::size_t{decoded.position_of[i]};
+  };
+  std::size_t last = 0;
+  for (std::size_t i = 0; i < file_points; ++i) last = std::max(last, position(i));
+  if (raster.columns > kWholeInFloat || last / raster.columns > kWholeInFloat) return;
   for (const cloud::Property& property : cloud.properties)
     if (property.name == "row" || property.name == "column") return;
   cloud::Property row{"row", std::vector<float>(cloud.size())};
   cloud::Property column{"column", std::vector<float>(cloud.size())};
-  for (std::size_t i = 0; i < new_index.size(); ++i) {
-    if (new_index[i] == kDropped) continue;
-    row.values[new_index[i]] = static_cast<float>(i / raster.columns);
-    column.values[new_index[i]] = static_cast<float>(raster.column(i));
+  for (std::size_t i = 0; i < file_points; ++i) {
+    const std::size_t point = new_index.empty() ? i : new_index[i];
+    if (point == kDropped) continue;
+    row.values[point] = static_cast<float>(position(i) / raster.columns);
+    column.values[point] = static_cast<float>(raster.column(position(i)));
   }
   cloud.properties.push_back(std::move(row));
   cloud.properties.push_back(std::move(column));
@@ -267,10 +273,9 @@ Result<ReadModel> finish_model(DecodedFile&& decoded, const ReadOptions& options
   if (!cloud) return std::move(cloud).error().in_file(name);
   model.cloud = std::move(*cloud);
   model.cloud.properties = std::move(decoded.properties);
-  if (model.non_finite == 0)
-    model.cloud.raster = decoded.raster;
-  else if (decoded.raster)
-    keep_rows_and_columns(decoded, new_index, model.cloud);
+  if (model.non_finite == 0) model.cloud.raster = decoded.raster;
+  if (!model.cloud.raster && (decoded.raster || !decoded.position_of.empty()))
+    keep_rows_and_columns(decoded, new_index, model.file_points, model.cloud);
   model.max_rounding_mm = report.max_rounding_mm;
   model.content_hash = hash_points(decoded.points);
 

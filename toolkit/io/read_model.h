@@ -76,6 +76,9 @@ struct DecodedFile {
   std::vector<bool> continues_face;  ///< as long as `triangles`: same polygon as the one before
   std::size_t dropped_faces = 0;     ///< faces already given up while reading
   std::optional<cloud::ScanRaster> raster;
+  /// Of a raster with holes, by point: the position that it stands at, row * columns + column; else empty.
+  std::vector<std::uint32_t> position_of;
+  std::uint32_t position_columns = 0;
   bool height_grid = false;               ///< made by add_row(), which alone knows posts and heights
   std::optional<Unit> unit;               ///< where the file itself says it
   std::optional<Unit> conventional_unit;  ///< where the format has a convention: a better guess

@@ -15,6 +15,7 @@ namespace {
 
 constexpr std::string_view kFaces = "face";
 constexpr std::string_view kStrips = "tristrips";
+constexpr std::string_view kGrid = "range_grid";
 
 template <class U>
 U load(const std::byte* at, bool swap) noexcept {
@@ -351,12 +352,70 @@ Status read_faces(const ReaderInput& input, Input& in, const PlyElement& element
   return read;
 }
 
-// A Cyberware file whose grid has no holes lists its points row by row.
+// Whether the element lists, for each position of the header's raster row by row, who stands there.
+bool is_grid(const PlyHeader& header, const PlyElement& element) {
+  return element.name == kGrid && header.columns > 0 && header.rows > 0 && element.count <= kMaxPoints &&
+         header.columns * header.rows == element.count &&
+         std::count_if(element.properties.begin(), element.properties.end(), is_corner_list) == 1;
+}
+
+// Positions of the points, which are read already.
+Status read_grid(const ReaderInput& input, Input& in, const PlyElement& element, Row& row,
+                 DecodedFile& decoded) {
+  const std::size_t points = decoded.points.size();
+  if (Status fits = check_memory(points, sizeof(std::uint32_t), "positions of points", input.options); !fits)
+    return fits;
+  constexpr std::uint32_t kNowhere = 0xFFFFFFFFu;
+  std::vector<std::uint32_t> position_of(points, kNowhere);
+  std::size_t placed = 0;
+  bool once = true;  // nobody stands at two positions, and no two at one
+  Watch watch(input, in, decoded);
+  for (std::uint64_t i = 0; i < element.count; ++i) {
+    if (!row.start()) return row.error(element, i);
+    for (const PlyProperty& property : element.properties) {
+      if (!is_corner_list(property)) {
+        if (!skip_property(row, property)) return row.error(element, i);
+        continue;
+      }
+      std::uint64_t count = 0;
+      if (!row.count(property.count_type, count)) return row.error(element, i);
+      for (std::uint64_t c = 0; c < count; ++c) {
+        double value = 0.0;
+        if (!row.value(property.type, value)) return row.error(element, i);
+        const std::int64_t index = to_index(value);
+        const auto point = static_cast<std::size_t>(index);
+        once = once && c == 0 && index >= 0 && point < points && position_of[point] == kNowhere;
+        if (!once) continue;
+        position_of[point] = static_cast<std::uint32_t>(i);
+        ++placed;
+      }
+    }
+    row.pass_over_rest();
+    if (!watch.row()) return watch.error();
+  }
+  row.warn(element, decoded);
+  if (once && placed == points)
+    decoded.position_of = std::move(position_of);
+  else
+    decoded.warnings.push_back(fmt::format(
+        "The element {} does not list every point once: rows and columns are not known.", quoted(kGrid)));
+  return Done{};
+}
+
+// A Cyberware file whose grid has no holes lists its points row by row, or says so of each.
 void take_raster(const PlyHeader& header, bool has_grid_element, DecodedFile& decoded) {
-  if (header.columns == 0 || header.rows == 0 || has_grid_element) return;
-  if (header.columns * header.rows != decoded.points.size()) return;
-  decoded.raster =
-      cloud::ScanRaster{static_cast<std::uint32_t>(header.columns), static_cast<std::uint32_t>(header.rows)};
+  if (header.columns == 0 || header.rows == 0) return;
+  const cloud::ScanRaster raster{static_cast<std::uint32_t>(header.columns),
+                                 static_cast<std::uint32_t>(header.rows)};
+  const std::uint64_t positions = header.columns * header.rows;
+  std::vector<std::uint32_t>& of = decoded.position_of;
+  bool in_order = positions == decoded.points.size() && (!has_grid_element || !of.empty());
+  for (std::size_t i = 0; in_order && i < of.size(); ++i) in_order = of[i] == i;
+  if (in_order) {
+    decoded.raster = raster;
+    of.clear();
+  }
+  decoded.position_columns = raster.columns;
 }
 
 std::string format_name(PlyFormat format) {
@@ -385,8 +444,10 @@ Result<DecodedFile> read_ply(const ReaderInput& input) {
   bool has_grid = false;
   for (const PlyElement& element : header.elements) {
     if (element.name == "vertex") vertex = &element;
-    if (element.name == "vertex" || element.name == kFaces || element.name == kStrips) ++wanted;
-    has_grid = has_grid || element.name == "range_grid";
+    // A grid before the points, if there is such a file, is passed over.
+    const bool grid = vertex != nullptr && is_grid(header, element);
+    if (element.name == "vertex" || element.name == kFaces || element.name == kStrips || grid) ++wanted;
+    has_grid = has_grid || element.name == kGrid;
   }
   if (vertex == nullptr)
     return Error{"the PLY file has no element 'vertex'", "check that it holds points", {}, in.line_number()};
@@ -400,6 +461,9 @@ Result<DecodedFile> read_ply(const ReaderInput& input) {
       --wanted;
     } else if (element.name == kFaces || element.name == kStrips) {
       read = read_faces(input, in, element, vertex->count, row, decoded);
+      --wanted;
+    } else if (!decoded.points.empty() && is_grid(header, element)) {
+      read = read_grid(input, in, element, row, decoded);
       --wanted;
     } else {
       read = skip_element(input, in, element, row, decoded);

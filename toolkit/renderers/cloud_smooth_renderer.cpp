@@ -112,8 +112,10 @@ class CloudSmooth final : public BoxedShellRenderer<SmoothModel> {
             "ours; quadrics by Lepski's rule, cubic B-splines of distance",
             fmt::format(
                 "a model near the HIP: {} steps of the god object, {} values along the HIP's segment of {} "
-                "cubes, {} sheets a cube, {} entries a frame; what is left is done in the next",
-                walk_steps(), kMaxSegmentValues, kMaxSegmentCubes, kMaxSmoothSheets, kMaxSmoothEntries),
+                "cubes, {} sheets a cube of up to {} layers each, {} entries a frame; what is left is done "
+                "in the next",
+                walk_steps(), kMaxSegmentValues, kMaxSegmentCubes, kMaxSmoothSheets, kMostLayers,
+                kMaxSmoothEntries),
             options_};
   }
 

@@ -16,8 +16,11 @@
 #include "toolkit/geometry/mouth.h"
 #include "toolkit/smooth/blend.h"
 #include "toolkit/smooth/cube_faces.h"
+#include "toolkit/smooth/cube_seams.h"
+#include "toolkit/smooth/layers.h"
+#include "toolkit/smooth/points_around.h"
+#include "toolkit/smooth/seam_bricks.h"
 #include "toolkit/smooth/spline.h"
-#include "toolkit/smooth/surround.h"
 
 namespace palpate::render {
 namespace {
@@ -32,11 +35,6 @@ constexpr double kCrossed = 1.1 * kHalfCellDiagonal;
 /// Such cells are as many as their slab's volume: of surface each stands for so much, in square voxels,
 /// however it lies.
 constexpr double kCellArea = 0.5 / kCrossed;
-/// A point has a say in whether a place of the surface is between points where it is within kTellsSpacings of
-/// its spacings of it, and at most this share of that off its tangent plane.
-constexpr double kOffPlane = 0.5;
-constexpr int kFewestNear = 4;
-constexpr double kGoldenSection = 0.6180340;
 /// The lattice begins this many bricks before the box: faces of a box that stands along the axes are often
 /// flat, and lie at no wall this way.
 constexpr double kLatticeShift = 1.09;
@@ -45,22 +43,22 @@ constexpr double kThroughRoom = 0.25;
 /// With a mean of its corners farther off than this no surface goes through the cell: its half diagonal with
 /// room, and as much again for a slope of more than one and a crease.
 constexpr float kNotCrossed = 1.4f;
+/// On a narrow ridge, where the distance grows by less than this share of the way, it may go through a corner
+/// whose node is so much off it: the spline is not far from its nodes.
+constexpr double kNarrow = 0.9;
+constexpr float kClipped = 0.1f;
 /// A sheet with no more cells beyond its points than these, or this share of its cells, is closed: the
 /// smallest hole, two spacings wide, has some eight around it, and a void of chance one.
 constexpr std::uint64_t kChanceCells = 4;
 constexpr double kChanceShare = 1e-4;
+/// Layers so many voxels off have a say in which way the surface lies beside a crease.
+constexpr float kBesideCrease = 1.0f;
 /// Closed pieces that a brick can name.
-constexpr std::size_t kMostPieces = 65535;
-constexpr float kLargestValue = static_cast<float>(kBrickReach);
+constexpr std::size_t kMostPieces = (std::size_t{1} << Brick::kPieceBits) - 1;
 constexpr std::size_t kPatchGrain = 1024;
 /// Cubes a chunk: wide enough that most nodes they have in common are within one, some 11 by 11 cubes of a
 /// sheet.
 constexpr std::size_t kBrickGrain = 256;
-
-std::int16_t rounded(float distance) {
-  const float units = std::clamp(distance, -kLargestValue, kLargestValue) / kBrickUnit;
-  return static_cast<std::int16_t>(units + (units < 0.0f ? -0.5f : 0.5f));
-}
 
 /// One patch that may reach one cube.
 struct Pair {
@@ -72,10 +70,11 @@ struct Pair {
 class Baker {
  public:
   Baker(const SmoothPoints& points, const std::vector<Patch>& patches, const PatchLinks& links,
-        const SmoothWithout& without, BrickGrid& grid)
+        const Seams& seams, const SmoothWithout& without, BrickGrid& grid)
       : points_(points),
         patches_(patches),
         links_(links),
+        seams_(seams),
         without_(without),
         grid_(grid),
         brick_mm_(kBrickCells * grid.voxel_mm) {}
@@ -104,16 +103,12 @@ class Baker {
   /// A brick, and what decides about its piece.
   struct Made {
     Brick brick;
+    std::vector<Brick> more;  ///< layers of its sheet besides
     std::uint64_t code = 0;
     std::uint32_t sheet = 0;
     std::uint64_t beyond = 0;  ///< cells that the surface goes through where no points are around
     /// Of the cells of the mask: sums of the normals, and of the places from the cube's middle, in voxels.
     Vec3 normals = Vec3::Zero(), places = Vec3::Zero();
-  };
-  /// A point from the middle of a cube, and how far it tells of the surface.
-  struct Near {
-    Vec3 at;
-    double reach_sq;
   };
   struct Scratch {
     Scratch(const std::vector<Patch>& patches, const BrickGrid& grid, const SmoothWithout& without)
@@ -123,14 +118,16 @@ class Baker {
     std::vector<std::uint32_t> order;  ///< of one sheet's patches, face by face
     std::vector<std::uint32_t> face;   ///< the patches of one
     std::vector<std::uint32_t> tells;  ///< those of them that may vouch for a place
-    std::vector<Near> gathered, near;
+    PointsAround around;
+    std::vector<Brick> layers;  ///< of one sheet that has several, as frames read them
+    CubeSeams seams;
     NodeBlend blend;
   };
 
   void find_pairs(int threads) {
-    const std::size_t chunks = (patches_.size() + kPatchGrain - 1) / kPatchGrain;
+    const std::size_t chunks = (seams_.plain + kPatchGrain - 1) / kPatchGrain;
     std::vector<std::vector<Pair>> found(chunks);
-    parallel_chunks(patches_.size(), kPatchGrain, threads, [&](std::size_t begin, std::size_t end) {
+    parallel_chunks(seams_.plain, kPatchGrain, threads, [&](std::size_t begin, std::size_t end) {
       std::vector<Pair>& mine = found[begin / kPatchGrain];
       for (std::size_t i = begin; i < end; ++i) pairs_of(static_cast<std::uint32_t>(i), mine);
     });
@@ -206,16 +203,33 @@ class Baker {
     return true;
   }
 
-  /// The distance of one sheet at the nodes: face by face, each body's faces in a row.
-  void blend(std::span<const Pair> pairs, std::uint32_t sheet, Scratch& s) const {
+  /// The patches of one sheet, face by face, each body's faces in a row.
+  static void put_in_order(std::size_t patches, std::uint32_t sheet, Scratch& s) {
     s.order.clear();
-    for (std::uint32_t i = sheet; i < pairs.size(); ++i)
+    for (std::uint32_t i = sheet; i < patches; ++i)
       if (s.faces.sheet(i) == sheet) s.order.push_back(i);
     std::sort(s.order.begin(), s.order.end(), [&](std::uint32_t x, std::uint32_t y) {
       return std::make_tuple(s.faces.body(x), s.faces.face(x), x) <
              std::make_tuple(s.faces.body(y), s.faces.face(y), y);
     });
-    s.blend.begin(coordinate_of(pairs.front().code));
+  }
+  /// Over a seam its sides, each by itself; or, beside it, that which is in the cube. False, with nothing
+  /// put, where there is none, or the sides do not meet.
+  bool put_seams(std::span<const Pair> pairs, const Vec3& middle, Scratch& s, Made& out) const {
+    if (seams_.all.empty() || s.faces.face(s.order.front()) != s.faces.face(s.order.back())) return false;
+    s.face.clear();
+    for (const std::uint32_t i : s.order) s.face.push_back(pairs[i].patch);
+    if (!s.seams.part(s.face, patches_, seams_, middle, kHalfCells * grid_.voxel_mm)) return false;
+    for (std::size_t side = 0; side < std::size_t{1} << s.seams.lines(); ++side)
+      if (!s.blend.alone(side, s.seams.patches(side))) return false;
+    const std::vector<Brick> bricks = seam_bricks(s.seams, s.blend, middle, grid_.voxel_mm);
+    if (bricks.empty()) return false;
+    out.brick = bricks.front();
+    out.more.assign(bricks.begin() + 1, bricks.end());
+    return true;
+  }
+  /// The distance of a sheet, each of its faces a layer where they meet in creases.
+  void put_faces(std::span<const Pair> pairs, Scratch& s, Made& out) const {
     s.face.clear();
     for (std::size_t k = 0; k < s.order.size(); ++k) {
       const std::uint32_t i = s.order[k];
@@ -226,6 +240,17 @@ class Baker {
         s.face.clear();
       }
       if (last || s.faces.body(s.order[k + 1]) != s.faces.body(i)) s.blend.end_ridge();
+    }
+    const std::array<float, kBrickCoefficients>& joined = s.blend.finish();
+    const std::span<const NodeBlend::Layer> layers =
+        without_.layers ? std::span<const NodeBlend::Layer>() : s.blend.layers();
+    out.brick.put(layers.empty() ? joined : layers.front().distance);
+    if (layers.size() < 2) return;
+    out.brick.set(0, layers.front().on);
+    for (const NodeBlend::Layer& layer : layers.subspan(1)) {
+      Brick& next = out.more.emplace_back();
+      next.put(layer.distance);
+      next.set(0, layer.on);
     }
   }
 
@@ -247,15 +272,14 @@ class Baker {
         spacing = std::max(spacing, p.spacing);
       }
       if (!through) continue;
-      blend(pairs, sheet, s);
-      const std::array<float, kBrickCoefficients>& distance = s.blend.finish();
+      put_in_order(pairs.size(), sheet, s);
+      s.blend.begin(c);
       Made& out = made.emplace_back();
-      Brick& brick = out.brick;
-      for (std::size_t i = 0; i < kBrickCoefficients; ++i) brick.distance[i] = rounded(distance[i]);
+      if (!put_seams(pairs, middle, s, out)) put_faces(pairs, s, out);
       out.code = pairs.front().code;
       out.sheet = links_.sheet[pairs[sheet].patch];
       set_mask(pairs, out, middle, spacing, s);
-      if ((brick.mask | out.beyond) == 0) made.pop_back();
+      if ((out.brick.mask | out.beyond) == 0) made.pop_back();
     }
   }
 
@@ -269,6 +293,16 @@ class Baker {
     }
     return kBrickUnit * 0.125f * static_cast<float>(sum);
   }
+  /// Whether the surface goes through a corner of a cell, `middle` off its middle.
+  static bool clipped(const Brick& brick, const std::array<int, 3>& cell, float middle) {
+    const float side = middle > 0.0f ? 1.0f : -1.0f;
+    for (int corner = 0; corner < 8; ++corner) {
+      const int x = cell[0] + 1 + corner / 4, y = cell[1] + 1 + corner / 2 % 2, z = cell[2] + 1 + corner % 2;
+      const int node = (x * kBrickNodes + y) * kBrickNodes + z;
+      if (side * kBrickUnit * brick.distance[static_cast<std::size_t>(node)] < kClipped) return true;
+    }
+    return false;
+  }
   /// The cells that the surface goes through, but for those beyond where the points end.
   void set_mask(std::span<const Pair> pairs, Made& out, const Vec3& middle, double spacing,
                 Scratch& s) const {
@@ -277,23 +311,29 @@ class Baker {
     std::copy_if(s.order.begin(), s.order.end(), std::back_inserter(s.tells),
                  [&](std::uint32_t i) { return patches_[pairs[i].patch].filled.tells(); });
     Brick& brick = out.brick;
+    s.layers.clear();
+    if (!out.more.empty()) {
+      s.layers.push_back(brick);
+      s.layers.insert(s.layers.end(), out.more.begin(), out.more.end());
+    }
     for (int cell = 0; cell < kBrickCells * kBrickCells * kBrickCells; ++cell) {
       BrickPlace at;
       at.cell = {cell / 16, cell / 4 % 4, cell % 4};
       at.t = {0.5f, 0.5f, 0.5f};
-      if (std::abs(coefficients_about(brick, at.cell)) > kNotCrossed) continue;
-      const Jet jet = spline_jet(brick, at);
+      if (out.more.empty() && std::abs(coefficients_about(brick, at.cell)) > kNotCrossed) continue;
+      const Jet jet = s.layers.empty() ? spline_jet(brick, at) : layers_jet(s.layers.data(), at);
       const double slope = static_cast<double>(jet.gradient.norm());
-      if (!(slope > 0.0) || std::abs(static_cast<double>(jet.value)) > kCrossed * std::max(slope, 0.5))
-        continue;
-      const Vec3 n = jet.gradient.cast<double>() / slope;
-      const Vec3 foot = (Vec3(at.cell[0] - 1.5, at.cell[1] - 1.5, at.cell[2] - 1.5) -
-                         n * (static_cast<double>(jet.value) / slope)) *
-                        grid_.voxel_mm;
+      if (!(slope > 0.0)) continue;
+      const bool crossed = std::abs(static_cast<double>(jet.value)) <= kCrossed * std::max(slope, 0.5);
+      if (!crossed && !(out.more.empty() && slope < kNarrow && clipped(brick, at.cell, jet.value))) continue;
+      Vec3 n = jet.gradient.cast<double>() / slope;
+      Vec3 to = -n * (static_cast<double>(jet.value) / slope);
+      if (!s.layers.empty()) beside_crease(s.layers.data(), at, jet.value, n, to);
+      const Vec3 foot = (Vec3(at.cell[0] - 1.5, at.cell[1] - 1.5, at.cell[2] - 1.5) + to) * grid_.voxel_mm;
       if (!without_.borders && !vouched_for(pairs, middle + foot, s)) {
-        if (!gathered) gather_near(middle, spacing, s);
+        if (!gathered) s.around.gather(points_, middle, kHalfDiagonal * grid_.voxel_mm, spacing);
         gathered = true;
-        if (!points_around(s.near, foot, n)) {
+        if (!s.around.are_around(foot, n)) {
           out.beyond |= std::uint64_t{1} << cell;
           continue;
         }
@@ -302,6 +342,14 @@ class Baker {
       out.normals += n;
       out.places += foot * grid_.per_voxel;
     }
+  }
+  /// Of a sheet with layers: `to` the nearest place of it, which may be a crease, and the normal there in the
+  /// mean over the layers next to it: along that of one the points beyond its crease are seen askew, or not.
+  static void beside_crease(const Brick* first, BrickPlace at, float value, Vec3& n, Vec3& to) {
+    const NewtonStep step = layers_step(first, at, Vec3::Zero(), value > 0.0f ? -1.0 : 1.0, kCrossed);
+    to = step.along + step.normal * step.lift;
+    for (std::size_t a = 0; a < 3; ++a) at.t[a] += static_cast<float>(to[static_cast<Eigen::Index>(a)]);
+    n = layers_normal(first, at, kBesideCrease);
   }
   /// Whether some patch of the sheet has points on all sides of a place.
   [[nodiscard]] bool vouched_for(std::span<const Pair> pairs, const Vec3& place, Scratch& s) const {
@@ -316,36 +364,6 @@ class Baker {
     std::iter_swap(found, s.tells.begin());  // asked first for the next place
     return true;
   }
-  void gather_near(const Vec3& middle, double spacing, Scratch& s) const {
-    s.gathered.clear();
-    points_.in_ball(middle, kHalfDiagonal * grid_.voxel_mm + kTellsSpacings * spacing,
-                    [&](std::uint32_t i, const Vec3& d, double) {
-                      const double own = kTellsSpacings * std::min(points_.spacing_near(i), spacing);
-                      s.gathered.push_back({d, own * own});
-                    });
-    // In steps of the golden section: the first few are from all around, and mostly tell.
-    s.near.clear();
-    const std::size_t count = s.gathered.size();
-    auto step = static_cast<std::size_t>(kGoldenSection * static_cast<double>(count));
-    while (std::gcd(step, count) > 1) ++step;
-    for (std::size_t i = 0, at = 0; i < count; ++i, at = (at + step) % count)
-      s.near.push_back(s.gathered[at]);
-  }
-  static bool points_around(const std::vector<Near>& near, const Vec3& foot, const Vec3& n) {
-    const Vec3 axis = std::abs(n.x()) < std::abs(n.y()) ? Vec3::UnitX() : Vec3::UnitY();
-    const Vec3 u = n.cross(axis).normalized(), v = n.cross(u);
-    Surround seen;
-    int count = 0;
-    for (const Near& p : near) {
-      const Vec3 d = p.at - foot;
-      const double sq = d.squaredNorm(), along = d.dot(n);
-      if (sq > p.reach_sq || along * along > kOffPlane * kOffPlane * p.reach_sq) continue;
-      seen.add(d.dot(u), d.dot(v));
-      if (++count >= kFewestNear && !seen.open()) return true;
-    }
-    return false;
-  }
-
   struct Piece {
     std::uint64_t cells = 0, beyond = 0, bricks = 0, seen = 0;
     std::uint16_t number = 0;
@@ -391,7 +409,8 @@ class Baker {
       for (Made& one : m) {
         Piece& piece = pieces[one.sheet];
         if (piece.number == 0) continue;
-        one.brick.piece = piece.number;
+        one.brick.set(piece.number, one.brick.joint());
+        for (Brick& more : one.more) more.set(piece.number, more.joint());
         ClosedPiece& closed = grid_.closed_pieces[piece.number - 1u];
         if (closed.outer_side != 0.0f) continue;
         one.brick.mask |= one.beyond;
@@ -413,7 +432,7 @@ class Baker {
   void collect(const std::vector<std::vector<Made>>& made) {
     std::size_t count = 0;
     for (const std::vector<Made>& m : made)
-      for (const Made& one : m) count += one.brick.mask != 0;
+      for (const Made& one : m) count += one.brick.mask != 0 ? 1 + one.more.size() : 0;
     grid_.bricks.reserve(count);
     std::vector<std::uint64_t> cells;
     for (const std::vector<Made>& m : made)
@@ -424,6 +443,7 @@ class Baker {
           grid_.first.push_back(static_cast<std::uint32_t>(grid_.bricks.size()));
         }
         grid_.bricks.push_back(one.brick);
+        for (const Brick& more : one.more) grid_.bricks.push_back(more);
       }
     grid_.first.push_back(static_cast<std::uint32_t>(count));
     grid_.first.shrink_to_fit();
@@ -433,6 +453,7 @@ class Baker {
   const SmoothPoints& points_;
   const std::vector<Patch>& patches_;
   const PatchLinks& links_;
+  const Seams& seams_;
   const SmoothWithout& without_;
   BrickGrid& grid_;
   double brick_mm_;
@@ -450,7 +471,7 @@ std::vector<BrickGrid::Coordinate> BrickGrid::cubes_of_bricks() const {
 }
 
 BrickGrid bake_bricks(const SmoothPoints& points, const std::vector<Patch>& patches, const PatchLinks& links,
-                      double voxel_mm, int threads, const SmoothWithout& without) {
+                      const Seams& seams, double voxel_mm, int threads, const SmoothWithout& without) {
   BrickGrid grid;
   const double brick_mm = kBrickCells * voxel_mm;
   grid.voxel_mm = voxel_mm;
@@ -460,7 +481,7 @@ BrickGrid bake_bricks(const SmoothPoints& points, const std::vector<Patch>& patc
   const double bricks = (grid.box_mm.high_mm - grid.low_mm).maxCoeff() / brick_mm + 2.0;
   grid.last_brick = std::min<std::int64_t>(static_cast<std::int64_t>(bricks),
                                            (std::int64_t{1} << partition::kMortonBits) - 1);
-  Baker(points, patches, links, without, grid).run(threads);
+  Baker(points, patches, links, seams, without, grid).run(threads);
   return grid;
 }
 

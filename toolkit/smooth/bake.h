@@ -5,12 +5,13 @@
 #include "toolkit/smooth/brick_grid.h"
 #include "toolkit/smooth/cover.h"
 #include "toolkit/smooth/patch_links.h"
+#include "toolkit/smooth/seams.h"
 
 namespace palpate::render {
 
 /// The same for any number of threads. O(patches x bricks near each).
 [[nodiscard]] BrickGrid bake_bricks(const SmoothPoints& points, const std::vector<Patch>& patches,
-                                    const PatchLinks& links, double voxel_mm, int threads,
+                                    const PatchLinks& links, const Seams& seams, double voxel_mm, int threads,
                                     const SmoothWithout& without = {});
 
 }  // namespace palpate::render

@@ -8,12 +8,39 @@ namespace {
 constexpr int kFillRounds = 2 * kBrickNodes;
 /// What a cubic B-spline takes of a second difference along an axis.
 constexpr float kBlur = 1.0f / 6.0f;
+/// Layers are compared with what they are joined to where the surface is within so many voxels: nodes of a
+/// cell that it goes through, and some more.
+constexpr float kNearSurface = 1.5f;
+/// A face may go on beyond its points differently from what else is known there, by so much.
+constexpr float kCompared = 0.75f;
+constexpr float kSameDistance = 0.35f;
+/// A layer may count between nodes, too, where it is so near to counting at one.
+constexpr float kAlmostCounts = 0.5f;
+
+/// The least over bodies of the greatest over faces; which face that is.
+struct Counted {
+  float value = 0.0f;
+  std::size_t face = kMostLayers;
+};
+template <class Has, class Value>
+Counted joined(std::size_t faces, const std::array<int, kMostLayers>& body, Has&& has, Value&& value) {
+  Counted least;
+  for (std::size_t k = 0; k < faces;) {
+    Counted most;
+    const int own = body[k];
+    for (; k < faces && body[k] == own; ++k)
+      if (has(k) && (most.face == kMostLayers || value(k) > most.value)) most = {value(k), k};
+    if (most.face == kMostLayers) continue;
+    if (least.face == kMostLayers || most.value < least.value) least = most;
+  }
+  return least;
+}
 
 }  // namespace
 
 void NodeBlend::begin(const BrickGrid::Coordinate& cube) {
   cube_ = cube;
-  faces_ = ridges_ = 0;
+  faces_ = ridges_ = added_ = 0;
 }
 
 /// `first`: the brick's node that the tile begins with; `kRow`: nodes of a row. What is beyond the brick's
@@ -65,9 +92,8 @@ void NodeBlend::join(Values& with, const Values& other, bool greater) const {
   }
 }
 
-void NodeBlend::add_face(std::span<const std::uint32_t> patches) {
+void NodeBlend::read_face(std::span<const std::uint32_t> patches, Values& to) {
   tiles_.take_face(patches);
-  Values& to = faces_ == 0 ? ridge_ : face_;
   // A brick's nodes begin one before its cells, as the tiles do.
   for (int corner = 0; corner < 8; ++corner) {
     const std::array<int, 3> on{corner / 4, corner / 2 % 2, corner % 2};
@@ -78,8 +104,24 @@ void NodeBlend::add_face(std::span<const std::uint32_t> patches) {
     else
       read_rows<kBrickNodes - kTileNodes>(tile, first, to);
   }
+}
+
+void NodeBlend::add_face(std::span<const std::uint32_t> patches) {
+  if (added_ == 1) keep(0, ridges_ == 0 ? ridge_ : values_);  // of one face alone nothing is kept
+  Values& to = faces_ == 0 ? ridge_ : face_;
+  read_face(patches, to);
+  if (added_ > 0 && added_ < kMostLayers) keep(static_cast<std::size_t>(added_), to);
+  ++added_;
   if (faces_ > 0) join(ridge_, face_, true);
   ++faces_;
+}
+
+bool NodeBlend::alone(std::size_t k, std::span<const std::uint32_t> patches) {
+  Values& v = kept_[k];
+  read_face(patches, v);
+  if (std::count(v.known.begin(), v.known.end(), std::uint8_t{0}) == kBrickCoefficients) return false;
+  fill(v);
+  return true;
 }
 
 void NodeBlend::end_ridge() {
@@ -92,9 +134,8 @@ void NodeBlend::end_ridge() {
 }
 
 /// Nodes that no patch reaches go on from the nodes beside them, along their gradients.
-void NodeBlend::fill() {
+void NodeBlend::fill(Values& v) {
   constexpr std::array<int, 3> kStep{kBrickNodes * kBrickNodes, kBrickNodes, 1};
-  Values& v = values_;
   auto missing = std::count(v.known.begin(), v.known.end(), std::uint8_t{0});
   for (int round = 0; round < kFillRounds && missing > 0; ++round) {
     std::array<std::uint8_t, kBrickCoefficients> now = v.known;
@@ -129,8 +170,55 @@ void NodeBlend::fill() {
 }
 
 const std::array<float, kBrickCoefficients>& NodeBlend::finish() {
-  fill();
+  fill(values_);
   return values_.distance;
+}
+
+void NodeBlend::keep(std::size_t k, const Values& face) {
+  kept_[k] = face;
+  body_[k] = k == 0 ? 0 : ridges_;
+}
+
+bool NodeBlend::choose_layers() {
+  const auto faces = static_cast<std::size_t>(added_);
+  counts_.fill(false);
+  for (int x = 1; x + 1 < kBrickNodes; ++x)
+    for (int y = 1; y + 1 < kBrickNodes; ++y)
+      for (int z = 1; z + 1 < kBrickNodes; ++z) {
+        const auto i = static_cast<std::size_t>((x * kBrickNodes + y) * kBrickNodes + z);
+        const auto value = [&](std::size_t k) { return kept_[k].distance[i]; };
+        const Counted told = joined(
+            faces, body_, [&](std::size_t k) { return known_[k][i] != 0; }, value);
+        const Counted whole = joined(
+            faces, body_, [&](std::size_t k) { return any_[k]; }, value);
+        if (told.face == kMostLayers || std::abs(whole.value) > kNearSurface) continue;
+        if (std::abs(told.value) < kCompared && std::abs(told.value - whole.value) > kSameDistance)
+          return false;
+        for (std::size_t k = 0; k < faces; ++k)
+          if (any_[k] && std::abs(value(k) - whole.value) < kAlmostCounts) counts_[k] = true;
+      }
+  return true;
+}
+
+std::span<const NodeBlend::Layer> NodeBlend::layers() {
+  if (added_ < 2 || added_ > kMostLayers) return {};
+  const auto faces = static_cast<std::size_t>(added_);
+  for (std::size_t k = 0; k < faces; ++k) {
+    known_[k] = kept_[k].known;
+    any_[k] = std::count(known_[k].begin(), known_[k].end(), std::uint8_t{0}) < kBrickCoefficients;
+    fill(kept_[k]);
+  }
+  if (!choose_layers()) return {};
+  std::size_t count = 0;
+  int body = 0;
+  for (std::size_t k = 0; k < faces; ++k) {
+    if (!counts_[k]) continue;
+    if (count > 0) layers_[count - 1].on = body_[k] == body ? Joint::kRidge : Joint::kValley;
+    body = body_[k];
+    layers_[count].distance = kept_[k].distance;
+    layers_[count++].on = Joint::kLast;
+  }
+  return {layers_.data(), count};
 }
 
 }  // namespace palpate::render

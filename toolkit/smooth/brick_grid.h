@@ -3,7 +3,9 @@
 // cube have two bricks there, and never one number in common.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -22,13 +24,66 @@ inline constexpr int kBrickCoefficients = kBrickNodes * kBrickNodes * kBrickNode
 inline constexpr double kBrickReach = 8.0;
 inline constexpr float kBrickUnit = static_cast<float>(kBrickReach / 32767.0);
 
+/// How a brick's sheet goes on with the next brick: where its faces meet in creases each is a layer of its
+/// own. Those that meet in ridges are one body, of which the greatest distance counts; of bodies the least.
+enum class Joint : std::uint8_t {
+  kLast,    ///< the sheet's last layer; mostly its only one
+  kRidge,   ///< the next is of the same body
+  kValley,  ///< the next begins another body
+  kSeam,    ///< the next is the last, and counts beyond where the two touch: see Brick::is_past()
+};
+/// Layers of a sheet in a cube, at most.
+inline constexpr int kMostLayers = 4;
+
 /// Coefficient (x, y, z) at (x * 7 + y) * 7 + z; node 0 is one voxel before the brick's corner. The mask has
-/// a bit for each cell, (x * 4 + y) * 4 + z, through which the surface goes and points are near.
+/// a bit for each cell, (x * 4 + y) * 4 + z, through which the surface goes and points are near; of a sheet
+/// with layers it is the first brick's that counts.
 struct Brick {
   std::array<std::int16_t, kBrickCoefficients> distance;
-  std::uint16_t piece = 0;  ///< of BrickGrid::closed_pieces, from 1; 0: an open sheet, felt from both sides
+  std::uint16_t tag = 0;
   std::uint64_t mask = 0;
+
+  static constexpr int kPieceBits = 14;
+  /// Of BrickGrid::closed_pieces, from 1; 0: an open sheet, felt from both sides.
+  [[nodiscard]] std::uint16_t piece() const noexcept {
+    return static_cast<std::uint16_t>(tag & ((1u << kPieceBits) - 1u));
+  }
+  [[nodiscard]] Joint joint() const noexcept { return static_cast<Joint>(tag >> kPieceBits); }
+  /// Of a seam's second brick, and of the third where two cross, in its mask: the line beyond which it
+  /// counts. `at` in voxels from the corner of the brick's cells. Exact to 0.0003 voxels.
+  [[nodiscard]] bool is_past(const std::array<float, 3>& at) const noexcept {
+    const auto part = [&](unsigned shift) {
+      return static_cast<float>(static_cast<std::int16_t>(mask >> shift));
+    };
+    return part(0) * at[0] + part(16) * at[1] + part(32) * at[2] > static_cast<float>(kBrickReach) * part(48);
+  }
+  void set_line(const Vec3& across, double off) noexcept {
+    mask = 0;
+    const auto put = [&](double x, unsigned shift) {
+      const auto whole = static_cast<std::int16_t>(std::lround(x * 32767.0));
+      mask |= static_cast<std::uint64_t>(static_cast<std::uint16_t>(whole)) << shift;
+    };
+    for (unsigned a = 0; a < 3; ++a) put(across[a], 16 * a);
+    put(std::clamp(off / kBrickReach, -1.0, 1.0), 48);
+  }
+  /// Distances at the nodes, voxels: cut off at kBrickReach, rounded to kBrickUnit.
+  void put(const std::array<float, kBrickCoefficients>& at_nodes) noexcept {
+    constexpr auto kLargest = static_cast<float>(kBrickReach);
+    for (std::size_t i = 0; i < at_nodes.size(); ++i) {
+      const float units = std::clamp(at_nodes[i], -kLargest, kLargest) / kBrickUnit;
+      distance[i] = static_cast<std::int16_t>(units + (units < 0.0f ? -0.5f : 0.5f));
+    }
+  }
+  void set(std::uint16_t piece, Joint joint) noexcept {
+    tag = static_cast<std::uint16_t>(piece | static_cast<unsigned>(joint) << kPieceBits);
+  }
 };
+/// Layers of the sheet whose first brick this is.
+[[nodiscard]] inline std::uint32_t layers_from(const Brick* first) noexcept {
+  std::uint32_t count = 1;
+  for (; first->joint() != Joint::kLast; ++first) ++count;
+  return count;
+}
 
 /// Places of a closed piece that decide, by majority, which of its sides is free.
 inline constexpr std::size_t kPieceSamples = 5;

@@ -6,7 +6,9 @@
 #include <utility>
 
 #include "toolkit/core/lanes.h"
+#include "toolkit/smooth/layers.h"
 #include "toolkit/smooth/newton_step.h"
+#include "toolkit/smooth/voxel.h"
 
 namespace palpate::render {
 namespace {
@@ -19,6 +21,8 @@ constexpr int kQuickSteps = 3;
 /// A step of more than so many voxels is not trusted.
 constexpr double kLongestStep = 1.0;
 constexpr double kShortestStep = 1e-4;
+/// Over a crease the step goes on by this share of it, at most: with its lift that is less than the whole.
+constexpr double kOverCrease = 0.7;
 /// Distances may grow by rounding: single-precision distances of some voxels are right to 1e-6 voxels.
 constexpr double kNoFarther = 1.0 + 1e-6, kRounding = 4e-6;
 /// The HIP is out once it is above the surface by more than the surface is known to.
@@ -44,36 +48,8 @@ constexpr double kClearOf = 0.05, kClearOfMost = 0.8;
 /// HIPs farther off cannot be counted in cubes.
 constexpr double kFar = 1e8;
 
-std::uint64_t mask_bit(const BrickPlace& at) noexcept {
-  return std::uint64_t{1} << ((at.cell[0] * kBrickCells + at.cell[1]) * kBrickCells + at.cell[2]);
-}
-
-/// The voxel that a place lies in: its cube and its cell there are bits of one number.
-using Voxel = BrickGrid::Coordinate;
-static_assert(kBrickCells == 1 << 2);
-Voxel voxel_of(const Vec3& at) noexcept {
-  Voxel out;
-  for (std::size_t a = 0; a < 3; ++a) {
-    const double x = at[static_cast<Eigen::Index>(a)];
-    const auto whole = static_cast<std::int32_t>(x);
-    out[a] = whole - static_cast<std::int32_t>(static_cast<double>(whole) > x);
-  }
-  return out;
-}
-BrickGrid::Coordinate cube_around(const Voxel& v) noexcept {
-  return {v[0] >> 2, v[1] >> 2, v[2] >> 2};
-}
-bool is_in(const Voxel& v, const BrickGrid::Coordinate& cube) noexcept {
-  return (((v[0] >> 2) ^ cube[0]) | ((v[1] >> 2) ^ cube[1]) | ((v[2] >> 2) ^ cube[2])) == 0;
-}
-/// In the brick of its cube.
-BrickPlace place_in_voxel(const Voxel& v, const Vec3& at) noexcept {
-  return {
-      {v[0] & 3, v[1] & 3, v[2] & 3},
-      {static_cast<float>(at[0] - v[0]), static_cast<float>(at[1] - v[1]), static_cast<float>(at[2] - v[2])}};
-}
-std::uint64_t mask_bit_of(const Voxel& v) noexcept {
-  return std::uint64_t{1} << ((v[0] & 3) << 4 | (v[1] & 3) << 2 | (v[2] & 3));
+bool is_creased(const Brick& first) noexcept {
+  return first.joint() == Joint::kRidge || first.joint() == Joint::kValley;
 }
 
 }  // namespace
@@ -100,32 +76,40 @@ SmoothContact::Cube SmoothContact::cube_of(const Vec3& at) noexcept {
 bool SmoothContact::look(const Vec3& at, Cube& cube, std::uint32_t& brick, float& side,
                          Jet& jet) const noexcept {
   const Voxel voxel = voxel_of(at);
+  const Brick& here = grid_->bricks[brick];
+  const bool layered = here.joint() != Joint::kLast;
   if (is_in(voxel, cube)) {
-    jet = spline_jet(grid_->bricks[brick], place_in_voxel(voxel, at));
+    jet =
+        layered ? layers_jet(&here, place_in_voxel(voxel, at)) : spline_jet(here, place_in_voxel(voxel, at));
     return true;
   }
   const Cube to = cube_around(voxel);
-  if (change_brick(at, to, cube, brick, side, jet)) return true;
+  // Beside a crease the normal there may be another than that of the god object.
+  const Vec3 normal =
+      layered ? layers_jet(&here, place_in(cube, at)).gradient.cast<double>().normalized() : normal_;
+  if (change_brick(at, to, normal, cube, brick, side, jet)) return true;
   // Bricks differ by the rounding of their coefficients: a surface along a wall may be on its other side.
   const Vec3 in(at - Vec3(cube[0], cube[1], cube[2]) * kBrickCells - Vec3::Constant(0.5 * kBrickCells));
   if (in.cwiseAbs().maxCoeff() > 0.5 * kBrickCells + kBeyondWall) return false;
-  jet = spline_jet(grid_->bricks[brick], place_in(cube, at));
+  jet = layers_jet(&here, place_in(cube, at));
   return true;
 }
 
-bool SmoothContact::change_brick(const Vec3& at, const Cube& to, Cube& cube, std::uint32_t& brick,
-                                 float& side, Jet& jet) const noexcept {
+bool SmoothContact::change_brick(const Vec3& at, const Cube& to, const Vec3& normal, Cube& cube,
+                                 std::uint32_t& brick, float& side, Jet& jet) const noexcept {
   const std::uint32_t cell = grid_->cell_at(to);
   if (cell == CellTable::kNone) return false;
   const BrickPlace place = place_in(to, at);
   const std::uint32_t begin = grid_->first[cell],
                       end = std::min(grid_->first[cell + 1], begin + kMaxSmoothSheets);
   float least = std::numeric_limits<float>::infinity();
-  for (std::uint32_t b = begin; b < end; ++b) {
-    const Jet found = spline_jet(grid_->bricks[b], place);
+  for (std::uint32_t b = begin; b < end; b += layers_from(&grid_->bricks[b])) {
+    const Brick& first = grid_->bricks[b];
+    const Jet found =
+        first.joint() == Joint::kLast ? spline_jet(first, place) : layers_jet_along(&first, place, normal);
     const double size = static_cast<double>(found.gradient.norm());
     if (!(size > 0.0)) continue;
-    const double agreed = normal_.dot(found.gradient.cast<double>()) / size;
+    const double agreed = normal.dot(found.gradient.cast<double>()) / size;
     const float off = std::abs(found.value);
     if (!(off < (agreed > kSameNormal ? kSameSheet : agreed < -kSameNormal ? kSeam : 0.0f)) || !(off < least))
       continue;
@@ -160,6 +144,17 @@ bool SmoothContact::update(const Vec3& h_mm, FrameCounters& counters) noexcept {
   return update_slowly(h, counters);
 }
 
+/// From a place that was looked at.
+[[gnu::always_inline]] inline NewtonStep SmoothContact::step_from(const Jet& jet, const Vec3& at,
+                                                                  const Vec3& h, const Cube& cube,
+                                                                  std::uint32_t brick, float side,
+                                                                  double longest) const noexcept {
+  const Brick& first = grid_->bricks[brick];
+  if (first.joint() == Joint::kLast) return newton_step(jet, h - at, longest, !without_.hessian);
+  return layers_step(&first, place_in(cube, at), h - at, static_cast<double>(side), longest,
+                     !without_.hessian);
+}
+
 /// In contact, the way nearly all frames go: the god object goes on as it went, and a Newton step or two mend
 /// it. False, with nothing changed, where that does not bring it nearer, or the HIP came out.
 [[gnu::always_inline]] inline bool SmoothContact::follow(const Vec3& h) noexcept {
@@ -170,7 +165,7 @@ bool SmoothContact::update(const Vec3& h_mm, FrameCounters& counters) noexcept {
   Jet jet;
   for (int i = 0; i < kQuickSteps; ++i) {
     if (!look(at, cube, brick, side, jet)) return false;
-    const NewtonStep s = newton_step(jet, h - at, kLongestStep, !without_.hessian);
+    const NewtonStep s = step_from(jet, at, h, cube, brick, side, kLongestStep);
     at += s.along + s.normal * s.lift;
     const double length_sq = s.along.squaredNorm() + s.lift * s.lift;
     if (!(length_sq < kSettled * kSettled)) continue;
@@ -211,7 +206,7 @@ SmoothContact::Stay SmoothContact::descend(const Vec3& h, int& steps, FrameCount
   if (!look(god_, cube_, brick_, side_, jet)) return Stay::kPastBorder;
   double longest = kLongestStep;
   while (steps > 0) {
-    const NewtonStep s = newton_step(jet, h - god_, longest, !without_.hessian);
+    const NewtonStep s = step_from(jet, god_, h, cube_, brick_, side_, longest);
     normal_ = s.normal;
     if (without_.settling && (h - god_).dot(s.normal) * static_cast<double>(side_) > kOut) return Stay::kOut;
     if (s.along.squaredNorm() < kSettled * kSettled && std::abs(s.lift) < kSettled) {
@@ -226,7 +221,7 @@ SmoothContact::Stay SmoothContact::descend(const Vec3& h, int& steps, FrameCount
     std::uint32_t brick = brick_;
     float side = side_;
     Jet there;
-    bool on = false;
+    bool on = false, over = false;
     for (int back = 0; back < 3 && steps > 0; ++back) {
       --steps;
       ++counters.walk_steps;
@@ -235,7 +230,14 @@ SmoothContact::Stay SmoothContact::descend(const Vec3& h, int& steps, FrameCount
       if (!(size_sq > 0.0)) break;
       on = true;
       if (static_cast<double>(there.value * there.value) < kOnSurface * kOnSurface * size_sq) break;
-      const Vec3 lift = there.gradient.cast<double>() * (-static_cast<double>(there.value) / size_sq);
+      Vec3 lift = there.gradient.cast<double>() * (-static_cast<double>(there.value) / size_sq);
+      if (is_creased(grid_->bricks[brick])) {
+        // Beyond a crease the step goes on along the next face, or it would come back to the crease.
+        over = over || back == 0;
+        const NewtonStep on_to =
+            step_from(there, at, back == 0 ? h : at, cube, brick, side, kOverCrease * longest);
+        lift = on_to.along + on_to.normal * on_to.lift;
+      }
       if (lift.squaredNorm() > kLongestStep * kLongestStep) {
         on = false;
         break;
@@ -250,7 +252,7 @@ SmoothContact::Stay SmoothContact::descend(const Vec3& h, int& steps, FrameCount
       continue;
     }
     const double before = (h - god_).norm(), after = (h - at).norm();
-    if (after > before * kNoFarther + kRounding) {
+    if (after > (over ? before : before * kNoFarther + kRounding)) {
       longest = 0.25 * std::min(longest, s.along.norm());
       if (longest < kShortestStep) {
         moved_ = Vec3::Zero();
@@ -377,7 +379,7 @@ bool SmoothContact::find_entry(const Vec3& h, int& values, FrameCounters& counte
           moved_ = Vec3::Zero();
           cube_ = cube;
           // Which sheet goes on across a wall is told by it: it must not be that of an earlier contact.
-          const Jet jet = spline_jet(grid_->bricks[brick_], place_in(cube, god_));
+          const Jet jet = layers_jet(&grid_->bricks[brick_], place_in(cube, god_));
           normal_ = jet.gradient.cast<double>().normalized();
           return true;
         }
@@ -425,13 +427,15 @@ bool SmoothContact::enter_in(const Cube& cube, std::uint32_t cell, const Vec3& f
   const double per = length > 0.0 ? 1.0 / length : 0.0;
   bool found = false;
   at = end;
-  for (std::uint32_t b = first; b < past; ++b) {
+  for (std::uint32_t b = first; b < past; b += layers_from(&grid_->bricks[b])) {
     const Brick& brick = grid_->bricks[b];
-    if (piece != 0 && brick.piece != piece) continue;
-    const float allowed = free_side_[brick.piece];
+    if (piece != 0 && brick.piece() != piece) continue;
+    const float allowed = free_side_[brick.piece()];
+    const bool layered = brick.joint() != Joint::kLast;
     const auto value = [&](double t) noexcept {
       --values;
-      return static_cast<double>(spline_value(brick, place_in(cube, from + way * t)));
+      const BrickPlace place = place_in(cube, from + way * t);
+      return static_cast<double>(layered ? layers_value(&brick, place) : spline_value(brick, place));
     };
     double low = std::max(begin - kOverlap * per, 0.0), f = value(low);
     while (low < at && values > 0) {
@@ -484,9 +488,9 @@ void SmoothContact::note_free(const Vec3& h) noexcept {
   if (cell != CellTable::kNone) {
     const std::uint32_t first = grid_->first[cell],
                         past = std::min(grid_->first[cell + 1], first + kMaxSmoothSheets);
-    for (std::uint32_t b = first; b < past; ++b)
+    for (std::uint32_t b = first; b < past; b += layers_from(&grid_->bricks[b]))
       clear = std::min(
-          clear, kMarch * std::abs(static_cast<double>(spline_value(grid_->bricks[b], place_in(cube, h)))));
+          clear, kMarch * std::abs(static_cast<double>(layers_value(&grid_->bricks[b], place_in(cube, h)))));
   }
   looked_at_ = h;
   clear_ = clear;

@@ -8,13 +8,15 @@
 
 #include "toolkit/core/lanes.h"
 #include "toolkit/render/renderer.h"
+#include "toolkit/smooth/newton_step.h"
 #include "toolkit/smooth/smooth_without.h"
 #include "toolkit/smooth/spline.h"
 
 namespace palpate::render {
 
-/// Bounds of one frame's work: evaluations of the spline (16 rows each) in contact and along the HIP's
-/// segment, cubes that the segment goes through, bricks looked at in one cube, entries.
+/// Bounds of one frame's work: evaluations of a sheet in contact and along the HIP's segment (of the spline,
+/// 16 rows each, one for each layer of the sheet, kMostLayers at most), cubes that the segment goes through,
+/// bricks at which a sheet looked at in one cube begins, entries.
 inline constexpr int kMaxNewtonSteps = 24;
 inline constexpr int kMaxSegmentValues = 256;
 inline constexpr int kMaxSegmentCubes = 64;
@@ -66,8 +68,11 @@ class SmoothContact {
   /// The brick and jet at a place of the surface held; false where it has none.
   [[nodiscard]] bool look(const Vec3& at, Cube& cube, std::uint32_t& brick, float& side,
                           Jet& jet) const noexcept;
-  [[nodiscard]] bool change_brick(const Vec3& at, const Cube& to, Cube& cube, std::uint32_t& brick,
-                                  float& side, Jet& jet) const noexcept;
+  /// `normal`: of the sheet that is to go on.
+  [[nodiscard]] bool change_brick(const Vec3& at, const Cube& to, const Vec3& normal, Cube& cube,
+                                  std::uint32_t& brick, float& side, Jet& jet) const noexcept;
+  [[nodiscard]] NewtonStep step_from(const Jet& jet, const Vec3& at, const Vec3& h, const Cube& cube,
+                                     std::uint32_t brick, float side, double longest) const noexcept;
   [[nodiscard]] bool follow(const Vec3& h) noexcept;
   [[nodiscard]] bool follow_wide(const Vec3& h) noexcept;
   [[nodiscard]] bool follow_quickly(const Vec3& h) noexcept;

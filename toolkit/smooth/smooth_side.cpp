@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "toolkit/smooth/layers.h"
 #include "toolkit/smooth/smooth_contact.h"
 
 namespace palpate::render {
@@ -24,9 +25,9 @@ bool SmoothContact::is_on(const Vec3& h, std::uint16_t piece) const noexcept {
   const std::uint32_t cell = grid_->cell_at(cube);
   if (cell == CellTable::kNone) return false;
   const std::uint32_t past = std::min(grid_->first[cell + 1], grid_->first[cell] + kMaxSmoothSheets);
-  for (std::uint32_t b = grid_->first[cell]; b < past; ++b)
-    if (grid_->bricks[b].piece == piece &&
-        std::abs(spline_value(grid_->bricks[b], place_in(cube, h))) < kInDoubt)
+  for (std::uint32_t b = grid_->first[cell]; b < past; b += layers_from(&grid_->bricks[b]))
+    if (grid_->bricks[b].piece() == piece &&
+        std::abs(layers_value(&grid_->bricks[b], place_in(cube, h))) < kInDoubt)
       return true;
   return false;
 }

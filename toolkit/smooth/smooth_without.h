@@ -18,6 +18,8 @@ struct SmoothWithout {
   bool sheets = false;      ///< all patches of a cube are one sheet
   bool trust = false;       ///< patches count alike, however well they are known
   bool blend = false;       ///< at each node the patch that counts most, alone
+  bool layers = false;      ///< faces that meet in a crease are joined before the spline, which rounds it
+  bool seams = false;       ///< a step of curvature is blended as everything else
   bool sharpening = false;  ///< what the spline blurs stays blurred
   bool borders = false;     ///< surface where no points are around
   bool enclosure = false;   ///< closed pieces with holes are felt from both sides

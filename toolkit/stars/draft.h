@@ -40,13 +40,14 @@ struct alignas(64) Star {
   [[nodiscard]] std::uint32_t previous(std::uint32_t k) const noexcept { return k == 0 ? size - 1 : k - 1; }
   [[nodiscard]] bool has_sector(std::uint32_t k) const noexcept { return (open >> k & 1u) == 0; }
   [[nodiscard]] bool is_agreed(std::uint32_t k) const noexcept { return (agreed >> k & 1u) != 0; }
+  [[nodiscard]] bool has_sectors() const noexcept { return open != (1u << size) - 1u; }
+  [[nodiscard]] bool has_agreed_all() const noexcept { return agreed == (1u << size) - 1u; }
   [[nodiscard]] std::uint32_t sectors() const noexcept { return size - bits_of(open); }
   [[nodiscard]] std::uint32_t agreements() const noexcept { return bits_of(agreed); }
   /// Where the point stands in the ring, or size.
   [[nodiscard]] std::uint32_t find(std::uint32_t b) const noexcept {
     for (std::uint32_t first = 0; first < size; first += kFound) {
-      unsigned same = 0;
-      for (std::uint32_t k = 0; k < kFound; ++k) same |= static_cast<unsigned>(ring[first + k] == b) << k;
+      const unsigned same = same_in(first, b);
       if (same == 0) continue;
       const std::uint32_t k = first + static_cast<std::uint32_t>(__builtin_ctz(same));
       return k < size ? k : size;
@@ -60,7 +61,7 @@ struct alignas(64) Star {
     const std::uint32_t before = previous(k);
     return ring[before] == c && has_sector(before);
   }
-  [[nodiscard]] bool closed_and_agreed() const noexcept { return size >= 3 && agreed == (1u << size) - 1u; }
+  [[nodiscard]] bool closed_and_agreed() const noexcept { return size >= 3 && has_agreed_all(); }
 
  private:
   static constexpr std::uint32_t kFound = 8;  ///< ring points compared at once
@@ -89,16 +90,16 @@ struct alignas(64) Star {
 struct Draft {
   int threads = 0;
   StarsWithout without;
-  /// With, as weight, what settles lattices: see make_stars.cpp.
-  std::vector<Placed> point;
-  std::vector<Near> near;              ///< nearest first, unused places the point's own index
+  /// With, as weight, what settles lattices: see find_near.cpp.
+  UnsetVector<Placed> point;
+  UnsetVector<Near> near;              ///< nearest first, unused places the point's own index
   std::vector<Vec3f> normal;           ///< unit, either sign; zero where there is none
   std::vector<std::uint8_t> welded;    ///< 1: another point stands (nearly) there, it has no star
   std::vector<std::uint8_t> sparse;    ///< 1: `near` are the nearest in each direction, others lie between
   std::vector<std::uint8_t> rough;     ///< 1: its star is flat, see Layout
   std::vector<std::uint8_t> crossed;   ///< 1: another sheet goes through this one here
   std::vector<std::uint8_t> doubtful;  ///< 1: not all that meet in its star agreed, see fill_gaps()
-  std::vector<Star> star;
+  UnsetVector<Star> star;
 
   [[nodiscard]] std::size_t size() const noexcept { return point.size(); }
   [[nodiscard]] Vec3 at(std::uint32_t i) const noexcept { return point[i].at(); }

@@ -16,6 +16,9 @@ enum class Feature : std::uint8_t { kInside, kEdge0, kEdge1, kEdge2, kCorner0, k
 [[nodiscard]] inline bool is_edge(Feature f) noexcept {
   return f >= Feature::kEdge0 && f <= Feature::kEdge2;
 }
+[[nodiscard]] constexpr Feature edge_number(std::uint32_t k) noexcept {
+  return static_cast<Feature>(static_cast<std::uint32_t>(Feature::kEdge0) + k);
+}
 /// Of an edge or corner.
 [[nodiscard]] inline std::uint32_t number_of(Feature f) noexcept {
   const auto n = static_cast<std::uint32_t>(f);
@@ -96,13 +99,26 @@ struct Facet {
   return {mesh, a, c, b};
 }
 
+/// Where a distance is a denormal number its product with a normal may vanish, and with it the side. Products
+/// that are zero are formed anew, so many times as large: 2^-1074, the least distance there is, becomes
+/// 2^-568, whose product with a normal of single precision, 2^-298 at least, counts; and coordinates of
+/// single precision, 2^129 at most, and their normals stay finite.
+inline constexpr double kOutOfDenormals = 0x1p506;
+/// The height of r over a plane of normal n, for its sign alone.
+[[nodiscard]] inline double side_over(const Vec3& n, const Vec3& r) noexcept {
+  const double height = n.dot(r);
+  return height != 0.0 ? height : n.dot(kOutOfDenormals * r);
+}
+
 /// The four numbers that tell whether a HIP still has its foot in a facet and is behind it, all of them
-/// linear: the corners' weights and the height over the plane on the touched side. Two lanes a register.
+/// linear: the corners' weights and the height over the plane on the touched side. They
+/// are as many times too large as the facet's normal is long, the weights twice so: whether a foot is in the
+/// next facet is then known before any division is done.
 class FacetFrame {
  public:
   struct Weights {
-    std::array<double, 3> corner;
-    double height;  ///< mm
+    std::array<double, 3> corner;  ///< times the square of the normal's length
+    double height;                 ///< times the normal's length
     /// Behind the facet, with the foot inside it.
     [[nodiscard]] bool hold() const noexcept {
       return (static_cast<int>(corner[0] >= 0.0) & static_cast<int>(corner[1] >= 0.0) &
@@ -111,52 +127,68 @@ class FacetFrame {
     /// Behind the facet, with the foot beyond one edge alone: the corner across from that edge, else 3. The
     /// nearest point of the facet is then on that edge.
     [[nodiscard]] std::uint32_t beyond() const noexcept {
-      const unsigned below = static_cast<unsigned>(corner[0] < 0.0) |
-                             static_cast<unsigned>(corner[1] < 0.0) << 1 |
-                             static_cast<unsigned>(corner[2] < 0.0) << 2;
-      constexpr std::array<std::uint32_t, 8> kOnly = {3, 0, 1, 3, 2, 3, 3, 3};
-      return height < 0.0 ? kOnly[below] : 3;
+      // Two bits for each of the eight ways to be below: 3, 0, 1, 3, 2, 3, 3, 3.
+      constexpr std::uint32_t kOnly = 0b11'11'11'10'11'01'00'11;
+      return height < 0.0 ? kOnly >> 2 * below() & 3u : 3;
+    }
+    /// Behind the facet, with the foot beyond two edges: the corner across from the one that it is farther
+    /// beyond, as a share of the facet's height there; else 3.
+    [[nodiscard]] std::uint32_t farther_beyond() const noexcept {
+      const unsigned two = below();
+      if (!(height < 0.0) || (two & (two - 1)) == 0) return 3;
+      const std::uint32_t least = corner[1] < corner[0] ? 1 : 0;
+      return corner[2] < corner[least] ? 2 : least;
+    }
+
+   private:
+    [[nodiscard]] unsigned below() const noexcept {
+      return static_cast<unsigned>(corner[0] < 0.0) | static_cast<unsigned>(corner[1] < 0.0) << 1 |
+             static_cast<unsigned>(corner[2] < 0.0) << 2;
     }
   };
 
   FacetFrame() = default;
   /// `side`: 1 where the outer side is touched, -1 where the inner one is. A facet without area holds
   /// nothing.
-  FacetFrame(const Facet& facet, double side) noexcept;
+  FacetFrame(const Facet& facet, double side) noexcept
+      : FacetFrame(facet.corner[0], facet.corner[1], facet.corner[2], side) {}
+  FacetFrame(const Vec3& a, const Vec3& b, const Vec3& c, double side) noexcept;
 
   [[nodiscard]] Weights at(const Vec3& h) const noexcept {
-    const Vec3 r = h - origin_;
-    const Two x = {r.x(), r.x()}, y = {r.y(), r.y()}, z = {r.z(), r.z()};
-    const Two first = first_[0] * x + first_[1] * y + first_[2] * z + first_[3];
-    const Two second = second_[0] * x + second_[1] * y + second_[2] * z;
-    return {{first[0], first[1], second[0]}, second[1]};
+    const double x = h.x() - origin_.x(), y = h.y() - origin_.y(), z = h.z() - origin_.z();
+    const Two w = gradient_[0] * x + gradient_[1] * y + gradient_[2] * z;
+    return {{square_ - w[0] - w[1], w[0], w[1]}, normal_.x() * x + normal_.y() * y + normal_.z() * z};
   }
-  /// Unit, towards the touched side; zero for a facet without area.
+  /// The height of h, for its sign alone.
+  [[nodiscard]] double side_of(const Vec3& h) const noexcept { return side_over(normal_, h - origin_); }
+  /// Towards the touched side, twice the facet's area long.
   [[nodiscard]] const Vec3& normal() const noexcept { return normal_; }
+  /// From a place to its foot on the plane, mm; of a facet with an area.
+  [[nodiscard]] Vec3 pull(const Weights& weights) const noexcept {
+    return normal_ * (-weights.height * per_square_);
+  }
 
  private:
   using Two = double __attribute__((vector_size(16)));
-  std::array<Two, 4> first_{};   ///< weights of corners 0 and 1: x, y, z, constant
-  std::array<Two, 3> second_{};  ///< weight of corner 2, and the height
-  Vec3 origin_ = Vec3::Zero();   ///< corner 0
-  Vec3 normal_ = Vec3::Zero();
+  std::array<Two, 3> gradient_{};  ///< x, y and z, of the weights of corners 1 and 2
+  Vec3 origin_ = Vec3::Zero();     ///< corner 0
+  Vec3 normal_ = Vec3::Zero();     ///< towards the touched side
+  double square_ = 0.0;            ///< of its length, the sum of all weights
+  double per_square_ = 0.0;
 };
 
-inline FacetFrame::FacetFrame(const Facet& f, double side) noexcept : origin_(f.corner[0]) {
-  const Vec3 ab = f.corner[1] - f.corner[0], ac = f.corner[2] - f.corner[0];
+inline FacetFrame::FacetFrame(const Vec3& a, const Vec3& b, const Vec3& c, double side) noexcept
+    : origin_(a) {
+  const Vec3 ab = b - a, ac = c - a;
   const Vec3 n = ab.cross(ac);
   const double square = n.squaredNorm();
   if (!(square > 0.0)) return;
-  // Gradients of the weights of corners 1 and 2.
-  const double per_square = 1.0 / square;
-  const Vec3 g1 = ac.cross(n) * per_square, g2 = n.cross(ab) * per_square;
-  normal_ = n * (side * std::sqrt(per_square));
-  for (int axis = 0; axis < 3; ++axis) {
-    const auto i = static_cast<std::size_t>(axis);
-    first_[i] = Two{-(g1[axis] + g2[axis]), g1[axis]};
-    second_[i] = Two{g2[axis], normal_[axis]};
-  }
-  first_[3] = Two{1.0, 0.0};
+  // Both sides of the facet that meet in corner 0, side by side: n goes round each the other way.
+  const Two x = {ac.x(), -ab.x()}, y = {ac.y(), -ab.y()}, z = {ac.z(), -ab.z()};
+  gradient_ = {y * n.z() - z * n.y(), z * n.x() - x * n.z(), x * n.y() - y * n.x()};
+  normal_ = side * n;
+  square_ = square;
+  per_square_ = 1.0 / square;
 }
 
 }  // namespace palpate::stars

@@ -6,6 +6,8 @@
 #include <numeric>
 #include <utility>
 
+#include "toolkit/core/parallel.h"
+
 namespace palpate::stars {
 namespace {
 
@@ -99,13 +101,26 @@ class Link {
 
 class Filler {
  public:
-  explicit Filler(Draft& draft) : draft_(draft), link_of_(draft.size(), kNoPoint) {
-    draft.doubtful.assign(draft.size(), 0);
-    for (std::uint32_t i = 0; i < draft.size(); ++i) {
-      const Star& star = draft.star[i];
-      if (draft.welded[i] != 0 || star.closed_and_agreed()) continue;
-      draft.doubtful[i] = 1;
-      add_link(i);
+  explicit Filler(Draft& draft) : draft_(draft), link_of_(draft.size()) {
+    draft.doubtful.resize(draft.size());
+    struct Part {
+      std::vector<std::uint32_t> doubtful;
+      bool any_rough = false;
+    };
+    std::vector<Part> parts((draft.size() + kPointsPerChunk - 1) / kPointsPerChunk);
+    parallel_chunks(draft.size(), kPointsPerChunk, draft.threads, [&](std::size_t begin, std::size_t end) {
+      Part& part = parts[begin / kPointsPerChunk];
+      for (std::size_t i = begin; i < end; ++i) {
+        link_of_[i] = kNoPoint;
+        part.any_rough = part.any_rough || draft.rough[i] != 0;
+        const bool doubtful = draft.welded[i] == 0 && !draft.star[i].closed_and_agreed();
+        draft.doubtful[i] = static_cast<std::uint8_t>(doubtful);
+        if (doubtful) part.doubtful.push_back(static_cast<std::uint32_t>(i));
+      }
+    });
+    for (const Part& part : parts) {
+      any_rough_ = any_rough_ || part.any_rough;
+      for (const std::uint32_t i : part.doubtful) add_link(i);
     }
   }
 
@@ -264,8 +279,10 @@ class Filler {
   }
 
   /// The loop of open edges that begins with start -> first, around the hole; empty where it is long, or goes
-  /// through a point where fans meet.
-  std::vector<std::uint32_t> loop_from(std::uint32_t start, std::uint32_t first) {
+  /// through a point where fans meet. Of a loop that is long for all of its points, whatever noise is around
+  /// them, those passed are marked in `long_loop`, by link.
+  std::vector<std::uint32_t> loop_from(std::uint32_t start, std::uint32_t first,
+                                       std::vector<std::uint8_t>& long_loop) {
     std::vector<std::uint32_t> loop = {start};
     std::uint32_t from = start, at = first;
     std::size_t rough = draft_.rough[start];
@@ -275,7 +292,12 @@ class Filler {
       const std::size_t most = draft_.without.borders    ? draft_.size()
                                : 2 * rough > loop.size() ? kMaxRoughLoop
                                                          : kMaxLoop;
-      if (loop.size() >= most || !has_link(at) || link(at).chains() != 1) return {};
+      if (loop.size() >= most) {
+        if (!any_rough_)
+          for (const std::uint32_t i : loop) long_loop[link_of_[i]] = 1;
+        return {};
+      }
+      if (!has_link(at) || link(at).chains() != 1) return {};
       loop.push_back(at);
       const std::uint32_t next = link(at).other_end(from);
       from = at;
@@ -285,13 +307,14 @@ class Filler {
   }
   std::size_t fill_loops(bool flat) {
     std::size_t filled = 0;
+    std::vector<std::uint8_t> long_loop(points_.size(), 0);
     for (std::size_t l = 0; l < points_.size(); ++l) {
       const std::uint32_t i = points_[l];
-      if (link(i).edges.empty() || link(i).chains() != 1) continue;
+      if (long_loop[l] != 0 || link(i).edges.empty() || link(i).chains() != 1) continue;
       for (const Pair& e : link(i).edges)
         for (const std::uint32_t b : e)
           if (link(i).degree(b) == 1) {
-            filled += fill(loop_from(i, b), flat);
+            filled += fill(loop_from(i, b, long_loop), flat);
             goto next_point;  // its edges have changed
           }
     next_point:;
@@ -387,9 +410,10 @@ class Filler {
   }
 
   Draft& draft_;
-  std::vector<std::uint32_t> link_of_;
+  UnsetVector<std::uint32_t> link_of_;
   std::vector<std::uint32_t> points_;
   std::vector<Link> links_;
+  bool any_rough_ = false;
 };
 
 }  // namespace

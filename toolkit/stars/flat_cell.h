@@ -55,6 +55,7 @@ class FlatCell {
   [[nodiscard]] double reach_sq() const noexcept { return reach_sq_; }
 
  private:
+  friend class WideCell;
   struct Corner {
     double u, v;
   };

@@ -1,199 +1,28 @@
-#include <algorithm>
-#include <atomic>
+#include <array>
 #include <bit>
 #include <cmath>
+#include <optional>
 
-#include "toolkit/core/hash.h"
 #include "toolkit/core/parallel.h"
 #include "toolkit/stars/draft.h"
-#include "toolkit/stars/near_places.h"
-#include "toolkit/surface/least_direction.h"
+#include "toolkit/stars/wide_cell.h"
+#include "toolkit/stars/wide_near.h"
 
 namespace palpate::stars {
 namespace {
 
-/// Points nearer to one another than this share of the distance to the fourth neighbour are one: a facet
-/// between them would have a direction of noise alone.
-constexpr float kWeldShare = 0.02F;
-constexpr std::size_t kScaleRank = 3;  ///< the fourth neighbour
-/// Four points of a lattice lie on one circle, and each of them lays them out a little differently. Weights
-/// by chance, the same for all that look, of up to this share of the square of the spacing settle which
-/// diagonal it is.
-constexpr float kTieShare = 0.01F;
 /// Rounds in which a cell that reaches beyond the ball of the nearest is cut with the nearest of its
 /// neighbours too.
 constexpr int kWiderRounds = 2;
-/// Points a plane is fitted to: the nearest twelve at first.
-constexpr std::array<std::size_t, 3> kPlaneSizes = {6, 8, 12};
-/// Less than this part of the variance across it is a plane: noise of a quarter of the spacing makes 0.03, a
-/// crease of 90 degrees 0.08, a second sheet a spacing off a fifth.
-constexpr double kPlaneShare = 0.1;
 /// At first a neighbour that rises by more than 37 degrees is left out: another sheet's, a spacing away, is,
 /// and what is left out at a crease is mended afterwards.
 constexpr double kFirstSteepest = 0.6;
 /// And one of a sheet that goes through this one: its plane is turned by more than 60 degrees, and points
 /// that rise less than 9 degrees from this one lie on both sides of it, by a quarter of how far they are.
 constexpr double kTurned = 0.5, kInSheet = 0.15, kBeyond = 0.25;
+constexpr float kSurelyAlong = 0.501F;  ///< in floats: not turned so far
 /// Points a chunk where each takes about a microsecond.
 constexpr std::size_t kStarsPerChunk = 4096;
-
-/// A power of two that grows with the model: as a float's exponent, where it stands in a float's bits.
-std::uint32_t scale_bits(const std::vector<Placed>& points) noexcept {
-  constexpr std::uint32_t kExponent = 0x7F800000u;
-  float most = 0.0F;
-  for (const Placed& p : points)
-    most = std::max({most, std::abs(p.x_mm), std::abs(p.y_mm), std::abs(p.z_mm)});
-  return std::bit_cast<std::uint32_t>(most) & kExponent;
-}
-
-/// Between 0 and 1, of the point's place alone, with exponents counted from the model's: so that a model
-/// twice as large is settled alike.
-float tie_weight(const Placed& p, std::uint32_t scale) noexcept {
-  const auto bits = [scale](float x) {
-    return x == 0.0F ? std::uint64_t{0} : std::uint64_t{std::bit_cast<std::uint32_t>(x) - scale};
-  };
-  std::uint64_t h = bits(p.x_mm) * kGolden64;
-  h = (h ^ (h >> 29) ^ bits(p.y_mm)) * kGolden64;
-  h = (h ^ (h >> 31) ^ bits(p.z_mm)) * kGolden64;
-  return static_cast<float>(h >> 40) * 0x1p-24F;
-}
-
-/// The nearest points of a scan line may all be the line's own: where twelve of them have a second spread of
-/// less than a tenth of the first (a border's have a quarter), these are not enough.
-constexpr double kLineMinors = 0.08;  ///< L1 L2 / (L1 + L2)^2
-/// Then so many are looked at, and of each of eight directions the nearest two taken.
-constexpr std::size_t kWideNear = 128;
-constexpr std::size_t kDirections = 8;
-constexpr std::size_t kOfEachDirection = kNear / kDirections;
-
-/// Sums over offsets from a point.
-struct Moments {
-  Vec3 first = Vec3::Zero();
-  surface::Symmetric second;
-  std::size_t count = 0;
-
-  void add(const Vec3& d) noexcept {
-    first += d;
-    second.xx += d.x() * d.x();
-    second.xy += d.x() * d.y();
-    second.xz += d.x() * d.z();
-    second.yy += d.y() * d.y();
-    second.yz += d.y() * d.z();
-    second.zz += d.z() * d.z();
-    ++count;
-  }
-  /// Of the offsets and of the point itself, times their number.
-  [[nodiscard]] surface::Symmetric covariance() const noexcept {
-    const double share = 1.0 / static_cast<double>(count + 1);
-    const Vec3& m = first;
-    return {second.xx - share * m.x() * m.x(), second.xy - share * m.x() * m.y(),
-            second.xz - share * m.x() * m.z(), second.yy - share * m.y() * m.y(),
-            second.yz - share * m.y() * m.z(), second.zz - share * m.z() * m.z()};
-  }
-};
-
-/// The variance along a direction as a part of all: nothing for points of a plane, a third for a ball.
-double share_along(const surface::Symmetric& c, const Vec3& n) noexcept {
-  const double along = n.x() * (c.xx * n.x() + 2.0 * (c.xy * n.y() + c.xz * n.z())) +
-                       n.y() * (c.yy * n.y() + 2.0 * c.yz * n.z()) + c.zz * n.z() * n.z();
-  return along / c.trace();
-}
-
-/// Where sheets cross or fold: the plane through the point and two of its nearest ten that most of the
-/// nearest lie in, if half of them do; else `otherwise`.
-Vec3 normal_of_most(const Draft& draft, std::uint32_t i, const Vec3& otherwise) noexcept {
-  constexpr std::size_t kSpanning = 10, kEnough = 6;
-  constexpr double kInPlane = 0.08;   // height for distance: 5 degrees
-  constexpr double kLeastSine = 0.3;  // of the angle that spans a plane
-  std::array<Vec3, kNear> at;
-  std::size_t size = 0;
-  for (; size < kNear && draft.near[i][size] != i; ++size)
-    at[size] = draft.at(draft.near[i][size]) - draft.at(i);
-  Vec3 best = otherwise;
-  std::size_t most = kEnough - 1;
-  double least = HUGE_VAL;
-  for (std::size_t a = 0; a < std::min(size, kSpanning); ++a)
-    for (std::size_t b = a + 1; b < std::min(size, kSpanning); ++b) {
-      const Vec3 n = at[a].cross(at[b]);
-      const double square = n.squaredNorm();
-      if (!(square > kLeastSine * kLeastSine * at[a].squaredNorm() * at[b].squaredNorm())) continue;
-      std::size_t in_plane = 0;
-      double off = 0.0;
-      for (std::size_t k = 0; k < size; ++k) {
-        const double height = n.dot(at[k]);
-        const double off_sq = height * height / (square * at[k].squaredNorm());
-        if (!(off_sq < kInPlane * kInPlane)) continue;
-        ++in_plane;
-        off += off_sq;
-      }
-      if (in_plane < most || (in_plane == most && !(off < least)) || in_plane < kEnough) continue;
-      most = in_plane;
-      least = off;
-      best = n / std::sqrt(square);
-    }
-  return best;
-}
-
-/// What the nearest twelve say of the surface at a point.
-struct Surroundings {
-  std::array<surface::Symmetric, kPlaneSizes.size()> covariance;  ///< as kPlaneSizes
-
-  Surroundings(const Draft& draft, std::uint32_t i) noexcept {
-    const Vec3 p = draft.at(i);
-    const Near& near = draft.near[i];
-    Moments moments;
-    std::size_t size = 0;
-    for (std::size_t k = 0; k < kPlaneSizes.size(); ++k) {
-      for (; size < kPlaneSizes[k] && near[size] != i; ++size) moments.add(draft.at(near[size]) - p);
-      covariance[k] = moments.covariance();
-    }
-  }
-  [[nodiscard]] bool is_line() const noexcept {
-    const surface::Symmetric& c = covariance.back();
-    const double trace = c.trace();
-    return c.adjugate().trace() < kLineMinors * trace * trace;
-  }
-  /// Of the nearest twelve; where these are no plane (another sheet's are among them) of fewer, if those are
-  /// more of one.
-  [[nodiscard]] Vec3 normal(const Draft& draft, std::uint32_t i) const noexcept {
-    Vec3 best = Vec3::Zero();
-    double least = HUGE_VAL;
-    for (std::size_t k = covariance.size(); k-- > 0 && !(least < kPlaneShare);) {
-      Vec3 of_these;
-      if (!surface::least_direction(covariance[k], of_these)) continue;
-      const double share = share_along(covariance[k], of_these);
-      if (share < least) {
-        least = share;
-        best = of_these;
-      }
-    }
-    return least < kPlaneShare ? best : normal_of_most(draft, i, best);
-  }
-};
-
-/// The nearest in each direction of the plane of `count` points, sorted by distance.
-void keep_directions(const Draft& draft, std::uint32_t self, std::span<const std::uint32_t> others,
-                     Near& near) {
-  const Vec3 p = draft.at(self);
-  Moments moments;
-  for (const std::uint32_t other : others) moments.add(draft.at(other) - p);
-  Vec3 normal;
-  if (!surface::least_direction(moments.covariance(), normal)) return;
-  const Vec3 e = normal.unitOrthogonal(), f = normal.cross(e);
-  std::array<std::size_t, kDirections> taken{};
-  std::size_t size = 0;
-  for (const std::uint32_t other : others) {
-    const Vec3 d = draft.at(other) - p;
-    const double u = e.dot(d), v = f.dot(d);
-    const std::size_t direction =
-        (u > 0.0 ? 1u : 0u) + (v > 0.0 ? 2u : 0u) + (std::abs(u) > std::abs(v) ? 4u : 0u);
-    if (taken[direction] == kOfEachDirection) continue;
-    ++taken[direction];
-    near[size++] = other;
-    if (size == kNear) break;
-  }
-  for (; size < kNear; ++size) near[size] = self;
-}
 
 /// The neighbours of a point as the cutting sees them.
 class FlatNeighbours {
@@ -236,11 +65,24 @@ class FlatNeighbours {
     const double unfold = std::sqrt(square / in_plane);
     return cell.cut({u * unfold, v * unfold, 0.5 * (square + weights)}, other);
   }
+  /// For cut_four(): of nobody where some of the nearest may be left out.
+  [[nodiscard]] FlatFrame frame() const noexcept {
+    FlatFrame frame = {p_, normal_, e_, f_, weight_, steepest_sq_, near_.data(), 0};
+    const Vec3f n = normal_.cast<float>();
+    unsigned doubtful = flat_ ? 1u : 0u;  // without a branch for each
+    for (; frame.count < kNear && near_[frame.count] != point_; ++frame.count) {
+      const std::uint32_t other = near_[frame.count];
+      const Vec3f& theirs = draft_.normal[other];
+      const float along = n.x() * theirs.x() + n.y() * theirs.y() + n.z() * theirs.z();
+      const unsigned turned = std::abs(along) > kSurelyAlong ? 0u : 1u;
+      doubtful |= draft_.welded[other] | (apart_ ? turned : 0u);
+    }
+    if (doubtful != 0) frame.count = 0;
+    return frame;
+  }
   /// Whether one was left out as on a sheet that crosses.
   [[nodiscard]] bool crossed() const noexcept { return crossed_; }
-  [[nodiscard]] double square(std::uint32_t other) const noexcept {
-    return (draft_.at(other) - p_).squaredNorm();
-  }
+  [[nodiscard]] const Vec3& at() const noexcept { return p_; }
 
  private:
   /// Whether the sheet of `other`, which is at d, goes through this one: it is turned by more than 60
@@ -301,103 +143,82 @@ bool cut_wider(const Draft& draft, std::uint32_t point, FlatNeighbours& flat, do
     if (cell.side(j) != kOpenSide && (far(j) || far(cell.next(j)))) around[count++] = cell.side(j);
   const double most_sq = 4.0 * cell.reach_sq();
   bool changed = false;
-  for (std::size_t a = 0; a < count; ++a)
-    for (const std::uint32_t other : draft.near[around[a]]) {
-      if (other == point) continue;
-      const double square = flat.square(other);
-      if (square > known_sq && square <= most_sq && !cell.has_side(other))
-        changed = flat.cut(cell, other) || changed;
+  for (std::size_t a = 0; a < count; ++a) {
+    const Near& near = draft.near[around[a]];
+    for (unsigned left = places_between(draft.point.data(), near.data(), flat.at(), known_sq, most_sq);
+         left != 0; left &= left - 1) {
+      const std::uint32_t other = near[static_cast<std::size_t>(std::countr_zero(left))];
+      if (other != point && !cell.has_side(other)) changed = flat.cut(cell, other) || changed;
     }
+  }
   return changed;
+}
+
+/// A star that is being laid out.
+class LayingOut {
+ public:
+  LayingOut(const Draft& draft, std::uint32_t point, const Layout& layout)
+      : draft_(draft),
+        point_(point),
+        flat_(draft, point, layout),
+        around_sq_(ball_sq(draft, point)),
+        reach_(reach_per_ball(draft) * std::sqrt(around_sq_)),
+        begun_(reach_ > 0.0 && layout.normal != Vec3::Zero()) {}
+
+  [[nodiscard]] bool has_begun() const noexcept { return begun_; }
+  [[nodiscard]] FlatFrame frame() const noexcept { return begun_ ? flat_.frame() : FlatFrame{}; }
+  void start(FlatCell& cell) const noexcept { cell.start(begun_ ? reach_ : 0.0); }
+  /// The star of a cell that the first `cut` of the nearest were asked for.
+  [[nodiscard]] Star finish(FlatCell& cell, std::size_t cut, std::span<const std::uint32_t> more) noexcept {
+    if (!begun_) return {};
+    const Near& near = draft_.near[point_];
+    for (std::size_t k = cut; k < kNear && near[k] != point_; ++k) flat_.cut(cell, near[k]);
+    for (const std::uint32_t other : more)
+      if (!cell.has_side(other)) flat_.cut(cell, other);
+    const double known_sq = draft_.sparse[point_] != 0 ? 0.0 : around_sq_;
+    for (int round = 0; round < kWiderRounds && 4.0 * cell.reach_sq() > known_sq; ++round)
+      if (!cut_wider(draft_, point_, flat_, known_sq, cell)) break;
+    return star_of(cell, reach_);
+  }
+  [[nodiscard]] bool crossed() const noexcept { return flat_.crossed(); }
+
+ private:
+  const Draft& draft_;
+  std::uint32_t point_;
+  FlatNeighbours flat_;
+  double around_sq_, reach_;
+  bool begun_;
+};
+
+/// The first star of each of up to four points.
+void lay_out_four(Draft& draft, std::span<const std::uint32_t> points) noexcept {
+  const bool apart = !draft.without.crossings;
+  std::array<std::optional<LayingOut>, 4> making;
+  std::array<FlatFrame, 4> frames;
+  std::array<FlatCell, 4> cells;
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    const std::uint32_t i = points[k];
+    making[k].emplace(draft, i, Layout{draft.normal[i].cast<double>(), kFirstSteepest, apart});
+    making[k]->start(cells[k]);
+    frames[k] = making[k]->frame();
+  }
+  const std::array<std::size_t, 4> cut = cut_four(draft.point.data(), frames, cells);
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    draft.star[points[k]] = making[k]->finish(cells[k], cut[k], {});
+    if (making[k]->crossed()) draft.crossed[points[k]] = 1;
+  }
 }
 
 }  // namespace
 
-void find_near(Draft& draft, const std::vector<std::uint8_t>& doubled) {
-  draft.near.resize(draft.size());
-  draft.normal.assign(draft.size(), Vec3f::Zero());
-  find_near_of(draft, doubled, {});
-}
-
-void find_near_of(Draft& draft, const std::vector<std::uint8_t>& doubled,
-                  std::span<const std::uint8_t> wanted) {
-  draft.welded = doubled;
-  draft.sparse.assign(draft.size(), 0);
-  const NearPlaces places(draft.point, doubled, draft.threads);
-  const auto keep = [&draft](std::uint32_t self, const Nearby& nearby) {
-    Near& near = draft.near[self];
-    std::copy_n(nearby.place.begin(), nearby.size, near.begin());
-    std::fill(near.begin() + static_cast<std::ptrdiff_t>(nearby.size), near.end(), self);
-  };
-  std::atomic<bool> any_line = false;
-  const std::uint32_t scale = scale_bits(draft.point);
-  places.run(kNear, wanted, draft.threads, [&](std::uint32_t i, const Nearby& nearby) {
-    keep(i, nearby);
-    if (nearby.size == 0) return;
-    const float scale_sq = nearby.square[std::min(kScaleRank, nearby.size - 1)];
-    draft.point[i].weight = kTieShare * scale_sq * tie_weight(draft.point[i], scale);
-    for (std::size_t k = 0; k < nearby.size && nearby.square[k] <= kWeldShare * kWeldShare * scale_sq; ++k)
-      if (nearby.place[k] < i) draft.welded[i] = 1;
-    const Surroundings around(draft, i);
-    draft.sparse[i] = static_cast<std::uint8_t>(around.is_line());
-    if (draft.sparse[i] != 0)
-      any_line.store(true, std::memory_order_relaxed);
-    else
-      draft.normal[i] = around.normal(draft, i).cast<float>();
-  });
-  if (!any_line.load()) return;
-  places.run(kWideNear, draft.sparse, draft.threads, [&](std::uint32_t i, const Nearby& nearby) {
-    keep_directions(draft, i, {nearby.place.data(), nearby.size}, draft.near[i]);
-    draft.normal[i] = Surroundings(draft, i).normal(draft, i).cast<float>();
-  });
-}
-
-void near_of_stars(Draft& draft) {
-  const std::uint32_t scale = scale_bits(draft.point);
-  parallel_chunks(draft.size(), kStarsPerChunk, draft.threads, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t k = begin; k < end; ++k) {
-      const auto i = static_cast<std::uint32_t>(k);
-      const Star& star = draft.star[i];
-      const std::size_t size = std::min<std::size_t>(star.size, kNear);
-      std::array<std::pair<float, std::uint32_t>, kNear> found;
-      for (std::size_t j = 0; j < size; ++j) {
-        const std::uint32_t other = star.ring[j];
-        found[j] = {static_cast<float>((draft.at(other) - draft.at(i)).squaredNorm()), other};
-      }
-      std::sort(found.begin(), found.begin() + static_cast<std::ptrdiff_t>(size));
-      Near& near = draft.near[i];
-      near.fill(i);
-      for (std::size_t j = 0; j < size; ++j) near[j] = found[j].second;
-      if (size == 0) continue;
-      const float scale_sq = found[std::min(kScaleRank, size - 1)].first;
-      draft.point[i].weight = kTieShare * scale_sq * tie_weight(draft.point[i], scale);
-    }
-  });
-}
-
 Star lay_out(const Draft& draft, std::uint32_t point, const Layout& layout,
              std::span<const std::uint32_t> more, std::uint8_t* crossed) {
-  const double around_sq = ball_sq(draft, point);
-  const double reach = reach_per_ball(draft) * std::sqrt(around_sq);
-  if (!(reach > 0.0) || layout.normal == Vec3::Zero()) return {};
-  FlatNeighbours flat(draft, point, layout);
+  LayingOut making(draft, point, layout);
   FlatCell cell;
-  cell.start(reach);
-  for (const std::uint32_t other : draft.near[point]) {
-    if (other == point) break;
-    flat.cut(cell, other);
-  }
-  for (const std::uint32_t other : more)
-    if (!cell.has_side(other)) flat.cut(cell, other);
-  const double known_sq = draft.sparse[point] != 0 ? 0.0 : around_sq;
-  for (int round = 0; round < kWiderRounds && 4.0 * cell.reach_sq() > known_sq; ++round)
-    if (!cut_wider(draft, point, flat, known_sq, cell)) break;
-  if (crossed != nullptr && flat.crossed()) *crossed = 1;
-  return star_of(cell, reach);
-}
-
-double share_across(const Draft& draft, std::uint32_t point) {
-  return share_along(Surroundings(draft, point).covariance.back(), draft.normal[point].cast<double>());
+  making.start(cell);
+  const Star star = making.finish(cell, 0, more);
+  if (crossed != nullptr && making.crossed()) *crossed = 1;
+  return star;
 }
 
 std::uint32_t agreed_sectors(const Draft& draft, std::uint32_t point, const Star& star) {
@@ -420,20 +241,31 @@ void make_stars(Draft& draft) {
 }
 
 void make_stars_of(Draft& draft, std::span<const std::uint8_t> wanted, std::span<const std::uint8_t> asked) {
-  const bool apart = !draft.without.crossings;
-  const auto those = [&draft](std::span<const std::uint8_t> marked, auto&& use) {
-    parallel_chunks(draft.size(), kStarsPerChunk, draft.threads, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t k = begin; k < end; ++k)
-        if (marked.empty() || marked[k] != 0) use(static_cast<std::uint32_t>(k));
-    });
+  const auto chunks = [&draft](auto&& use) {
+    parallel_chunks(draft.size(), kStarsPerChunk, draft.threads, use);
   };
-  those(wanted, [&](std::uint32_t i) {
-    draft.star[i] = {};
-    if (draft.welded[i] == 0)
-      draft.star[i] =
-          lay_out(draft, i, {draft.normal[i].cast<double>(), kFirstSteepest, apart}, {}, &draft.crossed[i]);
+  chunks([&](std::size_t begin, std::size_t end) {
+    std::array<std::uint32_t, 4> four;
+    std::size_t count = 0;
+    for (std::size_t k = begin; k < end; ++k) {
+      if (!wanted.empty() && wanted[k] == 0) continue;
+      if (draft.welded[k] != 0)
+        draft.star[k] = {};
+      else
+        four[count++] = static_cast<std::uint32_t>(k);
+      if (count < four.size()) continue;
+      lay_out_four(draft, four);
+      count = 0;
+    }
+    lay_out_four(draft, {four.data(), count});
   });
-  those(asked, [&](std::uint32_t i) { draft.star[i].agreed = agreed_sectors(draft, i, draft.star[i]); });
+  chunks([&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      if (!asked.empty() && asked[k] == 0) continue;
+      const auto i = static_cast<std::uint32_t>(k);
+      draft.star[i].agreed = agreed_sectors(draft, i, draft.star[i]);
+    }
+  });
 }
 
 }  // namespace palpate::stars

@@ -24,28 +24,33 @@ constexpr double kRoughSteepest = 0.97;
 /// Of the variance lies across the plane: from what noise of a thirtieth of the spacing makes to twice what
 /// noise of three tenths does. Less is no noise, and more another sheet.
 constexpr double kLeastRough = 0.0005, kMostRough = 0.09;
+/// Who asks what is around it asks each of sixteen: all are asked at once where so many times those that ask
+/// are more than all.
+constexpr std::size_t kAskedEach = 32;
 constexpr std::int32_t kLeastGain = 8 * 17;  ///< agreements around each of the seventeen, summed
 
 class Mender {
  public:
-  explicit Mender(Draft& draft) : draft_(draft), area_(draft.size()), slot_(draft.size(), kNoPoint) {
-    chunks(draft.size(), [&](std::uint32_t i) { area_[i] = area_of(i); });
+  explicit Mender(Draft& draft) : draft_(draft), slot_(draft.size()) {
+    chunks(draft.size(), [&](std::uint32_t i) { slot_[i] = kNoPoint; });
   }
 
   void run() {
-    Points looked_at = all_places();
-    if (!draft_.without.flat) lay_out_rough();
+    doubtful_ = those_of_all([&](std::uint32_t i) { return is_doubtful(i); });
+    if (!draft_.without.flat && lay_out_rough())
+      doubtful_ = those_of_all([&](std::uint32_t i) { return is_doubtful(i); });
     for (const double steepest : kSteepest) {
-      doubtful_ = those(looked_at, [&](std::uint32_t i) { return is_doubtful(i); });
       if (doubtful_.empty()) return;
-      for (std::uint32_t d = 0; d < doubtful_.size(); ++d) slot_[doubtful_[d]] = d;
+      take_areas();
+      number(doubtful_);
       offer();
       const Points changed = lay_out_again(steepest);
-      for (const std::uint32_t i : doubtful_) slot_[i] = kNoPoint;
+      number_no_more(doubtful_);
       agree_again(changed);
-      looked_at = doubtful_;
+      Points looked_at = doubtful_;
       looked_at.insert(looked_at.end(), changed.begin(), changed.end());
       make_unique(looked_at);
+      doubtful_ = those(looked_at, [&](std::uint32_t i) { return is_doubtful(i); });
     }
   }
 
@@ -66,32 +71,44 @@ class Mender {
     std::sort(points.begin(), points.end());
     points.erase(std::unique(points.begin(), points.end()), points.end());
   }
-  [[nodiscard]] Points all_places() const {
-    Points all(draft_.size());
-    std::iota(all.begin(), all.end(), 0u);
-    return all;
-  }
   /// Those of the points that are so, in their order.
   template <class Is>
   [[nodiscard]] Points those(const Points& of, Is&& is) const {
-    std::vector<Points> parts((of.size() + kMendedPerChunk - 1) / kMendedPerChunk);
-    parallel_chunks(of.size(), kMendedPerChunk, draft_.threads, [&](std::size_t begin, std::size_t end) {
+    return those_of(
+        of.size(), [&of](std::size_t k) { return of[k]; }, is);
+  }
+  template <class Is>
+  [[nodiscard]] Points those_of_all(Is&& is) const {
+    return those_of(
+        draft_.size(), [](std::size_t k) { return static_cast<std::uint32_t>(k); }, is);
+  }
+  template <class At, class Is>
+  [[nodiscard]] Points those_of(std::size_t count, At&& at, Is&& is) const {
+    std::vector<Points> parts((count + kMendedPerChunk - 1) / kMendedPerChunk);
+    parallel_chunks(count, kMendedPerChunk, draft_.threads, [&](std::size_t begin, std::size_t end) {
       for (std::size_t k = begin; k < end; ++k)
-        if (is(of[k])) parts[begin / kMendedPerChunk].push_back(of[k]);
+        if (is(at(k))) parts[begin / kMendedPerChunk].push_back(at(k));
     });
     Points out;
     for (const Points& part : parts) out.insert(out.end(), part.begin(), part.end());
     return out;
   }
 
+  /// slot_: where each stands among these.
+  void number(const Points& points) noexcept {
+    for (std::uint32_t k = 0; k < points.size(); ++k) slot_[points[k]] = k;
+  }
+  void number_no_more(const Points& points) noexcept {
+    for (const std::uint32_t i : points) slot_[i] = kNoPoint;
+  }
   [[nodiscard]] bool is_doubtful(std::uint32_t i) const noexcept {
-    return draft_.welded[i] == 0 && draft_.star[i].agreements() < draft_.star[i].size;
+    return draft_.welded[i] == 0 && !draft_.star[i].has_agreed_all();
   }
   /// Only where a star changed can more or less be agreed on.
   void agree_again(const Points& changed) {
     chunks_of(changed, [&](std::uint32_t i) {
       draft_.star[i].agreed = agreed_sectors(draft_, i, draft_.star[i]);
-      area_[i] = area_of(i);
+      if (!area_.empty()) area_[i] = area_of(i);
     });
   }
   void add_star(std::uint32_t i, Points& points) const {
@@ -101,9 +118,10 @@ class Mender {
   }
 
   /// Where most are in doubt: flat stars along smoothed planes, kept where more is agreed around than before.
-  void lay_out_rough() {
+  /// False where there are none.
+  bool lay_out_rough() {
     const Points rough = rough_points();
-    if (rough.empty()) return;
+    if (rough.empty()) return false;
     const std::vector<Vec3f> normal = smooth_normals(rough);
     std::vector<Star> former(rough.size());
     Points changed;
@@ -129,15 +147,20 @@ class Mender {
     agree_again(changed);
     count(1);
     // Of what is around those around: noise covers more than a place.
-    std::vector<std::int32_t> around(draft_.size(), 0);
-    const auto sum = [&](const std::vector<std::int32_t>& of, std::uint32_t i) {
-      std::int32_t all = of[i];
-      for (const std::uint32_t other : draft_.near[i]) all += of[other];
+    const auto sum = [&](auto&& of, std::uint32_t i) {
+      std::int32_t all = of(i);
+      for (const std::uint32_t other : draft_.near[i]) all += of(other);
       return all;
     };
-    chunks(draft_.size(), [&](std::uint32_t i) { around[i] = sum(gain, i); });
+    const auto own = [&](std::uint32_t i) { return gain[i]; };
+    std::vector<std::int32_t> around;  // of all, where most are asked for more than once
+    if (kAskedEach * rough.size() > draft_.size()) {
+      around.resize(draft_.size());
+      chunks(draft_.size(), [&](std::uint32_t i) { around[i] = sum(own, i); });
+    }
+    const auto there = [&](std::uint32_t i) { return around.empty() ? sum(own, i) : around[i]; };
     chunks_of(rough, [&](std::uint32_t i) {
-      draft_.rough[i] = static_cast<std::uint8_t>(sum(around, i) >= kLeastGain);
+      draft_.rough[i] = static_cast<std::uint8_t>(sum(there, i) >= kLeastGain);
     });
     for (std::size_t r = 0; r < rough.size(); ++r) {
       if (draft_.rough[rough[r]] != 0) {
@@ -148,35 +171,52 @@ class Mender {
       }
     }
     agree_again(changed);
+    return true;
   }
   [[nodiscard]] Points rough_points() {
-    const Points doubtful = those(all_places(), [&](std::uint32_t i) { return is_doubtful(i); });
     std::vector<std::uint8_t> doubts(draft_.size(), 0);
-    for (const std::uint32_t i : doubtful)
+    for (const std::uint32_t i : doubtful_)
       for (const std::uint32_t other : draft_.near[i])
         doubts[other] = static_cast<std::uint8_t>(std::min(doubts[other] + 1, 255));
-    return those(all_places(), [&](std::uint32_t i) {
+    return those_of_all([&](std::uint32_t i) {
       if (doubts[i] < kRoughDoubts || draft_.welded[i] != 0) return false;
       const double share = share_across(draft_, i);
       return share > kLeastRough && share < kMostRough;
     });
   }
   /// By place in `of`.
-  [[nodiscard]] std::vector<Vec3f> smooth_normals(const Points& of) const {
-    std::vector<Vec3f> normal = draft_.normal;
-    std::vector<Vec3f> smooth(of.size());
+  [[nodiscard]] std::vector<Vec3f> smooth_normals(const Points& of) {
+    std::vector<Vec3f> normal(of.size()), smooth(of.size());
+    number(of);
+    const auto at = [&](std::uint32_t i) {
+      return slot_[i] == kNoPoint ? draft_.normal[i] : normal[slot_[i]];
+    };
+    chunks(of.size(), [&](std::uint32_t r) { normal[r] = draft_.normal[of[r]]; });
     for (int pass = 0; pass < kNormalPasses; ++pass) {
       chunks(of.size(), [&](std::uint32_t r) {
-        const Vec3f own = normal[of[r]];
+        const Vec3f own = normal[r];
         Vec3f sum = own;
-        for (const std::uint32_t other : draft_.near[of[r]])
-          sum += normal[other].dot(own) < 0.0F ? Vec3f(-normal[other]) : normal[other];
+        for (const std::uint32_t other : draft_.near[of[r]]) {
+          const Vec3f theirs = at(other);
+          sum += theirs.dot(own) < 0.0F ? Vec3f(-theirs) : theirs;
+        }
         const float size = sum.norm();
         smooth[r] = size > 0.0F ? Vec3f(sum / size) : own;
       });
-      chunks(of.size(), [&](std::uint32_t r) { normal[of[r]] = smooth[r]; });
+      normal.swap(smooth);
     }
-    return smooth;
+    number_no_more(of);
+    return normal;
+  }
+
+  /// All areas where most are asked for more than once.
+  void take_areas() {
+    if (!area_.empty() || kAskedEach * doubtful_.size() <= draft_.size()) return;
+    area_.resize(draft_.size());
+    chunks(draft_.size(), [&](std::uint32_t i) { area_[i] = area_of(i); });
+  }
+  [[nodiscard]] Vec3f area_at(std::uint32_t i) const noexcept {
+    return area_.empty() ? area_of(i) : area_[i];
   }
 
   /// Twice the area of the confirmed triangles, as a vector.
@@ -191,11 +231,11 @@ class Mender {
   }
   /// The plane of a point's confirmed triangles; else of its neighbours' that are confirmed.
   [[nodiscard]] Vec3 confirmed_normal(std::uint32_t i) const noexcept {
-    Vec3 sum = area_[i].cast<double>();
+    Vec3 sum = area_at(i).cast<double>();
     const Vec3 own = draft_.normal[i].cast<double>();
     for (const std::uint32_t other : draft_.near[i]) {
       if (other == i) break;
-      Vec3 there = area_[other].cast<double>();
+      Vec3 there = area_at(other).cast<double>();
       const double side = sum == Vec3::Zero() ? own.dot(there) : sum.dot(there);
       if (side < 0.0) there = -there;
       sum += kBesideShare * there;
@@ -262,10 +302,10 @@ class Mender {
   }
 
   Draft& draft_;
-  std::vector<Vec3f> area_;
-  Points slot_;          ///< by point: where it is among the doubtful
-  Points doubtful_;      ///< ascending
-  Points offers_begin_;  ///< by slot
+  std::vector<Vec3f> area_;          ///< empty where few are in doubt
+  UnsetVector<std::uint32_t> slot_;  ///< by point: where it is among those that are numbered
+  Points doubtful_;                  ///< ascending
+  Points offers_begin_;              ///< by slot
   Points offers_;
   std::vector<Star> mended_;  ///< by slot
 };

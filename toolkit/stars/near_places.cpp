@@ -24,6 +24,9 @@ constexpr float kWider = 1.5F;
 /// A block of eight points on a surface is 2 to 4 spacings long, the ball of the sixteen nearest 2.3 wide: a
 /// radius of more than two blocks comes from a sparser place.
 constexpr float kMostPerBlock = 2.0F;
+/// Of more than so many beyond the wanted, those within what should hold a few more than the wanted are
+/// looked at alone, where these are enough: on a surface points grow with the square of the radius.
+constexpr std::size_t kToSpare = 6, kThinned = 10;
 /// Up to so many, each one's rank is counted pair by pair without a branch; the radius leaves some thirty.
 constexpr std::size_t kMostRanked = 64;
 
@@ -41,6 +44,8 @@ struct SearchKernels {
   /// Of each of `count` keys the number of keys before it; the arrays are read up to whole lanes, beyond the
   /// count there are infinities.
   void (*rank)(const float* key, std::size_t count, std::uint32_t* rank);
+  /// Keeps, in their order, those within the limit where they are more than `most`. How many are kept.
+  std::size_t (*thin)(float* key, std::uint32_t* place, std::size_t count, float limit, std::size_t most);
 };
 
 namespace portable {
@@ -67,7 +72,21 @@ void rank(const float* key, std::size_t count, std::uint32_t* rank) {
   }
 }
 
-constexpr SearchKernels kKernels = {sieve, rank};
+std::size_t thin(float* key, std::uint32_t* place, std::size_t count, float limit, std::size_t most) {
+  std::size_t within = 0;
+  for (std::size_t k = 0; k < count; ++k) within += static_cast<std::size_t>(key[k] <= limit);
+  if (within <= most) return count;
+  std::size_t kept = 0;
+  for (std::size_t k = 0; k < count; ++k) {
+    const float square = key[k];
+    key[kept] = square;
+    place[kept] = place[k];
+    kept += static_cast<std::size_t>(square <= limit);
+  }
+  return kept;
+}
+
+constexpr SearchKernels kKernels = {sieve, rank, thin};
 
 }  // namespace portable
 
@@ -120,7 +139,31 @@ PALPATE_AVX2 void rank(const float* key, std::size_t count, std::uint32_t* rank)
   }
 }
 
-constexpr SearchKernels kKernels = {sieve, rank};
+PALPATE_AVX2 std::size_t thin(float* key, std::uint32_t* place, std::size_t count, float limit,
+                              std::size_t most) {
+  const __m256 bound = _mm256_set1_ps(limit);
+  const auto mask_at = [&](std::size_t k) PALPATE_AVX2 {
+    const __m256 these = _mm256_loadu_ps(key + k);
+    const auto mask = static_cast<unsigned>(_mm256_movemask_ps(_mm256_cmp_ps(these, bound, _CMP_LE_OQ)));
+    return count - k < kLanes ? mask & ((1u << (count - k)) - 1u) : mask;
+  };
+  std::size_t within = 0;
+  for (std::size_t k = 0; k < count; k += kLanes)
+    within += static_cast<std::size_t>(__builtin_popcount(mask_at(k)));
+  if (within <= most) return count;
+  std::size_t kept = 0;
+  for (std::size_t k = 0; k < count; k += kLanes) {
+    const unsigned mask = mask_at(k);
+    const __m256i at = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(static_cast<long long>(kLanePositions[mask])));
+    const __m256i places = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(place + k));
+    _mm256_storeu_ps(key + kept, _mm256_permutevar8x32_ps(_mm256_loadu_ps(key + k), at));
+    _mm256_storeu_si256(reinterpret_cast<__m256i*>(place + kept), _mm256_permutevar8x32_epi32(places, at));
+    kept += static_cast<std::size_t>(__builtin_popcount(mask));
+  }
+  return kept;
+}
+
+constexpr SearchKernels kKernels = {sieve, rank, thin};
 
 }  // namespace avx2
 #endif
@@ -132,21 +175,35 @@ const SearchKernels& search_kernels() noexcept {
   return portable::kKernels;
 }
 
-/// The `most` before all others of what the sieve kept, without `self`.
-void choose(std::uint32_t self, std::size_t count, std::size_t most, NearScratch& scratch, Nearby& out) {
+/// The `most` before all others of what the sieve kept within `limit`, without `self`.
+void choose(std::uint32_t self, std::size_t count, std::size_t most, float limit, NearScratch& scratch,
+            Nearby& out) {
   out.size = 0;
   const auto take = [&](float square, std::uint32_t place) {
     if (place == self || out.size == most) return;
     out.square[out.size] = square;
     out.place[out.size++] = place;
   };
+  if (count > most + kThinned && limit < kNowhere) {
+    const float share = static_cast<float>(most + kToSpare) / static_cast<float>(count);
+    count = search_kernels().thin(scratch.key.data(), scratch.place.data(), count, limit * share, most);
+  }
   if (count <= kMostRanked) {
     std::fill_n(scratch.key.begin() + static_cast<std::ptrdiff_t>(count), kLanes, kNowhere);
     search_kernels().rank(scratch.key.data(), count, scratch.rank.data());
-    std::array<std::uint32_t, kMostRanked> order;
-    for (std::uint32_t k = 0; k < count; ++k) order[scratch.rank[k]] = k;
-    for (std::size_t k = 0; k < std::min(count, most + 1); ++k)
-      take(scratch.key[order[k]], scratch.place[order[k]]);
+    std::array<float, kMostRanked> square;
+    std::array<std::uint32_t, kMostRanked> place;
+    for (std::size_t k = 0; k < count; ++k) {
+      square[scratch.rank[k]] = scratch.key[k];
+      place[scratch.rank[k]] = scratch.place[k];
+    }
+    if (count > most && place[0] == self) {
+      std::copy_n(square.begin() + 1, most, out.square.begin());
+      std::copy_n(place.begin() + 1, most, out.place.begin());
+      out.size = most;
+      return;
+    }
+    for (std::size_t k = 0; k < std::min(count, most + 1); ++k) take(square[k], place[k]);
     return;
   }
   // Floats that are not negative are in the order of their bits.
@@ -163,7 +220,7 @@ void choose(std::uint32_t self, std::size_t count, std::size_t most, NearScratch
 
 }  // namespace
 
-NearPlaces::NearPlaces(const std::vector<Placed>& point, const std::vector<std::uint8_t>& skipped,
+NearPlaces::NearPlaces(const UnsetVector<Placed>& point, const std::vector<std::uint8_t>& skipped,
                        int threads)
     : count_(point.size()), blocks_((count_ + kBlockPlaces - 1) / kBlockPlaces) {
   constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
@@ -291,7 +348,7 @@ float NearPlaces::search(std::size_t block, unsigned places, std::size_t most, f
       Nearby& nearby = found[k];
       nearby.place.resize(most);
       nearby.square.resize(most);
-      choose(static_cast<std::uint32_t>(i), count, most, scratch, nearby);
+      choose(static_cast<std::uint32_t>(i), count, most, search.limit, scratch, nearby);
       if (nearby.size > 0) served = std::max(served, nearby.square[nearby.size - 1]);
       places &= ~(1u << k);
     }

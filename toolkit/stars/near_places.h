@@ -15,7 +15,7 @@
 
 namespace palpate::stars {
 
-/// Places near another, nearest first, of equal distances the lowest first.
+/// Places near another, nearest first, of equal distances the lowest first; `size` of them.
 struct Nearby {
   std::vector<std::uint32_t> place;
   std::vector<float> square;  ///< squared distances, mm^2
@@ -34,10 +34,11 @@ struct NearScratch {
 class NearPlaces {
  public:
   /// Points that `skipped` marks are nobody's neighbour. Parallel, O(n).
-  NearPlaces(const std::vector<Placed>& point, const std::vector<std::uint8_t>& skipped, int threads);
+  NearPlaces(const UnsetVector<Placed>& point, const std::vector<std::uint8_t>& skipped, int threads);
 
-  /// use(place, nearby) for each place that is not skipped, and of those only the `wanted` where any are: its
-  /// `most` nearest, or all where there are fewer. Parallel by blocks; the same for any number of threads.
+  /// use(first place, bits, found) for each block with places that are not skipped, and of those only the
+  /// `wanted` where any are: for each bit k the `most` nearest of place first + k, or all where there are
+  /// fewer. Parallel by blocks; the same for any number of threads.
   template <class Use>
   void run(std::size_t most, std::span<const std::uint8_t> wanted, int threads, Use&& use) const {
     parallel_chunks(blocks_, kBlocksPerChunk, threads, [&](std::size_t begin, std::size_t end) {
@@ -48,8 +49,7 @@ class NearPlaces {
         const unsigned places = wanted_in(block, wanted);
         if (places == 0) continue;
         radius = search(block, places, most, radius, scratch, found);
-        for (std::size_t k = 0; k < kBlockPlaces; ++k)
-          if ((places >> k & 1u) != 0) use(static_cast<std::uint32_t>(block * kBlockPlaces + k), found[k]);
+        use(static_cast<std::uint32_t>(block * kBlockPlaces), places, found);
       }
     });
   }
@@ -66,7 +66,7 @@ class NearPlaces {
 
   std::size_t count_ = 0, blocks_ = 0;
   float first_radius_ = 0.0F;                 ///< where a block is but one point: the spacing of all
-  std::vector<float> x_, y_, z_;              ///< by place; not a number where skipped
+  UnsetVector<float> x_, y_, z_;              ///< by place; not a number where skipped
   std::vector<std::vector<BoxNode>> levels_;  ///< 0: whose children are blocks; the last has one node
 };
 

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 
+#include "toolkit/stars/facet.h"
 #include "toolkit/stars/star_tree.h"
 
 namespace palpate::stars {
@@ -34,12 +35,6 @@ inline double triple(std::array<std::uint32_t, 3> place, std::array<Vec3, 3> at)
   const auto first = static_cast<std::size_t>(std::min_element(place.begin(), place.end()) - place.begin());
   return at[first].dot(at[(first + 1) % 3].cross(at[(first + 2) % 3]));
 }
-
-/// Where a distance is a denormal number its product with a normal may vanish, and with it the side. Products
-/// that are zero are formed anew, so many times as large: 2^-1074, the least distance there is, becomes
-/// 2^-568, whose product with a normal of single precision, 2^-298 at least, counts; and coordinates of
-/// single precision, 2^129 at most, and their normals stay finite.
-inline constexpr double kOutOfDenormals = 0x1p506;
 
 /// An earlier hit in a triangle, exactly: nothing slips through between two triangles of a sheet. takes(a, b,
 /// c, side): whether that triangle counts.

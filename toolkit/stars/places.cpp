@@ -7,7 +7,7 @@
 #include "toolkit/core/parallel.h"
 #include "toolkit/core/radix_sort.h"
 #include "toolkit/partition/morton_order.h"
-#include "toolkit/stars/star_mesh.h"
+#include "toolkit/stars/halving.h"
 
 namespace palpate::stars {
 namespace {
@@ -19,10 +19,6 @@ constexpr double kSortingCubes = 2097151.0;  // 2^21 - 1
 /// a million apart but for a few, and those few are sorted among themselves.
 constexpr int kCountedBits = 32;
 constexpr std::size_t kChunk = std::size_t{1} << 16;
-/// Points of a group that are put in order among themselves. A Morton curve jumps, and a block of places that
-/// lies across a jump has a box and a layer many times its neighbours': only blocks across the middle of a
-/// group can.
-constexpr std::size_t kGroup = 512;
 constexpr std::size_t kTilesPerChunk = 32;
 
 struct Item {
@@ -47,10 +43,10 @@ struct Codes {
 };
 
 /// Sorted by the highest bits of the codes.
-std::vector<Item> counted(const Codes& codes, int threads) {
+UnsetVector<Item> counted(const Codes& codes, int threads) {
   const std::size_t n = codes.cloud.size();
   const int below = std::max(0, 64 - std::countl_zero(codes.highest()) - kCountedBits);
-  std::vector<Item> items(n);
+  UnsetVector<Item> items(n);
   parallel_chunks(n, kChunk, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t k = begin; k < end; ++k) {
       const auto i = static_cast<std::uint32_t>(k);
@@ -67,7 +63,7 @@ std::array<float, 3> coordinates(const cloud::Cloud& cloud, std::uint32_t i) noe
 
 /// Points with equal keys by the rest of their codes, then by coordinates, then by index; marks who stands
 /// where the one before does.
-void settle_runs(const Codes& codes, std::vector<Item>& items, std::vector<std::uint8_t>& doubled,
+void settle_runs(const Codes& codes, UnsetVector<Item>& items, std::vector<std::uint8_t>& doubled,
                  int threads) {
   const cloud::Cloud& cloud = codes.cloud;
   const std::size_t n = items.size();
@@ -103,35 +99,6 @@ void settle_runs(const Codes& codes, std::vector<Item>& items, std::vector<std::
   });
 }
 
-struct Member {
-  std::array<float, 3> at;
-  std::uint32_t index;
-};
-
-/// Halves the range across its longest side, down to blocks.
-void split(Member* first, Member* last) {
-  const auto count = static_cast<std::size_t>(last - first);
-  if (count <= kBlockPlaces) return;
-  std::array<float, 3> low = first->at, high = low;
-  for (const Member* m = first; m != last; ++m)
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      low[axis] = std::min(low[axis], m->at[axis]);
-      high[axis] = std::max(high[axis], m->at[axis]);
-    }
-  std::size_t longest = 0;
-  for (std::size_t axis = 1; axis < 3; ++axis)
-    if (high[axis] - low[axis] > high[longest] - low[longest]) longest = axis;
-  const std::size_t blocks = (count + kBlockPlaces - 1) / kBlockPlaces;
-  Member* const middle = first + (blocks + 1) / 2 * kBlockPlaces;
-  if (middle >= last) return;
-  std::nth_element(first, middle, last, [longest](const Member& a, const Member& b) {
-    if (a.at[longest] != b.at[longest]) return a.at[longest] < b.at[longest];
-    return a.at != b.at ? a.at < b.at : a.index < b.index;
-  });
-  split(first, middle);
-  split(middle, last);
-}
-
 /// `index(k)`: the point that is k-th along a curve. Halves groups of them.
 template <class Index>
 Places in_groups(const cloud::Cloud& cloud, const Index& index, int threads) {
@@ -142,13 +109,23 @@ Places in_groups(const cloud::Cloud& cloud, const Index& index, int threads) {
   parallel_chunks(n, kChunk, threads, [&](std::size_t first, std::size_t last) {
     for (std::size_t begin = first; begin < last; begin += kGroup) {
       const std::size_t end = std::min(begin + kGroup, last);
-      std::array<Member, kGroup> group;
-      for (std::size_t k = begin; k < end; ++k) group[k - begin] = {coordinates(cloud, index(k)), index(k)};
-      split(group.data(), group.data() + (end - begin));
+      Group group;
       for (std::size_t k = begin; k < end; ++k) {
-        const Member& member = group[k - begin];
-        places.point[k] = {member.at[0], member.at[1], member.at[2], 0.0F};
-        places.order[k] = member.index;
+        const std::uint32_t i = index(k);
+        group.add(cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i], i);
+      }
+      // What the next group reads is far apart where points come in any order.
+      for (std::size_t k = end; k < std::min(end + kGroup, last); ++k) {
+        const std::uint32_t i = index(k);
+        __builtin_prefetch(&cloud.x_mm[i]);
+        __builtin_prefetch(&cloud.y_mm[i]);
+        __builtin_prefetch(&cloud.z_mm[i]);
+      }
+      halve(group);
+      for (std::size_t k = begin; k < end; ++k) {
+        const std::size_t of = k - begin;
+        places.point[k] = {group.at[0][of], group.at[1][of], group.at[2][of], 0.0F};
+        places.order[k] = group.index[of];
       }
     }
   });
@@ -177,7 +154,7 @@ Places sort_places(const cloud::Cloud& cloud, int threads) {
   const double extent = box.extent_mm().maxCoeff();
   const Codes codes{cloud, box, partition::Lattice::over(box, extent > 0.0 ? extent / kSortingCubes : 1.0)};
   std::vector<std::uint8_t> doubled(n, 0);
-  std::vector<Item> items = counted(codes, threads);
+  UnsetVector<Item> items = counted(codes, threads);
   settle_runs(codes, items, doubled, threads);
   Places places = in_groups(
       cloud, [&items](std::size_t k) { return items[k].index; }, threads);
@@ -213,7 +190,7 @@ Places raster_places(const cloud::Cloud& cloud, const RasterGrid& grid, int thre
     tile.first = places;
     visit(tile, [&](std::uint32_t) { ++places; });
   }
-  std::vector<std::uint32_t> curve(cloud.size());
+  UnsetVector<std::uint32_t> curve(cloud.size());
   parallel_chunks(tiles.size(), kTilesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t t = begin; t < end; ++t) {
       std::uint32_t place = tiles[t].first;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "toolkit/cloud/cloud.h"
+#include "toolkit/core/unset_vector.h"
 #include "toolkit/core/vec.h"
 #include "toolkit/stars/raster_grid.h"
 
@@ -21,7 +22,7 @@ struct Placed {
 };
 
 struct Places {
-  std::vector<Placed> point;
+  UnsetVector<Placed> point;
   std::vector<std::uint32_t> order;   ///< of each place its index in the cloud
   std::vector<std::uint8_t> doubled;  ///< 1: a point of a lower index stands at the very same coordinates
 };

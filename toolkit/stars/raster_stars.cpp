@@ -70,7 +70,7 @@ std::size_t shortest_border(const RasterGrid& grid) noexcept {
 std::optional<RasterStars> RasterStars::of(const cloud::Cloud& cloud, int threads) {
   std::optional<RasterGrid> grid = RasterGrid::of(cloud);
   if (!grid) return std::nullopt;
-  RasterStars stars(cloud, *std::move(grid));
+  RasterStars stars(*std::move(grid));
   stars.cells_ = cells_of(cloud, stars.grid_, threads);
   mark_overlaps(cloud, stars.grid_, threads, stars.cells_.doubtful);
   stars.mark_all(threads);
@@ -194,7 +194,7 @@ RasterStars::Side RasterStars::side_of_whole(const Draft& draft) const {
     side.inward = std::accumulate(volume.begin(), volume.end(), 0.0) < 0.0;
     return side;
   }
-  const float outer = geometry::outer_side(parts);
+  const float outer = geometry::outer_side(parts, draft.threads);
   if (outer == 0.0F) return side;
   side.enclosure = Enclosure::kWithHoles;
   side.inward = outer < 0.0F;

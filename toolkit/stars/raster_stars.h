@@ -13,7 +13,6 @@
 
 namespace palpate::stars {
 
-/// Refers to the cloud that it is of.
 class RasterStars {
  public:
   /// None where the cloud's points stand in no raster, or where so many of its cells are doubtful that a
@@ -42,13 +41,12 @@ class RasterStars {
   std::uint64_t fill(Draft& draft) const;
 
  private:
-  RasterStars(const cloud::Cloud& cloud, RasterGrid grid) : cloud_(&cloud), grid_(std::move(grid)) {}
+  explicit RasterStars(RasterGrid grid) : grid_(std::move(grid)) {}
   void mark_all(int threads);
   [[nodiscard]] std::vector<std::uint8_t> doubled_places(const Draft& draft,
                                                          const std::vector<std::uint8_t>& wanted) const;
   [[nodiscard]] Vec3f normal(std::uint32_t place) const noexcept;
 
-  const cloud::Cloud* cloud_;
   RasterGrid grid_;
   RasterCells cells_;
   std::vector<std::uint8_t> state_;  ///< by slot, see raster_stars.cpp

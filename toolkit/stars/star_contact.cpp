@@ -32,6 +32,23 @@ bool stands_in(const StarMesh& mesh, const Stand& left, const Vec3& h, std::uint
   return std::abs(n.dot(left.foot.point - pa)) <= gamma(kFootOperations) * size * n.norm();
 }
 
+/// Whether a pull's cosine with a normal, squared, is below a share.
+bool leans(const Vec3& normal, const Vec3& pull, double share) noexcept {
+  const double along = normal.dot(pull);
+  return !(along > 0.0 && along * along > share * normal.squaredNorm() * pull.squaredNorm());
+}
+
+/// Whether the place nearest to h of two facets that h is behind is on the edge between them, from a to b,
+/// and where: the way there. `around`: the sum of the facets' normals, towards the touched side. A pull that
+/// leans from that may hang on something, and is none.
+bool rests_on_edge(const Vec3& h, const Vec3& a, const Vec3& b, const Vec3& around, Vec3& pull) noexcept {
+  const Vec3 along = b - a;
+  const double share = along.dot(h - a), square = along.squaredNorm();
+  if (!(share > 0.0 && share < square)) return false;
+  pull = a + along * (share / square) - h;
+  return !leans(around, pull, kSmoothShare);
+}
+
 bool shares(const Stand& left, std::uint32_t a, std::uint32_t b, std::uint32_t c) noexcept {
   const auto has = [&](std::uint32_t place) { return place == a || place == b || place == c; };
   const Feature f = left.foot.feature;
@@ -107,7 +124,6 @@ bool StarContact::update_slowly(const Vec3& h, StarCounters& counters) noexcept 
     others_count_ = 0;
     from_ = stand_.foot.point;
     left = &stand_;
-    forget_blocks();
   }
   bound_hit_ = true;
   return false;
@@ -118,6 +134,7 @@ void StarContact::stand_on(const Hit& hit) noexcept {
   side_ = hit.side;
   if (is_turned_over(stand_.facet)) side_ = -side_;
   framed_ = false;
+  watched_ = is_crossed(stand_.facet);
   others_count_ = 0;
   contact_ = true;
 }
@@ -137,25 +154,70 @@ bool StarContact::is_free(std::uint32_t a, std::uint32_t b, std::uint32_t c, dou
 }
 
 bool StarContact::cross(const Vec3& h, FacetFrame::Weights weights, StarCounters& counters) noexcept {
-  for (int crossed = 0; crossed < kMaxCrossed; ++crossed) {
-    const std::uint32_t corner = weights.beyond();
-    if (corner == 3) return false;
-    const Facet next = across(*mesh_, stand_.facet, corner_after(corner));
-    if (next.place[0] == kNoPlace || is_crossed(next)) return false;
-    const FacetFrame frame(next, side_);
-    weights = frame.at(h);
-    // Its own edge is the one between corners 0 and 2: back over it means that the foot is on the edge.
-    if (weights.corner[1] < 0.0 || !(weights.height < 0.0)) return false;
-    ++counters.moves;
-    stand_.facet = next;
-    frame_ = frame;
-    read_ahead(next.place[1]);
-    if (weights.hold()) {
-      rest_inside(h, weights);
-      return true;
+  std::array<std::uint32_t, 3> place = stand_.facet.place;
+  Vec3 pull = Vec3::Zero(), normal = frame_.normal();
+  Feature feature = Feature::kInside;
+  int crossed = 0;
+  bool found = false, straight = true;
+  while (crossed < kMaxCrossed && !found) {
+    std::uint32_t corner = weights.beyond();
+    const bool one = corner < 3;
+    if (!one) {
+      corner = weights.farther_beyond();
+      if (corner == 3) break;
+      straight = false;
     }
+    const std::uint32_t first = corner_after(corner);
+    const std::uint32_t a = place[first], b = place[corner_after(first)], c = mesh_->before(a, b);
+    if (c == kNoPlace || mesh_->is_crossed(c)) break;
+    const Vec3 at = mesh_->at(a), to = mesh_->at(b);
+    const FacetFrame next(at, mesh_->at(c), to, side_);
+    weights = next.at(h);
+    if (!(weights.height < 0.0)) break;
+    // Its own edge is the one between corners 0 and 2: back over it means that the foot is on the edge.
+    if (weights.corner[1] < 0.0) {
+      feature = edge_number(first);
+      found = one && weights.corner[0] >= 0.0 && weights.corner[2] >= 0.0 &&
+              rests_on_edge(h, at, to, normal + next.normal(), pull);
+      break;
+    }
+    ++crossed;
+    place = {a, c, b};
+    frame_ = next;
+    normal = next.normal();
+    read_ahead(c);
+    found = weights.hold();
+    if (found) pull = next.pull(weights);
   }
-  return false;
+  counters.moves += static_cast<std::uint64_t>(crossed);
+  // Past a corner the walk may have gone round it the longer way.
+  if (!straight && !(found && pull.squaredNorm() <= (h - stand_.foot.point).squaredNorm())) [[unlikely]] {
+    frame_ = FacetFrame(stand_.facet, side_);
+    return false;
+  }
+  if (crossed > 0) stand_.facet = Facet(*mesh_, place[0], place[1], place[2]);
+  if (!found) return false;
+  const bool rises = pull.squaredNorm() < stand_.foot.distance_sq;
+  rest_at(h, pull, feature);
+  get_ready(h, rises, counters);
+  return true;
+}
+
+void StarContact::get_ready(const Vec3& h, bool rises, StarCounters& counters) noexcept {
+  const std::uint32_t block = stand_.facet.place[0] / kBlockPlaces, node = block / kFanOut;
+  if (node != node_read_) {
+    node_read_ = node;
+    tree_->prefetch_above(block);
+    return;
+  }
+  if (!rises || !(pull_.cwiseAbs().maxCoeff() < kShallowShare * near_reach_)) [[likely]]
+    return;
+  if (!covers(h, h + pull_)) {
+    ++counters.blocks;
+    find_blocks(h + pull_, near_reach_, kMaxFartherNodes);
+  } else {
+    (void)packed(block);
+  }
 }
 
 bool StarContact::follow(const Vec3& h, StarCounters& counters) noexcept {
@@ -175,28 +237,22 @@ bool StarContact::follow(const Vec3& h, StarCounters& counters) noexcept {
     return true;
   }
   const double edge_sq = stand_.facet.longest_edge_sq();
-  if (stand_.foot.feature == Feature::kInside)
-    return !(frame_.at(h).height > 0.0) || still_behind(h, edge_sq);
+  if (stand_.foot.feature == Feature::kInside) return !(frame_.side_of(h) > 0.0) || still_behind(h, edge_sq);
   const Side side = side_of(*mesh_, stand_, h);
   if (side_ * side.height > 0.0) return still_behind(h, edge_sq);
   const bool far = stand_.foot.distance_sq > edge_sq;
   bool past = side.border && past_border_sq(stand_, stand_.facet.area_normal(), h) > edge_sq;
-  bool leans = false;
+  bool hangs = false;
   // One facet is little to go by where h is far.
-  if (far && !past && (side.border || leans_from(side.area, kSmoothShare))) {
+  if (far && !past && (side.border || leans(side_ * side.area, pull_, kSmoothShare))) {
     const Vec3 around = trend_around(*mesh_, stand_.facet, true).normal;
     past = side.border && past_border_sq(stand_, around, h) > edge_sq;
-    leans = leans_from(side.area, kSmoothShare) && leans_from(around, kUprightShare);
+    hangs = leans(side_ * side.area, pull_, kSmoothShare) && leans(side_ * around, pull_, kUprightShare);
   }
-  if (!past && !leans) [[likely]]
+  if (!past && !hangs) [[likely]]
     return true;
   const double edge = std::sqrt(stand_.facet.middle_edge_sq());
   return bridge(h, edge, counters) || !past || bridge_step(h, edge, counters);
-}
-
-bool StarContact::leans_from(const Vec3& normal, double share) const noexcept {
-  const double along = side_ * normal.dot(pull_);
-  return !(along > 0.0 && along * along > share * normal.squaredNorm() * pull_.squaredNorm());
 }
 
 bool StarContact::still_behind(const Vec3& h, double edge_sq) const noexcept {
@@ -205,13 +261,16 @@ bool StarContact::still_behind(const Vec3& h, double edge_sq) const noexcept {
   return trend.share > kTrendShare && side_ * trend.normal.dot(h - stand_.foot.point) < 0.0;
 }
 
-bool StarContact::look_around(const Vec3& at, double reach, StarCounters& counters) noexcept {
+bool StarContact::look_around(const Vec3& at, const Vec3& step, StarCounters& counters) noexcept {
   ++counters.blocks;
-  if (!find_blocks(at, reach, kMaxNodes)) return false;
+  const double reach = kStepsAhead * step.cwiseAbs().maxCoeff();
+  if (!find_blocks(at + kStepsBefore * step, reach, kMaxNodes)) return false;
   for (int look = 0; look < kFartherLooks && near_count_ == 0; ++look) {
     const double known = near_reach_;
+    const Vec3 known_at = near_at_;
     if (find_blocks(at, kFarther * known, kMaxFartherNodes)) continue;
     near_count_ = 0;  // too much there: what is known stays
+    near_at_ = known_at;
     near_reach_ = known;
     break;
   }
@@ -237,6 +296,7 @@ bool StarContact::find_blocks(const Vec3& at, double reach, std::uint32_t most) 
                           return true;
                         });
   near_at_ = at;
+  near_read_ = 0;
   if (all) near_reach_ = reach;
   return all;
 }
@@ -267,9 +327,11 @@ bool StarContact::first_entry(const Vec3& from, const Vec3& to, const Stand* lef
   std::uint32_t tested = 0;
   const geometry::Aabb around{from.cwiseMin(to), from.cwiseMax(to)};
   const Way way{from, to, FloatBox::around(around)};
-  const auto covered = [&](const Vec3& p) { return (p - near_at_).cwiseAbs().maxCoeff() <= near_reach_; };
-  bool near = covered(to) && covered(from), looked = false;
-  if (!near) near = looked = look_around(to, kStepsAhead * (to - from).cwiseAbs().maxCoeff(), counters);
+  bool near = covers(from, to), looked = false;
+  if (!near)
+    near = looked = look_around(to, to - from, counters);
+  else if (near_read_ < near_count_)
+    tree_->prefetch(*mesh_, near_block_[near_read_++]);
   const auto takes = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c, double side) noexcept {
     if (left != nullptr) {
       if (shares(*left, a, b, c)) return false;

@@ -51,6 +51,12 @@ inline constexpr std::size_t kMaxBlocksNear = 16;
 /// Steps of the HIP that they are looked up for: half of the look-ups of four, twice the blocks.
 inline constexpr double kStepsAhead = 8.0;
 
+/// The middle of the cube that they are looked up in lies so many steps ahead: it still holds where the HIP
+/// was a step ago, and lasts for fourteen.
+inline constexpr double kStepsBefore = 6.0;
+/// A god object so near to a HIP that rises, as a share of what was looked at last, may let go within two
+/// steps.
+inline constexpr double kShallowShare = 0.25;
 /// Where there are none they are looked for so many times as far, and once more: a HIP in free air looks
 /// around once in 128 steps.
 inline constexpr double kFarther = 4.0;
@@ -98,7 +104,7 @@ class StarContact {
     if (contact_) [[likely]] {
       const FacetFrame::Weights weights = frame_.at(h);
       if (weights.hold() && !watched_) [[likely]] {
-        rest_inside(h, weights);
+        rest_at(h, frame_.pull(weights), Feature::kInside);
         return true;
       }
       if (!watched_ && cross(h, weights, counters)) return true;
@@ -147,12 +153,13 @@ class StarContact {
   [[nodiscard]] bool is_on_surface(const Vec3& h) const noexcept {
     return pull_.cwiseAbs().maxCoeff() <= kOnSurface * h.cwiseAbs().maxCoeff();
   }
-  void rest_inside(const Vec3& h, const FacetFrame::Weights& weights) noexcept {
-    pull_ = frame_.normal() * -weights.height;
-    stand_.foot = {h + pull_, weights.height * weights.height, Feature::kInside};
+  void rest_at(const Vec3& h, const Vec3& pull, Feature feature) noexcept {
+    pull_ = pull;
+    stand_.foot = {h + pull, pull.squaredNorm(), feature};
   }
-  /// From facet to facet while the foot is beyond one edge: true where it comes to rest inside one. The
-  /// distance never grows: that edge is a part of the next facet too.
+  /// From facet to facet while the foot is beyond an edge: true where it comes to rest inside a facet, or on
+  /// the edge between two. Over the only edge that it is beyond the distance never grows, for that edge is a
+  /// part of the next facet too; beyond two of them it goes over the farther, and only counts if it did not.
   bool cross(const Vec3& h, FacetFrame::Weights weights, StarCounters& counters) noexcept;
   /// Reads ahead what lies around a place: where the god object may go next.
   void read_ahead(std::uint32_t place) const noexcept { mesh_->prefetch_ring(place); }
@@ -183,8 +190,6 @@ class StarContact {
   [[nodiscard]] Vec3 on_facet(std::span<const Held> held, const Vec3& at) const noexcept;
   /// What holds goes on holding, and the god object is at a place on one of its facets.
   void stay_at(const Vec3& at, const Vec3& h) noexcept;
-  /// Whether the pull's cosine with a normal, squared, is below a share.
-  [[nodiscard]] bool leans_from(const Vec3& normal, double share) const noexcept;
   /// A facet says that h is in front, and h is farther off than an edge: a HIP that leaves is near. True
   /// where the surface around says otherwise.
   [[nodiscard]] bool still_behind(const Vec3& h, double edge_sq) const noexcept;
@@ -215,8 +220,18 @@ class StarContact {
     forget_blocks();
     for (PackedBlock& block : packed_) block.block = kNoPlace;
   }
-  /// Which blocks are around a place: within `reach`, or farther where there are none.
-  bool look_around(const Vec3& at, double reach, StarCounters& counters) noexcept;
+  /// Which blocks are around the way ahead of a HIP that is at `at` after a step: within kStepsAhead, or
+  /// farther around it where there are none.
+  bool look_around(const Vec3& at, const Vec3& step, StarCounters& counters) noexcept;
+  /// The blocks known are all that meet the segment between the two.
+  [[nodiscard]] bool covers(const Vec3& a, const Vec3& b) const noexcept {
+    return std::max((a - near_at_).cwiseAbs().maxCoeff(), (b - near_at_).cwiseAbs().maxCoeff()) <=
+           near_reach_;
+  }
+  /// A god object that crossed to another facet: what it will need where it lets go is read before, a part a
+  /// frame. The tree above the place; for a HIP that rises near the surface the blocks around, then the
+  /// triangles it stands among.
+  void get_ready(const Vec3& h, bool rises, StarCounters& counters) noexcept;
   bool find_blocks(const Vec3& at, double reach, std::uint32_t most) noexcept;
   [[nodiscard]] bool is_clear(const Vec3& h) const noexcept {
     return (h - clear_at_).squaredNorm() < clear_sq_;
@@ -249,6 +264,8 @@ class StarContact {
   std::array<BoxNode, kMaxBlocksNear / kFanOut> near_box_;
   std::array<std::uint32_t, kMaxBlocksNear> near_block_{};
   std::uint32_t near_count_ = 0;
+  std::uint32_t near_read_ = 0;         ///< of them, asked for: one in a free frame
+  std::uint32_t node_read_ = kNoPlace;  ///< of the tree, asked for
   // Nothing is so near to clear_at_.
   Vec3 clear_at_ = Vec3::Zero();
   double clear_sq_ = -1.0;

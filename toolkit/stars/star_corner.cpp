@@ -55,7 +55,7 @@ struct Planes {
 bool StarContact::follow_alone(const Vec3& h, StarCounters& counters) noexcept {
   const Stand before = stand_;
   const double side_before = side_;
-  const bool was_watched = watched_ || !framed_;
+  const bool was_watched = watched_;
   const bool held = follow(h, counters);
   if (!held || !(was_watched || watched_)) return held;
   // What several sheets held may have been on a facet of another than the one that is left: until that one

@@ -73,9 +73,20 @@ class StarMeshBuilder {
   void settle() {
     StarCounts& counts = mesh_.counts_;
     step("fill");
-    for (std::size_t i = 0; i < draft_.size(); ++i) {
-      counts.agreed_points += draft_.star[i].closed_and_agreed();
-      counts.welded += draft_.welded[i];
+    struct Counted {
+      std::uint64_t agreed = 0, welded = 0;
+    };
+    std::vector<Counted> parts((draft_.size() + kPointsPerChunk - 1) / kPointsPerChunk);
+    parallel_chunks(draft_.size(), kPointsPerChunk, threads_, [&](std::size_t begin, std::size_t end) {
+      Counted& part = parts[begin / kPointsPerChunk];
+      for (std::size_t i = begin; i < end; ++i) {
+        part.agreed += static_cast<std::uint64_t>(draft_.star[i].closed_and_agreed());
+        part.welded += draft_.welded[i];
+      }
+    });
+    for (const Counted& part : parts) {
+      counts.agreed_points += part.agreed;
+      counts.welded += part.welded;
     }
     const FillReport filled = fill_gaps(draft_);
     counts.voted = filled.voted;

@@ -20,6 +20,7 @@
 #include "toolkit/cloud/cloud.h"
 #include "toolkit/core/large_pages.h"
 #include "toolkit/core/result.h"
+#include "toolkit/core/unset_vector.h"
 #include "toolkit/core/vec.h"
 #include "toolkit/geometry/triangle_mesh.h"
 #include "toolkit/stars/float_box.h"
@@ -32,6 +33,8 @@ inline constexpr std::uint32_t kShortRing = 8;
 inline constexpr std::uint32_t kNoPlace = 0xFFFFFFFFu;
 /// Consecutive places that lie together: what a leaf of the tree over a mesh holds.
 inline constexpr std::uint32_t kBlockPlaces = 8;
+/// What a processor reads at once; where it reads less or more only time is lost.
+inline constexpr std::size_t kLineBytes = 64;
 
 /// A place with its ring, half a line of cache: what a frame crosses to is read at once. Ring points are kept
 /// as differences of places, which are near along the curve; a ring that is longer than kShortRing, or goes
@@ -58,6 +61,26 @@ struct alignas(32) StarPlace {
 #endif
     const bool fits = off == static_cast<std::uint32_t>(static_cast<std::int32_t>(sought));
     return fits && found != 0 ? static_cast<std::uint32_t>(__builtin_ctz(found)) / 2 : kShortRing;
+  }
+  /// Of a ring that is kept here: bit k is set where the triangle of ring points k and k + 1 is this place's
+  /// to visit, the lowest of its three. Without a branch on what is found.
+  [[nodiscard]] std::uint32_t lowest_of(std::uint32_t size, std::uint32_t open) const noexcept {
+    std::uint32_t later = 0;
+#if defined(__SSE2__)
+    const __m128i ring =
+        _mm_load_si128(reinterpret_cast<const __m128i*>(near.data()));  // NOLINT: eight of 16 bits
+    const __m128i above = _mm_cmpgt_epi16(ring, _mm_setzero_si128());
+    later = static_cast<std::uint32_t>(_mm_movemask_epi8(_mm_packs_epi16(above, _mm_setzero_si128())));
+#else
+    for (std::uint32_t k = 0; k < kShortRing; ++k) later |= (near[k] > 0 ? 1u : 0u) << k;
+#endif
+    later &= (1u << size) - 1u;
+    const std::uint32_t next_later = later >> 1 | (later & 1u) << size >> 1;
+    return later & next_later & ~open;
+  }
+  /// Of a ring that is kept here.
+  [[nodiscard]] std::uint32_t ring_point(std::uint32_t place, std::uint32_t k) const noexcept {
+    return place + static_cast<std::uint32_t>(static_cast<std::int32_t>(near[k]));
   }
   /// Of a ring that lies apart: where.
   [[nodiscard]] std::uint32_t apart() const noexcept {
@@ -140,6 +163,7 @@ class StarMesh {
   [[nodiscard]] std::uint32_t size() const noexcept { return static_cast<std::uint32_t>(places_.size()); }
   [[nodiscard]] const Vec3& origin_mm() const noexcept { return origin_mm_; }
   [[nodiscard]] Vec3 at(std::uint32_t place) const noexcept { return places_[place].at(); }
+  [[nodiscard]] const StarPlace& place(std::uint32_t place) const noexcept { return places_[place]; }
   [[nodiscard]] Ring ring(std::uint32_t place) const noexcept {
     const StarPlace& at = places_[place];
     const std::uint32_t size = at.info & kSizeMask, open = at.info >> kOpenShift & kOpenMask;
@@ -189,7 +213,7 @@ class StarMesh {
       if (k >= size) return kNoPlace;
       const std::uint32_t sector = k == 0 ? size - 1 : k - 1;
       if ((at.info >> kOpenShift >> sector & 1u) != 0) return kNoPlace;
-      return a + static_cast<std::uint32_t>(static_cast<std::int32_t>(at.near[sector]));
+      return at.ring_point(a, sector);
     }
     const Ring ring = this->ring(a);
     const std::uint32_t k = ring.find(b);
@@ -208,6 +232,12 @@ class StarMesh {
     const Ring ring = this->ring(place);
     for (std::uint32_t k = 0; k < ring.size; ++k) __builtin_prefetch(&places_[ring.of[k]]);
   }
+  /// Asks for the places of a block.
+  void prefetch_block(std::uint32_t block) const noexcept {
+    const StarPlace* first = &places_[block * kBlockPlaces];
+    for (std::uint32_t k = 0; k < kBlockPlaces; k += kLineBytes / sizeof(StarPlace))
+      __builtin_prefetch(first + k);
+  }
   /// Of each place its index in the cloud.
   [[nodiscard]] const std::vector<std::uint32_t>& order() const noexcept { return order_; }
   void drop_order() noexcept { order_ = std::vector<std::uint32_t>(); }
@@ -216,6 +246,16 @@ class StarMesh {
   /// visit(a, b, c) for every triangle, from its lowest place, counter-clockwise seen from outside.
   template <class Visit>
   void for_triangles_of(std::uint32_t a, Visit&& visit) const noexcept {
+    const StarPlace& at = places_[a];
+    if ((at.info & kElsewhere) == 0) [[likely]] {
+      const std::uint32_t size = at.info & kSizeMask;
+      for (std::uint32_t left = at.lowest_of(size, at.info >> kOpenShift & kOpenMask); left != 0;
+           left &= left - 1) {
+        const auto k = static_cast<std::uint32_t>(__builtin_ctz(left));
+        visit(a, at.ring_point(a, k), at.ring_point(a, k + 1 == size ? 0 : k + 1));
+      }
+      return;
+    }
     const Ring r = ring(a);
     for (std::uint32_t k = 0; k < r.size; ++k) {
       const std::uint32_t b = r.of[k], c = r.of[r.next(k)];
@@ -237,7 +277,7 @@ class StarMesh {
   static constexpr std::uint32_t kLongHead = 2;  ///< before a long ring: its size and open sectors
 
   Vec3 origin_mm_ = Vec3::Zero();
-  LargeVector<StarPlace> places_;
+  LargeUnsetVector<StarPlace> places_;
   LargeVector<std::array<std::uint32_t, kShortRing>> wide_;  ///< short rings of points that move, in full
   std::vector<std::uint32_t> long_rings_;
   LargeVector<std::uint32_t> closed_piece_of_;

@@ -20,7 +20,7 @@ class StarMeshStore {
   /// closed piece that it is on, or kNoPlace. is_crossed(place): see StarMesh. All are called on many
   /// threads.
   template <class StarOf, class ClosedOf, class IsCrossed>
-  static void fill(StarMesh& mesh, const std::vector<Placed>& points, StarOf&& star_of, ClosedOf&& closed_of,
+  static void fill(StarMesh& mesh, const UnsetVector<Placed>& points, StarOf&& star_of, ClosedOf&& closed_of,
                    IsCrossed&& is_crossed, int threads) {
     const std::size_t n = points.size();
     struct Long {

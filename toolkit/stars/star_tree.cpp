@@ -54,37 +54,78 @@ float above(double x) noexcept {
 
 /// The corners of a block's triangles, few of them twice, and the sum of the triangles' area normals.
 struct BlockCorners {
-  std::array<Vec3, kBlockPlaces*(1 + kMaxCorners)> at;
+  std::array<std::uint32_t, kBlockPlaces*(1 + kMaxCorners)> place;
   std::size_t count = 0;
   Vec3 area = Vec3::Zero();
 
   BlockCorners(const StarMesh& mesh, std::uint32_t block) noexcept {
     const std::uint32_t first = block * kBlockPlaces, last = std::min(first + kBlockPlaces, mesh.size());
-    for (std::uint32_t place = first; place < last; ++place) {
-      const Ring ring = mesh.ring(place);
-      const Vec3 p = mesh.at(place);
-      std::uint32_t used = 0;
-      for (std::uint32_t k = 0; k < ring.size; ++k) {
-        const std::uint32_t next = ring.next(k), b = ring.of[k], c = ring.of[next];
-        if (!ring.has_sector(k) || b < place || c < place) continue;
-        area += (mesh.at(b) - p).cross(mesh.at(c) - p);
-        used |= 1u << k | 1u << next;
-      }
-      if (used == 0) continue;
-      at[count++] = p;
-      for (; used != 0; used &= used - 1)
-        at[count++] = mesh.at(ring.of[static_cast<std::uint32_t>(__builtin_ctz(used))]);
+    for (std::uint32_t lowest = first; lowest < last; ++lowest) add(mesh, lowest);
+  }
+
+ private:
+  /// The triangles that a place is the lowest of.
+  void add(const StarMesh& mesh, std::uint32_t lowest) noexcept {
+    const Ring ring = mesh.ring(lowest);
+    if (ring.size == 0) return;
+    std::uint32_t higher = 0;  // bit k: ring point k is
+    for (std::uint32_t k = 0; k < ring.size; ++k)
+      higher |= static_cast<std::uint32_t>(ring.of[k] > lowest) << k;
+    const std::uint32_t next_higher = higher >> 1 | (higher & 1u) << (ring.size - 1);
+    const std::uint32_t sectors = higher & next_higher & ~ring.open;
+    if (sectors == 0) return;
+    const Vec3 p = mesh.at(lowest);
+    for (std::uint32_t left = sectors; left != 0; left &= left - 1) {
+      const auto k = static_cast<std::uint32_t>(__builtin_ctz(left));
+      area += (mesh.at(ring.of[k]) - p).cross(mesh.at(ring.of[ring.next(k)]) - p);
     }
+    place[count++] = lowest;
+    const std::uint32_t all = (1u << ring.size) - 1u;
+    for (std::uint32_t used = (sectors | sectors << 1 | sectors >> (ring.size - 1)) & all; used != 0;
+         used &= used - 1)
+      place[count++] = ring.of[static_cast<std::uint32_t>(__builtin_ctz(used))];
   }
 };
 
-Layer layer_of(const BlockCorners& corners) noexcept {
+/// Around the corners; empty around none.
+FloatBox box_of(const StarMesh& mesh, const BlockCorners& corners) noexcept {
+  FloatBox box;
+#if defined(__SSE2__)
+  // With what stands behind the coordinates in a fourth lane.
+  __m128 low = _mm_set1_ps(kFar), high = _mm_set1_ps(-kFar);
+  for (std::size_t i = 0; i < corners.count; ++i) {
+    const __m128 p = _mm_load_ps(&mesh.place(corners.place[i]).x_mm);
+    low = _mm_min_ps(p, low);
+    high = _mm_max_ps(p, high);
+  }
+  std::array<float, 4> lowest, highest;
+  _mm_storeu_ps(lowest.data(), low);
+  _mm_storeu_ps(highest.data(), high);
+  std::copy_n(lowest.begin(), 3, box.low.begin());
+  std::copy_n(highest.begin(), 3, box.high.begin());
+#else
+  box.low.fill(kFar);
+  box.high.fill(-kFar);
+  for (std::size_t i = 0; i < corners.count; ++i) {
+    const StarPlace& p = mesh.place(corners.place[i]);
+    const std::array<float, 3> at = {p.x_mm, p.y_mm, p.z_mm};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      box.low[axis] = std::min(box.low[axis], at[axis]);
+      box.high[axis] = std::max(box.high[axis], at[axis]);
+    }
+  }
+#endif
+  return box;
+}
+
+Layer layer_of(const StarMesh& mesh, const BlockCorners& corners) noexcept {
   const double size = corners.area.norm();
   if (!(size > 0.0)) return {{}, -kFar, kFar};
   const Vec3f normal = (corners.area / size).cast<float>();
+  const Vec3 along = normal.cast<double>();
   double low = HUGE_VAL, high = -HUGE_VAL;
   for (std::size_t i = 0; i < corners.count; ++i) {
-    const double height = normal.cast<double>().dot(corners.at[i]);
+    const double height = along.dot(mesh.at(corners.place[i]));
     low = std::min(low, height);
     high = std::max(high, height);
   }
@@ -130,13 +171,13 @@ StarTree StarTree::build(const StarMesh& mesh, int threads) {
 void StarTree::fit_block(const StarMesh& mesh, std::uint32_t block) noexcept {
   BoxNode& node = levels_[0][block / kFanOut];
   const std::uint32_t child = block % kFanOut;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    node.low[axis][child] = kFar;
-    node.high[axis][child] = -kFar;
-  }
   const BlockCorners corners(mesh, block);
-  for (std::size_t i = 0; i < corners.count; ++i) add_to_box(node, child, corners.at[i].cast<float>());
-  layers_[block] = layer_of(corners);
+  const FloatBox box = box_of(mesh, corners);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    node.low[axis][child] = box.low[axis];
+    node.high[axis][child] = box.high[axis];
+  }
+  layers_[block] = layer_of(mesh, corners);
 }
 
 void StarTree::refit(const StarMesh& mesh, std::span<std::uint32_t> blocks) noexcept {

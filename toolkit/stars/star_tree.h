@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "toolkit/core/large_pages.h"
+#include "toolkit/core/unset_vector.h"
 #include "toolkit/core/vec.h"
 #include "toolkit/geometry/aabb.h"
 #include "toolkit/stars/float_box.h"
@@ -17,6 +18,9 @@ namespace palpate::stars {
 
 /// Levels: 8^11 blocks are more than 32 bits count.
 inline constexpr int kMaxLevels = 11;
+
+/// Levels that are asked for ahead of a look: the third has a node for each 4,096 places.
+inline constexpr std::size_t kLevelsAhead = 2;
 
 /// The layer that a block's triangles lie in: along its mean normal, from `low` to `high`. On a smooth
 /// surface it is thinner than the box by as much as the box is tilted.
@@ -76,6 +80,18 @@ class StarTree {
     }
   }
   [[nodiscard]] const Layer& layer(std::uint32_t block) const noexcept { return layers_[block]; }
+  /// Asks for what for_blocks() reads of the nodes above a block; the higher ones are never far.
+  void prefetch_above(std::uint32_t block) const noexcept {
+    for (std::size_t level = 0; level < std::min<std::size_t>(levels_.size(), kLevelsAhead); ++level) {
+      const auto* node = reinterpret_cast<const char*>(&levels_[level][block >> (3 * (level + 1))]);
+      for (std::size_t at = 0; at < sizeof(BoxNode); at += kLineBytes) __builtin_prefetch(node + at);
+    }
+  }
+  /// Asks for a block's layer and places.
+  void prefetch(const StarMesh& mesh, std::uint32_t block) const noexcept {
+    __builtin_prefetch(&layers_[block]);
+    mesh.prefetch_block(block);
+  }
   /// When it was built.
   [[nodiscard]] geometry::Aabb box_mm() const noexcept { return box_mm_; }
   [[nodiscard]] std::size_t bytes() const noexcept;
@@ -84,7 +100,7 @@ class StarTree {
   void fit_block(const StarMesh& mesh, std::uint32_t block) noexcept;
 
   std::vector<LargeVector<BoxNode>> levels_;  ///< 0: whose children are blocks; the last has one node
-  LargeVector<Layer> layers_;                 ///< of each block
+  LargeUnsetVector<Layer> layers_;            ///< of each block
   geometry::Aabb box_mm_;
 };
 

@@ -53,29 +53,29 @@ Side side_of(const StarMesh& mesh, const Stand& stand, const Vec3& h) noexcept {
   const Vec3 r = h - stand.foot.point;
   Side side;
   side.border = at_border(mesh, stand);
-  // Where all facets that meet here see h on one side the sum of their normals, however weighted, does too.
+  // Where all facets that meet here see h on one side any sum of their normals, however weighted, does too.
   bool above = false, below = false;
-  Vec3 sum = Vec3::Zero();
   for_facets_at(mesh, stand, [&](const Facet& f) noexcept {
     const Vec3 n = f.area_normal();
-    const double d = n.dot(r);
+    const double d = side_over(n, r);
     above = above || d > 0.0;
     below = below || d < 0.0;
     side.area += n;
-    const double size = n.norm();
-    if (size > 0.0) sum += n / size;
   });
-  if (above && below && !is_edge(stand.foot.feature) && stand.foot.feature != Feature::kInside) [[unlikely]] {
-    sum = Vec3::Zero();
-    const std::uint32_t at = stand.facet.place[number_of(stand.foot.feature)];
-    for_facets_at(mesh, stand, [&](const Facet& f) noexcept {
-      const Vec3 n = f.area_normal();
-      const double size = n.norm();
-      if (size > 0.0) sum += n * (angle_at(f, at) / size);
-    });
+  if (!(above && below)) [[likely]] {
+    side.height = above ? 1.0 : below ? -1.0 : 0.0;
+    return side;
   }
-  const double size = sum.norm();
-  side.height = size > 0.0 ? sum.dot(r) / size : 0.0;
+  const Feature feature = stand.foot.feature;
+  const bool at_corner = !is_edge(feature) && feature != Feature::kInside;
+  const std::uint32_t at = at_corner ? stand.facet.place[number_of(feature)] : kNoPlace;
+  Vec3 sum = Vec3::Zero();
+  for_facets_at(mesh, stand, [&](const Facet& f) noexcept {
+    const Vec3 n = f.area_normal();
+    const double size = n.norm();
+    if (size > 0.0) sum += n * ((at_corner ? angle_at(f, at) : 1.0) / size);
+  });
+  side.height = sum.dot(r);
   return side;
 }
 

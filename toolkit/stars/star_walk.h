@@ -62,8 +62,9 @@ inline bool descend(const StarMesh& mesh, const Vec3& h, Stand& stand, int& move
   return true;
 }
 
-/// What a place is at rest in front of or behind: `height` above 0 where h is outside, by the pseudonormal of
-/// the feature (Baerentzen and Aanaes 2005). `border`: the foot is on an edge that only one facet has.
+/// What a place is at rest in front of or behind: `height` above 0 where h is outside, below where it is
+/// inside, by the pseudonormal of the feature (Baerentzen and Aanaes 2005). `border`: the foot is on an edge
+/// that only one facet has.
 struct Side {
   double height = 0.0;
   bool border = false;

@@ -14,12 +14,16 @@ namespace {
 
 /// The newest parts, in which a point's piece is looked for: more sheets are seldom in one place.
 constexpr std::size_t kPartsOpen = 4;
+/// Parts of a piece that all threads judge together: it takes some tenth of a millisecond.
+constexpr std::size_t kLargePiece = 1024, kPiecesPerChunk = 16;
 
 /// Sets of points with, for each, whether it runs the other way around than its set's first.
 class Sides {
  public:
-  explicit Sides(std::size_t n) : up_(n) {
-    for (std::uint32_t i = 0; i < n; ++i) up_[i] = i << 1;
+  Sides(std::size_t n, int threads) : up_(n) {
+    parallel_chunks(n, kPointsPerChunk, threads, [this](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) up_[i] = static_cast<std::uint32_t>(i << 1);
+    });
   }
   struct Root {
     std::uint32_t set;
@@ -50,16 +54,31 @@ class Sides {
       up_[ra.set] = rb.set << 1 | between;
     return true;
   }
-  /// Asked of every point in ascending order: hangs it right below its set's first, which is lower.
-  Root settle(std::uint32_t i) noexcept {
-    const std::uint32_t link = up_[i];
-    up_[i] = up_[link >> 1] ^ (link & 1u);
-    return settled(i);
+  /// Root and turn of each point of a chunk. Reads other chunks and writes none: chunks may be settled at the
+  /// same time.
+  void settle(std::size_t begin, std::size_t end) noexcept {
+    for (std::size_t i = begin; i < end; ++i) {
+      std::uint32_t at = static_cast<std::uint32_t>(i), turned = 0;
+      for (;;) {
+        const std::uint32_t link = up_[at], parent = link >> 1;
+        if (parent == at) break;
+        turned ^= link & 1u;
+        at = parent;  // lower than i
+        if (at < begin) continue;
+        turned ^= root_[at] & 1u;
+        at = root_[at] >> 1;
+        break;
+      }
+      root_[i] = at << 1 | turned;
+    }
   }
-  [[nodiscard]] Root settled(std::uint32_t i) const noexcept { return {up_[i] >> 1, up_[i] & 1u}; }
+  void begin_settling() { root_.resize(up_.size()); }
+  /// Once it is settled.
+  [[nodiscard]] Root settled(std::uint32_t i) const noexcept { return {root_[i] >> 1, root_[i] & 1u}; }
 
  private:
-  std::vector<std::uint32_t> up_;  ///< parent << 1 | turned against it; see cloud::kMaxCloudPoints
+  UnsetVector<std::uint32_t> up_;    ///< parent << 1 | turned against it; see cloud::kMaxCloudPoints
+  UnsetVector<std::uint32_t> root_;  ///< the same of the set's first, once settled
 };
 
 /// Whether the star has the sector b -> c (0) or c -> b (1).
@@ -90,7 +109,7 @@ void for_triangles(const Draft& draft, std::uint32_t i, Visit&& visit) {
 
 class Turner {
  public:
-  explicit Turner(Draft& draft) : draft_(draft), sides_(draft.size()) {}
+  explicit Turner(Draft& draft) : draft_(draft), sides_(draft.size(), draft.threads), state_(draft.size()) {}
 
   Pieces run() {
     join_all();
@@ -121,6 +140,36 @@ class Turner {
     const bool two = sides_.join(a, c, way(draft_.star[c], a, b));
     if (!one || !two) torn.push_back(t);
   }
+  /// A point beside another one that is looked at from both sides, one after the other.
+  struct Beside {
+    std::uint32_t other = kNoPoint;
+    std::uint32_t at = 0;      ///< where the point stands in the other's ring
+    std::uint32_t turned = 2;  ///< how they were joined; 2: not yet
+    bool agrees = true;
+  };
+  /// As join() does it of one edge: a triangle of `i` and `other` whose third corner the other's star has
+  /// before or behind `i` if it runs the same way around.
+  bool join_beside(std::uint32_t i, std::uint32_t other, std::uint32_t third, bool is_before, Beside& last) {
+    const Star& theirs = draft_.star[other];
+    if (last.other != other) last = {other, theirs.find(i), 2, true};
+    const std::uint32_t k = last.at;
+    bool same = false;
+    if (k < theirs.size) {
+      const std::uint32_t previous = theirs.previous(k);
+      same = is_before ? theirs.has_sector(previous) && theirs.ring[previous] == third
+                       : theirs.has_sector(k) && theirs.ring[theirs.next(k)] == third;
+    }
+    const std::uint32_t turned = same ? 0 : 1;
+    if (turned != last.turned) {
+      last.turned = turned;
+      last.agrees = sides_.join(i, other, turned);
+    }
+    return last.agrees;
+  }
+  static std::uint8_t state_of(const Star& star) noexcept {
+    return static_cast<std::uint8_t>((star.has_sectors() ? kHasSectors : 0) |
+                                     (star.open != 0 ? kHasBorder : 0));
+  }
   /// What all three stars agreed on goes first: it is seldom wrong. Of that, what lies within a chunk, whose
   /// points are joined to one another alone: chunks do not meet.
   void join_all() {
@@ -131,14 +180,18 @@ class Turner {
     chunks([&](std::size_t chunk, std::uint32_t i) {
       Chunk& part = parts[chunk];
       const std::size_t end = (chunk + 1) * kPointsPerChunk;
+      state_[i] = state_of(draft_.star[i]);
+      Beside last;
       for_triangles(draft_, i, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
         const bool sure = (draft_.doubtful[a] | draft_.doubtful[b] | draft_.doubtful[c]) == 0;
         if (!sure)
           part.unsure.push_back({a, b, c});
         else if (b >= end || c >= end)
           part.across.push_back({a, b, c});
-        else
-          join({a, b, c}, part.torn);
+        else {
+          const bool one = join_beside(a, b, c, true, last), two = join_beside(a, c, b, false, last);
+          if (!one || !two) part.torn.push_back({a, b, c});
+        }
       });
     });
     std::vector<Triple> torn;
@@ -148,33 +201,48 @@ class Turner {
     for (const Chunk& part : parts)
       for (const Triple& t : part.unsure) join(t, torn);
     for (const Triple& t : torn)
-      for (std::size_t k = 0; k < 3; ++k) open_sector(draft_.star[t[k]], t[(k + 1) % 3], t[(k + 2) % 3]);
+      for (std::size_t k = 0; k < 3; ++k) {
+        open_sector(draft_.star[t[k]], t[(k + 1) % 3], t[(k + 2) % 3]);
+        state_[t[k]] = state_of(draft_.star[t[k]]);
+      }
     pieces_.torn = std::move(torn);
   }
 
+  /// Pieces are numbered by their first points.
   void number_pieces() {
+    struct Seen {
+      std::uint32_t root;
+      bool has_border;
+    };
     const std::size_t n = draft_.size();
-    constexpr std::uint8_t kHasSectors = 1, kHasBorder = 2;
-    std::vector<std::uint8_t> state(n);
-    chunks([&](std::size_t, std::uint32_t i) {
-      const Star& star = draft_.star[i];
-      state[i] = static_cast<std::uint8_t>((star.sectors() > 0 ? kHasSectors : 0) |
-                                           (star.open != 0 ? kHasBorder : 0));
-    });
-    std::vector<std::uint32_t> piece_of_root(n, kNoPoint);
-    pieces_.of.assign(n, kNoPoint);
-    for (std::uint32_t i = 0; i < n; ++i) {
-      const std::uint32_t root = sides_.settle(i).set;
-      if ((state[i] & kHasSectors) == 0) continue;
-      if (piece_of_root[root] == kNoPoint) {
-        piece_of_root[root] = static_cast<std::uint32_t>(pieces_.closed.size());
-        pieces_.closed.push_back(Enclosure::kWhole);
+    UnsetVector<std::uint32_t> piece_of_root(n);  // of those that are roots
+    std::vector<std::vector<Seen>> parts(chunk_count());
+    sides_.begin_settling();
+    parallel_chunks(n, kPointsPerChunk, draft_.threads, [&](std::size_t begin, std::size_t end) {
+      sides_.settle(begin, end);
+      std::vector<Seen>& seen = parts[begin / kPointsPerChunk];
+      for (std::size_t k = begin; k < end; ++k) {
+        const std::uint32_t root = sides_.settled(static_cast<std::uint32_t>(k)).set;
+        if (root == k) piece_of_root[k] = kNoPoint;
+        if ((state_[k] & kHasSectors) == 0) continue;
+        if (seen.empty() || seen.back().root != root) seen.push_back({root, false});
+        seen.back().has_border = seen.back().has_border || (state_[k] & kHasBorder) != 0;
       }
-      pieces_.of[i] = piece_of_root[root];
-      if ((state[i] & kHasBorder) != 0) pieces_.closed[pieces_.of[i]] = Enclosure::kOpen;
-    }
+    });
+    for (const std::vector<Seen>& part : parts)
+      for (const Seen& one : part) {
+        std::uint32_t& piece = piece_of_root[one.root];
+        if (piece == kNoPoint) {
+          piece = static_cast<std::uint32_t>(pieces_.closed.size());
+          pieces_.closed.push_back(Enclosure::kWhole);
+        }
+        if (one.has_border) pieces_.closed[piece] = Enclosure::kOpen;
+      }
+    pieces_.of.resize(n);
     chunks([&](std::size_t, std::uint32_t i) {
-      if (pieces_.of[i] != kNoPoint && sides_.settled(i).turned != 0) reverse(draft_.star[i]);
+      const bool has_sectors = (state_[i] & kHasSectors) != 0;
+      pieces_.of[i] = has_sectors ? piece_of_root[sides_.settled(i).set] : kNoPoint;
+      if (has_sectors && sides_.settled(i).turned != 0) reverse(draft_.star[i]);
     });
   }
 
@@ -218,15 +286,20 @@ class Turner {
   void find_enclosing() {
     const std::vector<std::vector<geometry::SurfacePart>> parts = open_parts();
     std::vector<double> mouth(parts.size(), 0.0);
-    parallel_chunks(parts.size(), 1, draft_.threads, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t piece = begin; piece < end; ++piece) {
-        const float side = geometry::outer_side(parts[piece]);
-        if (side == 0.0f) continue;
-        pieces_.closed[piece] = Enclosure::kWithHoles;
-        inward_[piece] = side < 0.0f ? 1 : 0;
-        mouth[piece] = geometry::mouth_share(parts[piece]);
-      }
+    const auto judge = [&](std::size_t piece, int threads) {
+      const float side = geometry::outer_side(parts[piece], threads);
+      if (side == 0.0f) return;
+      pieces_.closed[piece] = Enclosure::kWithHoles;
+      inward_[piece] = side < 0.0f ? 1 : 0;
+      mouth[piece] = geometry::mouth_share(parts[piece]);
+    };
+    // Small pieces at the same time, a large one by all threads.
+    parallel_chunks(parts.size(), kPiecesPerChunk, draft_.threads, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t piece = begin; piece < end; ++piece)
+        if (parts[piece].size() < kLargePiece) judge(piece, 1);
     });
+    for (std::size_t piece = 0; piece < parts.size(); ++piece)
+      if (parts[piece].size() >= kLargePiece) judge(piece, draft_.threads);
     for (const double wide : mouth) pieces_.least_enclosed = std::min(pieces_.least_enclosed, 1.0 - wide);
   }
 
@@ -250,13 +323,17 @@ class Turner {
       for (const Share& share : shares) volume[share.piece] += share.volume;
     for (std::size_t piece = 0; piece < volume.size(); ++piece)
       if (volume[piece] < 0.0) inward_[piece] = 1;
+    if (std::find(inward_.begin(), inward_.end(), 1) == inward_.end()) return;
     chunks([&](std::size_t, std::uint32_t i) {
       if (pieces_.of[i] != kNoPoint && inward_[pieces_.of[i]] != 0) reverse(draft_.star[i]);
     });
   }
 
+  static constexpr std::uint8_t kHasSectors = 1, kHasBorder = 2;
+
   Draft& draft_;
   Sides sides_;
+  UnsetVector<std::uint8_t> state_;  ///< by point
   Pieces pieces_;
   std::vector<std::uint8_t> inward_;  ///< by piece: its stars are to be turned
 };

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "toolkit/core/unset_vector.h"
 #include "toolkit/stars/draft.h"
 
 namespace palpate::stars {
@@ -18,7 +19,7 @@ enum class Enclosure : std::uint8_t { kOpen, kWithHoles, kWhole };
 inline constexpr int kPointsPerPart = 16;
 
 struct Pieces {
-  std::vector<std::uint32_t> of;  ///< by point; kNoPoint where it has no triangle
+  UnsetVector<std::uint32_t> of;  ///< by point; kNoPoint where it has no triangle
   std::vector<Enclosure> closed;  ///< by piece
   double least_enclosed = 1.0;    ///< 1 less the widest geometry::mouth_share() of those with holes
   /// Corners of the triangles left out where sides would not agree.

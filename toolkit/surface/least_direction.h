@@ -32,6 +32,20 @@ struct Symmetric {
   }
 };
 
+/// The unit direction that a symmetric matrix projects onto: its longest column. False where it is not
+/// finite.
+[[nodiscard]] inline bool longest_column(const Symmetric& projector, Vec3& direction) noexcept {
+  const Symmetric& p = projector;
+  if (p.xx >= p.yy && p.xx >= p.zz)
+    direction = Vec3(p.xx, p.xy, p.xz);
+  else if (p.yy >= p.zz)
+    direction = Vec3(p.xy, p.yy, p.yz);
+  else
+    direction = Vec3(p.xz, p.yz, p.zz);
+  direction.normalize();
+  return is_finite(direction);
+}
+
 /// The eigenvector of the smallest eigenvalue of a covariance; false where the points lie on a line or at one
 /// place. The adjugate has the same eigenvectors and the products of the other two eigenvalues, the largest
 /// for the smallest; its high powers are that eigenvector's projector. Only sums and products, so that every
@@ -47,15 +61,7 @@ struct Symmetric {
     power = power.scaled(1.0 / trace).squared();
     trace = power.trace();
   }
-  // The longest column of the projector.
-  if (power.xx >= power.yy && power.xx >= power.zz)
-    direction = Vec3(power.xx, power.xy, power.xz);
-  else if (power.yy >= power.zz)
-    direction = Vec3(power.xy, power.yy, power.yz);
-  else
-    direction = Vec3(power.xz, power.yz, power.zz);
-  direction.normalize();
-  return is_finite(direction);
+  return longest_column(power, direction);
 }
 
 }  // namespace palpate::surface

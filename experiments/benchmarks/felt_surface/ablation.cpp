@@ -33,25 +33,17 @@ constexpr std::array<Step<stars::StarsWithout>, 6> kStarSteps = {
      {"borders", &stars::StarsWithout::borders},
      {"crossings", &stars::StarsWithout::crossings}}};
 
-constexpr std::array<Step<render::SmoothWithout>, 19> kSmoothSteps = {
-    {{"places", &render::SmoothWithout::places},
-     {"robust", &render::SmoothWithout::robust},
-     {"known", &render::SmoothWithout::known},
-     {"agreement", &render::SmoothWithout::agreement},
-     {"growth", &render::SmoothWithout::growth},
-     {"separation", &render::SmoothWithout::separation},
-     {"folds", &render::SmoothWithout::folds},
-     {"strays", &render::SmoothWithout::strays},
-     {"beside", &render::SmoothWithout::beside},
-     {"creases", &render::SmoothWithout::creases},
-     {"sheets", &render::SmoothWithout::sheets},
-     {"trust", &render::SmoothWithout::trust},
-     {"blend", &render::SmoothWithout::blend},
-     {"sharpening", &render::SmoothWithout::sharpening},
-     {"borders", &render::SmoothWithout::borders},
-     {"enclosure", &render::SmoothWithout::enclosure},
-     {"hessian", &render::SmoothWithout::hessian},
-     {"settling", &render::SmoothWithout::settling},
+constexpr std::array<Step<render::SmoothWithout>, 21> kSmoothSteps = {
+    {{"places", &render::SmoothWithout::places},    {"robust", &render::SmoothWithout::robust},
+     {"known", &render::SmoothWithout::known},      {"agreement", &render::SmoothWithout::agreement},
+     {"growth", &render::SmoothWithout::growth},    {"separation", &render::SmoothWithout::separation},
+     {"folds", &render::SmoothWithout::folds},      {"strays", &render::SmoothWithout::strays},
+     {"beside", &render::SmoothWithout::beside},    {"creases", &render::SmoothWithout::creases},
+     {"sheets", &render::SmoothWithout::sheets},    {"trust", &render::SmoothWithout::trust},
+     {"blend", &render::SmoothWithout::blend},      {"layers", &render::SmoothWithout::layers},
+     {"seams", &render::SmoothWithout::seams},      {"sharpening", &render::SmoothWithout::sharpening},
+     {"borders", &render::SmoothWithout::borders},  {"enclosure", &render::SmoothWithout::enclosure},
+     {"hessian", &render::SmoothWithout::hessian},  {"settling", &render::SmoothWithout::settling},
      {"clearing", &render::SmoothWithout::clearing}}};
 
 std::vector<Ablation> ablations() {

@@ -96,6 +96,73 @@ TEST(NonFinitePoints, AreDroppedCountedAndTakenOutOfFaces) {
   EXPECT_NE(refused.error().message().find("--non-finite drop"), std::string::npos);
 }
 
+/// A scan of three columns and two rows, of which some positions saw nothing.
+std::string range_grid(const std::string& vertices, const std::string& cells) {
+  const auto lines = [](const std::string& text) { return std::count(text.begin(), text.end(), '\n'); };
+  return fmt::format(
+      "ply\nformat ascii 1.0\ncomment unit mm\nobj_info num_cols 3\nobj_info num_rows 2\nelement vertex {}\n"
+      "property float x\nproperty float y\nproperty float z\nelement range_grid {}\n"
+      "property list uchar int vertex_indices\nend_header\n{}{}",
+      lines(vertices), lines(cells), vertices, cells);
+}
+
+TEST(RangeGrids, SayEachPointsRowAndColumn) {
+  const std::string four = "0 0 0\n2 0 0\n1 1 0\n2 1 0\n";
+  const Result<ReadModel> model = read_text(range_grid(four, "1 0\n0\n1 1\n0\n1 2\n1 3\n"), "a.ply");
+  ASSERT_TRUE(model) << model.error().message();
+  EXPECT_FALSE(model->cloud.raster);
+  ASSERT_EQ(model->cloud.properties.size(), 2u);
+  EXPECT_EQ(model->cloud.properties[0].name, "row");
+  EXPECT_EQ(model->cloud.properties[0].values, (std::vector<float>{0, 0, 1, 1}));
+  EXPECT_EQ(model->cloud.properties[1].name, "column");
+  EXPECT_EQ(model->cloud.properties[1].values, (std::vector<float>{0, 2, 1, 2}));
+  EXPECT_TRUE(model->warnings.empty());
+}
+
+TEST(RangeGrids, HoldWhereAPointIsDroppedAndInAnyOrder) {
+  const Result<ReadModel> model =
+      read_text(range_grid("2 0 0\nnan 0 0\n1 1 0\n2 1 0\n", "1 2\n0\n1 1\n0\n1 3\n1 0\n"), "a.ply");
+  ASSERT_TRUE(model) << model.error().message();
+  ASSERT_EQ(model->cloud.properties.size(), 2u);
+  EXPECT_EQ(model->cloud.properties[0].values, (std::vector<float>{1, 0, 1}));
+  EXPECT_EQ(model->cloud.properties[1].values, (std::vector<float>{2, 0, 1}));
+}
+
+TEST(RangeGrids, WithoutHolesAreARaster) {
+  const std::string six = "0 0 0\n1 0 0\n2 0 0\n0 1 0\n1 1 0\n2 1 0\n";
+  const Result<ReadModel> model = read_text(range_grid(six, "1 0\n1 1\n1 2\n1 3\n1 4\n1 5\n"), "a.ply");
+  ASSERT_TRUE(model) << model.error().message();
+  ASSERT_TRUE(model->cloud.raster);
+  EXPECT_EQ(model->cloud.raster->columns, 3u);
+  EXPECT_EQ(model->cloud.raster->rows, 2u);
+  EXPECT_TRUE(model->cloud.properties.empty());
+}
+
+TEST(RangeGrids, ThatDoNotListEveryPointOnceAreWarnedOf) {
+  const std::string three = "0 0 0\n2 0 0\n1 1 0\n";
+  for (const char* cells :
+       {"1 0\n0\n1 1\n0\n0\n0\n", "1 0\n1 2\n1 1\n0\n1 2\n0\n", "2 0 1\n1 2\n0\n0\n0\n0\n",
+        "1 0\n1 3\n1 1\n1 2\n0\n0\n", "1 0\n1 -1\n1 1\n1 2\n0\n0\n"}) {
+    const Result<ReadModel> model = read_text(range_grid(three, cells), "a.ply");
+    ASSERT_TRUE(model) << model.error().message();
+    EXPECT_EQ(model->cloud.size(), 3u) << cells;
+    EXPECT_TRUE(model->cloud.properties.empty()) << cells;
+    ASSERT_EQ(model->warnings.size(), 1u) << cells;
+    EXPECT_NE(model->warnings[0].find("does not list every point once"), std::string::npos);
+  }
+  // One position short of what the header says: not a raster's grid, and passed over.
+  const Result<ReadModel> short_of_one = read_text(range_grid(three, "1 0\n1 1\n1 2\n0\n0\n"), "a.ply");
+  ASSERT_TRUE(short_of_one);
+  EXPECT_TRUE(short_of_one->cloud.properties.empty());
+  EXPECT_TRUE(short_of_one->warnings.empty());
+}
+
+TEST(RangeGrids, ThatAreCutOffAreRefused) {
+  const std::string whole = range_grid("0 0 0\n2 0 0\n", "1 0\n0\n1 1\n0\n0\n0\n");
+  const Result<ReadModel> model = read_text(whole.substr(0, whole.size() - 4), "a.ply");
+  ASSERT_FALSE(model);
+}
+
 TEST(FarClouds, KeepTheirDetailInDoublePly) {
   std::string text =
       "ply\nformat ascii 1.0\nelement vertex 1000\nproperty double x\nproperty double y\nproperty double "

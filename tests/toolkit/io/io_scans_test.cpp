@@ -27,8 +27,9 @@ TEST(Scans, AreReadWhole) {
       {"stanford/dragon_vrip_res3.ply.gz", 22998, 47794, 0, Unit::kMetre, 203.656},
       {"stanford/dragon_vrip_res4.ply.gz", 5205, 11102, 0, Unit::kMetre, 202.821},
       {"stanford/bun_zipper.ply.xz", 35947, 69451, 2, Unit::kMetre, 155.699},
-      {"stanford/bunny_range/bun000.ply.xz", 40256, 0, 0, Unit::kMetre, 155.75},
-      {"stanford/bunny_range/ear_back.ply.xz", 32193, 0, 0, Unit::kMetre, 190.5},
+      // Raw scans say the row and column of each point.
+      {"stanford/bunny_range/bun000.ply.xz", 40256, 0, 2, Unit::kMetre, 155.75},
+      {"stanford/bunny_range/ear_back.ply.xz", 32193, 0, 2, Unit::kMetre, 190.5},
       {"stanford/bunny_range_merged.ply.xz", 362272, 0, 3, Unit::kMetre, 175.647},
       {"stanford/dragon_stand_merged.ply.xz", 469193, 0, 3, Unit::kMetre, 247.731},
       {"lidar/lone-star.ply.xz", 518862, 0, 1, Unit::kMetre, 32440.8},

@@ -207,7 +207,7 @@ TEST(NearPlaces, AreTheNearest) {
     const NearPlaces near(places.point, places.doubled, 2);
     std::vector<int> asked(points.size(), 0);
     for (const std::size_t most : {std::size_t{16}, std::size_t{128}}) {
-      near.run(most, {}, 2, [&](std::uint32_t i, const Nearby& nearby) {
+      const auto check = [&](std::uint32_t i, const Nearby& nearby) {
         ++asked[i];
         using Pair = std::pair<float, std::uint32_t>;
         std::vector<Pair> all;
@@ -222,6 +222,10 @@ TEST(NearPlaces, AreTheNearest) {
         all.resize(std::min(all.size(), most));
         ASSERT_EQ(nearby.size, all.size());
         for (std::size_t k = 0; k < all.size(); ++k) EXPECT_EQ(nearby.place[k], all[k].second);
+      };
+      near.run(most, {}, 2, [&](std::uint32_t first, unsigned bits, const auto& found) {
+        for (std::uint32_t k = 0; k < kBlockPlaces; ++k)
+          if ((bits >> k & 1u) != 0) check(first + k, found[k]);
       });
     }
     for (std::size_t i = 0; i < points.size(); ++i) EXPECT_EQ(asked[i], places.doubled[i] != 0 ? 0 : 2);
