@@ -88,15 +88,7 @@ struct Surroundings {
     Vec3 mean = Vec3::Zero();
     for (const Vec3& d : offset) mean += d;
     mean /= static_cast<double>(std::max<std::size_t>(1, offset.size()));
-    for (const Vec3& d : offset) {
-      const Vec3 r = d - mean;
-      spread.xx += r.x() * r.x();
-      spread.xy += r.x() * r.y();
-      spread.xz += r.x() * r.z();
-      spread.yy += r.y() * r.y();
-      spread.yz += r.y() * r.z();
-      spread.zz += r.z() * r.z();
-    }
+    for (const Vec3& d : offset) spread.add(d - mean);
     Vec3 normal = Vec3::UnitZ();
     if (!surface::least_direction(spread, normal)) return false;
     const Vec3 u = normal.unitOrthogonal(), v = normal.cross(u);

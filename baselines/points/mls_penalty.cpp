@@ -179,12 +179,7 @@ struct MlsPenalty::Sum {
       normals += weight * normal;
       return;
     }
-    square.xx += weight * d.x() * d.x();
-    square.xy += weight * d.x() * d.y();
-    square.xz += weight * d.x() * d.z();
-    square.yy += weight * d.y() * d.y();
-    square.yz += weight * d.y() * d.z();
-    square.zz += weight * d.z() * d.z();
+    square.add(d, weight);
   }
 };
 

@@ -100,7 +100,7 @@ class AblatedContact {
       if (weights.corner[1] < 0.0) {
         feature = stars::edge_number(k);
         found = has(kEdges) && one && weights.corner[0] >= 0.0 && weights.corner[2] >= 0.0 &&
-                rests_on_edge(h, next, normal + of_next.normal(), pull);
+                stars::rests_on_edge(h, next.corner[0], next.corner[2], normal + of_next.normal(), pull);
         break;
       }
       facet = next;
@@ -118,15 +118,6 @@ class AblatedContact {
     if (!found) return false;
     const bool rises = pull.squaredNorm() < stand_.foot.distance_sq;
     return rest_at(h, pull, feature) && get_ready(h, rises);
-  }
-  static bool rests_on_edge(const Vec3& h, const stars::Facet& next, const Vec3& around,
-                            Vec3& pull) noexcept {
-    const Vec3 &a = next.corner[0], along = next.corner[2] - a;
-    const double share = along.dot(h - a), square = along.squaredNorm();
-    if (!(share > 0.0 && share < square)) return false;
-    pull = a + along * (share / square) - h;
-    const double up = around.dot(pull);
-    return up > 0.0 && up * up > stars::kSmoothShare * around.squaredNorm() * pull.squaredNorm();
   }
   /// Always true.
   bool get_ready(const Vec3& h, bool rises) noexcept {

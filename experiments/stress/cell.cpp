@@ -55,6 +55,7 @@ struct Prepared {
   std::unique_ptr<render::HapticRenderer> renderer;
   std::string refused;  ///< why there is none
   std::vector<std::string> warnings;
+  double read_rounding_mm = 0.0;
 };
 Prepared prepare(const StressSetup& setup, const RendererRequest& request, const render::Registry& registry) {
   Prepared prepared;
@@ -76,6 +77,7 @@ Prepared prepare(const StressSetup& setup, const RendererRequest& request, const
     return prepared;
   }
   prepared.warnings = ready->warnings;
+  prepared.read_rounding_mm = ready->read_rounding_mm;
   prepared.renderer = *std::move(made);
   return prepared;
 }
@@ -182,19 +184,19 @@ void judge_twin(const StressSetup& setup, const RendererRequest& request, const 
   const Prepared twin = prepare(*setup.twin, request, registry);
   if (!twin.renderer) return;  // refused at unit scale: there is nothing to compare with
   const Pass unit = pass_of(*twin.renderer, setup.twin->path);
-  cell.twin_bound_n = setup.twin_bound_n;
+  cell.twin_bound_n = setup.twin_bound_n + 2.0 * setup.twin_n_per_mm * twin.read_rounding_mm;
   std::size_t beyond = 0, first = 0;
   for (std::size_t i = 0; i < frames.size(); ++i) {
     const double difference = (frames[i].force_n - unit.trace.frames[i].force_n).norm();
     cell.twin_difference_n = std::max(cell.twin_difference_n, difference);
-    if (!(difference <= setup.twin_bound_n) && beyond++ == 0) first = i;
+    if (!(difference <= cell.twin_bound_n) && beyond++ == 0) first = i;
   }
   if (beyond == 0 || cell.status == CellStatus::kFailed) return;
   cell.status = CellStatus::kFailed;
   cell.check = "twin";
   cell.cause = fmt::format(
       "{} of {} forces differ from the twin's by more than rounding allows ({} N), by up to {} N, first {}",
-      beyond, frames.size(), short_number(setup.twin_bound_n), short_number(cell.twin_difference_n),
+      beyond, frames.size(), short_number(cell.twin_bound_n), short_number(cell.twin_difference_n),
       place_text(setup.path, first));
 }
 

@@ -177,8 +177,9 @@ Result<StressSetup> stretched(const std::shared_ptr<const StressSetup>& unit, co
   const double spacing =
       std::sqrt(cloud.box_mm().extent_mm().head<2>().prod() / static_cast<double>(cloud.size()));
   constexpr double kLeastHeight = 0.25, kDeepest = 2.0;  // no way that is stretched goes deeper, mm
-  setup.twin_bound_n = unit->scene.models.front().surface.stiffness_n_per_mm * error *
-                       (2.0 + 2.0 * kDeepest / (kLeastHeight * spacing));
+  setup.twin_n_per_mm = unit->scene.models.front().surface.stiffness_n_per_mm *
+                        (2.0 + 2.0 * kDeepest / (kLeastHeight * spacing));
+  setup.twin_bound_n = setup.twin_n_per_mm * error;
   return setup;
 }
 

@@ -34,9 +34,10 @@ struct StressSetup {
   Options options{};  ///< of the renderer, for those that have an option of this name; others skip the case
   int threads = 1;    ///< of the preparation
   double tick_s = 1e-3;  ///< a frame may take no longer
-  /// The same at unit scale: its forces must be these to within `twin_bound_n` (0: to the last bit).
+  /// The same at unit scale: its forces must be these to within `twin_bound_n` (0: to the last bit), and what
+  /// a surface that is read in less than double precision is off by, in both, times `twin_n_per_mm`.
   std::shared_ptr<const StressSetup> twin{};
-  double twin_bound_n = 0.0;
+  double twin_bound_n = 0.0, twin_n_per_mm = 0.0;
 };
 
 struct StressCase {

@@ -21,11 +21,12 @@ constexpr double kEnclosing = 0.75 * 0.5;
 /// Places that look at a part together: its width is asked once for all of them.
 constexpr std::size_t kTogether = 8;
 
-/// share_around() of each place, to the bit.
-std::array<double, kTogether> shares_around(std::span<const SurfacePart> parts,
-                                            const std::array<Vec3, kTogether>& places) noexcept {
-  std::array<double, kTogether> x, y, z, sum{};
-  for (std::size_t k = 0; k < kTogether; ++k) {
+/// share_around() of each place.
+template <std::size_t kCount>
+std::array<double, kCount> shares_around(std::span<const SurfacePart> parts,
+                                         const std::array<Vec3, kCount>& places) noexcept {
+  std::array<double, kCount> x, y, z, sum{};
+  for (std::size_t k = 0; k < kCount; ++k) {
     x[k] = places[k].x();
     y[k] = places[k].y();
     z[k] = places[k].z();
@@ -33,7 +34,7 @@ std::array<double, kTogether> shares_around(std::span<const SurfacePart> parts,
   for (const SurfacePart& part : parts) {
     const Vec3 middle = part.middle.cast<double>(), area = part.area.cast<double>();
     const double soft = kSoftShare * area.norm();
-    for (std::size_t k = 0; k < kTogether; ++k) {
+    for (std::size_t k = 0; k < kCount; ++k) {
       const double dx = middle.x() - x[k], dy = middle.y() - y[k], dz = middle.z() - z[k];
       const double sq = ((dx * dx + dy * dy) + dz * dz) + soft;
       const double seen = ((area.x() * dx + area.y() * dy) + area.z() * dz) / (sq * std::sqrt(sq));
@@ -47,14 +48,7 @@ std::array<double, kTogether> shares_around(std::span<const SurfacePart> parts,
 }  // namespace
 
 double share_around(std::span<const SurfacePart> parts, const Vec3& at) noexcept {
-  double sum = 0.0;
-  for (const SurfacePart& part : parts) {
-    const Vec3 d = part.middle.cast<double>() - at;
-    const Vec3 area = part.area.cast<double>();
-    const double sq = d.squaredNorm() + kSoftShare * area.norm();
-    if (sq > 0.0) sum += area.dot(d) / (sq * std::sqrt(sq));
-  }
-  return sum / (4.0 * std::numbers::pi);
+  return shares_around<1>(parts, {at}).front();
 }
 
 float outer_side(std::span<const SurfacePart> parts, int threads) {
@@ -65,7 +59,7 @@ float outer_side(std::span<const SurfacePart> parts, int threads) {
     std::array<Vec3, kTogether> places;
     for (std::size_t k = 0; k < kTogether; ++k)
       places[k] = parts[parts.size() * (2 * (begin + k) + 1) / (2 * kPlaces)].middle.cast<double>();
-    const std::array<double, kTogether> these = shares_around(parts, places);
+    const std::array<double, kTogether> these = shares_around<kTogether>(parts, places);
     std::copy(these.begin(), these.end(), share.begin() + static_cast<std::ptrdiff_t>(begin));
   });
   // The middle one: where faces are near to each other single places see too much or too little.

@@ -287,6 +287,7 @@ class StripBuilder {
     return true;
   }
   void end() const noexcept {}
+  [[nodiscard]] Error error() const { return faces_.too_many(); }
 
  private:
   FaceBuilder& faces_;
@@ -300,12 +301,42 @@ struct PolygonBuilder {
   void begin() noexcept { faces.begin(); }
   [[nodiscard]] bool corner(double value) { return faces.corner(to_index(value)); }
   void end() { faces.end(); }
+  [[nodiscard]] Error error() const { return faces.too_many(); }
 };
 
-// Hands the corner lists of an element to `builder`.
+// Of a raster's positions, row by row, who stands there: a list of one point or none.
+class GridBuilder {
+ public:
+  static constexpr std::uint32_t kNowhere = 0xFFFFFFFFu;
+  explicit GridBuilder(std::size_t points) : position_of_(points, kNowhere) {}
+  void begin() noexcept { at_position_ = 0; }
+  [[nodiscard]] bool corner(double value) noexcept {
+    const std::int64_t index = to_index(value);
+    const auto point = static_cast<std::size_t>(index);
+    once_ = once_ && at_position_++ == 0 && index >= 0 && point < position_of_.size() &&
+            position_of_[point] == kNowhere;
+    if (once_) {
+      position_of_[point] = position_;
+      ++placed_;
+    }
+    return true;  // a grid that tells nothing of its points takes nothing from them
+  }
+  void end() noexcept { ++position_; }
+  [[nodiscard]] static Error error() { return {}; }
+  // Nobody stands at two positions, no two at one, and everyone somewhere.
+  [[nodiscard]] bool complete() const noexcept { return once_ && placed_ == position_of_.size(); }
+  [[nodiscard]] std::vector<std::uint32_t> take() noexcept { return std::move(position_of_); }
+
+ private:
+  std::vector<std::uint32_t> position_of_;
+  std::uint32_t position_ = 0;
+  std::size_t at_position_ = 0, placed_ = 0;
+  bool once_ = true;
+};
+
+// Hands the corner lists of an element to `builder`, which says why where it takes no more.
 template <class Builder>
-Status read_corners(Row& row, const PlyElement& element, const FaceBuilder& faces, Watch& watch,
-                    Builder builder) {
+Status read_corners(Row& row, const PlyElement& element, Watch& watch, Builder& builder) {
   for (std::uint64_t i = 0; i < element.count; ++i) {
     if (!row.start()) return row.error(element, i);
     for (const PlyProperty& property : element.properties) {
@@ -319,7 +350,7 @@ Status read_corners(Row& row, const PlyElement& element, const FaceBuilder& face
       for (std::uint64_t c = 0; c < count; ++c) {
         double index = 0.0;
         if (!row.value(property.type, index)) return row.error(element, i);
-        if (!builder.corner(index)) return faces.too_many();
+        if (!builder.corner(index)) return builder.error();
         if (!watch.row()) return watch.error();  // one list may be all the file's strips
       }
       builder.end();
@@ -341,12 +372,14 @@ Status read_faces(const ReaderInput& input, Input& in, const PlyElement& element
   FaceBuilder faces(decoded, vertices, input.options);
   Status read = Done{};
   if (element.name == kStrips) {
-    read = read_corners(row, element, faces, watch, StripBuilder(faces));
+    StripBuilder strips(faces);
+    read = read_corners(row, element, watch, strips);
   } else {
     decoded.triangles.reserve(
         std::min(reservation(element.count, element.min_row_bytes(row.ascii()), in.remaining()),
                  static_cast<std::size_t>(input.options.max_bytes / sizeof(decoded.triangles[0]))));
-    read = read_corners(row, element, faces, watch, PolygonBuilder{faces});
+    PolygonBuilder polygons{faces};
+    read = read_corners(row, element, watch, polygons);
   }
   row.warn(element, decoded);
   return read;
@@ -365,37 +398,12 @@ Status read_grid(const ReaderInput& input, Input& in, const PlyElement& element,
   const std::size_t points = decoded.points.size();
   if (Status fits = check_memory(points, sizeof(std::uint32_t), "positions of points", input.options); !fits)
     return fits;
-  constexpr std::uint32_t kNowhere = 0xFFFFFFFFu;
-  std::vector<std::uint32_t> position_of(points, kNowhere);
-  std::size_t placed = 0;
-  bool once = true;  // nobody stands at two positions, and no two at one
+  GridBuilder grid(points);
   Watch watch(input, in, decoded);
-  for (std::uint64_t i = 0; i < element.count; ++i) {
-    if (!row.start()) return row.error(element, i);
-    for (const PlyProperty& property : element.properties) {
-      if (!is_corner_list(property)) {
-        if (!skip_property(row, property)) return row.error(element, i);
-        continue;
-      }
-      std::uint64_t count = 0;
-      if (!row.count(property.count_type, count)) return row.error(element, i);
-      for (std::uint64_t c = 0; c < count; ++c) {
-        double value = 0.0;
-        if (!row.value(property.type, value)) return row.error(element, i);
-        const std::int64_t index = to_index(value);
-        const auto point = static_cast<std::size_t>(index);
-        once = once && c == 0 && index >= 0 && point < points && position_of[point] == kNowhere;
-        if (!once) continue;
-        position_of[point] = static_cast<std::uint32_t>(i);
-        ++placed;
-      }
-    }
-    row.pass_over_rest();
-    if (!watch.row()) return watch.error();
-  }
+  if (Status read = read_corners(row, element, watch, grid); !read) return read;
   row.warn(element, decoded);
-  if (once && placed == points)
-    decoded.position_of = std::move(position_of);
+  if (grid.complete())
+    decoded.position_of = grid.take();
   else
     decoded.warnings.push_back(fmt::format(
         "The element {} does not list every point once: rows and columns are not known.", quoted(kGrid)));

@@ -60,6 +60,9 @@ struct PrepareReport {
   /// report.
   std::vector<std::string> warnings{};
   Decisions decisions{};  ///< what was followed: those of decide() for the same scene
+  /// A bound on what the surface is off by where a frame reads it in less than double precision; 0: in
+  /// double.
+  double read_rounding_mm = 0.0;
 };
 
 class ModelStore;  // model_store.h

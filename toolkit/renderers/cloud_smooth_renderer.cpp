@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <memory>
 #include <utility>
 
@@ -145,6 +146,8 @@ class CloudSmooth final : public BoxedShellRenderer<SmoothModel> {
       if (!built) return std::move(built).error();
       report.decisions.models.push_back(said(input, built->decided()));
       report.notes.push_back(note_of(report.decisions.models.back().decisions.front()));
+      report.read_rounding_mm =
+          std::max(report.read_rounding_mm, kReadRounding * built->smooth->grid.voxel_mm);
       models_.add(std::make_unique<SmoothModel>(*std::move(built), walk_steps(), without_));
     }
     return Done{};

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "toolkit/core/large_pages.h"
+#include "toolkit/core/tolerances.h"
 #include "toolkit/core/vec.h"
 #include "toolkit/geometry/aabb.h"
 #include "toolkit/geometry/enclosure.h"
@@ -23,6 +24,10 @@ inline constexpr int kBrickCoefficients = kBrickNodes * kBrickNodes * kBrickNode
 /// Largest distance that a coefficient holds, in voxels: a brick's nodes are at most 5.2 from its middle.
 inline constexpr double kBrickReach = 8.0;
 inline constexpr float kBrickUnit = static_cast<float>(kBrickReach / 32767.0);
+/// What a distance read from a brick is off by at most, voxels: it is summed in single precision, of products
+/// of three weights (a polynomial of four operations each) and a coefficient no larger than kBrickReach, in
+/// three sums of four one in another: 12 + 3 + 9 roundings.
+inline constexpr double kReadRounding = 24.0 * kUnitRoundoffFloat * kBrickReach;
 
 /// How a brick's sheet goes on with the next brick: where its faces meet in creases each is a layer of its
 /// own. Those that meet in ridges are one body, of which the greatest distance counts; of bodies the least.

@@ -25,6 +25,9 @@ constexpr double kLeastMisfit = 6e-4;
 /// Lines tried first: directions over half a turn, and how far off the middle, in radii.
 constexpr int kDirections = 6;
 constexpr std::array<double, 3> kOffsets{0.0, -0.4, 0.4};
+/// A bend of which a quadric follows all but this share of the square is told apart from it by rounding
+/// alone.
+constexpr double kFollowed = 1e-6;
 /// The best of them explains this share of the misfit's square; one step on all but so much is.
 constexpr double kFirstGain = 0.5, kSecondLeft = 0.15;
 /// Steps of Gauss and Newton, and how far one may move the line or turn it, in radii.
@@ -141,7 +144,7 @@ class SeamFinder {
           own += s * s;
         }
         const double left = own - sums.head<6>().squaredNorm(), with = sums[6];
-        const double gain = left > 1e-6 * own ? with * with / left : 0.0;
+        const double gain = left > kFollowed * own ? with * with / left : 0.0;
         if (!(gain > most)) continue;
         most = gain;
         best = line;

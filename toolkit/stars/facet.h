@@ -111,9 +111,9 @@ inline constexpr double kOutOfDenormals = 0x1p506;
 }
 
 /// The four numbers that tell whether a HIP still has its foot in a facet and is behind it, all of them
-/// linear: the corners' weights and the height over the plane on the touched side. They
-/// are as many times too large as the facet's normal is long, the weights twice so: whether a foot is in the
-/// next facet is then known before any division is done.
+/// linear: the corners' weights and the height over the plane on the touched side. They are as many times too
+/// large as the facet's normal is long, the weights twice so: whether a foot is in the next facet is then
+/// known before any division is done.
 class FacetFrame {
  public:
   struct Weights {

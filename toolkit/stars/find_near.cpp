@@ -68,21 +68,12 @@ struct Moments {
 
   void add(const Vec3& d) noexcept {
     first += d;
-    second.xx += d.x() * d.x();
-    second.xy += d.x() * d.y();
-    second.xz += d.x() * d.z();
-    second.yy += d.y() * d.y();
-    second.yz += d.y() * d.z();
-    second.zz += d.z() * d.z();
+    second.add(d);
     ++count;
   }
   /// Of the offsets and of the point itself, times their number.
   [[nodiscard]] surface::Symmetric covariance() const noexcept {
-    const double share = 1.0 / static_cast<double>(count + 1);
-    const Vec3& m = first;
-    return {second.xx - share * m.x() * m.x(), second.xy - share * m.x() * m.y(),
-            second.xz - share * m.x() * m.z(), second.yy - share * m.y() * m.y(),
-            second.yz - share * m.y() * m.z(), second.zz - share * m.z() * m.z()};
+    return second.without(first, 1.0 / static_cast<double>(count + 1));
   }
 };
 

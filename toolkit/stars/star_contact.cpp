@@ -32,23 +32,6 @@ bool stands_in(const StarMesh& mesh, const Stand& left, const Vec3& h, std::uint
   return std::abs(n.dot(left.foot.point - pa)) <= gamma(kFootOperations) * size * n.norm();
 }
 
-/// Whether a pull's cosine with a normal, squared, is below a share.
-bool leans(const Vec3& normal, const Vec3& pull, double share) noexcept {
-  const double along = normal.dot(pull);
-  return !(along > 0.0 && along * along > share * normal.squaredNorm() * pull.squaredNorm());
-}
-
-/// Whether the place nearest to h of two facets that h is behind is on the edge between them, from a to b,
-/// and where: the way there. `around`: the sum of the facets' normals, towards the touched side. A pull that
-/// leans from that may hang on something, and is none.
-bool rests_on_edge(const Vec3& h, const Vec3& a, const Vec3& b, const Vec3& around, Vec3& pull) noexcept {
-  const Vec3 along = b - a;
-  const double share = along.dot(h - a), square = along.squaredNorm();
-  if (!(share > 0.0 && share < square)) return false;
-  pull = a + along * (share / square) - h;
-  return !leans(around, pull, kSmoothShare);
-}
-
 bool shares(const Stand& left, std::uint32_t a, std::uint32_t b, std::uint32_t c) noexcept {
   const auto has = [&](std::uint32_t place) { return place == a || place == b || place == c; };
   const Feature f = left.foot.feature;

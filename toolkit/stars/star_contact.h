@@ -40,9 +40,8 @@ inline constexpr double kStepWidth = 0.25;
 /// border itself goes on, and what rises there would hold a HIP that is long past it.
 inline constexpr double kAheadShare = 0.5;
 /// A pull that leans by more than 45 degrees from the surface around hangs on something: the square of its
-/// cosine. Looked at where it leans by more than 11 from the facets that it stands on, which on a smooth
-/// surface no pull does.
-inline constexpr double kUprightShare = 0.5, kSmoothShare = 0.96;
+/// cosine. Looked at where it leans by more than kSmoothShare tells from the facets that it stands on.
+inline constexpr double kUprightShare = 0.5;
 /// The surface around faces one way where the sum of its area normals is so long a part of their lengths: at
 /// noise of a fifth of the spacing, with one facet in ten turned over, it is two thirds.
 inline constexpr double kTrendShare = 0.5;

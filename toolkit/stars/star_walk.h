@@ -97,6 +97,27 @@ struct Trend {
   return sum;
 }
 
+/// On a smooth surface no pull leans by more than 11 degrees from the facets that it stands on: the square of
+/// that angle's cosine.
+inline constexpr double kSmoothShare = 0.96;
+/// Whether a pull's cosine with a normal, squared, is below a share.
+[[nodiscard]] inline bool leans(const Vec3& normal, const Vec3& pull, double share) noexcept {
+  const double along = normal.dot(pull);
+  return !(along > 0.0 && along * along > share * normal.squaredNorm() * pull.squaredNorm());
+}
+
+/// Whether the place nearest to h of two facets that h is behind is on the edge between them, from a to b,
+/// and where: the way there. `around`: the sum of the facets' normals, towards the touched side. A pull that
+/// leans from that may hang on something, and is none.
+[[nodiscard]] inline bool rests_on_edge(const Vec3& h, const Vec3& a, const Vec3& b, const Vec3& around,
+                                        Vec3& pull) noexcept {
+  const Vec3 along = b - a;
+  const double share = along.dot(h - a), square = along.squaredNorm();
+  if (!(share > 0.0 && share < square)) return false;
+  pull = a + along * (share / square) - h;
+  return !leans(around, pull, kSmoothShare);
+}
+
 /// visit(facet) for the facets that meet where the stand's foot is; its own first.
 template <class Visit>
 void for_facets_at(const StarMesh& mesh, const Stand& stand, Visit&& visit) noexcept {

@@ -18,6 +18,20 @@ inline constexpr int kSquarings = 5;
 /// A symmetric 3 x 3 matrix.
 struct Symmetric {
   double xx = 0.0, xy = 0.0, xz = 0.0, yy = 0.0, yz = 0.0, zz = 0.0;
+  /// weight d dᵀ.
+  void add(const Vec3& d, double weight = 1.0) noexcept {
+    xx += weight * d.x() * d.x();
+    xy += weight * d.x() * d.y();
+    xz += weight * d.x() * d.z();
+    yy += weight * d.y() * d.y();
+    yz += weight * d.y() * d.z();
+    zz += weight * d.z() * d.z();
+  }
+  /// Less share d dᵀ: of sums over n offsets that add up to d their covariance, n times, where share = 1 / n.
+  [[nodiscard]] Symmetric without(const Vec3& d, double share) const noexcept {
+    return {xx - share * d.x() * d.x(), xy - share * d.x() * d.y(), xz - share * d.x() * d.z(),
+            yy - share * d.y() * d.y(), yz - share * d.y() * d.z(), zz - share * d.z() * d.z()};
+  }
   [[nodiscard]] double trace() const noexcept { return xx + yy + zz; }
   [[nodiscard]] Symmetric scaled(double s) const noexcept {
     return {xx * s, xy * s, xz * s, yy * s, yz * s, zz * s};

@@ -13,31 +13,19 @@ constexpr double kFoldedCosine = 0.7071;
 /// False where the point and its neighbours give no plane.
 bool plane_normal(std::span<const SurfacePoint> points, const neighbourhood::Neighbours& around,
                   std::size_t i, Vec3& normal) noexcept {
-  const double px = static_cast<double>(points[i].x_mm), py = static_cast<double>(points[i].y_mm),
-               pz = static_cast<double>(points[i].z_mm);
+  const Vec3 point = points[i].at();
   // Sums about the point itself, which is one of those fitted.
-  double sx = 0.0, sy = 0.0, sz = 0.0, count = 1.0;
-  Symmetric sum;
+  double count = 1.0;
+  Vec3 sum = Vec3::Zero();
+  Symmetric squares;
   for (const std::uint32_t other : around) {
     if (other == i) continue;
-    const double x = static_cast<double>(points[other].x_mm) - px,
-                 y = static_cast<double>(points[other].y_mm) - py,
-                 z = static_cast<double>(points[other].z_mm) - pz;
-    sx += x;
-    sy += y;
-    sz += z;
-    sum.xx += x * x;
-    sum.xy += x * y;
-    sum.xz += x * z;
-    sum.yy += y * y;
-    sum.yz += y * z;
-    sum.zz += z * z;
+    const Vec3 d = points[other].at() - point;
+    sum += d;
+    squares.add(d);
     count += 1.0;
   }
-  const double share = 1.0 / count;
-  const Symmetric covariance{sum.xx - sx * sx * share, sum.xy - sx * sy * share, sum.xz - sx * sz * share,
-                             sum.yy - sy * sy * share, sum.yz - sy * sz * share, sum.zz - sz * sz * share};
-  return least_direction(covariance, normal);
+  return least_direction(squares.without(sum, 1.0 / count), normal);
 }
 
 }  // namespace
