@@ -22,7 +22,8 @@ class PointsAround {
     Vec3 at;
     double reach_sq;
   };
-  std::vector<Near> gathered_, near_;
+  std::vector<Near> near_;
+  std::size_t count_ = 0, step_ = 0;  ///< of them, and from the one to the next to ask
 };
 
 }  // namespace palpate::render
