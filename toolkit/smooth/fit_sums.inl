@@ -65,16 +65,33 @@ PALPATE_TARGET void moments(const FitLanes& p, const FitFrame& f, const FitHeigh
   for (std::size_t i = 0; i < r.size(); ++i) out.r[i] = PALPATE_SUM(r[i]);
 }
 
-PALPATE_TARGET void residuals(const FitLanes& p, const FitHeight& c) {
+/// Their sum is answered.
+PALPATE_TARGET double residuals(const FitLanes& p, const FitHeight& c) {
+  V sum{};
   for (std::size_t i = 0; i < p.count; i += FitPoints::kAtOnce) {
-    V a, b, w;
+    V a, b, w, real;
     PALPATE_LOAD(a, p.u + i);
     PALPATE_LOAD(b, p.v + i);
     PALPATE_LOAD(w, p.w + i);
+    PALPATE_LOAD(real, p.real + i);
     const V off = w - (c[0] + a * (c[1] + c[3] * a + c[4] * b) + b * (c[2] + c[5] * b));
     const V size = off < 0.0 ? -off : off;
     PALPATE_STORE(p.off + i, size);
+    sum += size * real;
   }
+  return PALPATE_SUM(sum);
+}
+
+/// How many residuals are less than a value.
+PALPATE_TARGET std::size_t below(const FitLanes& p, double value) {
+  const V most = V{} + value;
+  Counts less{};
+  for (std::size_t i = 0; i < p.count; i += FitPoints::kAtOnce) {
+    V off;
+    PALPATE_LOAD(off, p.off + i);
+    less -= off < most;
+  }
+  return static_cast<std::size_t>(PALPATE_SUM(less));
 }
 
 /// The residual that `rank` others are less than; equal ones stand in for each other.
