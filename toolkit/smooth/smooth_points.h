@@ -12,6 +12,7 @@
 #include "toolkit/core/vec.h"
 #include "toolkit/geometry/aabb.h"
 #include "toolkit/partition/morton_order.h"
+#include "toolkit/smooth/cell_blocks.h"
 
 namespace palpate::render {
 
@@ -99,7 +100,7 @@ class SmoothPoints {
         std::uint64_t cx = code_x;
         for (std::int64_t x = low[0]; x <= high[0]; ++x, cx = next_code<0>(cx)) {
           const std::uint32_t cell = level.table.find(cx | cy | cz);
-          if (cell != CellTable::kNone) visit(level.begin[cell], level.begin[cell + 1]);
+          if (cell != CellBlocks::kNone) visit(level.begin[cell], level.begin[cell + 1]);
         }
       }
     }
@@ -127,14 +128,16 @@ class SmoothPoints {
   struct Level {
     double cell_mm = 1.0;
     int bits = 0;  ///< of each axis's lattice coordinate that lie inside a cube
-    CellTable table;
+    CellBlocks table;
     std::vector<std::uint32_t> begin;
   };
   [[nodiscard]] const Level& level_for(double radius) const noexcept;
   bool cells_of(const Level& level, const Vec3& centre, double radius, std::array<std::int64_t, 3>& low,
                 std::array<std::int64_t, 3>& high) const noexcept;
   [[nodiscard]] static std::uint32_t points_around_cell(const Level& level, std::uint64_t code) noexcept;
-  void build_levels(const std::vector<std::uint64_t>& codes);
+  /// Sorts what stands in one cube of the lattice, and leaves out places that are there already.
+  void settle_equal(std::vector<std::uint64_t>& codes);
+  void build_levels(const std::vector<std::uint64_t>& codes, int threads);
   void measure_spacing();
   void measure_spacing_near(int threads);
 
