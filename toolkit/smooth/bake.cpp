@@ -6,6 +6,8 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <memory>
+#include <mutex>
 #include <numeric>
 #include <tuple>
 #include <utility>
@@ -78,12 +80,16 @@ class Baker {
     cubes.push_back(static_cast<std::uint32_t>(pairs_.size()));
     const std::size_t chunks = (count + kBrickGrain - 1) / kBrickGrain;
     std::vector<std::vector<Made>> made(chunks);
+    ScratchPool pool;
     parallel_chunks(count, kBrickGrain, threads, [&](std::size_t begin, std::size_t end) {
-      Scratch scratch(patches_, grid_, without_);
-      const std::size_t chunk = begin / kBrickGrain;
+      std::unique_ptr<Scratch> scratch = pool.take();
+      if (!scratch) scratch = std::make_unique<Scratch>(patches_, grid_, without_);
+      std::vector<Made>& mine = made[begin / kBrickGrain];
+      mine.reserve(end - begin);
       for (std::size_t c = begin; c < end; ++c)
-        bake_cube(std::span<const CubePair>(pairs_).subspan(cubes[c], cubes[c + 1] - cubes[c]), scratch,
-                  made[chunk]);
+        bake_cube(std::span<const CubePair>(pairs_).subspan(cubes[c], cubes[c + 1] - cubes[c]), *scratch,
+                  mine);
+      pool.give_back(std::move(scratch));
     });
     close_pieces(made);
     collect(made);
@@ -112,6 +118,26 @@ class Baker {
     std::vector<Brick> layers;  ///< of one sheet that has several, as frames read them
     CubeSeams seams;
     NodeBlend blend;
+  };
+
+  /// What no chunk uses now: memory is taken, and forgotten, once a thread.
+  class ScratchPool {
+   public:
+    std::unique_ptr<Scratch> take() {
+      const std::lock_guard lock(mutex_);
+      if (idle_.empty()) return nullptr;
+      std::unique_ptr<Scratch> one = std::move(idle_.back());
+      idle_.pop_back();
+      return one;
+    }
+    void give_back(std::unique_ptr<Scratch> one) {
+      const std::lock_guard lock(mutex_);
+      idle_.push_back(std::move(one));
+    }
+
+   private:
+    std::mutex mutex_;
+    std::vector<std::unique_ptr<Scratch>> idle_;
   };
 
   /// The patches of one sheet, face by face, each body's faces in a row.

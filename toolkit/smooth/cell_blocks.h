@@ -1,5 +1,5 @@
-// Cells by their Morton codes, 4 x 4 x 4 of them a block: of a surface's cells a block has some sixteen, and a
-// table of blocks stays in the cache where one of cells does not.
+// Cells by their Morton codes, 4 x 4 x 4 of them a block: of a surface's cells a block has some sixteen, and
+// a table of blocks stays in the cache where one of cells does not.
 #pragma once
 
 #include <cstddef>

@@ -127,12 +127,13 @@ double FitPoints::median_residual(const FitHeight& height) {
 }
 
 double FitPoints::of_rank_between(double low, double high, std::size_t rank) {
-  between_.resize(count_ + 1);
-  std::size_t few = 0;
-  for (std::size_t i = 0; i < count_; ++i) {
-    between_[few] = off_[i];
-    few += off_[i] >= low && off_[i] < high ? std::size_t{1} : std::size_t{0};
-  }
+  between_.resize(x_.size() + 1);
+#if defined(__x86_64__)
+  const std::size_t few = wide_here() ? wide_sums::between(lanes(), low, high, between_.data())
+                                      : narrow_sums::between(lanes(), low, high, between_.data());
+#else
+  const std::size_t few = narrow_sums::between(lanes(), low, high, between_.data());
+#endif
   if (rank >= few) return off_[count_ / 2];  // some are no numbers
   const auto at = between_.begin() + static_cast<std::ptrdiff_t>(rank);
   std::nth_element(between_.begin(), at, between_.begin() + static_cast<std::ptrdiff_t>(few));

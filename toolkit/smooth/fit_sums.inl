@@ -94,6 +94,22 @@ PALPATE_TARGET std::size_t below(const FitLanes& p, double value) {
   return static_cast<std::size_t>(PALPATE_SUM(less));
 }
 
+/// Writes those from `low` to below `high`, in order: how many.
+PALPATE_TARGET std::size_t between(const FitLanes& p, double low, double high, double* out) {
+  std::size_t few = 0;
+  for (std::size_t i = 0; i < p.count; i += FitPoints::kAtOnce) {
+    V off;
+    PALPATE_LOAD(off, p.off + i);
+    const Counts inside = (off >= low) & (off < high);
+    if ((inside[0] | inside[1] | inside[2] | inside[3]) == 0) continue;
+    for (std::size_t k = 0; k < FitPoints::kAtOnce; ++k) {
+      out[few] = off[k];
+      few -= static_cast<std::size_t>(inside[k]);
+    }
+  }
+  return few;
+}
+
 /// The residual that `rank` others are less than; equal ones stand in for each other.
 PALPATE_TARGET double of_rank(const FitLanes& p, std::size_t points, std::size_t rank) {
   const auto asked = static_cast<std::int64_t>(rank);
