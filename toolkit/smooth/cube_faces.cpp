@@ -121,11 +121,9 @@ void CubeFaces::part(std::span<const std::uint32_t> members, const std::vector<P
 
 bool CubeFaces::all_go_on(std::span<const std::uint32_t> members, const std::vector<Patch>& patches,
                           const PatchLinks& links) {
-  int turns = 0;
+  if (links.creased.empty()) return false;
   for (const std::uint32_t member : members)
-    for (std::uint32_t link = links.begin[member]; link < links.begin[member + 1]; ++link)
-      turns |= static_cast<int>(links.turn[link]);
-  if (turns != static_cast<int>(Turn::kNone)) return false;
+    if (links.creased[member] != 0) return false;
   for (const std::uint32_t member : members) number_[member] = 0;
   number_[members.front()] = kNoMember;  // as those that are reached
   reached_.assign(1, members.front());

@@ -71,20 +71,26 @@ void pairs_of(const Patch& p, std::uint32_t index, const BrickGrid& grid, std::v
                                      grid.last_brick);
   }
   const Vec3 step(q.u.z() * brick_mm, q.v.z() * brick_mm, q.n.z() * brick_mm);
-  for (std::int64_t x = low[0]; x <= high[0]; ++x)
-    for (std::int64_t y = low[1]; y <= high[1]; ++y) {
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    if (high[axis] < low[axis]) return;
+  const std::uint64_t code_y = partition::morton_code(0, static_cast<std::uint32_t>(low[1]), 0);
+  const std::uint64_t code_z = partition::morton_code(0, 0, static_cast<std::uint32_t>(low[2]));
+  std::uint64_t cx = partition::morton_code(static_cast<std::uint32_t>(low[0]), 0, 0);
+  for (std::int64_t x = low[0]; x <= high[0]; ++x, cx = next_code<0>(cx)) {
+    std::uint64_t cy = code_y;
+    for (std::int64_t y = low[1]; y <= high[1]; ++y, cy = next_code<1>(cy)) {
       const Vec3 first = grid.low_mm + Vec3(static_cast<double>(x) + 0.5, static_cast<double>(y) + 0.5,
                                             static_cast<double>(low[2]) + 0.5) *
                                            brick_mm;
       const Vec3 d = first - q.at, begin(d.dot(q.u), d.dot(q.v), d.dot(q.n));
-      for (std::int64_t z = low[2]; z <= high[2]; ++z) {
+      std::uint64_t cz = code_z;
+      for (std::int64_t z = low[2]; z <= high[2]; ++z, cz = next_code<2>(cz)) {
         bool through = false;
-        if (!reach.holds(begin + static_cast<double>(z - low[2]) * step, through)) continue;
-        out.push_back({partition::morton_code(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y),
-                                              static_cast<std::uint32_t>(z)),
-                       index, through});
+        if (reach.holds(begin + static_cast<double>(z - low[2]) * step, through))
+          out.push_back({cx | cy | cz, index, through});
       }
     }
+  }
 }
 
 /// Leaves only cubes that some surface goes through.

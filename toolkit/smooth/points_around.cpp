@@ -21,6 +21,8 @@ constexpr double kGoldenSection = 0.6180340;
 
 /// Points looked at between questions whether they tell: some four of them are near the place.
 constexpr std::size_t kAtOnce = 8;
+/// The reach, squared, of what is no point.
+constexpr double kNothing = -1.0;
 
 /// The eighth of a turn that a direction is in, as a bit.
 unsigned eighth_of(double a, double b) {
@@ -59,8 +61,19 @@ void PointsAround::gather(const SmoothPoints& points, const Vec3& middle, double
     }
   });
   // In steps of the golden section: the first few are from all around, and mostly tell.
-  step_ = static_cast<std::size_t>(kGoldenSection * static_cast<double>(count_));
-  while (std::gcd(step_, count_) > 1) ++step_;
+  const std::size_t padded = (count_ + kAtOnce - 1) / kAtOnce * kAtOnce;
+  for (std::vector<double>& lane : lanes_) lane.assign(padded, kNothing);
+  auto step = static_cast<std::size_t>(kGoldenSection * static_cast<double>(count_));
+  while (std::gcd(step, count_) > 1) ++step;
+  for (std::size_t i = 0, at = 0; i < count_; ++i) {
+    const Near& p = near_[at];
+    lanes_[0][i] = p.at.x();
+    lanes_[1][i] = p.at.y();
+    lanes_[2][i] = p.at.z();
+    lanes_[3][i] = p.reach_sq;
+    at += step;
+    at -= at >= count_ ? count_ : 0;
+  }
 }
 
 bool PointsAround::are_around(const Vec3& foot, const Vec3& n) const {
@@ -73,16 +86,23 @@ bool PointsAround::are_around(const Vec3& foot, const Vec3& n) const {
   // Eighths of a turn are told without branches, and mostly enough.
   int count = 0;
   unsigned seen = 0;
-  for (std::size_t k = 0, at = 0; k < count_;) {
-    for (const std::size_t past = std::min(k + kAtOnce, count_); k < past; ++k) {
-      const Near& p = near_[at];
-      at += step_;
-      at -= at >= count_ ? count_ : 0;
-      const Vec3 d = p.at - foot;
-      const double a = d.dot(u), b = d.dot(v);
-      const bool near = tells(p, d);
-      count += near ? 1 : 0;
-      seen |= near && std::abs(a) + std::abs(b) > 0.0 ? eighth_of(a, b) : 0u;
+  std::array<double, kAtOnce> a, b, near;
+  for (std::size_t k = 0; k < lanes_[0].size(); k += kAtOnce) {
+    const double *const x = &lanes_[0][k], *const y = &lanes_[1][k], *const z = &lanes_[2][k];
+    const double* const reach_sq = &lanes_[3][k];
+    for (std::size_t j = 0; j < kAtOnce; ++j) {
+      const double dx = x[j] - foot.x(), dy = y[j] - foot.y(), dz = z[j] - foot.z();
+      const double along = dx * n.x() + (dy * n.y() + dz * n.z());
+      const double sq = dx * dx + (dy * dy + dz * dz);
+      a[j] = dx * u.x() + (dy * u.y() + dz * u.z());
+      b[j] = dx * v.x() + (dy * v.y() + dz * v.z());
+      // Below 0 where it tells.
+      near[j] = std::max(sq - reach_sq[j], along * along - kOffPlane * kOffPlane * reach_sq[j]);
+    }
+    for (std::size_t j = 0; j < kAtOnce; ++j) {
+      const bool tells_here = near[j] <= 0.0;
+      count += tells_here ? 1 : 0;
+      seen |= tells_here && std::abs(a[j]) + std::abs(b[j]) > 0.0 ? eighth_of(a[j], b[j]) : 0u;
     }
     if (count >= kFewestNear && kAllAround[seen]) return true;
   }

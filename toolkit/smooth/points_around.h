@@ -1,6 +1,7 @@
 // Whether a place of the surface lies between points, or beyond where they end.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "toolkit/smooth/smooth_points.h"
@@ -23,7 +24,9 @@ class PointsAround {
     double reach_sq;
   };
   std::vector<Near> near_;
-  std::size_t count_ = 0, step_ = 0;  ///< of them, and from the one to the next to ask
+  std::size_t count_ = 0;  ///< of them
+  /// Their places and reaches in the order in which they are asked, filled up with points that tell nothing.
+  std::array<std::vector<double>, 4> lanes_;
 };
 
 }  // namespace palpate::render

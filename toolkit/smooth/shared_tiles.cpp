@@ -33,6 +33,11 @@ std::array<float, 3> floats(const Vec3& x) {
   return {static_cast<float>(x.x()), static_cast<float>(x.y()), static_cast<float>(x.z())};
 }
 
+/// Of a tile's nodes, in voxels from the grid's low corner.
+Vec3 middle_of(const BrickGrid::Coordinate& tile) {
+  return kTileNodes * Vec3(tile[0], tile[1], tile[2]) + Vec3::Constant(kHalfTile - 1.0);
+}
+
 std::size_t hash_of(const BrickGrid::Coordinate& c) {
   // Neighbours in ten bits: four of x, and three of y and z each.
   const auto low = [&](std::size_t axis, unsigned bits) {
@@ -102,7 +107,7 @@ void SharedTiles::take_face(std::span<const std::uint32_t> patches) {
 }
 
 void SharedTiles::find_here(const BrickGrid::Coordinate& place) {
-  const Vec3 middle = kTileNodes * Vec3(place[0], place[1], place[2]) + Vec3::Constant(kHalfTile - 1.0);
+  const Vec3 middle = middle_of(place);
   const std::size_t count = face_.size();
   // Most of a cube's patches are far from most of its tiles: those are told first, without branches.
   const double mx = middle.x(), my = middle.y(), mz = middle.z();
@@ -122,24 +127,12 @@ void SharedTiles::find_here(const BrickGrid::Coordinate& place) {
     near_[near] = static_cast<std::uint32_t>(i);
     near += beyond[i] <= 0.0 ? std::size_t{1} : std::size_t{0};
   }
-  here_.clear();
-  for (std::size_t k = 0; k < near; ++k) {
-    const std::uint32_t patch = face_[near_[k]];
-    const Form& form = forms_[form_[patch]];
-    const Vec3 away = form.at - middle;
-    const double along = away.dot(patches_[patch].quadric.n);
-    const double lateral_sq = away.squaredNorm() - along * along;
-    const double room =
-        foot_room(form.bend, form.support + kMostFootRoom, std::abs(along) + kHalfTileDiagonal);
-    const double reach = form.support + form.tile_radius + room;
-    if (lateral_sq <= reach * reach) here_.push_back({patch, away, room});
-  }
+  here_.resize(near);
+  for (std::size_t k = 0; k < near; ++k) here_[k] = face_[near_[k]];
 }
 
 bool SharedTiles::same_patches(const Kept& kept) const {
-  return kept.count == here_.size() &&
-         std::equal(here_.begin(), here_.end(), lists_.begin() + kept.first,
-                    [](const Here& here, std::uint32_t patch) { return here.patch == patch; });
+  return kept.count == here_.size() && std::equal(here_.begin(), here_.end(), lists_.begin() + kept.first);
 }
 
 const Tile& SharedTiles::at(const BrickGrid::Coordinate& place) {
@@ -154,15 +147,17 @@ const Tile& SharedTiles::at(const BrickGrid::Coordinate& place) {
   kept.first = static_cast<std::uint32_t>(lists_.size());
   kept.count = static_cast<std::uint32_t>(here_.size());
   kept.next = std::exchange(heads_[hash], number);
-  for (const Here& here : here_) lists_.push_back(here.patch);
-  work_out(kept.tile);
+  lists_.insert(lists_.end(), here_.begin(), here_.end());
+  work_out(place, kept.tile);
   return kept.tile;
 }
 
-void SharedTiles::work_out(Tile& tile) const {
+void SharedTiles::work_out(const BrickGrid::Coordinate& place, Tile& tile) const {
+  const Vec3 middle = middle_of(place);
   TileSums sums{};
-  for (const Here& here : here_) {
-    const TilePatch patch = in_tile(here);
+  for (const std::uint32_t here : here_) {
+    TilePatch patch;
+    if (!put_in_tile(here, middle, patch)) continue;
     if (!without_.blend) {
       add_to_tile(patch, sums);
       continue;
@@ -190,11 +185,18 @@ void SharedTiles::work_out(Tile& tile) const {
   }
 }
 
-TilePatch SharedTiles::in_tile(const Here& here) const {
-  TilePatch out = forms_[form_[here.patch]].tile;
-  out.at = floats(here.away);
-  out.foot_room = static_cast<float>(here.room);
-  return out;
+bool SharedTiles::put_in_tile(std::uint32_t patch, const Vec3& middle, TilePatch& out) const {
+  const Form& form = forms_[form_[patch]];
+  const Vec3 away = form.at - middle;
+  const double along = away.dot(patches_[patch].quadric.n);
+  const double lateral_sq = away.squaredNorm() - along * along;
+  const double room = foot_room(form.bend, form.support + kMostFootRoom, std::abs(along) + kHalfTileDiagonal);
+  const double reach = form.support + form.tile_radius + room;
+  if (lateral_sq > reach * reach) return false;
+  out = form.tile;
+  out.at = floats(away);
+  out.foot_room = static_cast<float>(room);
+  return true;
 }
 
 }  // namespace palpate::render

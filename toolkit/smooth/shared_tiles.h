@@ -52,11 +52,6 @@ class SharedTiles {
     std::uint32_t first, count;  ///< of its patches, in lists_
     std::uint32_t next;          ///< with the same hash
   };
-  struct Here {
-    std::uint32_t patch;
-    Vec3 away;  ///< of the patch from the tile's middle, voxels
-    double room;
-  };
   static constexpr std::uint32_t kNone = 0xffffffffu;
   static constexpr std::size_t kHeads = 1024;
   /// Kept at most, 5 MB: a chunk of bricks on a single sheet has some 600.
@@ -64,11 +59,12 @@ class SharedTiles {
 
   void forget();
   [[nodiscard]] const Form& form_of(std::uint32_t patch);
-  /// The patches of the face whose support reaches a tile.
+  /// The patches of the face whose support may reach a tile.
   void find_here(const BrickGrid::Coordinate& place);
   [[nodiscard]] bool same_patches(const Kept& kept) const;
-  void work_out(Tile& tile) const;
-  [[nodiscard]] TilePatch in_tile(const Here& here) const;
+  void work_out(const BrickGrid::Coordinate& place, Tile& tile) const;
+  /// False where its support reaches no node of a tile with its middle there.
+  [[nodiscard]] bool put_in_tile(std::uint32_t patch, const Vec3& middle, TilePatch& out) const;
 
   const std::vector<Patch>& patches_;
   const BrickGrid& grid_;
@@ -79,7 +75,7 @@ class SharedTiles {
   /// Of the face's patches: places, normals, squares of how far they reach at most; scratch.
   std::array<std::vector<double>, 8> lanes_;
   std::vector<std::uint32_t> near_;  ///< of the face's patches those that may reach a tile
-  std::vector<Here> here_;
+  std::vector<std::uint32_t> here_;  ///< themselves
   std::array<std::uint32_t, kHeads> heads_;
   std::vector<Kept> kept_;
   std::vector<std::uint32_t> lists_;
