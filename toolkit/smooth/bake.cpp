@@ -6,27 +6,29 @@
 #include <array>
 #include <bit>
 #include <cmath>
-#include <iterator>
+#include <memory>
+#include <mutex>
 #include <numeric>
 #include <tuple>
 #include <utility>
 
 #include "toolkit/core/parallel.h"
-#include "toolkit/core/radix_sort.h"
 #include "toolkit/geometry/mouth.h"
 #include "toolkit/smooth/blend.h"
 #include "toolkit/smooth/cube_faces.h"
+#include "toolkit/smooth/cube_pairs.h"
 #include "toolkit/smooth/cube_seams.h"
 #include "toolkit/smooth/layers.h"
 #include "toolkit/smooth/points_around.h"
 #include "toolkit/smooth/seam_bricks.h"
 #include "toolkit/smooth/spline.h"
+#include "toolkit/smooth/vouchers.h"
 
 namespace palpate::render {
 namespace {
 
-/// Half a brick's node cube, and half its diagonal, in voxels.
-constexpr double kHalfNodes = 3.0, kHalfNodeDiagonal = 5.1961524;
+/// Half a brick's node cube, in voxels.
+constexpr double kHalfNodes = 3.0;
 /// Half the diagonal of its cells, and of one cell.
 constexpr double kHalfCells = 2.0, kHalfDiagonal = 3.4641016, kHalfCellDiagonal = 0.8660254;
 /// A cell's middle is at most half its diagonal off a surface that crosses it, where the gradient is one;
@@ -38,8 +40,6 @@ constexpr double kCellArea = 0.5 / kCrossed;
 /// The lattice begins this many bricks before the box: faces of a box that stands along the axes are often
 /// flat, and lie at no wall this way.
 constexpr double kLatticeShift = 1.09;
-/// A surface that only just enters a cube is in it, too.
-constexpr double kThroughRoom = 0.25;
 /// With a mean of its corners farther off than this no surface goes through the cell: its half diagonal with
 /// room, and as much again for a slope of more than one and a crease.
 constexpr float kNotCrossed = 1.4f;
@@ -55,17 +55,9 @@ constexpr double kChanceShare = 1e-4;
 constexpr float kBesideCrease = 1.0f;
 /// Closed pieces that a brick can name.
 constexpr std::size_t kMostPieces = (std::size_t{1} << Brick::kPieceBits) - 1;
-constexpr std::size_t kPatchGrain = 1024;
 /// Cubes a chunk: wide enough that most nodes they have in common are within one, some 11 by 11 cubes of a
 /// sheet.
 constexpr std::size_t kBrickGrain = 256;
-
-/// One patch that may reach one cube.
-struct Pair {
-  std::uint64_t code;
-  std::uint32_t patch;
-  bool through;  ///< its surface may go through the cube
-};
 
 class Baker {
  public:
@@ -80,7 +72,7 @@ class Baker {
         brick_mm_(kBrickCells * grid.voxel_mm) {}
 
   void run(int threads) {
-    find_pairs(threads);
+    pairs_ = find_pairs(patches_, seams_.plain, grid_, threads);
     std::vector<std::uint32_t> cubes;  // first pair of each
     for (std::uint32_t i = 0; i < pairs_.size(); ++i)
       if (i == 0 || pairs_[i].code != pairs_[i - 1].code) cubes.push_back(i);
@@ -88,12 +80,16 @@ class Baker {
     cubes.push_back(static_cast<std::uint32_t>(pairs_.size()));
     const std::size_t chunks = (count + kBrickGrain - 1) / kBrickGrain;
     std::vector<std::vector<Made>> made(chunks);
+    ScratchPool pool;
     parallel_chunks(count, kBrickGrain, threads, [&](std::size_t begin, std::size_t end) {
-      Scratch scratch(patches_, grid_, without_);
-      const std::size_t chunk = begin / kBrickGrain;
+      std::unique_ptr<Scratch> scratch = pool.take();
+      if (!scratch) scratch = std::make_unique<Scratch>(patches_, grid_, without_);
+      std::vector<Made>& mine = made[begin / kBrickGrain];
+      mine.reserve(end - begin);
       for (std::size_t c = begin; c < end; ++c)
-        bake_cube(std::span<const Pair>(pairs_).subspan(cubes[c], cubes[c + 1] - cubes[c]), scratch,
-                  made[chunk]);
+        bake_cube(std::span<const CubePair>(pairs_).subspan(cubes[c], cubes[c + 1] - cubes[c]), *scratch,
+                  mine);
+      pool.give_back(std::move(scratch));
     });
     close_pieces(made);
     collect(made);
@@ -117,91 +113,32 @@ class Baker {
     CubeFaces faces;
     std::vector<std::uint32_t> order;  ///< of one sheet's patches, face by face
     std::vector<std::uint32_t> face;   ///< the patches of one
-    std::vector<std::uint32_t> tells;  ///< those of them that may vouch for a place
+    Vouchers vouchers;
     PointsAround around;
     std::vector<Brick> layers;  ///< of one sheet that has several, as frames read them
     CubeSeams seams;
     NodeBlend blend;
   };
 
-  void find_pairs(int threads) {
-    const std::size_t chunks = (seams_.plain + kPatchGrain - 1) / kPatchGrain;
-    std::vector<std::vector<Pair>> found(chunks);
-    parallel_chunks(seams_.plain, kPatchGrain, threads, [&](std::size_t begin, std::size_t end) {
-      std::vector<Pair>& mine = found[begin / kPatchGrain];
-      for (std::size_t i = begin; i < end; ++i) pairs_of(static_cast<std::uint32_t>(i), mine);
-    });
-    std::size_t count = 0;
-    for (const std::vector<Pair>& f : found) count += f.size();
-    pairs_.reserve(count);
-    for (std::vector<Pair>& f : found) {
-      pairs_.insert(pairs_.end(), f.begin(), f.end());
-      std::vector<Pair>().swap(f);  // sorting needs its room
+  /// What no chunk uses now: memory is taken, and forgotten, once a thread.
+  class ScratchPool {
+   public:
+    std::unique_ptr<Scratch> take() {
+      const std::lock_guard lock(mutex_);
+      if (idle_.empty()) return nullptr;
+      std::unique_ptr<Scratch> one = std::move(idle_.back());
+      idle_.pop_back();
+      return one;
     }
-    // Of one cube they are in the order of their patches, and stay so.
-    const int bits = 3 * static_cast<int>(std::bit_width(static_cast<std::uint64_t>(grid_.last_brick)));
-    radix_sort(pairs_, bits, threads, [](const Pair& pair) { return pair.code; });
-    // Only cubes that some surface goes through.
-    std::size_t kept = 0;
-    for (std::size_t i = 0; i < pairs_.size();) {
-      std::size_t end = i;
-      bool through = false;
-      for (; end < pairs_.size() && pairs_[end].code == pairs_[i].code; ++end) through |= pairs_[end].through;
-      if (through)
-        kept = static_cast<std::size_t>(std::copy(pairs_.begin() + static_cast<std::ptrdiff_t>(i),
-                                                  pairs_.begin() + static_cast<std::ptrdiff_t>(end),
-                                                  pairs_.begin() + static_cast<std::ptrdiff_t>(kept)) -
-                                        pairs_.begin());
-      i = end;
+    void give_back(std::unique_ptr<Scratch> one) {
+      const std::lock_guard lock(mutex_);
+      idle_.push_back(std::move(one));
     }
-    pairs_.resize(kept);
-  }
 
-  void pairs_of(std::uint32_t index, std::vector<Pair>& out) const {
-    const Patch& p = patches_[index];
-    const double reach = p.support + kHalfNodes * grid_.voxel_mm;
-    std::array<std::int64_t, 3> low{}, high{};
-    for (int axis = 0; axis < 3; ++axis) {
-      const auto a = static_cast<std::size_t>(axis);
-      const double at = p.quadric.at[axis] - grid_.low_mm[axis];
-      // The node cube reaches one voxel beyond the cells on either side.
-      low[a] = std::max<std::int64_t>(static_cast<std::int64_t>(std::floor((at - reach) / brick_mm_)), 0);
-      high[a] = std::min<std::int64_t>(static_cast<std::int64_t>(std::floor((at + reach) / brick_mm_)),
-                                       grid_.last_brick);
-    }
-    for (std::int64_t x = low[0]; x <= high[0]; ++x)
-      for (std::int64_t y = low[1]; y <= high[1]; ++y)
-        for (std::int64_t z = low[2]; z <= high[2]; ++z) {
-          const Vec3 middle = grid_.low_mm + Vec3(static_cast<double>(x) + 0.5, static_cast<double>(y) + 0.5,
-                                                  static_cast<double>(z) + 0.5) *
-                                                 brick_mm_;
-          bool through = false;
-          if (!reaches(p, middle, through)) continue;
-          out.push_back({partition::morton_code(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y),
-                                                static_cast<std::uint32_t>(z)),
-                         index, through});
-        }
-  }
-
-  /// Whether a patch counts for the nodes of a cube; `through`: its surface may go through the cube's cells.
-  /// Over a cube the residual changes by its gradient's components, but for curvature.
-  bool reaches(const Patch& p, const Vec3& middle, bool& through) const {
-    const Quadric& q = p.quadric;
-    const Vec3 d = middle - q.at;
-    const double along = d.dot(q.n), a = d.dot(q.u), b = d.dot(q.v);
-    const double lateral_sq = a * a + b * b;
-    const double reach = p.support + kHalfNodeDiagonal * grid_.voxel_mm;
-    if (lateral_sq > reach * reach) return false;
-    const double off = std::abs(along - (q.uu * a * a + q.uv * a * b + q.vv * b * b)) * grid_.per_voxel;
-    const Vec3 slope = q.n - q.u * (2.0 * q.uu * a + q.uv * b) - q.v * (2.0 * q.vv * b + q.uv * a);
-    const double per_voxel = slope.cwiseAbs().sum();
-    const double bend = (std::abs(q.uu) + std::abs(q.uv) + std::abs(q.vv)) * grid_.voxel_mm;
-    if (off > kHalfNodes * per_voxel + bend * kHalfNodeDiagonal * kHalfNodeDiagonal) return false;
-    const double cells = p.support + kHalfDiagonal * grid_.voxel_mm;
-    through = lateral_sq <= cells * cells &&
-              off <= kHalfCells * per_voxel + kThroughRoom + bend * kHalfDiagonal * kHalfDiagonal;
-    return true;
-  }
+   private:
+    std::mutex mutex_;
+    std::vector<std::unique_ptr<Scratch>> idle_;
+  };
 
   /// The patches of one sheet, face by face, each body's faces in a row.
   static void put_in_order(std::size_t patches, std::uint32_t sheet, Scratch& s) {
@@ -215,7 +152,7 @@ class Baker {
   }
   /// Over a seam its sides, each by itself; or, beside it, that which is in the cube. False, with nothing
   /// put, where there is none, or the sides do not meet.
-  bool put_seams(std::span<const Pair> pairs, const Vec3& middle, Scratch& s, Made& out) const {
+  bool put_seams(std::span<const CubePair> pairs, const Vec3& middle, Scratch& s, Made& out) const {
     if (seams_.all.empty() || s.faces.face(s.order.front()) != s.faces.face(s.order.back())) return false;
     s.face.clear();
     for (const std::uint32_t i : s.order) s.face.push_back(pairs[i].patch);
@@ -229,7 +166,7 @@ class Baker {
     return true;
   }
   /// The distance of a sheet, each of its faces a layer where they meet in creases.
-  void put_faces(std::span<const Pair> pairs, Scratch& s, Made& out) const {
+  void put_faces(std::span<const CubePair> pairs, Scratch& s, Made& out) const {
     s.face.clear();
     for (std::size_t k = 0; k < s.order.size(); ++k) {
       const std::uint32_t i = s.order[k];
@@ -255,9 +192,9 @@ class Baker {
   }
 
   /// The patches of a cube, sheet by sheet.
-  void bake_cube(std::span<const Pair> pairs, Scratch& s, std::vector<Made>& made) const {
+  void bake_cube(std::span<const CubePair> pairs, Scratch& s, std::vector<Made>& made) const {
     s.members.clear();
-    for (const Pair& pair : pairs) s.members.push_back(pair.patch);
+    for (const CubePair& pair : pairs) s.members.push_back(pair.patch);
     const BrickGrid::Coordinate c = coordinate_of(pairs.front().code);
     const Vec3 middle = grid_.low_mm + Vec3(c[0] + 0.5, c[1] + 0.5, c[2] + 0.5) * brick_mm_;
     s.faces.part(s.members, patches_, links_, middle, kHalfNodes * grid_.voxel_mm);
@@ -304,12 +241,11 @@ class Baker {
     return false;
   }
   /// The cells that the surface goes through, but for those beyond where the points end.
-  void set_mask(std::span<const Pair> pairs, Made& out, const Vec3& middle, double spacing,
+  void set_mask(std::span<const CubePair> pairs, Made& out, const Vec3& middle, double spacing,
                 Scratch& s) const {
     bool gathered = false;
-    s.tells.clear();
-    std::copy_if(s.order.begin(), s.order.end(), std::back_inserter(s.tells),
-                 [&](std::uint32_t i) { return patches_[pairs[i].patch].filled.tells(); });
+    s.vouchers.begin(middle);
+    for (const std::uint32_t i : s.order) s.vouchers.add(patches_[pairs[i].patch]);
     Brick& brick = out.brick;
     s.layers.clear();
     if (!out.more.empty()) {
@@ -330,7 +266,7 @@ class Baker {
       Vec3 to = -n * (static_cast<double>(jet.value) / slope);
       if (!s.layers.empty()) beside_crease(s.layers.data(), at, jet.value, n, to);
       const Vec3 foot = (Vec3(at.cell[0] - 1.5, at.cell[1] - 1.5, at.cell[2] - 1.5) + to) * grid_.voxel_mm;
-      if (!without_.borders && !vouched_for(pairs, middle + foot, s)) {
+      if (!without_.borders && !s.vouchers.vouch_for(foot)) {
         if (!gathered) s.around.gather(points_, middle, kHalfDiagonal * grid_.voxel_mm, spacing);
         gathered = true;
         if (!s.around.are_around(foot, n)) {
@@ -350,19 +286,6 @@ class Baker {
     to = step.along + step.normal * step.lift;
     for (std::size_t a = 0; a < 3; ++a) at.t[a] += static_cast<float>(to[static_cast<Eigen::Index>(a)]);
     n = layers_normal(first, at, kBesideCrease);
-  }
-  /// Whether some patch of the sheet has points on all sides of a place.
-  [[nodiscard]] bool vouched_for(std::span<const Pair> pairs, const Vec3& place, Scratch& s) const {
-    const auto found = std::find_if(s.tells.begin(), s.tells.end(), [&](std::uint32_t i) {
-      const Patch& p = patches_[pairs[i].patch];
-      const Vec3 d = place - p.quadric.at;
-      const double per = 1.0 / p.reached;
-      return std::abs(p.quadric.residual(place)) <= p.spacing &&
-             p.filled.around(d.dot(p.quadric.u) * per, d.dot(p.quadric.v) * per);
-    });
-    if (found == s.tells.end()) return false;
-    std::iter_swap(found, s.tells.begin());  // asked first for the next place
-    return true;
   }
   struct Piece {
     std::uint64_t cells = 0, beyond = 0, bricks = 0, seen = 0;
@@ -457,7 +380,7 @@ class Baker {
   const SmoothWithout& without_;
   BrickGrid& grid_;
   double brick_mm_;
-  std::vector<Pair> pairs_;
+  std::vector<CubePair> pairs_;
 };
 
 }  // namespace

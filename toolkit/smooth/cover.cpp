@@ -194,15 +194,12 @@ class ChunkCover {
     const double limit = mixed_ ? kMixedMost * spacing : kLeavingSpacings * spacing;
     std::array<int, kRings> all{}, leaving{};
     const double rings_sq = kRings / (ball_.radius * ball_.radius);
-    for (const Vec3& away : ball_.away) {
-      const Vec3 p = ball_.centre + away;
-      const double residual = std::abs(q.residual(p));
-      if (residual > std::max(limit, off)) continue;
-      const Vec3 d = p - q.at;
-      const double share = (d.squaredNorm() - d.dot(q.n) * d.dot(q.n)) * rings_sq;
-      const int ring = std::min(static_cast<int>(share), kRings - 1);
+    place(q);
+    for (const Over& over : over_) {
+      if (over.off > std::max(limit, off)) continue;
+      const int ring = std::min(static_cast<int>(over.lateral_sq * rings_sq), kRings - 1);
       ++all[static_cast<std::size_t>(ring)];
-      leaving[static_cast<std::size_t>(ring)] += residual > off;
+      leaving[static_cast<std::size_t>(ring)] += over.off > off;
     }
     int rings = kRings;
     while (rings > 1 && all[static_cast<std::size_t>(rings - 1)] == 0) --rings;
@@ -231,25 +228,29 @@ class ChunkCover {
     cover(out.back(), off);
   }
 
-  void fill(Patch& patch, double off) const {
-    const Quadric& q = patch.quadric;
-    const double per = 1.0 / patch.reached;
-    for (const Vec3& away : ball_.away) {
-      const Vec3 p = ball_.centre + away, d = p - q.at;
-      if (std::abs(q.residual(p)) <= off) patch.filled.add(d.dot(q.u) * per, d.dot(q.v) * per);
+  /// Where the ball's points are over a quadric.
+  void place(const Quadric& q) {
+    over_.resize(ball_.away.size());
+    for (std::size_t k = 0; k < over_.size(); ++k) {
+      const Vec3 d = ball_.centre + ball_.away[k] - q.at;
+      const double a = d.dot(q.u), b = d.dot(q.v), along = d.dot(q.n);
+      over_[k] = {a, b, std::abs(along - (q.uu * a * a + q.uv * a * b + q.vv * b * b)),
+                  d.squaredNorm() - along * along};
     }
+  }
+
+  void fill(Patch& patch, double off) const {
+    const double per = 1.0 / patch.reached;
+    for (const Over& over : over_)
+      if (over.off <= off) patch.filled.add(over.a * per, over.b * per);
   }
 
   void cover(const Patch& patch, double off) {
     const double per_sq = 1.0 / (patch.support * patch.support);
-    for (std::size_t k = 0; k < ball_.away.size(); ++k) {
+    for (std::size_t k = 0; k < over_.size(); ++k) {
       const std::size_t i = ball_.place[k] - begin_;  // wraps around below
-      if (i >= state_.size() || state_[i] == kDone) continue;
-      const Vec3 p = ball_.centre + ball_.away[k];
-      if (std::abs(patch.quadric.residual(p)) > off) continue;
-      const Vec3 d = p - patch.quadric.at;
-      const double along = d.dot(patch.quadric.n);
-      weight_[i] += static_cast<float>(patch_weight((d.squaredNorm() - along * along) * per_sq));
+      if (i >= state_.size() || state_[i] == kDone || over_[k].off > off) continue;
+      weight_[i] += static_cast<float>(patch_weight(over_[k].lateral_sq * per_sq));
       if (static_cast<double>(weight_[i]) >= kCovered) state_[i] = kDone;
     }
   }
@@ -286,15 +287,21 @@ class ChunkCover {
     return true;
   }
 
+  /// A point over a quadric: along its tangent plane, off its surface, and the square of how far from its
+  /// middle along the plane.
+  struct Over {
+    double a, b, off, lateral_sq;
+  };
   const SmoothPoints& points_;
   const CoverRule& rule_;
   std::size_t begin_;
   std::vector<float> weight_;
   std::vector<std::uint8_t> state_;
   Ball ball_;
-  Ball whole_, before_;  ///< its size with all points, and that before it
-  double noise_ = 0.0;   ///< around the seed
-  bool mixed_ = false;   ///< another sheet is near: its points are left out
+  Ball whole_, before_;     ///< its size with all points, and that before it
+  std::vector<Over> over_;  ///< of the points of ball_ over the patch that is added
+  double noise_ = 0.0;      ///< around the seed
+  bool mixed_ = false;      ///< another sheet is near: its points are left out
 };
 
 }  // namespace

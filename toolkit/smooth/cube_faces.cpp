@@ -72,13 +72,18 @@ void CubeFaces::join_same(std::span<const std::uint32_t> members, const std::vec
 
 void CubeFaces::part(std::span<const std::uint32_t> members, const std::vector<Patch>& patches,
                      const PatchLinks& links, const Vec3& middle, double half) {
+  number_.resize(patches.size(), kNoMember);
+  if (all_go_on(members, patches, links)) {
+    sheet_.assign(members.size(), 0);
+    face_ = body_ = sheet_;
+    return;
+  }
   sheet_.resize(members.size());
   std::iota(sheet_.begin(), sheet_.end(), 0u);
   face_ = sheet_;
   creases_.clear();
   doubtful_.clear();
   goes_on_.clear();
-  number_.resize(patches.size(), kNoMember);
   for (std::uint32_t i = 0; i < members.size(); ++i) number_[members[i]] = i;
   for (std::uint32_t i = 0; i < members.size(); ++i) {
     const std::uint32_t from = links.begin[members[i]], past = links.begin[members[i] + 1];
@@ -112,6 +117,26 @@ void CubeFaces::part(std::span<const std::uint32_t> members, const std::vector<P
   body_ = face_;
   if (!creases_.empty()) part_bodies();
   if (!all_one_) part_hidden(members, patches, middle, half);
+}
+
+bool CubeFaces::all_go_on(std::span<const std::uint32_t> members, const std::vector<Patch>& patches,
+                          const PatchLinks& links) {
+  if (links.creased.empty()) return false;
+  for (const std::uint32_t member : members)
+    if (links.creased[member] != 0) return false;
+  for (const std::uint32_t member : members) number_[member] = 0;
+  number_[members.front()] = kNoMember;  // as those that are reached
+  reached_.assign(1, members.front());
+  for (std::size_t k = 0; k < reached_.size() && reached_.size() < members.size(); ++k) {
+    const std::uint32_t from = reached_[k];
+    for (const std::uint32_t to : links.of(from)) {
+      if (number_[to] == kNoMember || patches[to].sure != patches[from].sure) continue;
+      number_[to] = kNoMember;
+      reached_.push_back(to);
+    }
+  }
+  for (const std::uint32_t member : members) number_[member] = kNoMember;
+  return reached_.size() == members.size();
 }
 
 /// Of most cubes all patches are one face: then nothing else is to be told.

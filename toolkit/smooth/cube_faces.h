@@ -42,6 +42,10 @@ class CubeFaces {
   /// not join faces that more points tell apart.
   void join_faces();
   [[nodiscard]] bool one_face();
+  /// The same, told without looking at all links: no crease is near, and the patches that go on from the
+  /// first are all of them.
+  [[nodiscard]] bool all_go_on(std::span<const std::uint32_t> members, const std::vector<Patch>& patches,
+                               const PatchLinks& links);
   /// Patches of one sheet that are the same surface here go together, too, where no link says so.
   void join_same(std::span<const std::uint32_t> members, const std::vector<Patch>& patches,
                  const PatchLinks& links, const Vec3& middle);
@@ -66,7 +70,8 @@ class CubeFaces {
                                        const std::vector<Patch>& patches, const Vec3& at);
 
   bool all_one_;
-  std::vector<std::uint32_t> number_;  ///< of a patch that is a member of the cube, in it
+  std::vector<std::uint32_t> number_;   ///< of a patch that is a member of the cube, in it
+  std::vector<std::uint32_t> reached_;  ///< patches that go on from the first
   std::vector<std::uint32_t> sheet_, face_, body_;
   std::vector<Crease> creases_, goes_on_;
   std::vector<Doubtful> doubtful_;

@@ -11,7 +11,16 @@ namespace {
 
 /// Of so many points a median is found by counting, for each in turn, how many are less: the square of their
 /// number, four at a time, but no branch that cannot be foretold.
-constexpr std::size_t kMostRanked = 64;
+constexpr std::size_t kMostRanked = 24;
+/// Of more it is first closed in between two values until so few lie between them, or so often.
+constexpr std::size_t kFewBetween = 8;
+constexpr int kMostBounds = 12;
+/// The median of |x| of a normal distribution, as a share of its mean, where the first bound is tried.
+constexpr double kMedianOfMean = 0.845;
+/// Bounds aim so many ranks beside what is looked for: from either side alike, so that both close in.
+constexpr double kBeside = 2.5;
+/// A bound takes at least this part off what the last two left.
+constexpr double kLeastPart = 0.1;
 
 #define PALPATE_SUMS narrow_sums
 #define PALPATE_TARGET
@@ -26,6 +35,36 @@ constexpr std::size_t kMostRanked = 64;
 #undef PALPATE_SUMS
 #undef PALPATE_TARGET
 #endif
+
+/// Values between which the residual of a rank lies, and how many are below either.
+struct Bounds {
+  double low = 0.0, high = std::numeric_limits<double>::infinity();
+  std::size_t below_low = 0, below_high = 0;
+};
+
+/// Closes in by straight lines through what is known: residuals are spread about evenly up to their median.
+template <class Below>
+Bounds close_in(std::size_t points, std::size_t rank, double first, Below&& below) {
+  Bounds b;
+  b.below_high = points;
+  double next = first;
+  for (int i = 0; i < kMostBounds && b.below_high - b.below_low > kFewBetween; ++i) {
+    if (!(next > b.low && next < b.high)) break;
+    const std::size_t count = below(next);
+    const bool is_low = count <= rank;
+    (is_low ? b.low : b.high) = next;
+    (is_low ? b.below_low : b.below_high) = count;
+    const double low_count = static_cast<double>(b.below_low);
+    const double aim = static_cast<double>(rank) + 0.5 + (is_low ? kBeside : -kBeside);
+    if (b.high == std::numeric_limits<double>::infinity())
+      next = b.low * std::max(aim / std::max(low_count, 1.0), 1.0 + 1.0 / kBeside);
+    else
+      next = b.low + (b.high - b.low) *
+                         std::clamp((aim - low_count) / (static_cast<double>(b.below_high) - low_count),
+                                    kLeastPart, 1.0 - kLeastPart);
+  }
+  return b;
+}
 
 /// Asked for every fit.
 bool wide_here() {
@@ -64,22 +103,41 @@ double FitPoints::median_residual(const FitHeight& height) {
   const FitLanes all = lanes();
   const std::size_t rank = count_ / 2;
 #if defined(__x86_64__)
-  if (wide_here())
-    wide_sums::residuals(all, height);
-  else
+  const bool wide = wide_here();
+  const double sum = wide ? wide_sums::residuals(all, height) : narrow_sums::residuals(all, height);
+#else
+  const double sum = narrow_sums::residuals(all, height);
 #endif
-    narrow_sums::residuals(all, height);
   std::fill(off_.begin() + static_cast<std::ptrdiff_t>(count_), off_.end(),
             std::numeric_limits<double>::infinity());
   if (count_ > kMostRanked) {
-    const auto middle = off_.begin() + static_cast<std::ptrdiff_t>(rank);
-    std::nth_element(off_.begin(), middle, off_.end());
-    return *middle;
+    const auto below = [&](double value) {
+#if defined(__x86_64__)
+      if (wide) return wide_sums::below(all, value);
+#endif
+      return narrow_sums::below(all, value);
+    };
+    const Bounds b = close_in(count_, rank, kMedianOfMean * sum / static_cast<double>(count_), below);
+    return of_rank_between(b.low, b.high, rank - b.below_low);
   }
 #if defined(__x86_64__)
-  if (wide_here()) return wide_sums::of_rank(all, count_, rank);
+  if (wide) return wide_sums::of_rank(all, count_, rank);
 #endif
   return narrow_sums::of_rank(all, count_, rank);
+}
+
+double FitPoints::of_rank_between(double low, double high, std::size_t rank) {
+  between_.resize(x_.size() + 1);
+#if defined(__x86_64__)
+  const std::size_t few = wide_here() ? wide_sums::between(lanes(), low, high, between_.data())
+                                      : narrow_sums::between(lanes(), low, high, between_.data());
+#else
+  const std::size_t few = narrow_sums::between(lanes(), low, high, between_.data());
+#endif
+  if (rank >= few) return off_[count_ / 2];  // some are no numbers
+  const auto at = between_.begin() + static_cast<std::ptrdiff_t>(rank);
+  std::nth_element(between_.begin(), at, between_.begin() + static_cast<std::ptrdiff_t>(few));
+  return *at;
 }
 
 double FitPoints::weights(const FitFrame& frame, const FitHeight& height, double per_scale) {

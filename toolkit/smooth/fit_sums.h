@@ -49,10 +49,13 @@ class FitPoints {
 
  private:
   [[nodiscard]] FitLanes lanes() noexcept;
+  /// Of the residuals from `low` to below `high` that with `rank` less ones.
+  [[nodiscard]] double of_rank_between(double low, double high, std::size_t rank);
 
   std::size_t count_ = 0;
   std::vector<double> x_, y_, z_, real_;  ///< real: 1, or 0 where there is no point
   std::vector<double> u_, v_, w_, off_;
+  std::vector<double> between_;  ///< scratch of the median
 };
 
 }  // namespace palpate::render

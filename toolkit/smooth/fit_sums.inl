@@ -65,16 +65,49 @@ PALPATE_TARGET void moments(const FitLanes& p, const FitFrame& f, const FitHeigh
   for (std::size_t i = 0; i < r.size(); ++i) out.r[i] = PALPATE_SUM(r[i]);
 }
 
-PALPATE_TARGET void residuals(const FitLanes& p, const FitHeight& c) {
+/// Their sum is answered.
+PALPATE_TARGET double residuals(const FitLanes& p, const FitHeight& c) {
+  V sum{};
   for (std::size_t i = 0; i < p.count; i += FitPoints::kAtOnce) {
-    V a, b, w;
+    V a, b, w, real;
     PALPATE_LOAD(a, p.u + i);
     PALPATE_LOAD(b, p.v + i);
     PALPATE_LOAD(w, p.w + i);
+    PALPATE_LOAD(real, p.real + i);
     const V off = w - (c[0] + a * (c[1] + c[3] * a + c[4] * b) + b * (c[2] + c[5] * b));
     const V size = off < 0.0 ? -off : off;
     PALPATE_STORE(p.off + i, size);
+    sum += size * real;
   }
+  return PALPATE_SUM(sum);
+}
+
+/// How many residuals are less than a value.
+PALPATE_TARGET std::size_t below(const FitLanes& p, double value) {
+  const V most = V{} + value;
+  Counts less{};
+  for (std::size_t i = 0; i < p.count; i += FitPoints::kAtOnce) {
+    V off;
+    PALPATE_LOAD(off, p.off + i);
+    less -= off < most;
+  }
+  return static_cast<std::size_t>(PALPATE_SUM(less));
+}
+
+/// Writes those from `low` to below `high`, in order: how many.
+PALPATE_TARGET std::size_t between(const FitLanes& p, double low, double high, double* out) {
+  std::size_t few = 0;
+  for (std::size_t i = 0; i < p.count; i += FitPoints::kAtOnce) {
+    V off;
+    PALPATE_LOAD(off, p.off + i);
+    const Counts inside = (off >= low) & (off < high);
+    if ((inside[0] | inside[1] | inside[2] | inside[3]) == 0) continue;
+    for (std::size_t k = 0; k < FitPoints::kAtOnce; ++k) {
+      out[few] = off[k];
+      few -= static_cast<std::size_t>(inside[k]);
+    }
+  }
+  return few;
 }
 
 /// The residual that `rank` others are less than; equal ones stand in for each other.

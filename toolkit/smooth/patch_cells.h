@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "toolkit/partition/morton_order.h"
+#include "toolkit/smooth/cell_blocks.h"
 #include "toolkit/smooth/cover.h"
 
 namespace palpate::render {
@@ -62,7 +63,7 @@ class PatchCells {
         std::uint64_t cx = code_x;
         for (std::int64_t x = first(0); x <= c[0] + 1; ++x, cx = next_code<0>(cx)) {
           const std::uint32_t found = scale.table.find(cx | cy | cz);
-          if (found == CellTable::kNone) continue;
+          if (found == CellBlocks::kNone) continue;
           for (std::uint32_t i = scale.begin[found]; i < scale.begin[found + 1]; ++i)
             visit(scale.keys[i].second);
         }
@@ -75,7 +76,7 @@ class PatchCells {
   struct Scale {
     std::vector<std::pair<std::uint64_t, std::uint32_t>> keys;
     std::vector<std::uint32_t> begin;
-    CellTable table;
+    CellBlocks table;
   };
   [[nodiscard]] std::array<std::int64_t, 3> cell(const Vec3& at, int s) const {
     // Two patches of supports below 2^(s+1) are at most 2 x kPatchReach x 2^(s+1) apart.

@@ -257,6 +257,7 @@ PatchLinks link_patches(const SmoothPoints& points, std::vector<Patch>& patches,
     ++out.begin[links[i].b + 1];
   }
   for (std::size_t i = 0; i < patches.size(); ++i) out.begin[i + 1] += out.begin[i];
+  out.creased.assign(patches.size(), 0);
   std::vector<std::uint32_t> next(out.begin.begin(), out.begin.end() - 1);
   out.to.resize(out.begin.back());
   out.turn.resize(out.begin.back());
@@ -268,6 +269,7 @@ PatchLinks link_patches(const SmoothPoints& points, std::vector<Patch>& patches,
     };
     put(links[i].a, links[i].b);
     put(links[i].b, links[i].a);
+    if (turn[i] != Turn::kNone) out.creased[links[i].a] = out.creased[links[i].b] = 1;
   }
   return out;
 }

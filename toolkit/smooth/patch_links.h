@@ -23,6 +23,8 @@ struct PatchLinks {
   std::vector<std::uint32_t> to;
   std::vector<Turn> turn;            ///< beside `to`
   std::vector<std::uint32_t> sheet;  ///< of each patch: the first patch of its connected sheet
+  /// Of each patch whether it meets any in a crease; empty: not told.
+  std::vector<std::uint8_t> creased;
   [[nodiscard]] std::span<const std::uint32_t> of(std::size_t patch) const noexcept {
     return {to.data() + begin[patch], begin[patch + 1] - begin[patch]};
   }

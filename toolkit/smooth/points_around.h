@@ -1,6 +1,7 @@
 // Whether a place of the surface lies between points, or beyond where they end.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "toolkit/smooth/smooth_points.h"
@@ -22,7 +23,10 @@ class PointsAround {
     Vec3 at;
     double reach_sq;
   };
-  std::vector<Near> gathered_, near_;
+  std::vector<Near> near_;
+  std::size_t count_ = 0;  ///< of them
+  /// Their places and reaches in the order in which they are asked, filled up with points that tell nothing.
+  std::array<std::vector<double>, 4> lanes_;
 };
 
 }  // namespace palpate::render

@@ -78,9 +78,13 @@ bool factor(const FitMoments& sums, Triangle& l) {
   constexpr std::array<std::array<std::uint8_t, 6>, 6> kMoment{
       {{0}, {1, 3}, {2, 4, 5}, {3, 6, 7, 10}, {4, 7, 8, 11, 12}, {5, 8, 9, 12, 13, 14}}};
   const double least_sq = kLeastPivot * sums.m[0];
+  // Each element waits for roots and quotients before it: without jumps those of other rows go on meanwhile.
+#pragma GCC unroll 6
   for (std::size_t i = 0; i < 6; ++i)
+#pragma GCC unroll 6
     for (std::size_t j = 0; j <= i; ++j) {
       double rest = sums.m[kMoment[i][j]];
+#pragma GCC unroll 6
       for (std::size_t k = 0; k < j; ++k) rest -= l[i][k] * l[j][k];
       if (j < i) {
         l[i][j] = rest / l[j][j];
@@ -94,14 +98,18 @@ bool factor(const FitMoments& sums, Triangle& l) {
 
 /// What solves the equations.
 bool solve(const Triangle& l, const std::array<double, 6>& r, FitHeight& c) {
+#pragma GCC unroll 6
   for (std::size_t i = 0; i < 6; ++i) {
     double rest = r[i];
+#pragma GCC unroll 6
     for (std::size_t k = 0; k < i; ++k) rest -= l[i][k] * c[k];
     c[i] = rest / l[i][i];
   }
   bool finite = true;
+#pragma GCC unroll 6
   for (std::size_t i = 6; i-- > 0;) {
     double rest = c[i];
+#pragma GCC unroll 6
     for (std::size_t k = i + 1; k < 6; ++k) rest -= l[k][i] * c[k];
     c[i] = rest / l[i][i];
     finite = finite && std::isfinite(c[i]);
@@ -110,11 +118,14 @@ bool solve(const Triangle& l, const std::array<double, 6>& r, FitHeight& c) {
 }
 
 /// Of coefficient i, per variance of a point: the inverse's diagonal.
-double variance_of(const Triangle& l, std::size_t i) {
+template <std::size_t i>
+double variance_of(const Triangle& l) {
   std::array<double, 6> column{};
   double sum = 0.0;
+#pragma GCC unroll 6
   for (std::size_t k = i; k < 6; ++k) {
     double rest = k == i ? 1.0 : 0.0;
+#pragma GCC unroll 6
     for (std::size_t j = i; j < k; ++j) rest -= l[k][j] * column[j];
     column[k] = rest / l[k][k];
     sum += column[k] * column[k];
@@ -240,8 +251,8 @@ bool fit_quadric(const Ball& ball, const FitRule& rule, const Quadric* start, Qu
   fit.points = static_cast<int>(weights);
   fit.sigma *= ball.radius;
   const double sigma = std::max(fit.sigma, rule.sigma_floor);
-  fit.value_error = sigma * std::sqrt(variance_of(l, 0));
-  fit.slope_error = sigma / ball.radius * std::sqrt(0.5 * (variance_of(l, 1) + variance_of(l, 2)));
+  fit.value_error = sigma * std::sqrt(variance_of<0>(l));
+  fit.slope_error = sigma / ball.radius * std::sqrt(0.5 * (variance_of<1>(l) + variance_of<2>(l)));
   fit.quadric = q;
   return is_finite(q.at) && is_finite(q.n);
 }

@@ -19,13 +19,18 @@ struct Tile {
   std::array<std::uint8_t, kTileCount> known;
 };
 
+/// How far from the middle of a cube's eight tiles, along its tangent plane and beyond its support, a patch
+/// may be that one of them asks for, in voxels. Cubes with all such patches ask for the same ones in the
+/// tiles that they have in common.
+[[nodiscard]] double reach_of_tiles(const Vec3& normal);
+
 /// Scratch that is used again from cube to cube. Belongs to one thread; what it answers depends on the
 /// question alone, not on what was asked before.
 class SharedTiles {
  public:
   /// Keeps references.
   SharedTiles(const std::vector<Patch>& patches, const BrickGrid& grid, const SmoothWithout& without)
-      : patches_(patches), grid_(grid), without_(without) {
+      : patches_(patches), grid_(grid), without_(without), form_(patches.size(), kNone) {
     forget();
   }
   /// The patches that are asked for until the next call, by number.
@@ -35,12 +40,11 @@ class SharedTiles {
   [[nodiscard]] const Tile& at(const BrickGrid::Coordinate& place);
 
  private:
-  /// How far along its tangent plane a patch may reach: see foot_room().
-  struct Reach {
-    std::uint32_t patch;
-    Vec3 at, normal;  ///< voxels from the grid's low corner
-    double support;   ///< and its square's share of curvature, voxels
-    double bend, tile_radius;
+  /// A patch as tiles take it, worked out once.
+  struct Form {
+    Vec3 at = Vec3::Zero();                               ///< voxels from the grid's low corner
+    double support = 0.0, tile_radius = 0.0, bend = 0.0;  ///< how far it may reach: see foot_room()
+    TilePatch tile;                                       ///< but for what depends on the tile
   };
   struct Kept {
     Tile tile;
@@ -48,28 +52,30 @@ class SharedTiles {
     std::uint32_t first, count;  ///< of its patches, in lists_
     std::uint32_t next;          ///< with the same hash
   };
-  struct Here {
-    std::uint32_t patch;
-    Vec3 away;  ///< of the patch from the tile's middle, voxels
-    double room;
-  };
   static constexpr std::uint32_t kNone = 0xffffffffu;
   static constexpr std::size_t kHeads = 1024;
   /// Kept at most, 5 MB: a chunk of bricks on a single sheet has some 600.
   static constexpr std::size_t kMostTiles = 4096;
 
   void forget();
-  /// The patches of the face whose support reaches a tile.
+  [[nodiscard]] const Form& form_of(std::uint32_t patch);
+  /// The patches of the face whose support may reach a tile.
   void find_here(const BrickGrid::Coordinate& place);
   [[nodiscard]] bool same_patches(const Kept& kept) const;
-  void work_out(Tile& tile) const;
-  [[nodiscard]] TilePatch in_tile(const Here& here) const;
+  void work_out(const BrickGrid::Coordinate& place, Tile& tile) const;
+  /// False where its support reaches no node of a tile with its middle there.
+  [[nodiscard]] bool put_in_tile(std::uint32_t patch, const Vec3& middle, TilePatch& out) const;
 
   const std::vector<Patch>& patches_;
   const BrickGrid& grid_;
   SmoothWithout without_;
-  std::vector<Reach> face_;
-  std::vector<Here> here_;
+  std::vector<std::uint32_t> form_;  ///< of each patch its number in forms_, or kNone
+  std::vector<Form> forms_;
+  std::vector<std::uint32_t> face_;
+  /// Of the face's patches: places, normals, squares of how far they reach at most; scratch.
+  std::array<std::vector<double>, 8> lanes_;
+  std::vector<std::uint32_t> near_;  ///< of the face's patches those that may reach a tile
+  std::vector<std::uint32_t> here_;  ///< themselves
   std::array<std::uint32_t, kHeads> heads_;
   std::vector<Kept> kept_;
   std::vector<std::uint32_t> lists_;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 #include <tuple>
+#include <utility>
 
 #include "toolkit/core/parallel.h"
 
@@ -65,47 +66,63 @@ SmoothPoints::SmoothPoints(const cloud::Cloud& cloud, int threads) {
   const double extent = (box_mm_.high_mm - box_mm_.low_mm).maxCoeff();
   lattice_ = partition::Lattice::over(box_mm_, extent > 0.0 ? extent / kLatticeCubes : 1.0);
   partition::MortonOrder sorted = partition::sort_by_morton(cloud, lattice_, threads);
-  const auto place_of = [&](std::uint32_t i) { return Vec3f(cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i]); };
-  const auto key = [&](std::uint32_t i) {
-    return std::make_tuple(cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i], i);
-  };
-  std::vector<std::uint64_t> codes;
   const std::size_t n = sorted.order.size();
-  codes.reserve(n);
-  at_.reserve(n);
-  order_.reserve(n);
-  for (std::size_t i = 0; i < n;) {
-    std::size_t end = i + 1;
-    while (end < n && sorted.codes[end] == sorted.codes[i]) ++end;
-    if (end - i > 1)
-      std::sort(sorted.order.begin() + static_cast<std::ptrdiff_t>(i),
-                sorted.order.begin() + static_cast<std::ptrdiff_t>(end),
-                [&](std::uint32_t a, std::uint32_t b) { return key(a) < key(b); });
-    for (; i < end; ++i) {
-      const Vec3f p = place_of(sorted.order[i]);
-      if (!at_.empty() && at_.back() == p) continue;
-      at_.push_back(p);
-      order_.push_back(sorted.order[i]);
-      codes.push_back(sorted.codes[i]);
+  at_.resize(n);
+  parallel_chunks(n, kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      const std::uint32_t i = sorted.order[k];
+      at_[k] = Vec3f(cloud.x_mm[i], cloud.y_mm[i], cloud.z_mm[i]);
     }
-  }
-  build_levels(codes);
+  });
+  order_ = std::move(sorted.order);
+  settle_equal(sorted.codes);
+  build_levels(sorted.codes, threads);
   measure_spacing();
   measure_spacing_near(threads);
 }
 
-void SmoothPoints::build_levels(const std::vector<std::uint64_t>& codes) {
+void SmoothPoints::settle_equal(std::vector<std::uint64_t>& codes) {
   const std::size_t n = codes.size();
-  const auto cells_at = [&](int bits) {
-    std::size_t cells = n == 0 ? 0 : 1;
-    for (std::size_t i = 1; i < n; ++i) cells += (codes[i] >> (3 * bits)) != (codes[i - 1] >> (3 * bits));
-    return cells;
-  };
+  std::size_t kept = 0;
+  std::vector<std::pair<Vec3f, std::uint32_t>> same;
+  for (std::size_t i = 0; i < n;) {
+    const std::uint64_t code = codes[i];
+    if (kept == i && (i + 1 == n || codes[i + 1] != code)) {  // as nearly all
+      kept = ++i;
+      continue;
+    }
+    same.clear();
+    for (; i < n && codes[i] == code; ++i) same.push_back({at_[i], order_[i]});
+    const auto key = [](const auto& one) {
+      return std::make_tuple(one.first.x(), one.first.y(), one.first.z(), one.second);
+    };
+    std::sort(same.begin(), same.end(), [&](const auto& a, const auto& b) { return key(a) < key(b); });
+    for (std::size_t k = 0; k < same.size(); ++k) {
+      if (k > 0 && same[k].first == same[k - 1].first) continue;
+      at_[kept] = same[k].first;
+      order_[kept] = same[k].second;
+      codes[kept++] = code;
+    }
+  }
+  at_.resize(kept);
+  order_.resize(kept);
+  codes.resize(kept);
+}
+
+void SmoothPoints::build_levels(const std::vector<std::uint64_t>& codes, int threads) {
+  const std::size_t n = codes.size();
+  // Points that begin a cube, by the size up to which they do: where their codes differ first.
+  std::array<std::size_t, partition::kMortonBits + 1> begins{};
+  for (std::size_t i = 1; i < n; ++i)
+    ++begins[static_cast<std::size_t>((std::bit_width(codes[i] ^ codes[i - 1]) + 2) / 3)];
   int bits = 0;
-  while (bits < partition::kMortonBits - 1 && cells_at(bits) * kPointsPerCell > n) ++bits;
-  for (int l = 0; l < kLevels && bits + l < partition::kMortonBits; ++l) {
-    Level& level = levels_.emplace_back();
-    level.bits = bits + l;
+  std::size_t cells_now = n == 0 ? 0 : n - begins[0];
+  while (bits < partition::kMortonBits - 1 && cells_now * kPointsPerCell > n)
+    cells_now -= begins[static_cast<std::size_t>(++bits)];
+  levels_.resize(static_cast<std::size_t>(std::min(kLevels, partition::kMortonBits - bits)));
+  parallel_chunks(levels_.size(), 1, threads, [&](std::size_t l, std::size_t) {
+    Level& level = levels_[l];
+    level.bits = bits + static_cast<int>(l);
     level.cell_mm = std::ldexp(lattice_.unit_mm, level.bits);
     std::vector<std::uint64_t> cells;
     for (std::size_t i = 0; i < n; ++i) {
@@ -116,7 +133,7 @@ void SmoothPoints::build_levels(const std::vector<std::uint64_t>& codes) {
     }
     level.begin.push_back(static_cast<std::uint32_t>(n));
     level.table.build(cells);
-  }
+  });
 }
 
 const SmoothPoints::Level& SmoothPoints::level_for(double radius) const noexcept {
@@ -202,7 +219,7 @@ std::uint32_t SmoothPoints::points_around_cell(const Level& level, std::uint64_t
       std::uint64_t cz = partition::morton_code(0, 0, low[2]);
       for (std::uint32_t z = low[2]; z < past(2); ++z, cz = next_code<2>(cz)) {
         const std::uint32_t cell = level.table.find(cx | cy | cz);
-        if (cell != CellTable::kNone) count += level.begin[cell + 1] - level.begin[cell];
+        if (cell != CellBlocks::kNone) count += level.begin[cell + 1] - level.begin[cell];
       }
     }
   }

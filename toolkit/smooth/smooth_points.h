@@ -12,6 +12,7 @@
 #include "toolkit/core/vec.h"
 #include "toolkit/geometry/aabb.h"
 #include "toolkit/partition/morton_order.h"
+#include "toolkit/smooth/cell_blocks.h"
 
 namespace palpate::render {
 
@@ -93,13 +94,17 @@ class SmoothPoints {
     const std::uint64_t code_x = partition::morton_code(static_cast<std::uint32_t>(low[0]), 0, 0);
     const std::uint64_t code_y = partition::morton_code(0, static_cast<std::uint32_t>(low[1]), 0);
     std::uint64_t cz = partition::morton_code(0, 0, static_cast<std::uint32_t>(low[2]));
+    const double left_sq = radius * radius * kBallRoom;
     for (std::int64_t z = low[2]; z <= high[2]; ++z, cz = next_code<2>(cz)) {
+      const double off_z = off_cell_sq(level, z, centre, 2);
       std::uint64_t cy = code_y;
       for (std::int64_t y = low[1]; y <= high[1]; ++y, cy = next_code<1>(cy)) {
+        const double off_yz = off_z + off_cell_sq(level, y, centre, 1);
         std::uint64_t cx = code_x;
         for (std::int64_t x = low[0]; x <= high[0]; ++x, cx = next_code<0>(cx)) {
+          if (off_yz + off_cell_sq(level, x, centre, 0) > left_sq) continue;
           const std::uint32_t cell = level.table.find(cx | cy | cz);
-          if (cell != CellTable::kNone) visit(level.begin[cell], level.begin[cell + 1]);
+          if (cell != CellBlocks::kNone) visit(level.begin[cell], level.begin[cell + 1]);
         }
       }
     }
@@ -127,14 +132,25 @@ class SmoothPoints {
   struct Level {
     double cell_mm = 1.0;
     int bits = 0;  ///< of each axis's lattice coordinate that lie inside a cube
-    CellTable table;
+    CellBlocks table;
     std::vector<std::uint32_t> begin;
   };
+  /// Cells this little outside of a ball are looked at as well: rounding of places to cells.
+  static constexpr double kBallRoom = 1.0 + 1e-4;
+  /// How far, squared, a place is from the slab of a cell along an axis.
+  [[nodiscard]] double off_cell_sq(const Level& level, std::int64_t cell, const Vec3& place,
+                                   int axis) const noexcept {
+    const double from_low = place[axis] - lattice_.low_mm[axis] - static_cast<double>(cell) * level.cell_mm;
+    const double off = std::max(std::max(-from_low, from_low - level.cell_mm), 0.0);
+    return off * off;
+  }
   [[nodiscard]] const Level& level_for(double radius) const noexcept;
   bool cells_of(const Level& level, const Vec3& centre, double radius, std::array<std::int64_t, 3>& low,
                 std::array<std::int64_t, 3>& high) const noexcept;
   [[nodiscard]] static std::uint32_t points_around_cell(const Level& level, std::uint64_t code) noexcept;
-  void build_levels(const std::vector<std::uint64_t>& codes);
+  /// Sorts what stands in one cube of the lattice, and leaves out places that are there already.
+  void settle_equal(std::vector<std::uint64_t>& codes);
+  void build_levels(const std::vector<std::uint64_t>& codes, int threads);
   void measure_spacing();
   void measure_spacing_near(int threads);
 

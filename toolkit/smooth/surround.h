@@ -37,6 +37,9 @@ class Filled {
   }
   /// Whether there is any place of which around() may be true: it takes cells on all its sides.
   [[nodiscard]] bool tells() const noexcept { return cells_ >= 3; }
+  /// Along u and along v, from the middle, the farthest place of which around() may be true: in no outermost
+  /// cell.
+  [[nodiscard]] double farthest() const noexcept { return 1.0 - 2.0 / cells_; }
   /// Whether a place has points on all its sides, beyond doubt: in the cells around its own. A straight
   /// border beyond which that cell reaches leaves one of them empty, however it lies.
   [[nodiscard]] bool around(double a, double b) const noexcept {
