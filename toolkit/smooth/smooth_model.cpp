@@ -294,7 +294,9 @@ void say_smooth(const ModelInput& input, const SmoothBuild& build, const SmoothD
                    share, build.detail)});
   out.decisions.push_back(
       {"bricks", fmt::format("voxels of {:.3g} mm", decision.voxel_mm),
-       fmt::format("{:.3g} times the spacing of {:.3g} mm", build.voxel_spacings, decision.spacing_mm)});
+       fmt::format("{:.3g} times the spacing of {:.3g} mm; bytes are of a surface without edges: where faces "
+                   "meet each has a brick of its own",
+                   build.voxel_spacings, decision.spacing_mm)});
   out.decisions.push_back(
       {"neighbours", "none stored", "the surface is a spline; no point is looked at in a frame"});
   say_surface(input, decision.surface, felt, input.cloud->size(), out);
