@@ -27,8 +27,8 @@ struct FourPlanes {
 void four_planes(const Placed* point, const std::array<std::uint32_t, 4>& place,
                  const std::array<const std::uint32_t*, 4>& near, FourPlanes& out) noexcept;
 
-/// Bit k: the place near[k], of kNearAtOnce, is farther from p than the root of `beyond_sq` and no farther than
-/// that of `within_sq`. The same with lanes and without.
+/// Bit k: the place near[k], of kNearAtOnce, is farther from p than the root of `beyond_sq` and no farther
+/// than that of `within_sq`. The same with lanes and without.
 [[nodiscard]] unsigned places_between(const Placed* point, const std::uint32_t* near, const Vec3& p,
                                       double beyond_sq, double within_sq) noexcept;
 
