@@ -27,10 +27,8 @@
 namespace palpate::render {
 namespace {
 
-/// Half a brick's node cube, in voxels.
-constexpr double kHalfNodes = 3.0;
-/// Half the diagonal of its cells, and of one cell.
-constexpr double kHalfCells = 2.0, kHalfDiagonal = 3.4641016, kHalfCellDiagonal = 0.8660254;
+/// Half the diagonal of a cell, in voxels.
+constexpr double kHalfCellDiagonal = 0.8660254;
 /// A cell's middle is at most half its diagonal off a surface that crosses it, where the gradient is one;
 /// with room for where it is not quite.
 constexpr double kCrossed = 1.1 * kHalfCellDiagonal;

@@ -20,6 +20,9 @@ namespace palpate::render {
 
 inline constexpr int kBrickCells = 4;
 inline constexpr int kBrickNodes = kBrickCells + 3;
+/// Half of its cells and half of its nodes along an axis, and half the diagonal of its cells, voxels.
+inline constexpr double kHalfCells = 0.5 * kBrickCells, kHalfNodes = 0.5 * (kBrickNodes - 1);
+inline constexpr double kHalfDiagonal = 3.4641016;
 inline constexpr int kBrickCoefficients = kBrickNodes * kBrickNodes * kBrickNodes;
 /// Largest distance that a coefficient holds, in voxels: a brick's nodes are at most 5.2 from its middle.
 inline constexpr double kBrickReach = 8.0;

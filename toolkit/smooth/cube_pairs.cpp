@@ -12,10 +12,8 @@
 namespace palpate::render {
 namespace {
 
-/// Half a brick's node cube, and half its diagonal, in voxels.
-constexpr double kHalfNodes = 3.0, kHalfNodeDiagonal = 5.1961524;
-/// Half of its cells, and half their diagonal.
-constexpr double kHalfCells = 2.0, kHalfDiagonal = 3.4641016;
+/// Half the diagonal of a brick's nodes, in voxels.
+constexpr double kHalfNodeDiagonal = 5.1961524;
 /// A surface that only just enters a cube is in it, too.
 constexpr double kThroughRoom = 0.25;
 /// No tile of a cube asks for a patch that is, along any axis, farther from its cells than this, in voxels,

@@ -18,7 +18,7 @@ constexpr int kMostBounds = 12;
 /// The median of |x| of a normal distribution, as a share of its mean, where the first bound is tried.
 constexpr double kMedianOfMean = 0.845;
 /// Bounds aim so many ranks beside what is looked for: from either side alike, so that both close in.
-constexpr double kBeside = 2.5;
+constexpr double kBesideAim = 2.5;
 /// A bound takes at least this part off what the last two left.
 constexpr double kLeastPart = 0.1;
 
@@ -55,9 +55,9 @@ Bounds close_in(std::size_t points, std::size_t rank, double first, Below&& belo
     (is_low ? b.low : b.high) = next;
     (is_low ? b.below_low : b.below_high) = count;
     const double low_count = static_cast<double>(b.below_low);
-    const double aim = static_cast<double>(rank) + 0.5 + (is_low ? kBeside : -kBeside);
+    const double aim = static_cast<double>(rank) + 0.5 + (is_low ? kBesideAim : -kBesideAim);
     if (b.high == std::numeric_limits<double>::infinity())
-      next = b.low * std::max(aim / std::max(low_count, 1.0), 1.0 + 1.0 / kBeside);
+      next = b.low * std::max(aim / std::max(low_count, 1.0), 1.0 + 1.0 / kBesideAim);
     else
       next = b.low + (b.high - b.low) *
                          std::clamp((aim - low_count) / (static_cast<double>(b.below_high) - low_count),

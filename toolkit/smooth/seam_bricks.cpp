@@ -9,8 +9,6 @@ namespace {
 /// Both sides count so many voxels beyond the line, and are no more than so many apart there.
 constexpr double kBesideSeam = 0.5;
 constexpr float kTouches = 0.05f, kSeamNodes = 1.5f;
-/// Half of a brick's cells, in voxels.
-constexpr double kHalfCells = 0.5 * kBrickCells;
 
 /// Which sides of a cube's seams count in it: those that the surface goes through, or close by. False where
 /// sides do not touch along their line.

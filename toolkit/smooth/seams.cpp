@@ -37,7 +37,7 @@ constexpr double kLongestMove = 0.3, kFarthestOff = 1.5;
 constexpr double kBetter = 0.25, kSeamOff = 0.004;
 /// Its bend makes so much of a slope over the radius, at least, and this share of what either side bends: the
 /// next order of a round surface looks like a small one.
-constexpr double kLeastBend = 0.02, kOwnShare = 0.3;
+constexpr double kLeastSeamBend = 0.02, kOwnShare = 0.3;
 /// Of the points on either side.
 constexpr double kEitherSide = 0.25;
 /// The line passes the patch's middle by no more, in spacings.
@@ -212,7 +212,7 @@ class SeamFinder {
       return std::nullopt;
     const double uu = q.uu * radius_, uv = q.uv * radius_, vv = q.vv * radius_;
     const double most = std::max({std::abs(uu), std::abs(vv), std::abs(uu + bend_), std::abs(vv + bend_)});
-    if (std::abs(2.0 * bend_) < kLeastBend || std::abs(bend_) < kOwnShare * most) return std::nullopt;
+    if (std::abs(2.0 * bend_) < kLeastSeamBend || std::abs(bend_) < kOwnShare * most) return std::nullopt;
     double bent_sq = 0.0;
     std::size_t beyond = 0;
     for (const SeamPoint& s : seen_) {

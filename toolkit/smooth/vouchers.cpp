@@ -8,7 +8,7 @@ namespace palpate::render {
 namespace {
 
 /// Rounding of places in shares of a patch.
-constexpr double kRounding = 1e-9;
+constexpr double kShareRounding = 1e-9;
 
 }  // namespace
 
@@ -18,7 +18,7 @@ void Vouchers::add(const Patch& patch) {
   const double per = 1.0 / patch.reached;
   const Vec3 d = middle_ - q.at;
   all_.push_back({q.u * per, q.v * per, d.dot(q.u) * per, d.dot(q.v) * per,
-                  patch.filled.farthest() + kRounding, &patch});
+                  patch.filled.farthest() + kShareRounding, &patch});
 }
 
 bool Vouchers::vouch_for(const Vec3& foot) {

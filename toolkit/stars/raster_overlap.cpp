@@ -17,7 +17,7 @@ using geometry::Aabb;
 constexpr std::uint32_t kTile = 8;
 /// Of two tiles whose boxes meet, parts are looked at: a bent surface fills little of its box.
 constexpr std::uint32_t kPart = 2, kParts = (kTile / kPart) * (kTile / kPart);
-constexpr std::size_t kTilesPerChunk = 256;
+constexpr std::size_t kTilesAtOnce = 256;
 /// A tile is near another one that is less than a spacing off; where rows are much farther apart than
 /// columns, or the other way around, less than half of the way across a tile the short way: the next tile but
 /// one is farther.
@@ -148,7 +148,7 @@ void mark_overlaps(const cloud::Cloud& cloud, const RasterGrid& grid, int thread
   const TileTree tree(cloud, grid, threads);
   const std::uint32_t columns = tree.columns();
   const std::size_t tiles = std::size_t{tree.rows()} * columns;
-  parallel_chunks(tiles, kTilesPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+  parallel_chunks(tiles, kTilesAtOnce, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t tile = begin; tile < end; ++tile) {
       const auto tile_row = static_cast<std::uint32_t>(tile / columns);
       const auto tile_column = static_cast<std::uint32_t>(tile % columns);
