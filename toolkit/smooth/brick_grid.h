@@ -112,7 +112,7 @@ struct BrickGrid {
   double voxel_mm = 1.0;
   double per_voxel = 1.0;            ///< 1 / voxel_mm
   std::int64_t last_brick = 0;       ///< largest brick coordinate of any axis
-  CellTable table;                   ///< from a brick coordinate's Morton code to its cell
+  CellBlocks table;                  ///< from a brick coordinate's Morton code to its cell
   std::vector<std::uint32_t> first;  ///< brick of each cell, and one more
   LargeVector<Brick> bricks;
   geometry::Aabb box_mm;  ///< of the points
@@ -135,7 +135,7 @@ struct BrickGrid {
   /// The cell of a brick coordinate, or kNone.
   [[nodiscard]] std::uint32_t cell_at(const Coordinate& c) const noexcept {
     for (const std::int32_t a : c)
-      if (a < 0 || a > last_brick) return CellTable::kNone;
+      if (a < 0 || a > last_brick) return CellBlocks::kNone;
     return table.find(partition::morton_code(static_cast<std::uint32_t>(c[0]),
                                              static_cast<std::uint32_t>(c[1]),
                                              static_cast<std::uint32_t>(c[2])));

@@ -27,6 +27,7 @@ class CellBlocks {
   }
   /// Of every cell. O(cells).
   [[nodiscard]] std::vector<std::uint64_t> codes(std::size_t cells) const;
+  [[nodiscard]] std::size_t bytes() const noexcept { return slots_.capacity() * sizeof(Slot); }
 
  private:
   static constexpr int kBits = 6;

@@ -98,7 +98,7 @@ bool SmoothContact::look(const Vec3& at, Cube& cube, std::uint32_t& brick, float
 bool SmoothContact::change_brick(const Vec3& at, const Cube& to, const Vec3& normal, Cube& cube,
                                  std::uint32_t& brick, float& side, Jet& jet) const noexcept {
   const std::uint32_t cell = grid_->cell_at(to);
-  if (cell == CellTable::kNone) return false;
+  if (cell == CellBlocks::kNone) return false;
   const BrickPlace place = place_in(to, at);
   const std::uint32_t begin = grid_->first[cell],
                       end = std::min(grid_->first[cell + 1], begin + kMaxSmoothSheets);
@@ -373,7 +373,7 @@ bool SmoothContact::find_entry(const Vec3& h, int& values, FrameCounters& counte
         ++counters.cells_visited;
         const std::uint32_t cell = grid_->cell_at(cube);
         double at = 0.0;
-        if (cell != CellTable::kNone && enter_in(cube, cell, from, way, begin, end, values, at, 0)) {
+        if (cell != CellBlocks::kNone && enter_in(cube, cell, from, way, begin, end, values, at, 0)) {
           contact_ = true;
           god_ = from + way * at;
           moved_ = Vec3::Zero();
@@ -408,7 +408,7 @@ float SmoothContact::side_seen(const Vec3& h, const Vec3& target, std::uint16_t 
     const std::uint32_t cell = grid_->cell_at(cube);
     int values = kMaxSegmentValues;
     double at = 0.0;
-    if (cell == CellTable::kNone || !enter_in(cube, cell, h, way, begin, end, values, at, piece))
+    if (cell == CellBlocks::kNone || !enter_in(cube, cell, h, way, begin, end, values, at, piece))
       return false;
     side = side_;
     return true;
@@ -485,7 +485,7 @@ void SmoothContact::note_free(const Vec3& h) noexcept {
     clear = std::min({clear, x, kBrickCells - x});
   }
   const std::uint32_t cell = grid_->cell_at(cube);
-  if (cell != CellTable::kNone) {
+  if (cell != CellBlocks::kNone) {
     const std::uint32_t first = grid_->first[cell],
                         past = std::min(grid_->first[cell + 1], first + kMaxSmoothSheets);
     for (std::uint32_t b = first; b < past; b += layers_from(&grid_->bricks[b]))

@@ -27,20 +27,25 @@ namespace {
 /// Properties are read from the points within so many spacings of the surface below a corner, nearer ones
 /// more; some thirty of them.
 constexpr double kPropertySpacings = 3.0;
-/// Half the diagonal of a brick's cells, in voxels.
-constexpr double kCellsHalfDiagonal = 3.4641016;
 constexpr std::size_t kCornerGrain = 64;
 /// A voxel needs some length; of a cloud that has no area it does not matter which.
 constexpr double kAnyVoxel = 1.0;
 
-/// Bytes that a brick comes to with its part of the table. How many there are is an estimate that no decision
-/// rests on: a sheet of N cubes has some 4.6 sqrt(N) along its border, where it goes a little beyond its
-/// points; where it changes layers or two sheets pass through one cube there are two bricks. Measured on
-/// scenes of 10 to 10,000 cubes, within a fifth. Creases come on top: a cube has a brick for each of the
-/// faces that meet in it, which on a model that is edges everywhere makes three times as many.
-constexpr double kBytesPerBrick = sizeof(Brick) + 3.0 * 16.0 + sizeof(std::uint32_t);
+/// Bricks of so many cubes, an estimate that no decision rests on: a sheet of N cubes has some 4.6 sqrt(N)
+/// along its border, where it goes a little beyond its points; where it changes layers or two sheets pass
+/// through one cube there are two bricks. Measured on scenes of 10 to 10,000 cubes, within a fifth. Creases
+/// come on top: a cube has a brick for each of the faces that meet in it, which on a model that is edges
+/// everywhere makes three times as many.
 double bricks_of(double cubes) {
-  return 1.1 * cubes + 4.6 * std::sqrt(cubes);
+  return 1.09 * cubes + 4.6 * std::sqrt(cubes);
+}
+
+/// Of the table that finds them: blocks of four by four cubes of a sheet, and those that its border begins,
+/// each with three slots on average.
+double table_bytes_of(double cubes) {
+  constexpr double kSlotBytes = 24.0, kSlots = 3.0, kBlockEdge = 4.0;
+  const double along = std::sqrt(cubes) / kBlockEdge + 1.0;
+  return kSlots * kSlotBytes * along * along;
 }
 
 /// A surface that lies askew goes through some 1.5 cubes for each that would lie flat in it.
@@ -197,7 +202,7 @@ class CornerValues {
     near_.clear();
     const Vec3 middle = grid_.low_mm + (Vec3(cube[0], cube[1], cube[2]) + Vec3::Constant(0.5)) *
                                            (kBrickCells * grid_.voxel_mm);
-    double radius = kCellsHalfDiagonal * grid_.voxel_mm + reach_;
+    double radius = kHalfDiagonal * grid_.voxel_mm + reach_;
     // A brick between far points takes the nearest that there are.
     for (int look = 0; near_.empty() && look < kWiderLooks; ++look, radius *= 2.0)
       points_.in_ball(middle, radius, [&](std::uint32_t i, const Vec3& d, double) {
@@ -301,8 +306,10 @@ void say_smooth(const ModelInput& input, const SmoothBuild& build, const SmoothD
       {"neighbours", "none stored", "the surface is a spline; no point is looked at in a frame"});
   say_surface(input, decision.surface, felt, input.cloud->size(), out);
   const bool varied = (decision.surface.features & kVaried) != 0;
-  out.bytes = static_cast<std::uint64_t>(bricks_of(static_cast<double>(decision.cubes)) *
-                                         (kBytesPerBrick + (varied ? sizeof(CornerProperties) : 0.0)));
+  const auto cubes = static_cast<double>(decision.cubes);
+  const auto brick_bytes = static_cast<double>(sizeof(Brick) + sizeof(std::uint32_t) +
+                                               (varied ? sizeof(CornerProperties) : std::size_t{0}));
+  out.bytes = static_cast<std::uint64_t>(bricks_of(cubes) * brick_bytes + table_bytes_of(cubes));
   if (input.motion != nullptr)
     out.decisions.push_back({"motion", "pose read in each frame", "the scene moves it", true});
 }

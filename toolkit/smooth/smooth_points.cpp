@@ -41,26 +41,6 @@ std::array<std::int32_t, 3> coordinate_of(std::uint64_t code) noexcept {
   return c;
 }
 
-void CellTable::build(std::span<const std::uint64_t> codes) {
-  if (codes.empty()) return;
-  const std::size_t size = std::bit_ceil(codes.size() * 2);
-  slots_.assign(size, Slot{});
-  mask_ = size - 1;
-  shift_ = 64 - std::countr_zero(size);
-  for (std::size_t i = 0; i < codes.size(); ++i) {
-    std::size_t at = slot(codes[i]);
-    while (slots_[at].cell != kNone) at = (at + 1) & mask_;
-    slots_[at] = {codes[i], static_cast<std::uint32_t>(i)};
-  }
-}
-
-std::vector<std::uint64_t> CellTable::codes(std::size_t cells) const {
-  std::vector<std::uint64_t> out(cells, 0);
-  for (const Slot& slot : slots_)
-    if (slot.cell != kNone) out[slot.cell] = slot.code;
-  return out;
-}
-
 SmoothPoints::SmoothPoints(const cloud::Cloud& cloud, int threads) {
   box_mm_ = partition::local_box(cloud, threads);
   const double extent = (box_mm_.high_mm - box_mm_.low_mm).maxCoeff();

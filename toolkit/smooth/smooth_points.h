@@ -27,36 +27,6 @@ template <int kAxis>
   return (code - kBits) & kBits;
 }
 
-/// A hash from a cell's Morton code to its number. Immutable once built; cells are given in ascending order.
-class CellTable {
- public:
-  static constexpr std::uint32_t kNone = 0xffffffffu;
-  void build(std::span<const std::uint64_t> codes);
-  [[nodiscard]] std::uint32_t find(std::uint64_t code) const noexcept {
-    if (slots_.empty()) return kNone;
-    for (std::size_t i = slot(code);; i = (i + 1) & mask_) {
-      const Slot& here = slots_[i];
-      if (here.cell == kNone || here.code == code) return here.cell;
-    }
-  }
-  /// Of every cell. O(cells).
-  [[nodiscard]] std::vector<std::uint64_t> codes(std::size_t cells) const;
-  [[nodiscard]] std::size_t bytes() const noexcept { return slots_.capacity() * sizeof(Slot); }
-
- private:
-  struct Slot {
-    std::uint64_t code = 0;
-    std::uint32_t cell = kNone;
-  };
-  [[nodiscard]] std::size_t slot(std::uint64_t code) const noexcept {
-    // Fibonacci hashing: 2^64 over the golden section, odd.
-    return static_cast<std::size_t>((code * 0x9e3779b97f4a7c15ull) >> shift_) & mask_;
-  }
-  std::vector<Slot> slots_;
-  std::size_t mask_ = 0;
-  int shift_ = 0;
-};
-
 /// Immutable; safe to read from many threads. Lengths in mm, places local to the cloud's origin.
 class SmoothPoints {
  public:

@@ -23,7 +23,7 @@ constexpr float kInDoubt = 0.29f;
 bool SmoothContact::is_on(const Vec3& h, std::uint16_t piece) const noexcept {
   const Cube cube = cube_of(h);
   const std::uint32_t cell = grid_->cell_at(cube);
-  if (cell == CellTable::kNone) return false;
+  if (cell == CellBlocks::kNone) return false;
   const std::uint32_t past = std::min(grid_->first[cell + 1], grid_->first[cell] + kMaxSmoothSheets);
   for (std::uint32_t b = grid_->first[cell]; b < past; b += layers_from(&grid_->bricks[b]))
     if (grid_->bricks[b].piece() == piece &&
