@@ -23,8 +23,8 @@ struct PlanarOptions {
 };
 
 /// For a guard process, over an open link of its own: lets the motors go whatever part of a command the dead
-/// program has left in the board. The first bytes do; then the board is silent, is sent one zero more, and
-/// must answer that one, or it begins again, five times at most: 0.2 s. False: the board answered none.
+/// program has left in the board. The first bytes do; then, twice, the board is silent, is sent one zero more
+/// and must answer it, or all begins again, five times at most: 0.4 s. False: it did not.
 [[nodiscard]] bool planar_let_go(Link& link) noexcept;
 
 /// Keeps references to clock and model.

@@ -3,10 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <memory>
 #include <numbers>
+#include <utility>
 
 #include "device/haply/planar_driver.h"
 #include "tests/device/hid_fake_link.h"
@@ -123,6 +125,56 @@ TEST(PlanarProtocol, NoPartOfACommandBeforeSpoilsLettingGo) {
         EXPECT_GT(board.obeyed, obeyed);
         EXPECT_LE(board.most, kCutNm) << "what it made of the part";
       }
+}
+
+/// A board at the other end of a line. It can sleep once: for so many polls after a command it takes nothing,
+/// and then all that has come as one.
+class BoardLink final : public Link {
+ public:
+  BoardLink(PlanarBoard& board, int sleeps) : board_(board), sleeps_(sleeps) {}
+  Status open() override { return Done{}; }
+  void close() noexcept override {}
+  bool submit(std::span<const std::uint8_t> bytes) noexcept override {
+    waiting_.insert(waiting_.end(), bytes.begin(), bytes.end());
+    return true;
+  }
+  Polled poll(std::span<std::uint8_t> into) noexcept override {
+    if (--sleeps_ < 0) {
+      const PlanarBoard::Bytes answers = board_.take(std::exchange(waiting_, {}));
+      replies_.insert(replies_.end(), answers.begin(), answers.end());
+    }
+    const std::size_t size = std::min(into.size(), replies_.size());
+    const auto end = replies_.begin() + static_cast<std::ptrdiff_t>(size);
+    std::copy(replies_.begin(), end, into.begin());
+    replies_.erase(replies_.begin(), end);
+    return {size, false};
+  }
+
+ private:
+  PlanarBoard& board_;
+  int sleeps_;
+  PlanarBoard::Bytes waiting_, replies_;
+};
+
+TEST(PlanarProtocol, NoPartOfACommandIsHeldByABoardThatHasLetGo) {
+  const CommandBytes held = encoded_torques({0.1F, -0.1F});
+  int late = 0;
+  for (const CommandBytes& cut : {encoded_torques({0.123F, -0.123F}), encoded_set_up(*planar_model(2))})
+    for (const UnknownByte unknown :
+         {UnknownByte::kPassedOver, UnknownByte::kWithItsAddress, UnknownByte::kWithAllThatCame})
+      for (std::size_t sent = 0; sent < cut.size; sent += 1 + sent / 10)
+        for (const int sleeps : {0, 8}) {  // longer than a quiet line is waited for
+          PlanarBoard board(unknown);
+          board.take(held.span());
+          board.take(cut.span().first(sent));
+          BoardLink link(board, sleeps);
+          ASSERT_TRUE(planar_let_go(link)) << sent << " of " << cut.size;
+          ASSERT_EQ(board.torques, (std::array<float, 2>{}))
+              << sent << " of " << cut.size << ", asleep for " << sleeps;
+          ASSERT_LE(board.most, 0.123F);
+          late += sleeps > 0 ? 1 : 0;
+        }
+  EXPECT_GT(late, 50);
 }
 
 TEST(PlanarProtocol, RepliesAreFoundAndNonsenseIsNot) {

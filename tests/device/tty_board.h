@@ -25,7 +25,11 @@ class TtyBoard {
   /// Called in the board's thread with what has just come.
   using Answer = std::function<Bytes(std::span<const std::uint8_t>)>;
 
-  explicit TtyBoard(Answer answer = {}) : answer_(std::move(answer)) {
+  /// kLater: with start(), for a test that forks first. What another thread holds at a fork stays held in the
+  /// child for ever.
+  enum class Starts : std::uint8_t { kNow, kLater };
+
+  explicit TtyBoard(Answer answer = {}, Starts starts = Starts::kNow) : answer_(std::move(answer)) {
     master_ = ::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC | O_NONBLOCK);
     ::grantpt(master_);
     ::unlockpt(master_);
@@ -36,12 +40,15 @@ class TtyBoard {
     ::tcgetattr(held_, &line);
     ::cfmakeraw(&line);
     ::tcsetattr(held_, TCSANOW, &line);
-    thread_ = std::thread([this] { run(); });
+    if (starts == Starts::kNow) start();
   }
   TtyBoard(const TtyBoard&) = delete;
   TtyBoard& operator=(const TtyBoard&) = delete;
   ~TtyBoard() { unplug(); }
 
+  void start() {
+    thread_ = std::thread([this] { run(); });
+  }
   [[nodiscard]] const std::string& path() const { return path_; }
   [[nodiscard]] Bytes received() const {
     const std::lock_guard lock(mutex_);
@@ -53,7 +60,7 @@ class TtyBoard {
   void unplug() {
     if (master_ < 0) return;
     ending_ = true;
-    thread_.join();
+    if (thread_.joinable()) thread_.join();
     ::close(std::exchange(held_, -1));
     ::close(std::exchange(master_, -1));
   }
