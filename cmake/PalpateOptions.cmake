@@ -59,11 +59,11 @@ endif()
 # It asks whether a type of an anonymous namespace is in the file that is compiled; there that file only includes.
 target_compile_options(palpate_build_flags INTERFACE
   $<$<AND:$<CXX_COMPILER_ID:GNU>,$<BOOL:$<TARGET_PROPERTY:UNITY_BUILD>>>:-Wno-subobject-linkage>)
-# What ships compiles file by file: the inliner's limits are those of a unit, and in units of eight files a frame of `cloud`
-# took 1.6 % more instructions, one of `cloud-literal` 26 %.
-set(palpate_modules_in_units ${PALPATE_UNITY})
+# What renders a frame and ships compiles file by file: the inliner's limits are those of a unit, and in units of eight
+# files a frame of `cloud` took 1.6 % more instructions, one of `cloud-literal` 26 %.
+set(palpate_frames_in_units ${PALPATE_UNITY})
 if(CMAKE_BUILD_TYPE STREQUAL "Release")
-  set(palpate_modules_in_units OFF)
+  set(palpate_frames_in_units OFF)
 endif()
 if(PALPATE_WARNINGS_AS_ERRORS AND PROJECT_IS_TOP_LEVEL)
   target_compile_options(palpate_build_flags INTERFACE -Werror)
@@ -77,18 +77,23 @@ elseif(PALPATE_SANITIZE STREQUAL "thread")
   add_compile_definitions(PALPATE_STD_THREADS=1)  # see toolkit/core/parallel.h
 endif()
 
-# palpate_module(NAME [SOURCES ...] [PUBLIC ...] [PRIVATE ...])
+# palpate_module(NAME [FRAMES] [SOURCES ...] [PUBLIC ...] [PRIVATE ...])
 # One static library palpate_NAME (alias palpate::NAME) in the current folder. PUBLIC and PRIVATE are the
-# modules and libraries it links: the real dependency edges. Without SOURCES the module is header-only.
+# modules and libraries it links: the real dependency edges. Without SOURCES the module is header-only. FRAMES: its code
+# runs in renderers' frames, or prepares them.
 function(palpate_module name)
-  cmake_parse_arguments(arg "" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
+  cmake_parse_arguments(arg "FRAMES" "" "SOURCES;PUBLIC;PRIVATE" ${ARGN})
   set(target palpate_${name})
   if(arg_SOURCES)
     add_library(${target} STATIC ${arg_SOURCES})
     set(scope PUBLIC)
     target_link_libraries(${target} PRIVATE $<BUILD_INTERFACE:palpate_build_flags> ${arg_PRIVATE})
     # Eight at once: reading headers is most of the work, and a module still gives both cores something to do.
-    set_target_properties(${target} PROPERTIES UNITY_BUILD ${palpate_modules_in_units} UNITY_BUILD_BATCH_SIZE 8)
+    set(in_units ${PALPATE_UNITY})
+    if(arg_FRAMES)
+      set(in_units ${palpate_frames_in_units})
+    endif()
+    set_target_properties(${target} PROPERTIES UNITY_BUILD ${in_units} UNITY_BUILD_BATCH_SIZE 8)
   else()
     add_library(${target} INTERFACE)
     set(scope INTERFACE)

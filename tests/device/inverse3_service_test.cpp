@@ -69,7 +69,10 @@ TEST(Inverse3Service, IsFeltAndLetGo) {
     return (rig.service->held_n() - Vec3{0.5, 0, -0.25}).norm() < 1e-4;
   }));
   EXPECT_LT((rig.last.position_mm - Vec3{1, 0, 0}).norm(), 1e-9);
-  EXPECT_GT(rig.service->commands(), 10u);
+  EXPECT_TRUE(comes([&] {
+    rig.frame(Vec3{0.5, 0, -0.25});
+    return rig.service->commands() > 10;
+  }));
   EXPECT_TRUE(rig.device->cut_force());
   EXPECT_TRUE(comes([&] { return rig.service->held_n().isZero(0.0); })) << "from any thread";
   EXPECT_TRUE(comes([&] {
