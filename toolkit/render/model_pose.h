@@ -31,18 +31,31 @@ struct ModelPose {
   void take(double now_s) noexcept {
     if (motion != nullptr) take_from(*motion, now_s);
   }
-  [[nodiscard]] Vec3 to_local(const Vec3& world_mm) const noexcept {
-    return (moved ? model_from_world * world_mm : world_mm) - origin_mm;
+  // Written into the frame: a call, or a choice between two places, would send each vector through memory in
+  // halves, and what reads it whole would wait for both.
+  [[nodiscard, gnu::always_inline]] Vec3 to_local(const Vec3& world_mm) const noexcept {
+    Vec3 at = world_mm;
+    if (moved) [[unlikely]]
+      at = model_from_world * world_mm;
+    return at - origin_mm;
   }
-  [[nodiscard]] Vec3 to_world(const Vec3& local_mm) const noexcept {
-    const Vec3 in_model = local_mm + origin_mm;
-    return moved ? world_from_model * in_model : in_model;
+  [[nodiscard, gnu::always_inline]] Vec3 to_world(const Vec3& local_mm) const noexcept {
+    Vec3 at = local_mm + origin_mm;
+    if (moved) [[unlikely]]
+      at = world_from_model * at;
+    return at;
   }
-  [[nodiscard]] Vec3 direction_to_world(const Vec3& v) const noexcept {
-    return moved ? world_from_model.rotate(v) : v;
+  [[nodiscard, gnu::always_inline]] Vec3 direction_to_world(const Vec3& v) const noexcept {
+    Vec3 to = v;
+    if (moved) [[unlikely]]
+      to = world_from_model.rotate(v);
+    return to;
   }
-  [[nodiscard]] Vec3 direction_to_local(const Vec3& v) const noexcept {
-    return moved ? model_from_world.rotate(v) : v;
+  [[nodiscard, gnu::always_inline]] Vec3 direction_to_local(const Vec3& v) const noexcept {
+    Vec3 to = v;
+    if (moved) [[unlikely]]
+      to = model_from_world.rotate(v);
+    return to;
   }
 
  private:

@@ -57,7 +57,7 @@ class StarModel {
   }
 
   template <unsigned kFeatures>
-  [[nodiscard]] bool touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/, SurfaceContact& answer,
+  [[nodiscard, gnu::always_inline]] bool touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/, SurfaceContact& answer,
                            FrameStatus& status, FrameCounters& counters) noexcept {
     stars::StarCounters work;
     const bool held = contact.update(h, work);

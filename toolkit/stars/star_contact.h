@@ -98,7 +98,7 @@ class StarContact {
     forget_shape();
   }
   /// The HIP is now at h. True in contact: pull() leads to the god object.
-  [[nodiscard]] bool update(const Vec3& h, StarCounters& counters) noexcept {
+  [[nodiscard, gnu::always_inline]] bool update(const Vec3& h, StarCounters& counters) noexcept {
     bound_hit_ = false;
     if (contact_) [[likely]] {
       const FacetFrame::Weights weights = frame_.at(h);
