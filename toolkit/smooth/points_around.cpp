@@ -17,10 +17,10 @@ namespace {
 /// its spacings of it, and at most this share of that off its tangent plane.
 constexpr double kOffPlane = 0.5;
 constexpr int kFewestNear = 4;
-/// Where points tell of a place whose spacings differ by this factor, the square of it, density steps there: by a
-/// quarter and more, which chance does not make of the 27 cells that a spacing is counted in. Between the sparse
-/// points and the dense ones nothing is as near as the dense ones' own spacing asks for; what the sparse ones may
-/// leave between them they may leave there, too.
+/// Points whose spacing is less than half that of the sparsest that tell of a place, squared, are beyond a
+/// step of density: chance makes a quarter of difference, not half, in the cells that a spacing is counted
+/// in. Dense points end farther from a place among sparse ones than their own spacing asks for; what the
+/// sparse ones may leave open between them they may leave open up to there, too.
 constexpr double kStepSq = 4.0;
 constexpr double kGoldenSection = 0.6180340;
 
@@ -113,19 +113,18 @@ bool PointsAround::are_around(const Vec3& foot, const Vec3& n) const {
   }
   if (count < kFewestNear) return false;
   Surround exact;
-  double least_sq = HUGE_VAL, most_sq = 0.0;
+  double widest_sq = 0.0;
   for (std::size_t k = 0; k < count_; ++k) {
     const Vec3 d = near_[k].at - foot;
     if (!tells(near_[k], d)) continue;
     exact.add(d.dot(u), d.dot(v));
-    least_sq = std::min(least_sq, near_[k].reach_sq);
-    most_sq = std::max(most_sq, near_[k].reach_sq);
+    widest_sq = std::max(widest_sq, near_[k].reach_sq);
   }
   if (!exact.open()) return true;
-  if (most_sq < kStepSq * least_sq) return false;
   for (std::size_t k = 0; k < count_; ++k) {
+    if (kStepSq * near_[k].reach_sq > widest_sq) continue;
     const Vec3 d = near_[k].at - foot;
-    if (tells({d, most_sq}, d)) exact.add(d.dot(u), d.dot(v));
+    if (tells({d, widest_sq}, d)) exact.add(d.dot(u), d.dot(v));
   }
   return !exact.open();
 }
