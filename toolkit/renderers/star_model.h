@@ -57,8 +57,9 @@ class StarModel {
   }
 
   template <unsigned kFeatures>
-  [[nodiscard, gnu::always_inline]] bool touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/, SurfaceContact& answer,
-                           FrameStatus& status, FrameCounters& counters) noexcept {
+  [[nodiscard, gnu::always_inline]] bool touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/,
+                                               SurfaceContact& answer, FrameStatus& status,
+                                               FrameCounters& counters) noexcept {
     stars::StarCounters work;
     const bool held = contact.update(h, work);
     counters.walk_steps += work.moves;

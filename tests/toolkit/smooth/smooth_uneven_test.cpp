@@ -60,6 +60,24 @@ TEST(CloudSmoothUneven, AStepOfDensityIsNoBorder) {
   EXPECT_EQ(s.jumps, 0);
 }
 
+// The same of fewer points, each time others of the sparse half: random points leave voids, and some are
+// beside the step, where what is dense begins farther off than its own spacing.
+TEST(CloudSmoothUneven, AVoidBesideAStepOfDensityIsNoBorder) {
+  constexpr std::size_t kThinned = 16;
+  TorusSpec t;
+  t.points = 20000;
+  const std::vector<Vec3> all = torus_points(t);
+  for (std::size_t kept = 1; kept < kThinned; kept += 2) {
+    std::vector<Vec3> points;
+    std::size_t at = 0;
+    for (const Vec3& p : all)
+      if (p.x() < 0.0 || at++ % kThinned == kept) points.push_back(p);
+    const Score s = felt_on_torus(points);
+    EXPECT_LT(s.rms_percent, 5.0) << kept;
+    EXPECT_EQ(s.missed + s.false_ones, 0) << kept;
+  }
+}
+
 // Even points on a sphere.
 void add_sphere(double radius, double spacing, std::vector<Vec3>& points) {
   const auto count = static_cast<int>(4.0 * std::numbers::pi * radius * radius / (spacing * spacing));
