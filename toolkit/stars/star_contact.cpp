@@ -32,6 +32,11 @@ bool stands_in(const StarMesh& mesh, const Stand& left, const Vec3& h, std::uint
   return std::abs(n.dot(left.foot.point - pa)) <= gamma(kFootOperations) * size * n.norm();
 }
 
+/// Without a call: what the library's comparison of memory takes depends on where on a page its operands lie.
+bool is_same(const std::array<std::uint32_t, 3>& a, const std::array<std::uint32_t, 3>& b) noexcept {
+  return ((a[0] ^ b[0]) | (a[1] ^ b[1]) | (a[2] ^ b[2])) == 0;
+}
+
 bool shares(const Stand& left, std::uint32_t a, std::uint32_t b, std::uint32_t c) noexcept {
   const auto has = [&](std::uint32_t place) { return place == a || place == b || place == c; };
   const Feature f = left.foot.feature;
@@ -208,7 +213,7 @@ bool StarContact::follow(const Vec3& h, StarCounters& counters) noexcept {
   const std::array<std::uint32_t, 3> before = stand_.facet.place;
   const bool finished = descend(*mesh_, h, stand_, moves);
   counters.moves += static_cast<std::uint64_t>(most_moves_ - moves);
-  if (stand_.facet.place != before || !framed_) {
+  if (!is_same(stand_.facet.place, before) || !framed_) {
     frame_ = FacetFrame(stand_.facet, side_);
     framed_ = true;
     watched_ = is_crossed(stand_.facet);
