@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <span>
 
 #include "toolkit/core/parallel.h"
 #include "toolkit/smooth/first_ball.h"
@@ -25,6 +26,9 @@ constexpr std::size_t kEnough = 3;
 constexpr double kValueTolerance = 5e-4, kSlopeTolerance = 1e-3;
 /// The deviation of points that no larger patch may add to what noise explains.
 constexpr double kMisfit = 1.25;
+/// From one size to the next residuals that are shape grow with the third power of the radius, 2.8 times; of
+/// a sigma from few points that are partly noise no more than this is relied on.
+constexpr double kNextSigma = 2.0;
 /// Of a fit's radius: beyond it no point was looked at, and few near it.
 constexpr double kSupportShare = 0.9;
 /// The least support, in spacings: smaller ones leave gaps between points.
@@ -101,6 +105,8 @@ class ChunkCover {
     double radius = ball_.radius;
     whole_ = ball_;
     for (std::size_t k = 0; k < kSizes; ++k) {
+      if (k == 1)
+        if (const std::size_t leapt = leap(spacing, fit_rule, fits); leapt > 0) return leapt + 1;
       if (k > 0) {
         radius *= kGrowth;
         std::swap(before_, whole_);
@@ -122,12 +128,54 @@ class ChunkCover {
         if (rule_.without.growth) return 1;
       } else if (rule_.without.agreement) {
         if (k == kEnough) return k + 1;
-      } else if (!agrees(fits, k, spacing)) {
+      } else if (!agrees(std::span(fits).first(k), fits[k], spacing)) {
+        leaps_ = k > 1;
         return k;
       }
-      if (k >= kEnough && good_enough(fits[k], spacing)) return k + 1;
+      if (k >= kEnough && good_enough(fits[k], spacing)) {
+        leaps_ = true;
+        return k + 1;
+      }
     }
     return kSizes;
+  }
+
+  /// At once to the size of the last patch, and on or back from there, where the first fit is good enough
+  /// already: those between would allow hardly less than it does. The largest size that holds, with ball_ as
+  /// it was fitted to; 0, with whole_ as it was, where sizes have to be gone through one by one.
+  std::size_t leap(double spacing, const FitRule& rule, std::array<QuadricFit, kSizes>& fits) {
+    if (!leaps_ || mixed_ || rule_.without.agreement || !good_enough(fits[0], spacing)) return 0;
+    leaps_ = false;
+    std::array<double, kEnough + 1> radius{ball_.radius};
+    for (std::size_t k = 1; k <= kEnough; ++k) radius[k] = kGrowth * radius[k - 1];
+    wide_.gather(points_, ball_.centre, radius[kEnough]);
+    wide_.keep_near(fits[0].quadric, gate(fits[0], spacing));
+    const double allowed = allowed_sigma(fits[0].sigma, spacing);
+    const auto holds = [&](std::size_t k) {
+      fits[k] = fits[0];
+      fits[k].sigma = allowed / kNextSigma;  // points weigh as if the next smaller fit had just held
+      ball_.take_inner(wide_, radius[k]);
+      return fit_quadric(ball_, rule, &fits[0].quadric, fits[k]) &&
+             agrees(std::span(fits).first(1), fits[k], spacing) &&
+             (k < kEnough || good_enough(fits[k], spacing));
+    };
+    std::size_t size = leap_;
+    if (holds(size)) {
+      while (size < kEnough && kNextSigma * fits[size].sigma <= allowed) {
+        std::swap(before_, ball_);
+        if (!holds(size + 1)) {
+          std::swap(before_, ball_);
+          break;
+        }
+        ++size;
+      }
+    } else {
+      do {
+        if (--size == 0) return 0;
+      } while (!holds(size));
+    }
+    leaps_ = true;
+    return leap_ = size;
   }
 
   /// A robust patch about a point, as large as it may be. False, with nothing changed, where there is none,
@@ -169,11 +217,10 @@ class ChunkCover {
       first = other;
   }
 
-  [[nodiscard]] bool agrees(const std::array<QuadricFit, kSizes>& fits, std::size_t k, double spacing) const {
-    const QuadricFit& now = fits[k];
-    double least_sigma = fits[0].sigma;
-    for (std::size_t j = 0; j < k; ++j) {
-      const QuadricFit& before = fits[j];
+  [[nodiscard]] bool agrees(std::span<const QuadricFit> smaller, const QuadricFit& now,
+                            double spacing) const {
+    double least_sigma = smaller.front().sigma;
+    for (const QuadricFit& before : smaller) {
       least_sigma = std::min(least_sigma, before.sigma);
       // Where the earlier tangent plane is met by the later surface's normal.
       const double value = now.quadric.residual(before.quadric.at);
@@ -181,7 +228,10 @@ class ChunkCover {
       const double slope = (now.quadric.n - before.quadric.n).norm();
       if (slope > rule_.detail * before.slope_error + kSlopeTolerance) return false;
     }
-    return now.sigma <= kMisfit * std::max(least_sigma, noise_) + kValueTolerance * spacing;
+    return now.sigma <= allowed_sigma(least_sigma, spacing);
+  }
+  [[nodiscard]] double allowed_sigma(double least_sigma, double spacing) const {
+    return kMisfit * std::max(least_sigma, noise_) + kValueTolerance * spacing;
   }
   [[nodiscard]] static bool good_enough(const QuadricFit& fit, double spacing) {
     return fit.value_error <= kValueTolerance * spacing && fit.slope_error <= kSlopeTolerance;
@@ -298,10 +348,13 @@ class ChunkCover {
   std::vector<float> weight_;
   std::vector<std::uint8_t> state_;
   Ball ball_;
-  Ball whole_, before_;     ///< its size with all points, and that before it
-  std::vector<Over> over_;  ///< of the points of ball_ over the patch that is added
-  double noise_ = 0.0;      ///< around the seed
-  bool mixed_ = false;      ///< another sheet is near: its points are left out
+  Ball whole_, before_;         ///< its size with all points, and that before it
+  std::vector<Over> over_;      ///< of the points of ball_ over the patch that is added
+  double noise_ = 0.0;          ///< around the seed
+  bool mixed_ = false;          ///< another sheet is near: its points are left out
+  Ball wide_;                   ///< of a leap, at its largest
+  bool leaps_ = true;           ///< the last patch could have leapt
+  std::size_t leap_ = kEnough;  ///< to this size
 };
 
 }  // namespace

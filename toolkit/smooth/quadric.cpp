@@ -175,6 +175,21 @@ void Ball::gather(const SmoothPoints& points, const Vec3& at, double r) {
   place.resize(count);
 }
 
+void Ball::take_inner(const Ball& wide, double r) {
+  centre = wide.centre;
+  radius = r;
+  away.resize(wide.away.size());
+  place.resize(wide.away.size());
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < wide.away.size(); ++i) {  // as gather()
+    away[count] = wide.away[i];
+    place[count] = wide.place[i];
+    count += wide.away[i].squaredNorm() <= r * r ? std::size_t{1} : std::size_t{0};
+  }
+  away.resize(count);
+  place.resize(count);
+}
+
 bool spread_of(const Ball& ball, Spread& spread) {
   Vec3 mean = Vec3::Zero();
   double weights = 0.0;

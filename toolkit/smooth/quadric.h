@@ -52,6 +52,8 @@ struct Ball {
   std::vector<std::uint32_t> place;
 
   void gather(const SmoothPoints& points, const Vec3& at, double r);
+  /// Those of a larger ball about the same centre.
+  void take_inner(const Ball& wide, double r);
   /// Leaves out the points farther than `gate` off a quadric.
   void keep_near(const Quadric& quadric, double gate);
 };
