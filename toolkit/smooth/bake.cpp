@@ -70,12 +70,8 @@ class Baker {
         brick_mm_(kBrickCells * grid.voxel_mm) {}
 
   void run(int threads) {
-    pairs_ = find_pairs(patches_, seams_.plain, grid_, threads);
-    std::vector<std::uint32_t> cubes;  // first pair of each
-    for (std::uint32_t i = 0; i < pairs_.size(); ++i)
-      if (i == 0 || pairs_[i].code != pairs_[i - 1].code) cubes.push_back(i);
-    const std::size_t count = cubes.size();
-    cubes.push_back(static_cast<std::uint32_t>(pairs_.size()));
+    cubes_ = find_pairs(patches_, seams_.plain, grid_, threads);
+    const std::size_t count = cubes_.codes.size();
     const std::size_t chunks = (count + kBrickGrain - 1) / kBrickGrain;
     std::vector<std::vector<Made>> made(chunks);
     ScratchPool pool;
@@ -84,9 +80,7 @@ class Baker {
       if (!scratch) scratch = std::make_unique<Scratch>(patches_, grid_, without_);
       std::vector<Made>& mine = made[begin / kBrickGrain];
       mine.reserve(end - begin);
-      for (std::size_t c = begin; c < end; ++c)
-        bake_cube(std::span<const CubePair>(pairs_).subspan(cubes[c], cubes[c + 1] - cubes[c]), *scratch,
-                  mine);
+      for (std::size_t c = begin; c < end; ++c) bake_cube(cubes_.codes[c], cubes_.of(c), *scratch, mine);
       pool.give_back(std::move(scratch));
     });
     close_pieces(made);
@@ -150,7 +144,7 @@ class Baker {
   }
   /// Over a seam its sides, each by itself; or, beside it, that which is in the cube. False, with nothing
   /// put, where there is none, or the sides do not meet.
-  bool put_seams(std::span<const CubePair> pairs, const Vec3& middle, Scratch& s, Made& out) const {
+  bool put_seams(std::span<const CubePatch> pairs, const Vec3& middle, Scratch& s, Made& out) const {
     if (seams_.all.empty() || s.faces.face(s.order.front()) != s.faces.face(s.order.back())) return false;
     s.face.clear();
     for (const std::uint32_t i : s.order) s.face.push_back(pairs[i].patch);
@@ -164,7 +158,7 @@ class Baker {
     return true;
   }
   /// The distance of a sheet, each of its faces a layer where they meet in creases.
-  void put_faces(std::span<const CubePair> pairs, Scratch& s, Made& out) const {
+  void put_faces(std::span<const CubePatch> pairs, Scratch& s, Made& out) const {
     s.face.clear();
     for (std::size_t k = 0; k < s.order.size(); ++k) {
       const std::uint32_t i = s.order[k];
@@ -190,10 +184,11 @@ class Baker {
   }
 
   /// The patches of a cube, sheet by sheet.
-  void bake_cube(std::span<const CubePair> pairs, Scratch& s, std::vector<Made>& made) const {
+  void bake_cube(std::uint64_t code, std::span<const CubePatch> pairs, Scratch& s,
+                 std::vector<Made>& made) const {
     s.members.clear();
-    for (const CubePair& pair : pairs) s.members.push_back(pair.patch);
-    const BrickGrid::Coordinate c = coordinate_of(pairs.front().code);
+    for (const CubePatch& pair : pairs) s.members.push_back(pair.patch);
+    const BrickGrid::Coordinate c = coordinate_of(code);
     const Vec3 middle = grid_.low_mm + Vec3(c[0] + 0.5, c[1] + 0.5, c[2] + 0.5) * brick_mm_;
     s.faces.part(s.members, patches_, links_, middle, kHalfNodes * grid_.voxel_mm);
     for (std::uint32_t sheet = 0; sheet < pairs.size(); ++sheet) {
@@ -203,7 +198,7 @@ class Baker {
       for (std::uint32_t i = sheet; i < pairs.size(); ++i) {
         if (s.faces.sheet(i) != sheet) continue;
         const Patch& p = patches_[pairs[i].patch];
-        through |= pairs[i].through;
+        through |= pairs[i].through != 0;
         spacing = std::max(spacing, p.spacing);
       }
       if (!through) continue;
@@ -211,7 +206,7 @@ class Baker {
       s.blend.begin(c);
       Made& out = made.emplace_back();
       if (!put_seams(pairs, middle, s, out)) put_faces(pairs, s, out);
-      out.code = pairs.front().code;
+      out.code = code;
       out.sheet = links_.sheet[pairs[sheet].patch];
       set_mask(pairs, out, middle, spacing, s);
       if ((out.brick.mask | out.beyond) == 0) made.pop_back();
@@ -239,9 +234,9 @@ class Baker {
     return false;
   }
   /// The cells that the surface goes through, but for those beyond where the points end.
-  void set_mask(std::span<const CubePair> pairs, Made& out, const Vec3& middle, double spacing,
+  void set_mask(std::span<const CubePatch> pairs, Made& out, const Vec3& middle, double spacing,
                 Scratch& s) const {
-    bool gathered = false;
+    s.around.begin(points_, middle, kHalfDiagonal * grid_.voxel_mm, spacing);
     s.vouchers.begin(middle);
     for (const std::uint32_t i : s.order) s.vouchers.add(patches_[pairs[i].patch]);
     Brick& brick = out.brick;
@@ -264,13 +259,9 @@ class Baker {
       Vec3 to = -n * (static_cast<double>(jet.value) / slope);
       if (!s.layers.empty()) beside_crease(s.layers.data(), at, jet.value, n, to);
       const Vec3 foot = (Vec3(at.cell[0] - 1.5, at.cell[1] - 1.5, at.cell[2] - 1.5) + to) * grid_.voxel_mm;
-      if (!without_.borders && !s.vouchers.vouch_for(foot)) {
-        if (!gathered) s.around.gather(points_, middle, kHalfDiagonal * grid_.voxel_mm, spacing);
-        gathered = true;
-        if (!s.around.are_around(foot, n)) {
-          out.beyond |= std::uint64_t{1} << cell;
-          continue;
-        }
+      if (!without_.borders && !s.vouchers.vouch_for(foot) && !s.around.are_around(foot, n)) {
+        out.beyond |= std::uint64_t{1} << cell;
+        continue;
       }
       brick.mask |= std::uint64_t{1} << cell;
       out.normals += n;
@@ -378,7 +369,7 @@ class Baker {
   const SmoothWithout& without_;
   BrickGrid& grid_;
   double brick_mm_;
-  std::vector<CubePair> pairs_;
+  CubePatches cubes_;
 };
 
 }  // namespace

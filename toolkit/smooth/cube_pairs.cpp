@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
+#include <utility>
 
 #include "toolkit/core/parallel.h"
-#include "toolkit/core/radix_sort.h"
+#include "toolkit/smooth/cell_blocks.h"
 #include "toolkit/smooth/shared_tiles.h"
 
 namespace palpate::render {
@@ -21,6 +21,20 @@ constexpr double kThroughRoom = 0.25;
 /// moved.
 constexpr double kPairRoom = 5.0;
 constexpr std::size_t kPatchGrain = 1024;
+/// Pairs of so many patches are counted, and put in their places, by one thread: a count for each cube is
+/// needed every time, and there are about half as many cubes as patches.
+constexpr std::size_t kCountGrain = 16;  // in kPatchGrain
+/// Room for so many cubes of a patch is taken at first; some 47 on a surface that bends little.
+constexpr std::size_t kUsualCubes = 56;
+
+/// A patch and a cube that it may reach; later the cube's number in place of its code.
+struct Pair {
+  std::uint64_t cube;
+  CubePatch patch;
+};
+/// What a number of a patch may have: a cloud of 2^31 patches fits in no memory.
+constexpr std::uint32_t kPatchBits = 0x7fffffffu;
+constexpr std::uint64_t kNoCube = ~std::uint64_t{0};
 
 /// Which cubes a patch counts for.
 class Reach {
@@ -56,7 +70,7 @@ class Reach {
   double per_voxel_, shift_a_, shift_b_, reach_sq_, cells_sq_, bend_;
 };
 
-void pairs_of(const Patch& p, std::uint32_t index, const BrickGrid& grid, std::vector<CubePair>& out) {
+void pairs_of(const Patch& p, std::uint32_t index, const BrickGrid& grid, std::vector<Pair>& out) {
   const Quadric& q = p.quadric;
   const Reach reach(p, grid);
   const double brick_mm = kBrickCells * grid.voxel_mm, around = p.support + kPairRoom * grid.voxel_mm;
@@ -85,51 +99,77 @@ void pairs_of(const Patch& p, std::uint32_t index, const BrickGrid& grid, std::v
       for (std::int64_t z = low[2]; z <= high[2]; ++z, cz = next_code<2>(cz)) {
         bool through = false;
         if (reach.holds(begin + static_cast<double>(z - low[2]) * step, through))
-          out.push_back({cx | cy | cz, index, through});
+          out.push_back({cx | cy | cz, {index & kPatchBits, through ? 1u : 0u}});
       }
     }
   }
 }
 
-/// Leaves only cubes that some surface goes through.
-void drop_others(std::vector<CubePair>& pairs) {
-  std::size_t kept = 0;
-  for (std::size_t i = 0; i < pairs.size();) {
-    std::size_t end = i;
-    bool through = false;
-    for (; end < pairs.size() && pairs[end].code == pairs[i].code; ++end) through |= pairs[end].through;
-    if (through)
-      kept = static_cast<std::size_t>(std::copy(pairs.begin() + static_cast<std::ptrdiff_t>(i),
-                                                pairs.begin() + static_cast<std::ptrdiff_t>(end),
-                                                pairs.begin() + static_cast<std::ptrdiff_t>(kept)) -
-                                      pairs.begin());
-    i = end;
+void leave_one_each(std::vector<std::uint64_t>& codes) {
+  std::sort(codes.begin(), codes.end());
+  codes.erase(std::unique(codes.begin(), codes.end()), codes.end());
+}
+
+/// The cubes that some surface may go through.
+std::vector<std::uint64_t> cubes_through(const std::vector<std::vector<Pair>>& found, int threads) {
+  std::vector<std::vector<std::uint64_t>> some(found.size());
+  parallel_chunks(found.size(), 1, threads, [&](std::size_t chunk, std::size_t) {
+    for (const Pair& pair : found[chunk])
+      if (pair.patch.through != 0) some[chunk].push_back(pair.cube);
+    leave_one_each(some[chunk]);
+  });
+  std::vector<std::uint64_t> codes;
+  for (const std::vector<std::uint64_t>& s : some) codes.insert(codes.end(), s.begin(), s.end());
+  leave_one_each(codes);
+  return codes;
+}
+
+/// Sorts by cube, what is of none left out; of one cube pairs stay as they are, ascending by patch.
+void put_by_cube(std::vector<std::vector<Pair>>& found, CubePatches& out, int threads) {
+  const std::size_t cubes = out.codes.size();
+  CellBlocks table;
+  table.build(out.codes);
+  std::vector<std::vector<std::uint32_t>> places((found.size() + kCountGrain - 1) / kCountGrain);
+  parallel_chunks(found.size(), kCountGrain, threads, [&](std::size_t begin, std::size_t end) {
+    std::vector<std::uint32_t>& count = places[begin / kCountGrain];
+    count.assign(cubes, 0);
+    for (std::size_t chunk = begin; chunk < end; ++chunk)
+      for (Pair& pair : found[chunk]) {
+        const std::uint32_t number = table.find(pair.cube);
+        pair.cube = number == CellBlocks::kNone ? kNoCube : number;
+        if (number != CellBlocks::kNone) ++count[number];
+      }
+  });
+  out.begin.resize(cubes + 1);
+  std::uint32_t sum = 0;
+  for (std::size_t cube = 0; cube < cubes; ++cube) {
+    out.begin[cube] = sum;
+    for (std::vector<std::uint32_t>& count : places) sum += std::exchange(count[cube], sum);
   }
-  pairs.resize(kept);
+  out.begin[cubes] = sum;
+  out.all.resize(sum);
+  parallel_chunks(found.size(), kCountGrain, threads, [&](std::size_t begin, std::size_t end) {
+    std::vector<std::uint32_t>& place = places[begin / kCountGrain];
+    for (std::size_t chunk = begin; chunk < end; ++chunk)
+      for (const Pair& pair : found[chunk])
+        if (pair.cube != kNoCube) out.all[place[pair.cube]++] = pair.patch;
+  });
 }
 
 }  // namespace
 
-std::vector<CubePair> find_pairs(const std::vector<Patch>& patches, std::size_t count, const BrickGrid& grid,
-                                 int threads) {
-  std::vector<std::vector<CubePair>> found((count + kPatchGrain - 1) / kPatchGrain);
+CubePatches find_pairs(const std::vector<Patch>& patches, std::size_t count, const BrickGrid& grid,
+                       int threads) {
+  std::vector<std::vector<Pair>> found((count + kPatchGrain - 1) / kPatchGrain);
   parallel_chunks(count, kPatchGrain, threads, [&](std::size_t begin, std::size_t end) {
-    std::vector<CubePair>& mine = found[begin / kPatchGrain];
+    std::vector<Pair>& mine = found[begin / kPatchGrain];
+    mine.reserve(kUsualCubes * (end - begin));
     for (std::size_t i = begin; i < end; ++i) pairs_of(patches[i], static_cast<std::uint32_t>(i), grid, mine);
   });
-  std::size_t all = 0;
-  for (const std::vector<CubePair>& f : found) all += f.size();
-  std::vector<CubePair> pairs;
-  pairs.reserve(all);
-  for (std::vector<CubePair>& f : found) {
-    pairs.insert(pairs.end(), f.begin(), f.end());
-    std::vector<CubePair>().swap(f);  // sorting needs its room
-  }
-  // Of one cube they are in the order of their patches, and stay so.
-  const int bits = 3 * static_cast<int>(std::bit_width(static_cast<std::uint64_t>(grid.last_brick)));
-  radix_sort(pairs, bits, threads, [](const CubePair& pair) { return pair.code; });
-  drop_others(pairs);
-  return pairs;
+  CubePatches out;
+  out.codes = cubes_through(found, threads);
+  put_by_cube(found, out, threads);
+  return out;
 }
 
 }  // namespace palpate::render

@@ -6,7 +6,6 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <numeric>
 
 #include "toolkit/smooth/surround.h"
 
@@ -22,12 +21,9 @@ constexpr int kFewestNear = 4;
 /// in. Dense points end farther from a place among sparse ones than their own spacing asks for; what the
 /// sparse ones may leave open between them they may leave open up to there, too.
 constexpr double kStepSq = 4.0;
-constexpr double kGoldenSection = 0.6180340;
-
-/// Points looked at between questions whether they tell: some four of them are near the place.
-constexpr std::size_t kAtOnce = 8;
-/// The reach, squared, of what is no point.
-constexpr double kNothing = -1.0;
+/// Points within so many spacings, some twelve, and others of their cells mostly tell that there are points on
+/// all sides. Whatever it is, it changes no answer.
+constexpr double kNearestSpacings = 2.0;
 
 /// The eighth of a turn that a direction is in, as a bit.
 unsigned eighth_of(double a, double b) {
@@ -51,75 +47,75 @@ constexpr std::array<bool, 256> kAllAround = [] {
 
 }  // namespace
 
-void PointsAround::gather(const SmoothPoints& points, const Vec3& middle, double reach_mm, double spacing) {
-  const double radius = reach_mm + kTellsSpacings * spacing, radius_sq = radius * radius;
+void PointsAround::begin(const SmoothPoints& points, const Vec3& middle, double reach_mm, double spacing) {
+  points_ = &points;
+  middle_ = middle;
+  reach_mm_ = reach_mm;
+  spacing_ = spacing;
+  gathered_ = false;
+}
+
+double PointsAround::reach_sq(std::uint32_t point) const {
+  const double own = kTellsSpacings * std::min(points_->spacing_near(point), spacing_);
+  return own * own;
+}
+
+void PointsAround::gather() {
+  const double radius = reach_mm_ + kTellsSpacings * spacing_, radius_sq = radius * radius;
   count_ = 0;
-  points.about_ball(middle, radius, [&](std::uint32_t first, std::uint32_t past) {
+  gathered_ = true;
+  points_->about_ball(middle_, radius, [&](std::uint32_t first, std::uint32_t past) {
     // As Ball::gather(): what is outside is overwritten.
     const std::size_t most = count_ + (past - first);
     if (near_.size() < most) near_.resize(std::max(most, 2 * near_.size()));
     for (std::uint32_t i = first; i < past; ++i) {
-      const Vec3 d = points[i] - middle;
-      const double own = kTellsSpacings * std::min(points.spacing_near(i), spacing);
-      near_[count_] = {d, own * own};
+      const Vec3 d = (*points_)[i] - middle_;
+      near_[count_] = {d, reach_sq(i)};
       count_ += d.squaredNorm() <= radius_sq ? std::size_t{1} : std::size_t{0};
     }
   });
-  // In steps of the golden section: the first few are from all around, and mostly tell.
-  const std::size_t padded = (count_ + kAtOnce - 1) / kAtOnce * kAtOnce;
-  for (std::vector<double>& lane : lanes_) lane.assign(padded, kNothing);
-  auto step = static_cast<std::size_t>(kGoldenSection * static_cast<double>(count_));
-  while (std::gcd(step, count_) > 1) ++step;
-  for (std::size_t i = 0, at = 0; i < count_; ++i) {
-    const Near& p = near_[at];
-    lanes_[0][i] = p.at.x();
-    lanes_[1][i] = p.at.y();
-    lanes_[2][i] = p.at.z();
-    lanes_[3][i] = p.reach_sq;
-    at += step;
-    at -= at >= count_ ? count_ : 0;
-  }
 }
 
-bool PointsAround::are_around(const Vec3& foot, const Vec3& n) const {
+/// Whether the points next to a place are on all its sides: then all are.
+bool PointsAround::nearest_are(const Vec3& foot, const Vec3& n, const Vec3& u, const Vec3& v) const {
+  const Vec3 place = middle_ + foot;
+  // Eighths of a turn are told without branches.
+  int count = 0;
+  unsigned seen = 0;
+  bool all = false;
+  points_->about_ball(place, kNearestSpacings * spacing_, [&](std::uint32_t first, std::uint32_t past) {
+    for (std::uint32_t i = first; i < past; ++i) {
+      const Vec3 d = (*points_)[i] - place;
+      const double along = d.dot(n), a = d.dot(u), b = d.dot(v), most = reach_sq(i);
+      const bool tells = (d.squaredNorm() <= most) & (along * along <= kOffPlane * kOffPlane * most);
+      count += tells ? 1 : 0;
+      seen |= tells & (std::abs(a) + std::abs(b) > 0.0) ? eighth_of(a, b) : 0u;
+    }
+    return all = count >= kFewestNear && kAllAround[seen];
+  });
+  return all;
+}
+
+bool PointsAround::are_around(const Vec3& foot, const Vec3& n) {
   const Vec3 axis = std::abs(n.x()) < std::abs(n.y()) ? Vec3::UnitX() : Vec3::UnitY();
   const Vec3 u = n.cross(axis).normalized(), v = n.cross(u);
+  if (nearest_are(foot, n, u, v)) return true;
+  if (!gathered_) gather();
   const auto tells = [&](const Near& p, const Vec3& d) {
     const double along = d.dot(n);
     return d.squaredNorm() <= p.reach_sq && along * along <= kOffPlane * kOffPlane * p.reach_sq;
   };
-  // Eighths of a turn are told without branches, and mostly enough.
   int count = 0;
-  unsigned seen = 0;
-  std::array<double, kAtOnce> a, b, near;
-  for (std::size_t k = 0; k < lanes_[0].size(); k += kAtOnce) {
-    const double *const x = &lanes_[0][k], *const y = &lanes_[1][k], *const z = &lanes_[2][k];
-    const double* const reach_sq = &lanes_[3][k];
-    for (std::size_t j = 0; j < kAtOnce; ++j) {
-      const double dx = x[j] - foot.x(), dy = y[j] - foot.y(), dz = z[j] - foot.z();
-      const double along = dx * n.x() + (dy * n.y() + dz * n.z());
-      const double sq = dx * dx + (dy * dy + dz * dz);
-      a[j] = dx * u.x() + (dy * u.y() + dz * u.z());
-      b[j] = dx * v.x() + (dy * v.y() + dz * v.z());
-      // Below 0 where it tells.
-      near[j] = std::max(sq - reach_sq[j], along * along - kOffPlane * kOffPlane * reach_sq[j]);
-    }
-    for (std::size_t j = 0; j < kAtOnce; ++j) {
-      const bool tells_here = near[j] <= 0.0;
-      count += tells_here ? 1 : 0;
-      seen |= tells_here && std::abs(a[j]) + std::abs(b[j]) > 0.0 ? eighth_of(a[j], b[j]) : 0u;
-    }
-    if (count >= kFewestNear && kAllAround[seen]) return true;
-  }
-  if (count < kFewestNear) return false;
   Surround exact;
   double widest_sq = 0.0;
   for (std::size_t k = 0; k < count_; ++k) {
     const Vec3 d = near_[k].at - foot;
     if (!tells(near_[k], d)) continue;
     exact.add(d.dot(u), d.dot(v));
+    ++count;
     widest_sq = std::max(widest_sq, near_[k].reach_sq);
   }
+  if (count < kFewestNear) return false;
   if (!exact.open()) return true;
   for (std::size_t k = 0; k < count_; ++k) {
     if (kStepSq * near_[k].reach_sq > widest_sq) continue;

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <span>
+#include <type_traits>
 #include <vector>
 
 #include "toolkit/cloud/cloud.h"
@@ -49,7 +50,8 @@ class SmoothPoints {
   /// A ball over more cubes than this, and than there are points, is found point by point: a cube costs about
   /// as much as a point. One point far off would else be surrounded by millions of empty cubes.
   static constexpr double kMostCubes = 4096.0;
-  /// Calls visit(first, past) for runs of places that hold all points of the ball, and others.
+  /// Calls visit(first, past) for runs of places that hold all points of the ball, and others; no more of
+  /// them once it answers true, where it answers.
   template <class Visit>
   void about_ball(const Vec3& centre, double radius, Visit&& visit) const {
     const Level& level = level_for(radius);
@@ -74,7 +76,11 @@ class SmoothPoints {
         for (std::int64_t x = low[0]; x <= high[0]; ++x, cx = next_code<0>(cx)) {
           if (off_yz + off_cell_sq(level, x, centre, 0) > left_sq) continue;
           const std::uint32_t cell = level.table.find(cx | cy | cz);
-          if (cell != CellBlocks::kNone) visit(level.begin[cell], level.begin[cell + 1]);
+          if (cell == CellBlocks::kNone) continue;
+          if constexpr (std::is_void_v<decltype(visit(std::uint32_t{0}, std::uint32_t{0}))>)
+            visit(level.begin[cell], level.begin[cell + 1]);
+          else if (visit(level.begin[cell], level.begin[cell + 1]))
+            return;
         }
       }
     }
