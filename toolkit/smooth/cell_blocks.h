@@ -9,6 +9,11 @@
 
 namespace palpate::render {
 
+/// Fibonacci hashing, 2^64 over the golden section, odd: the upper bits are spread.
+[[nodiscard]] constexpr std::uint64_t spread_code(std::uint64_t code) noexcept {
+  return code * 0x9e3779b97f4a7c15ull;
+}
+
 /// From a cell's Morton code to its number. Immutable once built.
 class CellBlocks {
  public:
@@ -45,8 +50,7 @@ class CellBlocks {
     return static_cast<std::uint32_t>(x * 0x0101010101010101u >> 56);
   }
   [[nodiscard]] std::size_t slot(std::uint64_t block) const noexcept {
-    // Fibonacci hashing: 2^64 over the golden section, odd.
-    return static_cast<std::size_t>((block * 0x9e3779b97f4a7c15ull) >> shift_) & mask_;
+    return static_cast<std::size_t>(spread_code(block) >> shift_) & mask_;
   }
   std::vector<Slot> slots_;
   std::size_t mask_ = 0;

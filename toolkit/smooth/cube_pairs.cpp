@@ -32,6 +32,8 @@ struct Pair {
   std::uint64_t cube;
   CubePatch patch;
 };
+/// Cubes that are remembered, two to this power: some four times those of kPatchGrain patches.
+constexpr int kLastBits = 11;
 /// What a number of a patch may have: a cloud of 2^31 patches fits in no memory.
 constexpr std::uint32_t kPatchBits = 0x7fffffffu;
 constexpr std::uint64_t kNoCube = ~std::uint64_t{0};
@@ -114,8 +116,15 @@ void leave_one_each(std::vector<std::uint64_t>& codes) {
 std::vector<std::uint64_t> cubes_through(const std::vector<std::vector<Pair>>& found, int threads) {
   std::vector<std::vector<std::uint64_t>> some(found.size());
   parallel_chunks(found.size(), 1, threads, [&](std::size_t chunk, std::size_t) {
-    for (const Pair& pair : found[chunk])
-      if (pair.patch.through != 0) some[chunk].push_back(pair.cube);
+    // Patches beside each other go through the same cubes: what was met not long ago is not kept again.
+    std::vector<std::uint64_t> last(std::size_t{1} << kLastBits, kNoCube);
+    for (const Pair& pair : found[chunk]) {
+      if (pair.patch.through == 0) continue;
+      std::uint64_t& same = last[spread_code(pair.cube) >> (64 - kLastBits)];
+      if (same == pair.cube) continue;
+      same = pair.cube;
+      some[chunk].push_back(pair.cube);
+    }
     leave_one_each(some[chunk]);
   });
   std::vector<std::uint64_t> codes;

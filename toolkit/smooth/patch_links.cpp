@@ -182,7 +182,7 @@ class Sides {
   std::vector<std::uint8_t> turned_;
 };
 
-void orient(std::vector<Patch>& patches, const std::vector<Link>& links, Sides& sides) {
+void orient(std::vector<Patch>& patches, std::vector<Link>& links, Sides& sides) {
   const auto class_of = [](const Link& link) {
     const double share = (1.0 - std::abs(static_cast<double>(link.agreed))) / (1.0 - kLeastAgreement);
     return std::min(static_cast<std::size_t>(std::max(share, 0.0) * kClasses), kClasses - 1);
@@ -193,8 +193,10 @@ void orient(std::vector<Patch>& patches, const std::vector<Link>& links, Sides& 
   std::vector<std::uint32_t> order(links.size());
   for (std::uint32_t i = 0; i < links.size(); ++i) order[begin[class_of(links[i])]++] = i;
   for (const std::uint32_t i : order) sides.join(links[i].a, links[i].b, links[i].agreed < 0.0f);
+  std::vector<std::uint8_t> turned(patches.size(), 0);
   for (std::uint32_t i = 0; i < patches.size(); ++i) {
     if (!sides.root(i).second) continue;
+    turned[i] = 1;
     Quadric& q = patches[i].quadric;
     // u and v stay: what is known along them (Patch::filled) stays true.
     q.n = -q.n;
@@ -202,6 +204,9 @@ void orient(std::vector<Patch>& patches, const std::vector<Link>& links, Sides& 
     q.uv = -q.uv;
     q.vv = -q.vv;
   }
+  // As agreement() would tell now.
+  for (Link& link : links)
+    if (turned[link.a] != turned[link.b]) link.agreed = -link.agreed;
 }
 
 /// Leaves out the patches of pieces too small to be surface, and their links.
@@ -245,7 +250,7 @@ PatchLinks link_patches(const SmoothPoints& points, std::vector<Patch>& patches,
   parallel_chunks(links.size(), kGrain, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const Patch &a = patches[links[i].a], &b = patches[links[i].b];
-      stands[i] = agreement(a, b) > 0.0;
+      stands[i] = links[i].agreed > 0.0f;
       if (stands[i] != 0 && !without.creases && a.sure && b.sure) turn[i] = turn_between(points, a, b);
       if (turn[i] == Turn::kUnclear) stands[i] = 0;
     }

@@ -21,8 +21,8 @@ constexpr int kFewestNear = 4;
 /// in. Dense points end farther from a place among sparse ones than their own spacing asks for; what the
 /// sparse ones may leave open between them they may leave open up to there, too.
 constexpr double kStepSq = 4.0;
-/// Points within so many spacings, some twelve, and others of their cells mostly tell that there are points on
-/// all sides. Whatever it is, it changes no answer.
+/// Points within so many spacings, some twelve, and others of their cells mostly tell that there are points
+/// on all sides. Whatever it is, it changes no answer.
 constexpr double kNearestSpacings = 2.0;
 
 /// The eighth of a turn that a direction is in, as a bit.

@@ -15,6 +15,8 @@ namespace palpate::render {
 
 /// Distance and gradient of a face at the nodes of one tile, in voxels; where it is not known, nothing.
 struct Tile {
+  // Not filled: all of it is written before it is read.
+  Tile() noexcept {}  // NOLINT(cppcoreguidelines-pro-type-member-init,modernize-use-equals-default)
   std::array<float, kTileCount> distance, x, y, z;
   std::array<std::uint8_t, kTileCount> known;
 };

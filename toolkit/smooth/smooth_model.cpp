@@ -3,18 +3,21 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <numeric>
 #include <utility>
 #include <vector>
 
 #include "toolkit/core/parallel.h"
+#include "toolkit/core/radix_sort.h"
 #include "toolkit/core/try.h"
 #include "toolkit/neighbourhood/knn.h"
 #include "toolkit/render/model_store.h"
 #include "toolkit/render/prepare_phases.h"
 #include "toolkit/render/wide_mouth.h"
 #include "toolkit/smooth/bake.h"
+#include "toolkit/smooth/cell_blocks.h"
 #include "toolkit/smooth/doubts.h"
 #include "toolkit/smooth/first_ball.h"
 #include "toolkit/smooth/folds.h"
@@ -55,30 +58,48 @@ constexpr double kCubesAskew = 1.5;
 /// through its cube.
 constexpr double kStrayEdges = 3.0;
 
+/// Cubes that are remembered, two to this power: kPointsPerChunk points are in about as many.
+constexpr int kLastCubeBits = 9;
+
 /// Cubes of this edge that the surface goes through, reckoned from those that hold points: of a cube that
 /// expects m points at the spacing around, the share exp(-m) holds none (Poisson). O(n): points in Morton
 /// order leave a cube seldom.
-std::uint64_t cubes_through(const SmoothPoints& points, double edge_mm) {
+std::uint64_t cubes_through(const SmoothPoints& points, double edge_mm, int threads) {
   struct Stay {
     std::uint64_t code = 0;
     double points = 0.0, cubes = 0.0;  ///< the sum over the points of what each would make of a cube
   };
-  std::vector<Stay> stays;
+  std::vector<std::vector<Stay>> parts((points.size() + kPointsPerChunk - 1) / kPointsPerChunk);
   const Vec3 low = points.box_mm().low_mm;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    const Vec3 cube = (points[i] - low) / edge_mm;
-    const std::uint64_t code =
-        partition::morton_code(static_cast<std::uint32_t>(cube.x()), static_cast<std::uint32_t>(cube.y()),
-                               static_cast<std::uint32_t>(cube.z()));
-    if (stays.empty() || stays.back().code != code) stays.push_back({code});
-    const double edges = points.spacing_near(i) / edge_mm;
-    stays.back().points += 1.0;
-    if (!(edges > 0.0) || edges > kStrayEdges) continue;
-    stays.back().cubes -= 1.0 / std::expm1(-1.0 / (kCubesAskew * edges * edges));
-  }
-  std::sort(stays.begin(), stays.end(), [](const Stay& a, const Stay& b) {
-    return a.code != b.code ? a.code < b.code : a.cubes < b.cubes;
+  parallel_chunks(points.size(), kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+    std::vector<Stay>& stays = parts[begin / kPointsPerChunk];
+    // The curve comes back to a cube soon, and adds to what is still there.
+    std::vector<Stay> last(std::size_t{1} << kLastCubeBits);
+    const auto leave = [&](const Stay& stay) {
+      if (stay.points > 0.0) stays.push_back(stay);
+    };
+    for (std::size_t i = begin; i < end; ++i) {
+      const Vec3 cube = (points[i] - low) / edge_mm;
+      const std::uint64_t code =
+          partition::morton_code(static_cast<std::uint32_t>(cube.x()), static_cast<std::uint32_t>(cube.y()),
+                                 static_cast<std::uint32_t>(cube.z()));
+      Stay& stay = last[spread_code(code) >> (64 - kLastCubeBits)];
+      if (stay.code != code) {
+        leave(stay);
+        stay = {code};
+      }
+      const double edges = points.spacing_near(i) / edge_mm;
+      stay.points += 1.0;
+      if (!(edges > 0.0) || edges > kStrayEdges) continue;
+      stay.cubes -= 1.0 / std::expm1(-1.0 / (kCubesAskew * edges * edges));
+    }
+    for (const Stay& stay : last) leave(stay);
   });
+  std::vector<Stay> stays;
+  for (const std::vector<Stay>& part : parts) stays.insert(stays.end(), part.begin(), part.end());
+  std::uint64_t codes = 0;
+  for (const Stay& stay : stays) codes |= stay.code;
+  radix_sort(stays, static_cast<int>(std::bit_width(codes)), threads, [](const Stay& s) { return s.code; });
   double sum = 0.0;
   for (std::size_t i = 0; i < stays.size();) {
     double held = 0.0, cubes = 0.0;
@@ -92,7 +113,7 @@ std::uint64_t cubes_through(const SmoothPoints& points, double edge_mm) {
   return static_cast<std::uint64_t>(sum);
 }
 
-SmoothDecision measure(const SmoothPoints& points, const SmoothBuild& build, double noise_mm) {
+SmoothDecision measure(const SmoothPoints& points, const SmoothBuild& build, double noise_mm, int threads) {
   SmoothDecision out;
   out.spacing_mm = points.spacing_mm();
   out.noise_mm = noise_mm;
@@ -101,7 +122,7 @@ SmoothDecision measure(const SmoothPoints& points, const SmoothBuild& build, dou
   constexpr double kMostCubes = 1 << partition::kMortonBits;
   const double edge_mm = kBrickCells * out.voxel_mm;
   if (points.size() > 0 && points.box_mm().extent_mm().maxCoeff() < kMostCubes * edge_mm)
-    out.cubes = cubes_through(points, edge_mm);
+    out.cubes = cubes_through(points, edge_mm, threads);
   return out;
 }
 
@@ -134,7 +155,7 @@ Result<std::shared_ptr<const SmoothSurface>> build_surface(const cloud::Cloud& c
   phases.end();
   phases.begin("noise");
   const NoiseField noise(points, context.threads, build.without.places);
-  const SmoothDecision measured = measure(points, build, noise.median());
+  const SmoothDecision measured = measure(points, build, noise.median(), context.threads);
   if (measured.spacing_mm > 0.0) warn_of(find_doubts(points, measured.noise_mm, context.threads), phases);
   phases.end();
   auto out = std::make_shared<SmoothSurface>();
@@ -281,7 +302,7 @@ Result<SmoothDecision> decide_smooth(const ModelInput& input, const SmoothBuild&
   Result<SurfaceDecision> surface = decide_surface(input);
   if (!surface) return std::move(surface).error();
   const SmoothPoints points(*input.cloud, context.threads);
-  SmoothDecision out = measure(points, build, measure_noise(points, context.threads));
+  SmoothDecision out = measure(points, build, measure_noise(points, context.threads), context.threads);
   out.surface = *std::move(surface);
   return out;
 }

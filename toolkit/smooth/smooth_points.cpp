@@ -192,11 +192,13 @@ std::uint32_t SmoothPoints::points_around_cell(const Level& level, std::uint64_t
   const std::array<std::uint32_t, 3> low{before(0), before(1), before(2)};
   const auto past = [&](std::size_t axis) { return static_cast<std::uint32_t>(at[axis]) + 2; };
   std::uint32_t count = 0;
+  const std::uint64_t code_y = partition::morton_code(0, low[1], 0);
+  const std::uint64_t code_z = partition::morton_code(0, 0, low[2]);
   std::uint64_t cx = partition::morton_code(low[0], 0, 0);
   for (std::uint32_t x = low[0]; x < past(0); ++x, cx = next_code<0>(cx)) {
-    std::uint64_t cy = partition::morton_code(0, low[1], 0);
+    std::uint64_t cy = code_y;
     for (std::uint32_t y = low[1]; y < past(1); ++y, cy = next_code<1>(cy)) {
-      std::uint64_t cz = partition::morton_code(0, 0, low[2]);
+      std::uint64_t cz = code_z;
       for (std::uint32_t z = low[2]; z < past(2); ++z, cz = next_code<2>(cz)) {
         const std::uint32_t cell = level.table.find(cx | cy | cz);
         if (cell != CellBlocks::kNone) count += level.begin[cell + 1] - level.begin[cell];
