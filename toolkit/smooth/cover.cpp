@@ -281,8 +281,9 @@ class ChunkCover {
   /// Where the ball's points are over a quadric.
   void place(const Quadric& q) {
     over_.resize(ball_.away.size());
+    const Vec3 centre = ball_.centre - q.at;
     for (std::size_t k = 0; k < over_.size(); ++k) {
-      const Vec3 d = ball_.centre + ball_.away[k] - q.at;
+      const Vec3 d = centre + ball_.away[k];
       const double a = d.dot(q.u), b = d.dot(q.v), along = d.dot(q.n);
       over_[k] = {a, b, std::abs(along - (q.uu * a * a + q.uv * a * b + q.vv * b * b)),
                   d.squaredNorm() - along * along};

@@ -20,6 +20,8 @@ constexpr double kThroughRoom = 0.25;
 /// and the patch's support: half the diagonal of eight tiles, half a voxel on, and the most that a foot is
 /// moved.
 constexpr double kPairRoom = 5.0;
+/// Rounding of what a bound is compared with, and far more.
+constexpr double kBoundRoom = 1.0 + 1e-9;
 constexpr std::size_t kPatchGrain = 1024;
 /// Pairs of so many patches are counted, and put in their places, by one thread: a count for each cube is
 /// needed every time, and there are about half as many cubes as patches.
@@ -49,12 +51,23 @@ class Reach {
     reach_sq_ = reach * reach;
     cells_sq_ = cells * cells;
     bend_ = (std::abs(q_.uu) + std::abs(q_.uv) + std::abs(q_.vv)) * grid.voxel_mm;
+    // What holds() asks in the end is at most so much off, for the height and the slope are bounded where it
+    // is as near along the tangent plane.
+    const double most = reach + std::hypot(shift_a_, shift_b_);
+    const double height = (std::max(std::abs(q_.uu), std::abs(q_.vv)) + 0.5 * std::abs(q_.uv)) * most * most;
+    const double slope = q_.n.cwiseAbs().sum() +
+                         q_.u.cwiseAbs().sum() * (2.0 * std::abs(q_.uu) + std::abs(q_.uv)) * most +
+                         q_.v.cwiseAbs().sum() * (2.0 * std::abs(q_.vv) + std::abs(q_.uv)) * most;
+    most_along_ =
+        kBoundRoom *
+        (height + (kHalfNodes * slope + bend_ * kHalfNodeDiagonal * kHalfNodeDiagonal) * grid.voxel_mm);
   }
   /// Whether it counts for the nodes of a cube with its middle there, along u, v and n; `through`: its
   /// surface may go through the cube's cells. Over a cube the residual changes by its gradient's components,
   /// but for curvature.
   [[nodiscard]] bool holds(const Vec3& middle, bool& through) const {
     const double a = middle[0], b = middle[1], along = middle[2];
+    if (std::abs(along) > most_along_) return false;
     // The tiles' middle is half a voxel on.
     const double of_tiles_a = a + shift_a_, of_tiles_b = b + shift_b_;
     if (of_tiles_a * of_tiles_a + of_tiles_b * of_tiles_b > reach_sq_) return false;
@@ -69,7 +82,7 @@ class Reach {
 
  private:
   const Quadric& q_;
-  double per_voxel_, shift_a_, shift_b_, reach_sq_, cells_sq_, bend_;
+  double per_voxel_, shift_a_, shift_b_, reach_sq_, cells_sq_, bend_, most_along_;
 };
 
 void pairs_of(const Patch& p, std::uint32_t index, const BrickGrid& grid, std::vector<Pair>& out) {

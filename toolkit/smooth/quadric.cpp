@@ -214,10 +214,13 @@ bool spread_of(const Ball& ball, Spread& spread) {
 
 void Ball::keep_near(const Quadric& quadric, double gate) {
   std::size_t kept = 0;
-  for (std::size_t i = 0; i < away.size(); ++i) {
-    if (std::abs(quadric.residual(centre + away[i])) > gate) continue;
+  Quadric from_centre = quadric;
+  from_centre.at = quadric.at - centre;
+  for (std::size_t i = 0; i < away.size(); ++i) {  // as gather()
+    const double off = from_centre.residual(away[i]);
     away[kept] = away[i];
-    place[kept++] = place[i];
+    place[kept] = place[i];
+    kept += std::abs(off) <= gate ? std::size_t{1} : std::size_t{0};
   }
   away.resize(kept);
   place.resize(kept);

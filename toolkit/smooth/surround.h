@@ -55,7 +55,8 @@ class Filled {
   /// Six points a cell are none in one of 400. A disc takes a quarter of pi of its square.
   static constexpr double kPointsPerCell = 6.0, kDiscShare = 1.2732395;
   [[nodiscard]] int cell(double a) const noexcept {
-    return static_cast<int>(std::floor(std::clamp(0.5 * (a + 1.0), -1.0, 2.0) * cells_));
+    // Down, not to 0: what is cut off is positive.
+    return static_cast<int>((std::clamp(0.5 * (a + 1.0), -1.0, 2.0) + 1.0) * cells_) - cells_;
   }
   [[nodiscard]] std::uint64_t bit(int x, int y) const noexcept {
     return std::uint64_t{1} << (y * cells_ + x);
