@@ -89,7 +89,7 @@ bool PointsAround::nearest_are(const Vec3& foot, const Vec3& n, const Vec3& u, c
       const double along = d.dot(n), a = d.dot(u), b = d.dot(v), most = reach_sq(i);
       const bool tells = (d.squaredNorm() <= most) & (along * along <= kOffPlane * kOffPlane * most);
       count += tells ? 1 : 0;
-      seen |= tells & (std::abs(a) + std::abs(b) > 0.0) ? eighth_of(a, b) : 0u;
+      seen |= tells && std::abs(a) + std::abs(b) > 0.0 ? eighth_of(a, b) : 0u;
     }
     return all = count >= kFewestNear && kAllAround[seen];
   });
