@@ -46,37 +46,37 @@ Result<ReferenceChoice> resolve(ReferenceChoice choice, const scene::LoadedScene
                                 std::vector<std::string>& notes) {
   const render::SceneInput& scene = loaded.input;
   const render::ModelInput model = with_truth(loaded);
-  const bool single = scene.models.size() == 1 && scene.simulation == nullptr;
+  const std::optional<Error> none = why_no_truth(scene);
+  if (none && choice != ReferenceChoice::kNone && choice != ReferenceChoice::kAuto)
+    return Error{none->what, none->remedy + ", or use --reference none", {}, 0};
+  const bool single = !none;
   switch (choice) {
     case ReferenceChoice::kNone:
       return choice;
     case ReferenceChoice::kAnalytic:
-      if (single && model.analytic) return choice;
+      if (model.analytic) return choice;
       return Error{"the analytic reference needs one generated model", "use --reference auto", {}, 0};
     case ReferenceChoice::kOriginalMesh:
-      if (single && model.original_mesh) return choice;
+      if (model.original_mesh) return choice;
       return Error{"the original-mesh reference needs one model with a mesh of its own",
                    "use --reference auto",
                    {},
                    0};
     case ReferenceChoice::kClosest:
-      if (single && (model.analytic || model.original_mesh)) return choice;
+      if (model.analytic || model.original_mesh) return choice;
       return Error{"the closest-point reference needs one model with a formula or a mesh of its own",
                    "use --reference auto",
                    {},
                    0};
     case ReferenceChoice::kMeshFile:
-      if (single) return choice;
-      return Error{
-          "a mesh file can be the reference of one model at rest only", "use --reference none", {}, 0};
+      return choice;
     case ReferenceChoice::kAuto:
       break;
   }
   if (single && model.analytic) return ReferenceChoice::kAnalytic;
   if (single && model.original_mesh) return ReferenceChoice::kOriginalMesh;
-  notes.push_back(single
-                      ? "There is no ground truth: the model has neither a formula nor a mesh of its own."
-                      : "There is no ground truth: this version has none for several models or moving ones.");
+  notes.push_back(single ? "There is no ground truth: the model has neither a formula nor a mesh of its own."
+                         : fmt::format("There is no ground truth: {}.", none->what));
   return ReferenceChoice::kNone;
 }
 
@@ -135,6 +135,25 @@ void cut(Stage& stage, std::uint64_t contact_frames) {
 }
 
 }  // namespace
+
+std::optional<Error> why_no_truth(const render::SceneInput& scene) {
+  for (const render::ModelInput& model : scene.models)
+    if (model.motion != nullptr)
+      return Error{
+          fmt::format("the model '{}' moves, and truth is known of a model at rest only", model.name),
+          "leave out its motion",
+          {},
+          0};
+  if (scene.models.size() > 1)
+    return Error{fmt::format("the scene has {} models, and truth is known of one alone", scene.models.size()),
+                 "give a scene of one model",
+                 {},
+                 0};
+  if (scene.simulation != nullptr)
+    return Error{
+        "the scene is simulated, and truth is known of a model at rest only", "leave that out", {}, 0};
+  return std::nullopt;
+}
 
 Result<ReferenceChoice> parse_reference(const std::string& text) {
   if (text == "auto") return ReferenceChoice::kAuto;

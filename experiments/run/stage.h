@@ -23,6 +23,9 @@ enum class ReferenceChoice { kAuto, kAnalytic, kOriginalMesh, kClosest, kMeshFil
 /// "auto", "analytic", "original-mesh", "closest-point", "none", or the name of a mesh file that exists.
 [[nodiscard]] Result<ReferenceChoice> parse_reference(const std::string& text);
 
+/// Why this scene has no ground truth, whatever is named as one; empty for one model at rest.
+[[nodiscard]] std::optional<Error> why_no_truth(const render::SceneInput& scene);
+
 struct StageRequest {
   std::string scene_name;  ///< as the user wrote it
   scene::SceneFile scene;

@@ -84,6 +84,8 @@ Result<device::LoopRun> run_on(const Bench& bench, const device::HandScript& scr
 }
 
 Result<Places> places_on(const Stage& stage) {
+  if (std::optional<Error> none = why_no_truth(stage.scene.input))
+    return std::move(*none).in_file(stage.scene_name);
   if (!stage.reference || stage.truth == nullptr)
     return Error{"this scene has no ground truth to compare with",
                  "use a generated model or a mesh file, or name a truth with --reference", stage.scene_name,

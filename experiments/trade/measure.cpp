@@ -151,6 +151,7 @@ void fill_errors(const Experiment& experiment, const Setting& setting, Run& run,
 }  // namespace
 
 Result<Experiment> experiment_on(const Stage& stage, const std::string& program) {
+  if (const std::optional<Error> none = why_no_truth(stage.scene.input)) return *none;
   if (!stage.reference)
     return Error{"there is no ground truth, so nothing can be said of accuracy",
                  "name a mesh of the same object with --reference",
