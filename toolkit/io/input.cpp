@@ -4,6 +4,8 @@
 
 #include <cstring>
 
+#include "toolkit/core/table_form.h"
+
 namespace palpate::io {
 
 namespace {
@@ -37,11 +39,15 @@ bool Input::refill() {
 }
 
 bool Input::next_line(std::string_view& line) {
+  if (line_ == 0) {
+    while (end_ < buffer_.size() && refill()) continue;
+    if (ends_lines_with_cr({buffer_.data(), end_})) line_end_ = '\r';
+  }
   std::size_t searched = 0;
   while (true) {
     const std::size_t have = end_ - begin_;
     const char* unsearched = buffer_.data() + begin_ + searched;
-    const void* found = have > searched ? std::memchr(unsearched, '\n', have - searched) : nullptr;
+    const void* found = have > searched ? std::memchr(unsearched, line_end_, have - searched) : nullptr;
     std::size_t length = have;
     if (found != nullptr) {
       length = searched + static_cast<std::size_t>(static_cast<const char*>(found) - unsearched);

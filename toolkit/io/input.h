@@ -20,9 +20,9 @@ class Input {
  public:
   explicit Input(ByteSource& source);
 
-  /// The next line without its end (\n or \r\n; the last one may lack it), the first without a byte order
-  /// mark. False at the end of the data, and after an error (see error()). The view lives until the next call
-  /// of any member.
+  /// The next line without its end (\n, \r\n, or \r in a file that begins so; the last may lack it), the
+  /// first without a byte order mark. False at the end of the data, and after an error (see error()). The
+  /// view lives until the next call of any member.
   [[nodiscard]] bool next_line(std::string_view& line);
   /// The next n bytes, n <= kMaxLineBytes, or null where the data ends before or an error stands.
   [[nodiscard]] const std::byte* take(std::size_t n);
@@ -45,6 +45,7 @@ class Input {
   std::size_t begin_ = 0;
   std::size_t end_ = 0;
   std::int64_t line_ = 0;
+  char line_end_ = '\n';
   bool ended_ = false;
   std::optional<Error> error_;
 };

@@ -34,9 +34,10 @@ struct PcdLines {
   std::string_view text;
   std::size_t at = 0;
   std::int64_t number = 0;
+  char line_end = ends_lines_with_cr(text.substr(0, kMaxPcdHeaderBytes)) ? '\r' : '\n';
   bool next(std::string_view& line) {
     if (at >= text.size()) return false;
-    const std::size_t end = std::min(text.find('\n', at), text.size());
+    const std::size_t end = std::min(text.find(line_end, at), text.size());
     line = trimmed(text.substr(at, end - at));
     at = std::min(end + 1, text.size());
     ++number;
@@ -113,7 +114,7 @@ Status take_fields(const Raw& raw, PcdHeader& header) {
     PcdField field;
     field.name = raw.names[i];
     const std::int64_t bytes = parse_whole(raw.sizes[i]).value_or(0);
-    const std::int64_t count = raw.counts.empty() ? 1 : parse_whole(raw.counts[i]).value_or(0);
+    const std::int64_t count = raw.counts.empty() ? 1 : parse_whole(raw.counts[i]).value_or(-1);
     field.type = raw.types[i].size() == 1 ? raw.types[i][0] : '?';
     const bool real = field.type == 'F' && (bytes == sizeof(float) || bytes == sizeof(double));
     const bool whole = (field.type == 'I' || field.type == 'U') &&
@@ -121,9 +122,10 @@ Status take_fields(const Raw& raw, PcdHeader& header) {
     if (!real && !whole)
       return malformed_pcd(fmt::format("field {} has the type {} and size {}, which do not go together",
                                        quoted(field.name), quoted(raw.types[i]), quoted(raw.sizes[i])));
-    if (count < 1 || static_cast<std::uint64_t>(count) > kMaxPointBytes)
+    if (count < 0 || static_cast<std::uint64_t>(count) > kMaxPointBytes)
       return malformed_pcd(
           fmt::format("field {} has the count {}", quoted(field.name), quoted(raw.counts[i])));
+    if (count == 0) continue;  // padding without bytes, as some writers leave behind
     field.bytes = static_cast<std::uint32_t>(bytes);
     field.count = static_cast<std::uint32_t>(count);
     header.point_bytes += std::uint64_t{field.bytes} * field.count;
@@ -187,7 +189,7 @@ Status check_ascii(const PcdHeader& header, PcdLines lines) {
     for (std::string_view token = next_token(line); !token.empty(); token = next_token(line)) {
       if (!parse_real(token))
         return Error{fmt::format("{} is not a number", quoted(token)),
-                     "check the file at this line",
+                     number_remedy(token, "check the file at this line"),
                      {},
                      lines.number};
       ++found;
@@ -291,6 +293,7 @@ Result<PcdHeader> check_pcd(std::span<const std::byte> file, const ReadOptions& 
   PALPATE_TRY(check_memory(header.points(), 2 * header.point_bytes + sizeof(Vec3), "points", options));
   PALPATE_TRY(header.data == PcdData::kAscii ? check_ascii(header, lines)
                                              : check_binary(header, file.subspan(header.body_at)));
+  header.cr_ends_lines = header.data == PcdData::kAscii && lines.line_end == '\r';
   header.canonical = canonical_header(header);
   return header;
 }

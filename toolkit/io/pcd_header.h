@@ -28,7 +28,8 @@ struct PcdHeader {
   std::uint32_t height = 0;  ///< more than 1: organised, row after row
   PcdData data = PcdData::kAscii;
   std::uint64_t point_bytes = 0;
-  std::size_t body_at = 0;  ///< where the header ends in the file
+  std::size_t body_at = 0;     ///< where the header ends in the file
+  bool cr_ends_lines = false;  ///< of an ASCII body, which PCL cuts at \n alone
   /// The header in our own words, ending with its DATA line: what PCL is given instead of the file's.
   std::string canonical;
 

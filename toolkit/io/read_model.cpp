@@ -152,6 +152,27 @@ void clean_faces(DecodedFile& decoded, const std::vector<std::uint32_t>& new_ind
   decoded.continues_face.clear();
 }
 
+// Of coordinates that the file holds as 32-bit floats far from the origin, what is left of their precision.
+void warn_of_float_steps(const std::vector<Vec3>& points_mm, double factor, ReadModel& model) {
+  // Rounding by half a step over the distance of two points tilts a surface by 1/32, some 2 degrees.
+  constexpr double kStepsPerSpacing = 16.0;
+  geometry::Aabb box;
+  for (const Vec3& p : points_mm) box.add(p);
+  const double farthest = std::max(box.low_mm.cwiseAbs().maxCoeff(), box.high_mm.cwiseAbs().maxCoeff());
+  const auto in_file = static_cast<float>(farthest / factor);
+  if (!std::isfinite(in_file)) return;
+  const double step_mm =
+      factor * static_cast<double>(in_file - std::nextafter(in_file, 0.0F));  // below: in_file's own binade
+  // Points spread over a surface as large as the box.
+  const double spacing_mm = box.extent_mm().norm() / std::sqrt(static_cast<double>(points_mm.size()));
+  if (step_mm * kStepsPerSpacing <= spacing_mm) return;
+  model.warnings.push_back(fmt::format(
+      "The file holds coordinates of up to {:.4g} mm as 32-bit floats, which leave a precision of "
+      "{:.3g} mm where points stand some {:.3g} mm apart. Export it with double precision, or "
+      "relative to a nearer origin.",
+      farthest, step_mm, spacing_mm));
+}
+
 std::uint64_t hash_points(const std::vector<Vec3>& points) {
   Hash64 hash;
   for (const Vec3& p : points) {
@@ -192,6 +213,29 @@ std::string extension_of(const std::string& name, std::string& compression_endin
   return dot == std::string::npos ? std::string() : lower.substr(dot + 1);
 }
 
+// Formats of points and meshes that are met and not read, and what makes a readable file of them.
+struct ForeignFormat {
+  std::string_view extension, name, remedy;
+};
+constexpr std::array<ForeignFormat, 5> kForeign{{
+    {"las", "a LAS scan", "convert it: pdal translate in.las out.ply"},
+    {"laz", "a LAZ scan", "convert it: pdal translate in.laz out.ply"},
+    {"e57", "an E57 scan", "convert it: pdal translate in.e57 out.ply, or save it as PLY in CloudCompare"},
+    {"ptx", "a PTX scan", "convert it: pdal translate in.ptx out.ply, or save it as PLY in CloudCompare"},
+    {"stl", "an STL mesh", "convert it: assimp export in.stl out.ply, or export it as PLY in MeshLab"},
+}};
+
+Error unknown_type(const std::string& extension, const std::string& known, const std::string& name) {
+  const std::string understood = fmt::format("understood are {}, each also with .gz or .xz", known);
+  if (extension.empty())
+    return Error{"the file's name has no ending that tells its format", understood, name, 0};
+  for (const ForeignFormat& foreign : kForeign)
+    if (extension == foreign.extension)
+      return Error{fmt::format("{} ({}) is not read", foreign.name, quoted("." + extension)),
+                   fmt::format("{}; {}", foreign.remedy, understood), name, 0};
+  return Error{fmt::format("unknown file type {}", quoted("." + extension)), understood, name, 0};
+}
+
 }  // namespace
 
 double mm_per(Unit unit) noexcept {
@@ -229,9 +273,11 @@ namespace {
 /// What is asked of height grids does nothing for another file.
 Status check_grid_options(const DecodedFile& decoded, const ReadOptions& options) {
   if (decoded.height_grid) return Done{};
-  for (const auto& [mm, name, option] : {std::tuple(options.post_mm, "post_mm", "--post-mm"),
-                                         std::tuple(options.vertical_mm, "vertical_mm", "--vertical-mm")})
-    if (mm > 0.0)
+  for (const auto& [given, name, option] :
+       {std::tuple(options.post_mm > 0.0, "post_mm", "--post-mm"),
+        std::tuple(options.vertical_mm > 0.0, "vertical_mm", "--vertical-mm"),
+        std::tuple(options.no_data.has_value(), "no_data", "--no-data")})
+    if (given)
       return Error{
           fmt::format("'{}' is of grids of heights, and this file is none ({})", name, decoded.format),
           fmt::format("leave out {} (on the command line {})", name, option),
@@ -278,6 +324,8 @@ Result<ReadModel> finish_model(DecodedFile&& decoded, const ReadOptions& options
     keep_rows_and_columns(decoded, new_index, model.file_points, model.cloud);
   model.max_rounding_mm = report.max_rounding_mm;
   model.content_hash = hash_points(decoded.points);
+  if (decoded.single_precision)
+    warn_of_float_steps(decoded.points, mm_per(model.unit) * options.scale, model);
 
   clean_faces(decoded, new_index, model.file_points);
   model.dropped_faces = decoded.dropped_faces;
@@ -328,10 +376,7 @@ Result<ReadModel> Readers::read(std::unique_ptr<ByteSource> source, const std::s
   std::string ending;
   const std::string extension = extension_of(name, ending);
   const Reader* reader = find(extension);
-  if (reader == nullptr)
-    return Error{extension.empty() ? std::string("the file's name has no ending that tells its format")
-                                   : fmt::format("unknown file type {}", quoted("." + extension)),
-                 fmt::format("understood are {}, each also with .gz or .xz", joined(extensions())), name, 0};
+  if (reader == nullptr) return unknown_type(extension, joined(extensions()), name);
   if (const Status right = check(options); !right) return Error(right.error()).in_file(name);
   if (source->remaining() == std::uint64_t{0}) return Error{"the file is empty", "check the file", name, 0};
   try {

@@ -40,6 +40,8 @@ struct ReadOptions {
   /// Grids of heights only: mm of height that the number 1 stands for, instead of the unit; 0: the unit.
   /// Before `scale`. Both finite, not negative.
   double vertical_mm = 0.0;
+  /// Grids of heights only: the file's number that stands for no height, beside the one that the file names.
+  std::optional<double> no_data;
   /// Bound on the memory of what is decoded, and on the bytes that a compressed file may unpack to.
   std::uint64_t max_bytes = kMemoryLimitBytes;
 };
@@ -79,6 +81,7 @@ struct DecodedFile {
   /// Of a raster with holes, by point: the position that it stands at, row * columns + column; else empty.
   std::vector<std::uint32_t> position_of;
   std::uint32_t position_columns = 0;
+  bool single_precision = false;          ///< the file itself holds its coordinates as 32-bit floats
   bool height_grid = false;               ///< made by add_row(), which alone knows posts and heights
   std::optional<Unit> unit;               ///< where the file itself says it
   std::optional<Unit> conventional_unit;  ///< where the format has a convention: a better guess

@@ -59,8 +59,8 @@ class Lines {
   std::optional<Error> too_long_;
 };
 
-Error bad_line(const Lines& lines, std::string what) {
-  return Error{std::move(what), "check the file at this line", {}, lines.number()};
+Error bad_line(const Lines& lines, std::string what, std::string remedy = kCheckLine) {
+  return Error{std::move(what), std::move(remedy), {}, lines.number()};
 }
 
 Status read_vertex(const Lines& lines, std::string_view rest, DecodedFile& decoded) {
@@ -70,7 +70,9 @@ Status read_vertex(const Lines& lines, std::string_view rest, DecodedFile& decod
     if (token.empty())
       return bad_line(lines, fmt::format("a vertex needs 3 coordinates, this one has {}", axis));
     const std::optional<double> value = parse_real(token);
-    if (!value) return bad_line(lines, fmt::format("the coordinate {} is not a number", quoted(token)));
+    if (!value)
+      return bad_line(lines, fmt::format("the coordinate {} is not a number", quoted(token)),
+                      number_remedy(token, kCheckLine));
     point[axis] = *value;
   }
   decoded.points.push_back(point);  // a weight or a colour may follow

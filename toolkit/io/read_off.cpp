@@ -11,8 +11,8 @@
 namespace palpate::io {
 namespace {
 
-Error at_line(const Input& in, std::string what) {
-  return in.error_or({std::move(what), "check the file at this line", {}, 0});
+Error at_line(const Input& in, std::string what, std::string remedy = kCheckLine) {
+  return in.error_or({std::move(what), std::move(remedy), {}, 0});
 }
 
 // The next line that holds anything, without its comment.
@@ -98,7 +98,9 @@ Status read_vertices(Input& in, std::uint64_t count, Watch& watch, DecodedFile& 
       if (token.empty())
         return at_line(in, fmt::format("a vertex needs 3 coordinates, this one has {}", axis));
       const std::optional<double> value = parse_real(token);
-      if (!value) return at_line(in, fmt::format("the coordinate {} is not a number", quoted(token)));
+      if (!value)
+        return at_line(in, fmt::format("the coordinate {} is not a number", quoted(token)),
+                       number_remedy(token, kCheckLine));
       point[axis] = *value;
     }
     decoded.points.push_back(point);

@@ -7,6 +7,7 @@
 
 #include "toolkit/core/try.h"
 #include "toolkit/io/decoding.h"
+#include "toolkit/io/ply_corners.h"
 #include "toolkit/io/ply_header.h"
 #include "toolkit/io/text.h"
 
@@ -50,14 +51,6 @@ double load_real(PlyScalar type, const std::byte* at, bool swap) noexcept {
   return std::bit_cast<double>(load<std::uint64_t>(at, swap));
 }
 
-// An index as the file has it: whole, else -1, which no face may use.
-std::int64_t to_index(double value) noexcept {
-  constexpr double kEnd = 4294967296.0;  // 2^32: more than any index
-  if (!(value >= 0.0) || value >= kEnd) return -1;
-  const auto whole = static_cast<std::int64_t>(value);
-  return static_cast<double>(whole) == value ? whole : -1;
-}
-
 // Hands out the values of one row in the order of its properties, whatever the format.
 class Row {
  public:
@@ -87,6 +80,7 @@ class Row {
     if (!parsed) {
       bad_ = token.empty() ? std::string("the line has too few values for the header")
                            : fmt::format("{} is not a number", quoted(token));
+      remedy_ = number_remedy(token, remedy_);
       return false;
     }
     out = *parsed;
@@ -122,12 +116,35 @@ class Row {
                     longer_rows_, quoted(element.name), first_longer_));
     longer_rows_ = 0;
   }
+  // Counts what follows the last row: rows of text, or bytes, unless they are blank.
+  Status pass_over_end(Watch& watch, DecodedFile& decoded) {
+    std::uint64_t surplus = 0;
+    bool blank = true;
+    if (ascii_) {
+      while (start()) {
+        ++surplus;
+        if (!watch.row()) return watch.error();
+      }
+      blank = surplus == 0;
+    } else {
+      while (const std::byte* at = in_.take(1)) {
+        ++surplus;
+        blank = blank && (*at == std::byte{'\n'} || is_blank(static_cast<char>(*at)));
+        if (!watch.row()) return watch.error();
+      }
+    }
+    if (in_.error()) return *in_.error();
+    if (!blank)
+      decoded.warnings.push_back(fmt::format("{} {} follow the last element; they were passed over.", surplus,
+                                             ascii_ ? "rows" : "bytes"));
+    return Done{};
+  }
   const std::byte* block(std::size_t bytes) { return in_.take(bytes); }
   [[nodiscard]] bool ascii() const noexcept { return ascii_; }
   [[nodiscard]] bool swap() const noexcept { return swap_; }
 
   Error error(const PlyElement& element, std::uint64_t row) const {
-    if (!bad_.empty()) return Error{bad_, "check the file at this place", {}, ascii_ ? in_.line_number() : 0};
+    if (!bad_.empty()) return Error{bad_, remedy_, {}, ascii_ ? in_.line_number() : 0};
     Error error = in_.error_or({fmt::format("the file ends after {} of the {} promised rows of element {}",
                                             row, element.count, quoted(element.name)),
                                 "the file is cut off: fetch it again",
@@ -146,6 +163,7 @@ class Row {
   std::string_view line_;
   std::string_view rest_;
   std::string bad_;
+  std::string remedy_ = "check the file at this place";
   std::uint64_t longer_rows_ = 0;
   std::int64_t first_longer_ = 0;
 };
@@ -199,6 +217,11 @@ Status read_vertices(const ReaderInput& input, Input& in, const PlyElement& elem
   const std::vector<Target> targets = vertex_targets(element, decoded);
   int axes = 0;
   for (const Target& target : targets) axes += target.axis >= 0 ? 1 : 0;
+  decoded.single_precision = true;
+  for (std::size_t p = 0; p < targets.size(); ++p)
+    if (targets[p].axis >= 0 && element.properties[p].type != PlyScalar::kFloat32)
+      decoded.single_precision = false;
+  if (row.ascii()) decoded.single_precision = false;  // a text has the digits that it has
   if (axes != 3)
     return Error{"the element 'vertex' has no scalar properties x, y and z", "check the header", {}, 0};
   if (Status fits = check_memory(element.count, sizeof(Vec3) + decoded.properties.size() * sizeof(float),
@@ -259,80 +282,6 @@ Status skip_element(const ReaderInput& input, Input& in, const PlyElement& eleme
   row.warn(element, decoded);
   return Done{};
 }
-
-// Takes the triangles of strips out of a list of corners: each corner closes one with the two before it,
-// every second one turned, so that all face the same way; -1 ends a strip. A corner that stands twice in a
-// triangle is how writers join two strips: no face.
-class StripBuilder {
- public:
-  explicit StripBuilder(FaceBuilder& faces) noexcept : faces_(faces) {}
-  void begin() noexcept { length_ = 0; }
-  [[nodiscard]] bool corner(double value) {
-    constexpr double kEndOfStrip = -1.0;
-    if (value == kEndOfStrip) {
-      begin();
-      return true;
-    }
-    const std::int64_t now = to_index(value);
-    const bool turned = length_ % 2 != 0;
-    if (++length_ > 2 && now != last_ && now != before_ && last_ != before_) {
-      faces_.begin();
-      if (!faces_.corner(turned ? last_ : before_) || !faces_.corner(turned ? before_ : last_) ||
-          !faces_.corner(now))
-        return false;
-      faces_.end();
-    }
-    before_ = last_;
-    last_ = now;
-    return true;
-  }
-  void end() const noexcept {}
-  [[nodiscard]] Error error() const { return faces_.too_many(); }
-
- private:
-  FaceBuilder& faces_;
-  std::int64_t before_ = 0, last_ = 0;
-  std::uint64_t length_ = 0;
-};
-
-// A polygon is its list.
-struct PolygonBuilder {
-  FaceBuilder& faces;
-  void begin() noexcept { faces.begin(); }
-  [[nodiscard]] bool corner(double value) { return faces.corner(to_index(value)); }
-  void end() { faces.end(); }
-  [[nodiscard]] Error error() const { return faces.too_many(); }
-};
-
-// Of a raster's positions, row by row, who stands there: a list of one point or none.
-class GridBuilder {
- public:
-  static constexpr std::uint32_t kNowhere = 0xFFFFFFFFu;
-  explicit GridBuilder(std::size_t points) : position_of_(points, kNowhere) {}
-  void begin() noexcept { at_position_ = 0; }
-  [[nodiscard]] bool corner(double value) noexcept {
-    const std::int64_t index = to_index(value);
-    const auto point = static_cast<std::size_t>(index);
-    once_ = once_ && at_position_++ == 0 && index >= 0 && point < position_of_.size() &&
-            position_of_[point] == kNowhere;
-    if (once_) {
-      position_of_[point] = position_;
-      ++placed_;
-    }
-    return true;  // a grid that tells nothing of its points takes nothing from them
-  }
-  void end() noexcept { ++position_; }
-  [[nodiscard]] static Error error() { return {}; }
-  // Nobody stands at two positions, no two at one, and everyone somewhere.
-  [[nodiscard]] bool complete() const noexcept { return once_ && placed_ == position_of_.size(); }
-  [[nodiscard]] std::vector<std::uint32_t> take() noexcept { return std::move(position_of_); }
-
- private:
-  std::vector<std::uint32_t> position_of_;
-  std::uint32_t position_ = 0;
-  std::size_t at_position_ = 0, placed_ = 0;
-  bool once_ = true;
-};
 
 // Hands the corner lists of an element to `builder`, which says why where it takes no more.
 template <class Builder>
@@ -461,8 +410,10 @@ Result<DecodedFile> read_ply(const ReaderInput& input) {
     return Error{"the PLY file has no element 'vertex'", "check that it holds points", {}, in.line_number()};
 
   Row row(in, header.format);
+  std::size_t elements = 0;  // read or passed over
   for (const PlyElement& element : header.elements) {
     if (wanted == 0) break;
+    ++elements;
     Status read = Done{};
     if (element.name == "vertex") {
       read = read_vertices(input, in, element, row, decoded);
@@ -477,6 +428,10 @@ Result<DecodedFile> read_ply(const ReaderInput& input) {
       read = skip_element(input, in, element, row, decoded);
     }
     if (!read) return std::move(read).error();
+  }
+  if (elements == header.elements.size()) {
+    Watch watch(input, in, decoded);
+    PALPATE_TRY(row.pass_over_end(watch, decoded));
   }
   take_raster(header, has_grid, decoded);
   return decoded;

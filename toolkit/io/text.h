@@ -6,6 +6,7 @@
 #include <string>
 #include <string_view>
 
+#include "toolkit/core/table_form.h"
 #include "toolkit/core/words.h"
 
 namespace palpate::io {
@@ -13,7 +14,9 @@ namespace palpate::io {
 [[nodiscard]] inline bool is_blank(char c) noexcept {
   return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f';
 }
-[[nodiscard]] std::string_view trimmed(std::string_view text) noexcept;
+using palpate::trimmed;
+/// The remedy where nothing better is known.
+inline constexpr const char* kCheckLine = "check the file at this line";
 [[nodiscard]] std::string lower_case(std::string_view text);
 
 /// Cuts the next token between blanks off the front of `rest`; empty at the end.

@@ -88,7 +88,9 @@ Result<pcl::PCLPointCloud2> through_pcl(std::span<const std::byte> file, const i
   const auto* bytes = reinterpret_cast<const unsigned char*>(body.data());
   int code = 0;
   if (header.data == io::PcdData::kAscii) {
-    std::istringstream rows(std::string(reinterpret_cast<const char*>(body.data()), body.size()));
+    std::string text_rows(reinterpret_cast<const char*>(body.data()), body.size());
+    if (header.cr_ends_lines) std::replace(text_rows.begin(), text_rows.end(), '\r', '\n');
+    std::istringstream rows(std::move(text_rows));
     code = reader.readBodyASCII(rows, cloud, version);
   } else {
     code = reader.readBodyBinary(bytes, cloud, version, header.data == io::PcdData::kCompressed, 0);
@@ -126,6 +128,9 @@ Result<io::DecodedFile> to_points(const pcl::PCLPointCloud2& cloud, const io::Pc
     }
   }
   if (axes[0] == nullptr || axes[1] == nullptr || axes[2] == nullptr) return refused("x, y or z is missing");
+  decoded.single_precision = true;
+  for (const pcl::PCLPointField* axis : axes)
+    decoded.single_precision = decoded.single_precision && axis->datatype == pcl::PCLPointField::FLOAT32;
   decoded.points.resize(count);
   for (std::size_t i = 0; i < count; ++i) {
     const std::uint8_t* const row = cloud.data.data() + i * cloud.point_step;

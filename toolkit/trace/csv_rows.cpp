@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -77,6 +78,7 @@ void LineReader::refill() {
   }
   ended_ = rest_.size() + *got < buffer_->size();
   rest_ = {buffer_->data(), rest_.size() + *got};
+  if (line_ == 0 && ends_lines_with_cr(rest_)) line_end_ = '\r';
 }
 
 bool LineReader::is_plain(std::string_view first_line) {
@@ -94,27 +96,52 @@ bool LineReader::without_mark(std::string_view& first_line) {
   return mark.ok();
 }
 
-Status parse_row(const LineReader& reader, std::string_view line, std::span<double> values) {
-  std::size_t field = 0;
-  while (true) {
-    const std::size_t comma = line.find(',');
-    if (field == values.size())
-      return reader.error(fmt::format("the row has more than {} fields", values.size()),
-                          "remove what follows");
-    const std::string_view text = line.substr(0, comma);
-    const Result<double> value = parse_number(text);
-    if (!value || !std::isfinite(*value))
-      return reader.error(fmt::format("field {} {} is not a finite number", field + 1, shown(text)),
-                          "write numbers with a decimal point and no blanks");
-    values[field++] = *value;
-    if (comma == std::string_view::npos) break;
-    line.remove_prefix(comma + 1);
+Result<TableForm> form_of(const LineReader& reader, std::string_view row) {
+  Result<TableForm> form = TableForm::of(row);
+  if (!form) return reader.error(form.error().what, form.error().remedy);
+  return form;
+}
+
+Result<double> finite_number(const LineReader& reader, TableForm& form, std::string_view text,
+                             std::string_view place, std::string_view remedy) {
+  const std::optional<std::string_view> pointed = form.with_point(text);
+  const Result<double> value = parse_number(pointed.value_or(text));
+  if (!value || !std::isfinite(*value))
+    return reader.error(fmt::format("{} {} is not a finite number", place, shown(text)), std::string(remedy));
+  return *value;
+}
+
+namespace {
+
+/// Fields as finite numbers; exactly as many as `values` has. `fields` has room for one more.
+Status parse_row(const LineReader& reader, TableForm& form, std::string_view line, std::span<double> values,
+                 std::span<std::string_view> fields) {
+  const std::size_t count = form.split(line, fields);
+  for (std::size_t i = 0; i < std::min(count, values.size()); ++i) {
+    PALPATE_ASSIGN(values[i], finite_number(reader, form, fields[i], fmt::format("field {}", i + 1),
+                                            "write numbers with a decimal point and no blanks"));
   }
-  if (field != values.size())
-    return reader.error(fmt::format("the row has {} fields instead of {}", field, values.size()),
+  if (count > values.size()) {
+    const std::string readings = both_comma_readings(line);
+    return reader.error(
+        fmt::format("the row has more than {} fields{}{}", values.size(), readings.empty() ? "" : ": ",
+                    readings),
+        readings.empty() ? "remove what follows" : "separate columns by semicolons, or write decimal points");
+  }
+  if (count != values.size())
+    return reader.error(fmt::format("the row has {} fields instead of {}", count, values.size()),
                         "complete the row");
   return Done{};
 }
+
+/// The header with commas, as spreadsheets of countries with decimal commas do not write it.
+std::string with_commas(std::string_view header) {
+  std::string text(header);
+  if (TableForm::of_names(header).separator() == ';') std::replace(text.begin(), text.end(), ';', ',');
+  return text;
+}
+
+}  // namespace
 
 Status check_time(const LineReader& reader, const ProbePath& path, double t_s) {
   if (path.t_s.empty() || t_s > path.t_s.back()) return Done{};
@@ -129,18 +156,22 @@ Status read_rows(LineReader& reader, std::string_view header, std::string_view o
     return reader.failure()
                ? *reader.failure()
                : reader.error("the file is empty", fmt::format("begin with the header {}", header));
-  if (line != header)
+  if (with_commas(line) != header)
     return reader.error("the header is not that of such a file",
                         fmt::format("the first line must be {}{}", header, or_else));
   std::vector<double> values(1 + static_cast<std::size_t>(std::count(header.begin(), header.end(), ',')));
-  bool any = false;
+  std::vector<std::string_view> fields(values.size() + 1);
+  std::optional<TableForm> form;
   while (reader.next(line)) {
-    PALPATE_TRY(parse_row(reader, line, values));
+    if (!form) {
+      PALPATE_ASSIGN(form, form_of(reader, line));
+      if (form->separator() == ' ') form = TableForm::of_names(header);
+    }
+    PALPATE_TRY(parse_row(reader, *form, line, values, fields));
     PALPATE_TRY(row(values));
-    any = true;
   }
   if (reader.failure()) return *reader.failure();
-  if (!any) return reader.error("there is no row after the header", "record at least one position");
+  if (!form) return reader.error("there is no row after the header", "record at least one position");
   return Done{};
 }
 

@@ -12,6 +12,7 @@
 
 #include "toolkit/core/input_file.h"
 #include "toolkit/core/result.h"
+#include "toolkit/core/table_form.h"
 #include "toolkit/trace/trace.h"
 
 namespace palpate::trace {
@@ -32,7 +33,7 @@ class LineReader {
  private:
   LineReader(InputFile file, std::uint64_t max_bytes);
   bool next_any(std::string_view& line);
-  [[nodiscard]] std::size_t end_of_line() const { return rest_.find('\n'); }
+  [[nodiscard]] std::size_t end_of_line() const { return rest_.find(line_end_); }
   void refill();
   bool is_plain(std::string_view first_line);
   bool without_mark(std::string_view& first_line);
@@ -48,17 +49,23 @@ class LineReader {
   std::string_view rest_;  ///< of the buffer: read, and not given yet
   bool ended_ = false;     ///< nothing follows the rest
   std::int64_t line_ = 0;
+  char line_end_ = '\n';
   Error failure_{};
 };
 
-/// Fields between commas as finite numbers; exactly as many as `values` has.
-[[nodiscard]] Status parse_row(const LineReader& reader, std::string_view line, std::span<double> values);
+/// The form of a table's first row, with the line in its Error.
+[[nodiscard]] Result<TableForm> form_of(const LineReader& reader, std::string_view row);
+
+/// A field as a finite number; the Error calls it `place`.
+[[nodiscard]] Result<double> finite_number(const LineReader& reader, TableForm& form, std::string_view text,
+                                           std::string_view place, std::string_view remedy);
 
 /// Time goes on.
 [[nodiscard]] Status check_time(const LineReader& reader, const ProbePath& path, double t_s);
 
 /// Reads the header, which must be `header`, then hands every row to `row`; no row is an Error. `or_else`:
-/// what a reader with another header may do. As many fields as the header names.
+/// what a reader with another header may do. As many fields as the header names; it and the rows may be
+/// written with semicolons, and then with decimal commas.
 [[nodiscard]] Status read_rows(LineReader& reader, std::string_view header, std::string_view or_else,
                                const std::function<Status(std::span<const double>)>& row);
 

@@ -25,53 +25,22 @@ constexpr std::size_t kReferenceFields = 17;
 constexpr const char* kOtherColumns =
     ", or say where the numbers stand, as in --traj-columns t=0,x=1,y=2,z=3";
 
-bool separates(char c) {
-  return c == ' ' || c == '\t' || c == ',' || c == ';';
-}
+/// Longest line of a .traj file, in columns.
+constexpr std::size_t kMostColumns = 2048;
 
 /// The numbers of a .traj line that `columns` asks for, by column.
-Status parse_traj_line(const LineReader& reader, std::string_view line, std::span<const int> columns,
-                       std::span<double> values) {
-  const auto wanted = [&](int column) {
-    for (std::size_t i = 0; i < columns.size(); ++i)
-      if (columns[i] == column) return static_cast<int>(i);
-    return -1;
-  };
-  std::size_t found = 0, needed = 0;
-  for (const int column : columns) needed += column >= 0;
-  int column = 0;
-  for (std::size_t at = 0; at < line.size(); ++column) {
-    while (at < line.size() && separates(line[at])) ++at;
-    if (at == line.size()) break;
-    std::size_t end = at;
-    while (end < line.size() && !separates(line[end])) ++end;
-    if (const int place = wanted(column); place >= 0) {
-      const std::string_view text = line.substr(at, end - at);
-      const Result<double> value = parse_number(text);
-      if (!value || !std::isfinite(*value))
-        return reader.error(fmt::format("column {} {} is not a finite number", column, shown(text)),
-                            "check which columns hold what, counted from 0");
-      values[static_cast<std::size_t>(place)] = *value;
-      ++found;
-    }
-    at = end;
+Status parse_traj_line(const LineReader& reader, TableForm& form, std::span<const std::string_view> fields,
+                       std::span<const int> columns, std::span<double> values) {
+  const char* const remedy = "check which columns hold what, counted from 0";
+  for (std::size_t i = 0; i < columns.size(); ++i) {
+    if (columns[i] < 0) continue;
+    const auto column = static_cast<std::size_t>(columns[i]);
+    if (column >= fields.size())
+      return reader.error(fmt::format("the line has {} columns, too few", fields.size()), remedy);
+    PALPATE_ASSIGN(values[i],
+                   finite_number(reader, form, fields[column], fmt::format("column {}", column), remedy));
   }
-  if (found != needed)
-    return reader.error(fmt::format("the line has {} columns, too few", column),
-                        "check which columns hold what, counted from 0");
   return Done{};
-}
-
-/// A line of words, as tables have it above their columns.
-bool names_columns(std::string_view line) {
-  for (std::size_t at = 0; at < line.size();) {
-    while (at < line.size() && separates(line[at])) ++at;
-    std::size_t end = at;
-    while (end < line.size() && !separates(line[end])) ++end;
-    if (end > at && parse_number(line.substr(at, end - at))) return false;
-    at = end;
-  }
-  return true;
 }
 
 Status check_columns(const TrajColumns& c, const std::string& file) {
@@ -234,13 +203,30 @@ Result<TrajRecording> read_traj(const std::string& file, const TrajColumns& colu
   ProbePath& path = recording.path;
   path.name = file;
   std::string_view line;
-  bool may_be_names = true;
+  std::vector<std::string_view> fields(kMostColumns);
+  std::optional<TableForm> form;
+  std::size_t names = 0;
+  const auto cut = [&](const TableForm& by) {
+    const std::size_t count = by.split(line, fields);
+    for (std::size_t i = 0; i < count; ++i) fields[i] = trimmed(fields[i]);
+    return std::span<const std::string_view>(fields).first(count);
+  };
   while (reader.next(line)) {
-    while (!line.empty() && separates(line.front())) line.remove_prefix(1);
+    line = trimmed(line);
     if (line.empty() || line.front() == '#' || line.front() == '%') continue;
-    if (std::exchange(may_be_names, false) && names_columns(line)) continue;
+    if (!form) {
+      if (const auto words = cut(TableForm::of_names(line)); names == 0 && names_columns(words)) {
+        names = words.size();
+        continue;
+      }
+      PALPATE_ASSIGN(form, form_of(reader, line));
+      if (const std::string readings = both_comma_readings(line);
+          form->separator() == ',' && !readings.empty() && cut(*form).size() == 2 * names)
+        return reader.error(fmt::format("twice as many columns as names: {}", readings),
+                            "separate columns by semicolons, or write decimal points");
+    }
     std::array<double, 7> v{};
-    PALPATE_TRY(parse_traj_line(reader, line, places, v));
+    PALPATE_TRY(parse_traj_line(reader, *form, cut(*form), places, v));
     const double t_s = columns.t >= 0 ? v[0] * columns.s_per_unit
                                       : static_cast<double>(path.size()) / columns.sample_rate_hz;
     PALPATE_TRY(check_time(reader, path, t_s));

@@ -79,7 +79,12 @@ std::vector<Case> text_cases() {
       {"a.xyz", "1 2\n", {"at least 3 columns", "has 2"}, 1},
       {"a.xyz", "1 2 3\n4 5\n", {"has 2 columns, the first has 3"}, 2},
       {"a.xyz", "1 2 3\n4 5 6x\n", {"'6x' is not a number"}, 2},
-      {"a.csv", "1,5;2,5;3,5\n", {"'1,5'", "decimal commas"}, 1},
+      {"a.csv", "1,5;2,5;3.5\n", {"'3.5'", "number"}, 1},
+      {"a.csv", "0,05,1,5,2,05\n", {"0 | 05 | 1 | 5 | 2 | 05", "0.05 | 1.5 | 2.05", "semicolons"}, 1},
+      {"a.csv", "x,y,z\n1,5,2,5,3,5\n", {"6 columns", "names 3", "1.5 | 2.5 | 3.5"}, 2},
+      {"a.ply", ply("1", end + "1,5 2 3\n"), {"'1,5'", "decimal points, not decimal commas"}, 8},
+      {"a.obj", "v 1,5 2 3\n", {"'1,5'", "decimal points, not decimal commas"}, 1},
+      {"a.off", "OFF\n1 0 0\n1,5 2 3\n", {"'1,5'", "decimal points, not decimal commas"}, 3},
       {"a.csv", "x,y,z\n", {"no points"}, 1},
       {"a.csv", "x,y,z\n1,2,3,4\n", {"4 columns", "names 3"}, 2},
       {"a.pts", "3\n1 2 3\n", {"promises 3 points", "holds 1"}, 2},
@@ -99,7 +104,12 @@ std::vector<Case> text_cases() {
       {"a.off", "OFF\n9 0 0\n1 2 3\n", {"promises 9 vertices", "only 6 bytes"}, 2},
       {"a.off.gz", gzipped("OFF\n9 0 0\n1 2 3\n"), {"after 1 of the 9 promised vertices"}, 3},
       {"a.off", "OFF\n1 1 0\n1 2 3\n3 0 0\n", {"promises 3 corners and has 2"}, 4},
-      {"a.stl", "solid\n", {"'.stl'", "understood are", "ply"}, 0},
+      {"a.stl", "solid\n", {"STL mesh", "'.stl'", "assimp", "understood are", "ply"}, 0},
+      {"a.las", "LASF", {"LAS scan", "pdal translate in.las out.ply"}, 0},
+      {"a.laz", "LASF", {"LAZ scan", "pdal translate in.laz out.ply"}, 0},
+      {"a.e57.gz", "ASTM-E57", {"E57 scan", "CloudCompare"}, 0},
+      {"A.PTX", "1\n1\n", {"PTX scan", "CloudCompare"}, 0},
+      {"a.abc", "1\n", {"unknown file type '.abc'", "understood are"}, 0},
       {"noending", "1 2 3\n", {"no ending", "understood are"}, 0},
       {"a.xyz.gz", "1 2 3\n", {"named .gz", "not compressed"}, 0},
       {"a.xyz.gz", gzipped("1 2 3\n4 5 6\n").substr(0, 20), {"gzip data is cut off"}, 0},
@@ -308,6 +318,18 @@ TEST(Hostile, PcdHeadersAreCheckedAgainstTheFile) {
     ASSERT_FALSE(header);
     EXPECT_NE(header.error().message().find(part), std::string::npos) << header.error().message();
   }
+}
+
+TEST(Hostile, PcdFieldsOfNoValuesArePadding) {
+  const std::string fields = "FIELDS x _ y z\nSIZE 4 1 4 4\nTYPE F U F F\nCOUNT 1 0 1 1\n";
+  const std::string content = pcd("1", "1", "1", "ascii", fields) + "1 2 3\n";
+  const Result<PcdHeader> header = check_pcd(std::as_bytes(std::span(content)), {});
+  ASSERT_TRUE(header) << header.error().message();
+  EXPECT_EQ(header->fields.size(), 3u);
+  EXPECT_EQ(header->point_bytes, 12u);
+  const std::string negative =
+      pcd("1", "1", "1", "ascii", "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 -1 1\n") + "1 2 3\n";
+  EXPECT_FALSE(check_pcd(std::as_bytes(std::span(negative)), {}));
 }
 
 TEST(Hostile, PcdHeadersMayBeginWithAByteOrderMark) {

@@ -174,6 +174,25 @@ TEST(Pcd, WideFieldsAndPadding) {
   EXPECT_EQ(model->cloud.properties[0].values[0], -7.0F);
 }
 
+TEST(Pcd, FieldsOfNoValuesAndLinesThatEndInCarriageReturns) {
+  const std::string head =
+      "VERSION 0.7\nFIELDS x _ y z\nSIZE 4 1 4 4\nTYPE F U F F\nCOUNT 1 0 1 1\nWIDTH 2\nHEIGHT 1\nPOINTS 2\n";
+  std::string text = head + "DATA ascii\n1 2 3\n4 5 6\n", binary = head + "DATA binary\n";
+  for (const float value : {1.0F, 2.0F, 3.0F, 4.0F, 5.0F, 6.0F}) binary += bytes_of(&value, sizeof value);
+  std::string carriage = text;
+  std::replace(carriage.begin(), carriage.end(), '\n', '\r');
+  for (const std::string& content : {text, binary, carriage}) {
+    const Result<io::ReadModel> model = read(content);
+    ASSERT_TRUE(model) << model.error().message();
+    ASSERT_EQ(model->cloud.size(), 2u);
+    EXPECT_EQ(model->cloud.point_mm(1), Vec3(4000, 5000, 6000));
+    EXPECT_TRUE(model->cloud.properties.empty());
+  }
+  const Result<io::ReadModel> comma = read(head + "DATA ascii\n1,5 2 3\n4 5 6\n");
+  ASSERT_FALSE(comma);
+  EXPECT_NE(comma.error().message().find("decimal points, not decimal commas"), std::string::npos);
+}
+
 TEST(Pcd, BadFilesGiveAnErrorAndNoOutput) {
   testing::internal::CaptureStderr();
   testing::internal::CaptureStdout();

@@ -271,7 +271,7 @@ TEST_F(TraceIo, TraceMistakes) {
 
 TEST_F(TraceIo, TrajColumnsAreFreeToChoose) {
   const std::string text =
-      "# a comment\n\n  10  1.5 2 3   0.1 0.2 0.3 \n% another\n11;4;5;6;7;8;9\n12,4,5,6\t7 8 9\n";
+      "# a comment\n\n  10  1.5 2 3   0.1 0.2 0.3 \n% another\n11 4 5 6 7 8 9\n12\t4  5 6\t7 8 9\n";
   TrajColumns columns;
   columns.fx = 4;
   columns.fy = 5;
@@ -303,6 +303,30 @@ TEST_F(TraceIo, TrajColumnsMayBeNamedInTheFirstLine) {
   EXPECT_EQ(read->path.hip_mm[1], Vec3(4, 5, 6));
   EXPECT_EQ(read_traj(holding("t,x,y,z\nt,x,y,z\n0,1,2,3\n"), TrajColumns{}).error().line, 2) << "twice";
   EXPECT_EQ(read_traj(holding("0,1,2,3\nt,x,y,z\n"), TrajColumns{}).error().line, 2) << "not the first";
+}
+
+TEST_F(TraceIo, SemicolonsMayStandBesideDecimalCommas) {
+  const Vec3 point(1.5, 2.5, 3.5);
+  for (const char* text : {"t;x;y;z\n0,001;1,5;2,5;3,5\n", "0,001;1,5;2,5;3,5\n", "0,001 1,5 2,5 3,5\n",
+                           "0.001, 1.5, 2.5, 3.5\n", "t;x;y;z\r0,001;1,5;2,5;3,5\r0,002;1,5;2,5;3,5\r"}) {
+    const auto read = read_traj(holding(text), TrajColumns{});
+    ASSERT_TRUE(read) << text << read.error().message();
+    EXPECT_EQ(read->path.t_s[0], 0.001) << text;
+    EXPECT_EQ(read->path.hip_mm[0], point) << text;
+  }
+  const auto path = read_path_csv(holding("t_s;x_mm;y_mm;z_mm\n0,001;1,5;2,5;3,5\n"));
+  ASSERT_TRUE(path) << path.error().message();
+  EXPECT_EQ(path->hip_mm[0], point);
+  EXPECT_EQ(read_traj(holding("0 1 2 3\n1;1;2;3\n"), TrajColumns{}).error().line, 2) << "one form a file";
+  const auto old = read_path_csv(holding("t_s,x_mm,y_mm,z_mm\r0,1,2,3\r1,1,2,3\r"));
+  ASSERT_TRUE(old) << old.error().message();
+  EXPECT_EQ(old->size(), 2u);
+  for (const Error& error : {read_traj(holding("t,x,y,z\n0,1,1,5,2,5,3,5\n"), TrajColumns{}).error(),
+                             read_traj(holding("0,001,1,5,2,5,3,5\n"), TrajColumns{}).error(),
+                             read_path_csv(holding("t_s,x_mm,y_mm,z_mm\n0,1,1,5,2,5,3,5\n")).error()}) {
+    EXPECT_NE(error.what.find("1 | 5 | 2 | 5 | 3 | 5"), std::string::npos) << error.message();
+    EXPECT_NE(error.what.find("1.5 | 2.5 | 3.5"), std::string::npos) << error.message();
+  }
 }
 
 TEST_F(TraceIo, TrajMistakes) {
