@@ -30,6 +30,8 @@ void declare_model(const Declaration& declare, ModelArguments& load) {
                  "height grids: distance of their posts in mm, before --scale (default: what the file says)");
   declare.number("--vertical-mm", load.vertical_mm, kAboveZero,
                  "height grids: mm that a height of 1 stands for, before --scale (default: the unit)");
+  declare.text("--no-data", load.no_data,
+               "height grids: the file's number that stands for no height (default: what the file says)");
   declare.choice("--non-finite", load.non_finite, {"drop", "refuse"},
                  "points that are not finite: drop (and count) or refuse (default: drop)");
   declare.number("--memory-limit-gb", load.memory_limit_gb, kGigabytes,

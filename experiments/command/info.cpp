@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "experiments/command/common_options.h"
@@ -120,6 +122,16 @@ std::string order_text(const std::optional<cloud::ScanRaster>& raster) {
                      round);
 }
 
+/// Significant digits that show corners to as fine a part of the box wherever it stands.
+int corner_digits(const geometry::Aabb& box) {
+  constexpr int kNearOrigin = 6, kAllOfDouble = 17;
+  const double extent = box.extent_mm().maxCoeff();
+  const double farthest = std::max(box.low_mm.cwiseAbs().maxCoeff(), box.high_mm.cwiseAbs().maxCoeff());
+  if (!(extent > 0.0)) return farthest > 0.0 ? kAllOfDouble : kNearOrigin;
+  const double beyond = std::max(0.0, std::ceil(std::log10(farthest / extent)));
+  return std::min(kAllOfDouble, kNearOrigin + static_cast<int>(beyond));
+}
+
 void print_text(const Info& info) {
   const cloud::Statistics& s = info.statistics;
   const Vec3 low = s.box_mm.low_mm, high = s.box_mm.high_mm, extent = s.box_mm.extent_mm();
@@ -138,8 +150,15 @@ void print_text(const Info& info) {
   row("not finite", fmt::format("{} dropped", info.provenance.non_finite));
   for (const std::string& step : info.provenance.cleaned) row("cleaned", step);
   row("duplicates", fmt::format("{}", s.duplicates));
-  row("box", fmt::format("({:.6g}, {:.6g}, {:.6g}) to ({:.6g}, {:.6g}, {:.6g}) mm", low.x(), low.y(), low.z(),
-                         high.x(), high.y(), high.z()));
+  const int digits = corner_digits(s.box_mm);
+  row("box",
+      fmt::format("({:.{}g}, {:.{}g}, {:.{}g}) to ({:.{}g}, {:.{}g}, {:.{}g}) mm", low.x(), digits, low.y(),
+                  digits, low.z(), digits, high.x(), digits, high.y(), digits, high.z(), digits));
+  if (const geometry::RigidTransform& pose = info.model.world_from_model; !pose.is_identity())
+    row("pose", fmt::format("the scene {}moves it by ({:.9g}, {:.9g}, {:.9g}) mm; the box is without",
+                            pose.rotation.vec() == Vec3::Zero() ? "" : "turns it and ",
+                            pose.translation_mm.x(), pose.translation_mm.y(), pose.translation_mm.z()));
+  if (info.model.motion != nullptr) row("motion", "the model moves; all here is of its points at rest");
   row("extent", fmt::format("{:.4g} x {:.4g} x {:.4g} mm", extent.x(), extent.y(), extent.z()));
   row("resolution",
       fmt::format("{:.4g} mm, largest distance over {}", info.spacing.resolution_mm, info.neighbours));
@@ -183,6 +202,7 @@ std::string given_for_models(const ModelArguments& load) {
                                     {load.scale > 0.0, "--scale"},
                                     {load.post_mm > 0.0, "--post-mm"},
                                     {load.vertical_mm > 0.0, "--vertical-mm"},
+                                    {!load.no_data.empty(), "--no-data"},
                                     {!load.non_finite.empty(), "--non-finite"},
                                     {load.memory_limit_gb > 0.0, "--memory-limit-gb"},
                                     {load.threads > 0, "--threads"}})

@@ -48,6 +48,13 @@ Result<scene::LoadOptions> load_options(const ModelArguments& arguments) {
   if (arguments.scale > 0.0) options.scale = arguments.scale;
   options.post_mm = arguments.post_mm;
   options.vertical_mm = arguments.vertical_mm;
+  if (!arguments.no_data.empty()) {
+    const Result<double> number = read_number(arguments.no_data, NumberRange{});
+    if (!number)
+      return Error{
+          fmt::format("--no-data: {}", number.error().what), "give the file's number, as in -9999", {}, 0};
+    options.no_data = *number;
+  }
   options.cleaning = &all_cleaning();
   options.threads = arguments.threads;
   if (!arguments.non_finite.empty())

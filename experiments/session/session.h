@@ -32,6 +32,7 @@ struct ModelArguments {
   double scale = 0.0;            ///< 0: as the scene says
   double post_mm = 0.0;          ///< height grids: distance of posts; 0: as the file says
   double vertical_mm = 0.0;      ///< height grids: mm of 1; 0: the unit
+  std::string no_data;           ///< height grids: the number that stands for none; empty: the file's
   std::string non_finite;        ///< drop, refuse; empty: drop
   double memory_limit_gb = 0.0;  ///< of reading one file; 0: kMemoryLimitBytes
   int threads = 0;               ///< 0 = all

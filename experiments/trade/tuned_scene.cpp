@@ -51,6 +51,8 @@ void add_load(toml::table& model, const ModelArguments& load) {
   if (load.scale > 0.0) model.insert_or_assign("scale", load.scale);
   if (of_file && load.post_mm > 0.0) model.insert_or_assign("post_mm", load.post_mm);
   if (of_file && load.vertical_mm > 0.0) model.insert_or_assign("vertical_mm", load.vertical_mm);
+  if (of_file && !load.no_data.empty())
+    if (const Result<double> number = parse_number(load.no_data)) model.insert_or_assign("no_data", *number);
 }
 
 /// A scene of one model that was named on the command line.

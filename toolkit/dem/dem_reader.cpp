@@ -244,10 +244,10 @@ class DemReader {
   }
 
   Status read_rows(const Messages& messages) {
-    int has_none = 0, has_scale = 0, has_offset = 0;
-    const double none = GDALGetRasterNoDataValue(band_, &has_none);
-    const double scale = GDALGetRasterScale(band_, &has_scale);
-    const double offset = GDALGetRasterOffset(band_, &has_offset);
+    int has = 0;
+    if (const double none = GDALGetRasterNoDataValue(band_, &has); has != 0) grid_.no_data = none;
+    if (const double scale = GDALGetRasterScale(band_, &has); has != 0) grid_.scale = scale;
+    if (const double offset = GDALGetRasterOffset(band_, &has); has != 0) grid_.offset = offset;
     const auto columns = static_cast<int>(grid_.columns), rows = static_cast<int>(grid_.rows);
     std::vector<double> heights(grid_.columns);
     decoded_.points.reserve(grid_.columns * grid_.rows);
@@ -257,17 +257,12 @@ class DemReader {
       if (GDALRasterIO(band_, GF_Read, 0, at, columns, 1, heights.data(), columns, 1, GDT_Float64, 0, 0) !=
           CE_None)
         return messages.error(fmt::format("row {} cannot be read", at + 1));
-      for (double& height : heights) {
-        if (has_none != 0 && (height == none || std::isnan(none)))
-          height = std::isnan(none) ? height : std::numeric_limits<double>::quiet_NaN();
-        else
-          height = (has_scale != 0 ? scale : 1.0) * height + (has_offset != 0 ? offset : 0.0);
-      }
       io::add_row(grid_, static_cast<std::uint64_t>(row), heights, input_.options, decoded_);
       if (row % kRowsPerReport != 0) continue;
       input_.progress.report("reading", static_cast<double>(row) / rows);
       if (input_.progress.cancelled()) return Error{"reading was stopped", {}, {}, 0};
     }
+    io::warn_of_no_data(grid_, decoded_);
     return Done{};
   }
 

@@ -72,8 +72,8 @@ double height_at(const std::byte* from, bool little) noexcept {
 
 Result<DecodedFile> read_pfm(const ReaderInput& input) {
   Input in(input.bytes);
-  PALPATE_ASSIGN(const Header header, read_header(in));
-  const HeightGrid& grid = header.grid;
+  PALPATE_ASSIGN(Header header, read_header(in));
+  HeightGrid& grid = header.grid;
   PALPATE_TRY(check_grid(grid, input.options));
   const std::optional<std::uint64_t> left = in.remaining();
   const auto cut = [&](std::uint64_t rows) {
@@ -106,6 +106,7 @@ Result<DecodedFile> read_pfm(const ReaderInput& input) {
     }
     add_row(grid, row, heights, input.options, decoded);
   }
+  warn_of_no_data(grid, decoded);
   decoded.raster =
       cloud::ScanRaster{static_cast<std::uint32_t>(grid.columns), static_cast<std::uint32_t>(grid.rows)};
   return decoded;

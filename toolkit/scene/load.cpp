@@ -100,6 +100,7 @@ Status load_file(const SceneModel& model, double scale, const io::Readers& reade
   read.non_finite = options.non_finite.value_or(read.non_finite);
   read.post_mm = options.post_mm != 0.0 ? options.post_mm : model.post_mm;
   read.vertical_mm = options.vertical_mm != 0.0 ? options.vertical_mm : model.vertical_mm;
+  read.no_data = options.no_data ? options.no_data : model.no_data;
   read.max_bytes = options.max_bytes;
   PALPATE_ASSIGN(io::ReadModel got, readers.read(model.cloud, read, progress));
   if (!model.views.empty()) PALPATE_TRY(add_views(model, readers, read, progress, got));
@@ -145,6 +146,7 @@ Status check_wishes(const SceneFile& scene, const LoadOptions& options) {
   for (const auto& [given, name] :
        {std::pair(options.unit.has_value(), "--unit"), std::pair(options.post_mm != 0.0, "--post-mm"),
         std::pair(options.vertical_mm != 0.0, "--vertical-mm"),
+        std::pair(options.no_data.has_value(), "--no-data"),
         std::pair(options.non_finite.has_value(), "--non-finite")})
     if (given && !files)
       return Error{fmt::format("{} is of model files, and here every model is generated", name),

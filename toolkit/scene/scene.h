@@ -84,6 +84,7 @@ struct SceneModel {
   double scale = 1.0;                    ///< multiplies all lengths after the unit
   double post_mm = 0.0;                  ///< of height grids: distance of posts; 0: as the file says
   double vertical_mm = 0.0;              ///< of height grids: mm a unit of height; 0: as the file says
+  std::optional<double> no_data;         ///< of height grids: io::ReadOptions
   geometry::RigidTransform world_from_model;
   surface::Surface surface;
   SurfaceSources sources;
@@ -132,6 +133,7 @@ struct LoadOptions {
   std::optional<double> scale;   ///< replaces the scene's scale of every model
   double post_mm = 0.0;          ///< height grids: io::ReadOptions
   double vertical_mm = 0.0;
+  std::optional<double> no_data;
   std::optional<cloud::NonFinite> non_finite;   ///< else dropped
   std::uint64_t max_bytes = kMemoryLimitBytes;  ///< io::ReadOptions, of every file that is read
   const Cleaning* cleaning = nullptr;           ///< the steps that [[model.clean]] may name; null: none

@@ -27,6 +27,11 @@ Status read_unit(const toml::node& node, SceneModel& model, const InFile& in_fil
   return Done{};
 }
 
+Status read_no_data(const toml::node& node, SceneModel& model, const InFile& in_file) {
+  PALPATE_ASSIGN(model.no_data, number(node, "no_data", in_file, NumberRange{}));
+  return Done{};
+}
+
 Status read_sample(const toml::node& node, SceneModel& model, const InFile& in_file) {
   PALPATE_ASSIGN(const std::string spelt, text(node, "sample", in_file));
   const Result<NamedOptions> named = parse_named_options(spelt);
@@ -54,6 +59,9 @@ Fields model_fields(SceneModel& model, const cloud::Generator* generator, const 
                     }});
   of_files(field("post_mm", model.post_mm, kAboveZero));
   of_files(field("vertical_mm", model.vertical_mm, kAboveZero));
+  of_files({"no_data", [&model](const toml::node& node, const std::string&, const InFile& in_file) {
+              return read_no_data(node, model, in_file);
+            }});
   of_files(list(
       "view", model.views, [](SceneView& view, const std::string&) { return view_fields(view); }, {},
       "model.view"));

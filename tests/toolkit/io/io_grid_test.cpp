@@ -50,6 +50,41 @@ TEST(Pfm, SpacingAndVerticalScaleInMm) {
   EXPECT_EQ(model->cloud.point_mm(3), Vec3(0.5, 0.5, 0.5));
 }
 
+// A file without a tag, with a value for "no data" among heights of 100 to 115.
+TEST(Pfm, NumbersThatLookLikeNoDataAreWarnedOfAndLeftOut) {
+  const auto grid_with = [](float number, int count) {
+    std::vector<float> heights;
+    for (int i = 0; i < 16; ++i) heights.push_back(i < count ? number : 100.0f + static_cast<float>(i));
+    return "Pf 4 4 -1\n" + floats(heights, true);
+  };
+  const auto warns = [](const ReadModel& model) {
+    for (const std::string& warning : model.warnings)
+      if (warning.find("--no-data") != std::string::npos) return warning;
+    return std::string();
+  };
+  for (const float number : {-32768.0f, -9999.0f, -3.4028235e38f, 65535.0f, 0.0f}) {
+    SCOPED_TRACE(number);
+    ReadOptions options;
+    const auto seen = read(grid_with(number, 5));
+    if (std::abs(number) < 1e30f) {  // in mm the largest float is one still
+      ASSERT_TRUE(seen) << seen.error().message();
+      EXPECT_NE(warns(*seen).find("5 of 16 posts hold"), std::string::npos);
+    }
+    options.no_data = number;
+    const auto without = read(grid_with(number, 5), options);
+    ASSERT_TRUE(without) << without.error().message();
+    EXPECT_EQ(without->non_finite, 5u);
+    EXPECT_EQ(without->cloud.size(), 11u);
+    EXPECT_EQ(warns(*without), "");
+  }
+  for (const auto& [number, count] : {std::pair(-9999.0f, 1), {-17.0f, 5}, {99.0f, 5}}) {
+    SCOPED_TRACE(number);
+    const auto model = read(grid_with(number, count));  // a spike; no customary number; no distance
+    ASSERT_TRUE(model);
+    EXPECT_EQ(warns(*model), "");
+  }
+}
+
 TEST(Pfm, HolesAndScalesAreTold) {
   const auto model = read("Pf\n2 2\n-3\n" + floats({1, std::nanf(""), 3, 4}, true));
   ASSERT_TRUE(model) << model.error().message();
