@@ -316,7 +316,13 @@ Result<ReadModel> finish_model(DecodedFile&& decoded, const ReadOptions& options
 
   cloud::BuildReport report;
   Result<cloud::Cloud> cloud = cloud::build_cloud(decoded.points, cloud::NonFinite::kRefuse, &report);
-  if (!cloud) return std::move(cloud).error().in_file(name);
+  if (!cloud) {
+    Error error = std::move(cloud).error();
+    // The largest float as "no data" is no place: what was warned of is the remedy.
+    for (const std::string& warning : model.warnings)
+      if (warning.find("--no-data") != std::string::npos) error.remedy = warning;
+    return std::move(error).in_file(name);
+  }
   model.cloud = std::move(*cloud);
   model.cloud.properties = std::move(decoded.properties);
   if (model.non_finite == 0) model.cloud.raster = decoded.raster;
