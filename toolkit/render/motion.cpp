@@ -3,6 +3,23 @@
 #include <algorithm>
 
 namespace palpate::render {
+namespace {
+
+/// Poses of one course, each worked out from its beginning, agree to some roundings of their coordinates;
+/// this is a million of those, and a thousandth of what a list of near models has to spare.
+constexpr double kSameCourse = 1e-9;
+
+}  // namespace
+
+bool MovingModel::continues(const PoseState& before, const PoseState& now) noexcept {
+  const geometry::RigidTransform there = before.at(now.t_s);
+  const Vec3 &a = there.translation_mm, &b = now.world_from_model.translation_mm;
+  const double size = a.norm() + b.norm() + now.about_mm.norm();
+  return before.velocity_mm_s == now.velocity_mm_s &&
+         before.angular_velocity_rad_s == now.angular_velocity_rad_s &&
+         (a - b).norm() <= kSameCourse * size &&
+         std::abs(there.rotation.dot(now.world_from_model.rotation)) >= 1.0 - kSameCourse;
+}
 
 PoseState ScriptedMotion::at(double t_s) const noexcept {
   PoseState state;
@@ -24,7 +41,7 @@ PoseState ScriptedMotion::at(double t_s) const noexcept {
 }
 
 std::shared_ptr<MovingModel> ScriptedSimulation::add(const ScriptedMotion& motion) {
-  parts_.push_back({motion, std::make_shared<MovingModel>(motion.at(0.0))});
+  parts_.push_back({motion, std::make_shared<MovingModel>(motion.at(0.0), courses_)});
   return parts_.back().model;
 }
 

@@ -1,8 +1,11 @@
 // Models that move: poses written at the simulation's rate and read by frames without a lock (section 3.3.1).
 #pragma once
 
+#include <atomic>
 #include <cmath>
+#include <cstdint>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "toolkit/core/handover.h"
@@ -39,13 +42,22 @@ struct PoseState {
   }
 };
 
+/// Counts the times that any of the models sharing it took another course: began, stopped, turned, jumped.
+/// What was worked out from a pose holds only as long as its count.
+using CourseCount = std::atomic<std::uint64_t>;
+
 /// Where the simulation puts the poses of one model. One thread writes; one thread runs frames, one the slow
 /// phase (they may be the same).
 class MovingModel {
  public:
-  explicit MovingModel(const PoseState& start) : frames_(start), slow_(start) {}
-  /// Writer. Wait-free.
+  /// `courses`: shared by models that move together, never null.
+  explicit MovingModel(const PoseState& start,
+                       std::shared_ptr<CourseCount> courses = std::make_shared<CourseCount>(0))
+      : frames_(start), slow_(start), last_(start), courses_(std::move(courses)) {}
+  /// Writer. Wait-free. The count rises first: who reads it after an old pose sees that it is old.
   void publish(const PoseState& state) noexcept {
+    if (!continues(last_, state)) courses_->fetch_add(1, std::memory_order_release);
+    last_ = state;
     frames_.publish(state);
     slow_.publish(state);
   }
@@ -59,10 +71,16 @@ class MovingModel {
     (void)slow_.acquire();
     return slow_.front();
   }
+  [[nodiscard]] const std::shared_ptr<CourseCount>& courses() const noexcept { return courses_; }
 
  private:
+  /// Whether a pose is where the one before was going, and goes on as it did.
+  [[nodiscard]] static bool continues(const PoseState& before, const PoseState& now) noexcept;
+
   Handover<PoseState> frames_;
   Handover<PoseState> slow_;
+  PoseState last_;  ///< the writer's
+  std::shared_ptr<CourseCount> courses_;
 };
 
 /// What moves the models of a scene. Owned by the thread that simulates; in a replay that is the one that
@@ -115,6 +133,7 @@ class ScriptedSimulation final : public Simulation {
     std::shared_ptr<MovingModel> model;
   };
   double rate_hz_;
+  std::shared_ptr<CourseCount> courses_ = std::make_shared<CourseCount>(0);
   double next_tick_ = 0.0;  ///< ticks done: their number, so that time does not drift
   std::vector<Part> parts_;
 };

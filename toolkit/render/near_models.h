@@ -74,10 +74,12 @@ class NearModels {
   template <class Enter, class Touching>
   [[nodiscard]] bool choose(const Vec3& hip_mm, double now_s, Enter&& enter, Touching&& touching) noexcept {
     const NearbyModels* near = &boxes_->newest();
-    if (elsewhere_ && near->number != taken_ && near->covers(previous_, now_s))
+    // A model that took another course since may be anywhere near the HIP: the answer is dropped.
+    const std::uint64_t courses = boxes_->courses();
+    if (elsewhere_ && near->number != taken_ && near->courses == courses && near->covers(previous_, now_s))
       take_answer(*near, enter, touching);
     const auto covered = [&] {
-      return !once_ && near->number == taken_ && near->covers(previous_, now_s) &&
+      return !once_ && near->number == taken_ && near->courses == courses && near->covers(previous_, now_s) &&
              near->covers(hip_mm, now_s);
     };
     if (covered()) return true;

@@ -25,7 +25,10 @@ SceneBoxes::SceneBoxes(std::vector<ModelBox> models, double horizon_s)
   double diagonals = 0.0;
   for (const ModelBox& model : models_) {
     diagonals += model.local_mm.extent_mm().norm();
-    moves_ |= model.motion != nullptr;
+    if (model.motion == nullptr) continue;
+    moves_ = true;
+    const std::shared_ptr<CourseCount>& count = model.motion->courses();
+    if (std::find(courses_.begin(), courses_.end(), count) == courses_.end()) courses_.push_back(count);
   }
   if (!models_.empty()) margin_mm_ = kMarginShare * diagonals / static_cast<double>(models_.size());
   for (const ModelBox& model : models_) boxes_.push_back(box_of(model));
@@ -54,6 +57,7 @@ void SceneBoxes::move_to(double t_s) noexcept {
 }
 
 void SceneBoxes::run(double t_s, const Vec3& from_mm, const Vec3& to_mm) noexcept {
+  const std::uint64_t before = courses();
   move_to(t_s);
   geometry::Aabb region;
   region.add(from_mm);
@@ -64,6 +68,7 @@ void SceneBoxes::run(double t_s, const Vec3& from_mm, const Vec3& to_mm) noexcep
   NearbyModels& found = handover_.back();
   found.number = ++answers_;
   found.valid = region;
+  found.courses = before;
   found.until_s = moves_ ? t_s + horizon_s_ : HUGE_VAL;
   found.count = query.hits;
   found.too_many = query.left_out > 0;

@@ -17,8 +17,8 @@ namespace palpate::render {
 /// Models that an answer names; of more it says so, and the frame asks for those on its own way.
 inline constexpr std::size_t kMaxNearbyModels = 32;
 
-/// The models whose boxes meet `valid` at any time up to `until_s`: while the HIP stays inside, no other can
-/// be touched.
+/// The models whose boxes meet `valid` at any time up to `until_s`: while the HIP stays inside and no model
+/// takes another course, no other can be touched.
 struct NearbyModels {
   std::uint64_t number = 0;  ///< of the answer, rising
   std::array<std::uint32_t, kMaxNearbyModels> model{};
@@ -26,6 +26,7 @@ struct NearbyModels {
   bool too_many = false;
   geometry::Aabb valid;
   double until_s = -1.0;
+  std::uint64_t courses = 0;  ///< SceneBoxes::courses() before the poses were read
 
   [[nodiscard]] bool covers(const Vec3& hip_mm, double t_s) const noexcept {
     return t_s <= until_s && valid.contains(hip_mm);
@@ -67,12 +68,20 @@ class SceneBoxes {
   [[nodiscard]] bool is_jump(const Vec3& from_mm, const Vec3& to_mm) const noexcept {
     return (to_mm - from_mm).cwiseAbs().maxCoeff() > margin_mm_;
   }
+  /// Rises with every model that takes another course: an answer with another number is no longer true. Any
+  /// thread. O(simulations).
+  [[nodiscard]] std::uint64_t courses() const noexcept {
+    std::uint64_t sum = 0;
+    for (const std::shared_ptr<CourseCount>& count : courses_) sum += count->load(std::memory_order_acquire);
+    return sum;
+  }
   [[nodiscard]] std::size_t bytes() const noexcept;
 
  private:
   [[nodiscard]] geometry::Aabb box_of(const ModelBox& model) const noexcept;
 
   std::vector<ModelBox> models_;
+  std::vector<std::shared_ptr<CourseCount>> courses_;  ///< of the models that move, each once
   double horizon_s_;
   double margin_mm_ = 0.0;  ///< how far around the HIP a list reaches
   bool moves_ = false;

@@ -73,6 +73,57 @@ TEST(Motion, APlaneRisingPastARestingProbeIsFeltAndNeverLost) {
   EXPECT_EQ(lost, 0) << "of " << runs;
 }
 
+// What is near a resting probe is asked 50 times a second: a model that begins, turns back or jumps in
+// between is felt all the same, at any phase of that.
+TEST(Motion, AModelThatTakesAnotherCourseIsFeltAtOnce) {
+  constexpr double kSpeed = 200.0, kGap = 2.5, kWay = 4.0;
+  const Scene still = generated("sphere:points=20000:extent_mm=20");
+  for (const char* name : {"cloud", "cloud-smooth", "cloud-literal"})
+    for (int phase = 0; phase < 20; phase += 3) {
+      ScriptedMotion motion;
+      motion.velocity_mm_s = Vec3(0, 0, kSpeed);
+      motion.start_s = 0.2 + 1e-3 * phase;
+      motion.stop_s = motion.start_s + kWay / kSpeed;
+      const auto renderer = on_clock(moving(motion, still.input.models[0]), name);
+      const Vec3 hip(0, 0, 10.0 + kGap);
+      renderer->restart(hip);
+      Frame frame;
+      for (int i = 0; i < 200; ++i) EXPECT_FALSE(renderer->step(hip, kMotionDt).contact);
+      for (int i = 0; i < 60; ++i) frame = renderer->step(hip, kMotionDt);
+      ASSERT_TRUE(frame.contact) << name << ", phase " << phase;
+      EXPECT_NEAR(frame.force_n.z(), 0.5 * (kWay - kGap), 0.05) << name << ", phase " << phase;
+    }
+}
+
+TEST(Motion, AJumpOfAModelIsAnotherCourseAndARestIsNot) {
+  PoseState state;
+  MovingModel model(state);
+  const auto count = [&] { return model.courses()->load(); };
+  state.t_s = 0.005;
+  model.publish(state);
+  EXPECT_EQ(count(), 0u);
+  state.world_from_model.translation_mm = Vec3(0, 0, 1);
+  state.about_mm = Vec3(0, 0, 1);
+  model.publish(state);
+  EXPECT_EQ(count(), 1u);
+  // From now on it goes on as it says.
+  state.velocity_mm_s = Vec3(3, 0, 0);
+  state.angular_velocity_rad_s = Vec3(0, 2, 0);
+  model.publish(state);
+  EXPECT_EQ(count(), 2u);
+  const PoseState from = state;
+  for (int i = 1; i < 100; ++i) {
+    state.t_s = from.t_s + 0.005 * i;
+    state.world_from_model = from.at(state.t_s);
+    state.about_mm = from.about_mm + from.velocity_mm_s * (state.t_s - from.t_s);
+    model.publish(state);
+  }
+  EXPECT_EQ(count(), 2u);
+  state.angular_velocity_rad_s = Vec3(0, -2, 0);
+  model.publish(state);
+  EXPECT_EQ(count(), 3u);
+}
+
 TEST(Motion, ATurningPlaneIsNeverLost) {
   ScriptedMotion motion;
   motion.angular_velocity_rad_s = Vec3(1, 0, 0);
