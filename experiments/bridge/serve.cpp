@@ -17,6 +17,7 @@
 #include "device/servo/servo_loop.h"
 #include "experiments/live/homing_teller.h"
 #include "toolkit/core/at_stop.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/try.h"
 
 namespace palpate::experiments {
@@ -93,7 +94,7 @@ void serve_and_tell(device::FarEnd& far, const SessionDevice& session, const Mon
   HomingTeller teller(session, "");
   std::thread loop([&] { tick_until(far, clock, arguments, mode, ending); });
   while (!ending.done.load()) {
-    if (const std::optional<std::string> news = teller.news()) fmt::print(stderr, "palpate: {}\n", *news);
+    if (const std::optional<std::string> news = teller.news()) tell("palpate: {}\n", *news);
     far_sleep_to(monotonic_ns() + kTellEveryNs);
   }
   loop.join();

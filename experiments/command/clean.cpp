@@ -12,6 +12,7 @@
 #include "experiments/run/stage.h"
 #include "experiments/session/session.h"
 #include "toolkit/core/at_stop.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/io/write_mesh.h"
 
 namespace palpate::experiments {
@@ -104,7 +105,7 @@ int run_clean(const CleanArguments& arguments, Context& context) {
     print_json(own.file_points - own.non_finite, cleaned->cloud.size(), cleaned->phases, cleaned->notes);
     return kExitOk;
   }
-  for (const std::string& warning : own.warnings) fmt::print(stderr, "palpate: warning: {}\n", warning);
+  for (const std::string& warning : own.warnings) tell("palpate: warning: {}\n", warning);
   for (std::size_t i = 0; i < cleaned->phases.size(); ++i)
     fmt::print("{:>10}  {}\n", duration_text(cleaned->phases[i].ms), cleaned->notes[i]);
   fmt::print("{} points written to {}\n", cleaned->cloud.size(), arguments.out);

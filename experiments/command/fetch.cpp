@@ -11,6 +11,7 @@
 #include "experiments/data/scene_scans.h"
 #include "experiments/session/session.h"
 #include "toolkit/core/at_stop.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {
@@ -129,7 +130,7 @@ int run_fetch(const FetchArguments& arguments, Context& context) {
                                                            : fetch_from(scan, options, context.progress);
   context.progress.clear();
   if (!got) return fail(got.error(), kExitFellShort);
-  if (!got->note.empty()) fmt::print(stderr, "palpate: note: {}\n", got->note);
+  if (!got->note.empty()) tell("palpate: note: {}\n", got->note);
   const std::filesystem::path record = checksum_record(got->file);
   std::error_code code;
   if (arguments.json)

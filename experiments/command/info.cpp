@@ -13,6 +13,7 @@
 #include "experiments/session/session.h"
 #include "toolkit/cloud/height_field_holes.h"
 #include "toolkit/cloud/statistics.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/tolerances.h"
 #include "toolkit/neighbourhood/knn.h"
 #include "toolkit/neighbourhood/spacing.h"
@@ -245,8 +246,7 @@ int run_info(const InfoArguments& arguments, Context& context) {
     else
       print_text(info);
   }
-  for (const std::string& doubt : doubts_about_models(*loaded))
-    fmt::print(stderr, "palpate: warning: {}\n", doubt);
+  for (const std::string& doubt : doubts_about_models(*loaded)) tell("palpate: warning: {}\n", doubt);
   if (arguments.json) fmt::print("{}\n", (list.size() == 1 ? list.front() : list).dump(2));
   return kExitOk;
 }

@@ -13,6 +13,7 @@
 #include "experiments/run/doubts.h"
 #include "experiments/session/session.h"
 #include "experiments/session/version.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/numbers.h"
 #include "toolkit/core/try.h"
 
@@ -231,8 +232,8 @@ int run_plan(const PlanArguments& arguments, Context& context) {
   }
   fmt::print("{}", plan::text(*plan));
   if (checked) fmt::print("{}", text(*checked));
-  for (const std::string& warning : warnings) fmt::print(stderr, "palpate: warning: {}\n", warning);
-  for (const std::string& note : planned->surfaces.notes) fmt::print(stderr, "palpate: note: {}\n", note);
+  for (const std::string& warning : warnings) tell("palpate: warning: {}\n", warning);
+  for (const std::string& note : planned->surfaces.notes) tell("palpate: note: {}\n", note);
   return kExitOk;
 }
 

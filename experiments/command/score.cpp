@@ -10,6 +10,7 @@
 #include "experiments/session/terminal.h"
 #include "experiments/session/version.h"
 #include "experiments/study/scoring.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/try.h"
 #include "toolkit/metrics/score_io.h"
 
@@ -67,7 +68,7 @@ int run_score(const ScoreArguments& arguments, Context& context) {
              folder->path().string());
   if (std::filesystem::exists(folder->file(kReportFile)))
     fmt::print("`palpate report {}` draws the report again\n", arguments.folder);
-  fmt::print(stderr, "{}", findings_text(study->document));
+  tell("{}", findings_text(study->document));
   return kExitOk;
 }
 

@@ -57,7 +57,7 @@ void say(const std::string& text) {
 }  // namespace
 
 void stop_on_signals() {
-  std::signal(SIGPIPE, SIG_DFL);  // who started the program may have ignored it
+  std::signal(SIGPIPE, SIG_IGN);
   ::sem_init(&asked, 0, 0);
   std::thread(wait_and_stop).detach();
   struct sigaction action {};

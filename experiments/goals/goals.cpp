@@ -9,6 +9,7 @@
 #include "experiments/goals/measures.h"
 #include "experiments/session/run_key.h"
 #include "experiments/session/terminal.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/try.h"
 
 namespace palpate::experiments {
@@ -79,7 +80,7 @@ int run_goals(const GoalsArguments& arguments, Context& context) {
     fmt::print("{}\nreport: {}\n", to_text(goals_table(document), terminal_columns(STDOUT_FILENO)),
                std::filesystem::absolute(folder->file(kReportFile)).string());
   std::fflush(stdout);
-  for (const std::string& warning : document.warnings) fmt::print(stderr, "palpate: warning: {}\n", warning);
+  for (const std::string& warning : document.warnings) tell("palpate: warning: {}\n", warning);
   const bool all = std::none_of(document.goals.begin(), document.goals.end(),
                                 [](const Goal& goal) { return verdict_of(goal) == Verdict::kNotMeasured; });
   return all ? kExitOk : kExitFellShort;

@@ -12,6 +12,7 @@
 #include "device/servo/servo_thread.h"
 #include "experiments/live/keys.h"
 #include "experiments/live/resident.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/try.h"
 
 namespace palpate::experiments {
@@ -131,7 +132,7 @@ void Assembly::show_said(ProgressBar& progress) {
   }
   if (sentences.empty()) return;
   progress.clear();
-  for (const std::string& sentence : sentences) fmt::print(stderr, "palpate: {}\n", sentence);
+  for (const std::string& sentence : sentences) tell("palpate: {}\n", sentence);
 }
 
 const char* Assembly::armed_by() const noexcept {

@@ -17,6 +17,7 @@
 #include "device/servo/servo_loop.h"
 #include "experiments/live/homing_teller.h"
 #include "toolkit/core/at_stop.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/try.h"
 
 namespace palpate::experiments {
@@ -143,7 +144,7 @@ std::vector<std::string> look_and_tell(DeviceLooker& looker, SessionDevice& devi
   const auto tell = [&] {
     const std::optional<std::string> news = teller.news();
     if (!news) return;
-    fmt::print(stderr, "palpate: {}\n", *news);
+    palpate::tell("palpate: {}\n", *news);
     told.push_back(*news);
   };
   std::atomic<bool> over{false};

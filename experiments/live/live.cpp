@@ -15,6 +15,7 @@
 #include "experiments/run/choices.h"
 #include "experiments/session/run_key.h"
 #include "experiments/session/terminal.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/try.h"
 
 namespace palpate::experiments {
@@ -69,8 +70,8 @@ int finish_live(const LiveDocument& document, const OutputFolder& folder, bool j
   for (const Table& table : live_tables(document))
     fmt::print("{}\n", to_text(table, terminal_columns(STDOUT_FILENO)));
   std::fflush(stdout);
-  for (const std::string& warning : document.warnings) fmt::print(stderr, "palpate: warning: {}\n", warning);
-  for (const std::string& fault : document.fault_names) fmt::print(stderr, "palpate: fault: {}\n", fault);
+  for (const std::string& warning : document.warnings) tell("palpate: warning: {}\n", warning);
+  for (const std::string& fault : document.fault_names) tell("palpate: fault: {}\n", fault);
   fmt::print("report: {}\n", std::filesystem::absolute(folder.file(kReportFile)).string());
   return status;
 }
@@ -138,7 +139,7 @@ int ended_early(const Error& error, const LiveArguments& arguments, Context& con
   if (arguments.link == nullptr || !arguments.link->stop_asked())
     return fail(error, kExitBadInput, &context.progress);
   context.progress.clear();
-  fmt::print(stderr, "palpate: ended before it could be touched; nothing was written\n");
+  tell("palpate: ended before it could be touched; nothing was written\n");
   return kExitOk;
 }
 

@@ -6,6 +6,7 @@
 #include "experiments/live/recording_segments.h"
 #include "experiments/live/recording_session.h"
 #include "toolkit/core/atomic_file.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/try.h"
 
 namespace palpate::experiments {
@@ -84,7 +85,7 @@ int check_recording(const RunArguments& arguments, const std::string& folder, Co
   context.progress.clear();
   if (!text) return fail(text.error(), kExitFellShort);
   if (arguments.json)
-    fmt::print(stderr, "{}", *text);
+    tell("{}", *text);
   else
     fmt::print("{}", *text);
   if (status != kExitOk)

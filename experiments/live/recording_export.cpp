@@ -8,6 +8,7 @@
 
 #include "experiments/live/recording_segments.h"
 #include "toolkit/core/input_file.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
 #include "toolkit/trace/trace_io.h"
@@ -123,8 +124,7 @@ int run_export(const ExportArguments& arguments, Context& context) {
           : export_motion_bids(*recording, arguments.out, arguments.subject, arguments.task);
   if (!rows) return fail(rows.error(), kExitBadInput, &context.progress);
   context.progress.clear();
-  for (const std::string& warning : recording->end().warnings())
-    fmt::print(stderr, "palpate: warning: {}\n", warning);
+  for (const std::string& warning : recording->end().warnings()) tell("palpate: warning: {}\n", warning);
   say(arguments, *recording, *rows);
   return kExitOk;
 }

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "device/drivers/all_drivers.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
 
@@ -141,8 +142,7 @@ SessionDevice::~SessionDevice() {
 }
 
 void SessionDevice::say_unproven() const {
-  for (const std::string& what : unproven_)
-    fmt::print(stderr, "palpate: not confirmed by hardware: {}\n", what);
+  for (const std::string& what : unproven_) tell("palpate: not confirmed by hardware: {}\n", what);
 }
 
 std::vector<std::pair<std::string, std::string>> SessionDevice::facts() const {

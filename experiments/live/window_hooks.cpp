@@ -12,6 +12,7 @@
 
 #include "experiments/run/choices.h"
 #include "experiments/window/window.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {
@@ -97,7 +98,7 @@ class WaitingTimes {
  private:
   void say(const std::string& what) {
     context_.progress.clear();
-    fmt::print(stderr, "palpate: {}\n", what);
+    tell("palpate: {}\n", what);
   }
   Context& context_;
   bool touchable_ = false, felt_ = false;

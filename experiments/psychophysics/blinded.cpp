@@ -15,6 +15,7 @@
 #include "experiments/session/terminal.h"
 #include "toolkit/core/atomic_file.h"
 #include "toolkit/core/input_file.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
 
@@ -252,8 +253,7 @@ int finish(const BlindedArguments& arguments, ObservedDocument& document, const 
     return kExitOk;
   }
   for (const Table& table : observed_tables(document)) print_table(table);
-  for (const std::string& warning : document.analysis.warnings)
-    fmt::print(stderr, "palpate: warning: {}\n", warning);
+  for (const std::string& warning : document.analysis.warnings) tell("palpate: warning: {}\n", warning);
   fmt::print("trials: {}\nreport: {}\n", fs::absolute(folder.file(kTrialsFile)).string(),
              fs::absolute(folder.file(kReportFile)).string());
   return kExitOk;

@@ -8,6 +8,7 @@
 
 #include "experiments/session/terminal.h"
 #include "toolkit/core/clock.h"
+#include "toolkit/core/messages.h"
 
 namespace palpate::experiments {
 namespace {
@@ -45,7 +46,7 @@ void ProgressBar::report(std::string_view what, double fraction) {
     if (prefix_.empty() || now - last_draw_ns_ < kLogNs || phase_ == what) return;
     last_draw_ns_ = now;
     phase_ = what;
-    fmt::print(stderr, "{}{}\n", prefix_, phase_);
+    tell("{}{}\n", prefix_, phase_);
     return;
   }
   if (phase_ != what) {
@@ -66,7 +67,7 @@ void ProgressBar::report(std::string_view what, double fraction) {
   } else {
     line += fmt::format("  {}", seconds(elapsed_s));
   }
-  fmt::print(stderr, "\r\033[K{}", line.substr(0, terminal_columns(STDERR_FILENO) - 1));
+  tell("\r\033[K{}", line.substr(0, terminal_columns(STDERR_FILENO) - 1));
   std::fflush(stderr);
   drawn_ = true;
 }

@@ -7,6 +7,7 @@
 #include "experiments/run/cleaning.h"
 #include "experiments/session/version.h"
 #ifdef PALPATE_WITH_DEM
+#include "toolkit/core/messages.h"
 #include "toolkit/dem/dem_reader.h"
 #endif
 #ifdef PALPATE_WITH_PCD
@@ -70,10 +71,10 @@ Status begin_run(const OutputFolder& folder, const std::string& key, Context& co
   if (!begun) return begun.error();
   if (*begun == OutputFolder::Begun::kAnew) return Done{};
   context.progress.clear();
-  fmt::print(stderr, "palpate: {}: {}\n", folder.path().string(),
-             *begun == OutputFolder::Begun::kGoesOn
-                 ? "going on from an interrupted run"
-                 : "an interrupted run was of something else (scene, path, options or program): begun anew");
+  tell("palpate: {}: {}\n", folder.path().string(),
+       *begun == OutputFolder::Begun::kGoesOn
+           ? "going on from an interrupted run"
+           : "an interrupted run was of something else (scene, path, options or program): begun anew");
   return Done{};
 }
 
@@ -95,7 +96,7 @@ metrics::ResultDocument new_document(const std::string& command_line) {
 
 int fail(const Error& error, int status, ProgressBar* progress) {
   if (progress != nullptr) progress->clear();
-  fmt::print(stderr, "palpate: error: {}\n", error.message());
+  tell("palpate: error: {}\n", error.message());
   return status;
 }
 

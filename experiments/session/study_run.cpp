@@ -16,6 +16,7 @@
 #include "experiments/session/session.h"
 #include "experiments/session/terminal.h"
 #include "toolkit/core/at_stop.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/try.h"
 #include "toolkit/io/write_mesh.h"
 
@@ -170,8 +171,8 @@ void say_what_is_run(const RunArguments& arguments, const std::vector<RendererRe
   std::string labels;
   for (const RendererRequest& request : renderers) labels += (labels.empty() ? "" : ", ") + request.label;
   progress.clear();
-  fmt::print(stderr, "palpate: running {}\n         along {}\n         into {}\n", labels,
-             study.stage.path.name, folder.path().string());
+  tell("palpate: running {}\n         along {}\n         into {}\n", labels, study.stage.path.name,
+       folder.path().string());
 }
 
 /// What was left open is chosen now that the models are known.
@@ -192,9 +193,8 @@ int report_failures(const StagedStudy& study) {
   int status = kExitOk;
   for (const Run& run : study.runs) {
     if (run.result.status == metrics::RunStatus::kOk) continue;
-    fmt::print(stderr, "palpate: {} {}: {}\n", run.result.label,
-               run.result.status == metrics::RunStatus::kFailed ? "failed" : "did not finish",
-               run.result.reason);
+    tell("palpate: {} {}: {}\n", run.result.label,
+         run.result.status == metrics::RunStatus::kFailed ? "failed" : "did not finish", run.result.reason);
     status = kExitFellShort;
   }
   return status;
@@ -295,7 +295,7 @@ int run_study(StudyKind kind, const RunArguments& arguments, Context& context, c
   else
     fmt::print("{}\n", to_text(comparison_table(study.document), terminal_columns(STDOUT_FILENO)));
   std::fflush(stdout);
-  fmt::print(stderr, "{}", findings_text(study.document));
+  tell("{}", findings_text(study.document));
   status = report_failures(study);
   if (!arguments.save_mesh.empty() && !run.saved_mesh())
     status = fail({"no mesh was saved: none of the renderers works on a mesh", "run mesh-godobject", {}, 0},

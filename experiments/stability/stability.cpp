@@ -9,6 +9,7 @@
 #include "experiments/session/run_key.h"
 #include "experiments/session/terminal.h"
 #include "experiments/stability/measure.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
 
@@ -261,7 +262,7 @@ int finish_stability(const StabilityDocument& document, const OutputFolder& fold
   for (const Table& table : stability_tables(document))
     fmt::print("{}\n", to_text(table, terminal_columns(STDOUT_FILENO)));
   std::fflush(stdout);
-  for (const std::string& warning : document.warnings) fmt::print(stderr, "palpate: warning: {}\n", warning);
+  for (const std::string& warning : document.warnings) tell("palpate: warning: {}\n", warning);
   fmt::print("report: {}\n", std::filesystem::absolute(folder.file(kReportFile)).string());
   return status;
 }

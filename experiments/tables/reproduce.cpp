@@ -10,6 +10,7 @@
 #include "experiments/session/run_key.h"
 #include "experiments/session/terminal.h"
 #include "experiments/tables/reproduction.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/try.h"
 
 namespace palpate::experiments {
@@ -34,7 +35,7 @@ void finish(Reproduction& r) {
   for (const Table& table : r.tables) fmt::print("{}\n", to_text(table, terminal_columns(STDOUT_FILENO)));
   for (const Known& known : r.page.known)
     for (const std::string& warning : known.warnings)
-      fmt::print(stderr, "palpate: warning: {}: {}\n", known.about, warning);
+      tell("palpate: warning: {}: {}\n", known.about, warning);
   for (const std::string& what : r.missing) fmt::print("not done: {}\n", what);
   fmt::print("took {}\nreport: {}\n", duration_text(r.watch.ms()),
              whole_path(r.folder.file("report.html")).string());
@@ -125,7 +126,7 @@ Result<scene::SceneFile> scene_of(const ManifestModel& model, Reproduction& r) {
   fetch.readers = &r.readers;
   std::vector<std::string> notes;
   const Status found = find_scans(*scene, &fetch, r.context.progress, notes);
-  for (const std::string& note : notes) fmt::print(stderr, "palpate: note: {}\n", note);
+  for (const std::string& note : notes) tell("palpate: note: {}\n", note);
   if (found) return scene;
   if (model.stand_in.empty()) return found.error();
   r.stand_ins.push_back(fmt::format("{}: {}", model.name, found.error().message()));

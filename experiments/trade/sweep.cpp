@@ -10,6 +10,7 @@
 #include "experiments/session/terminal.h"
 #include "experiments/session/version.h"
 #include "toolkit/core/clock.h"
+#include "toolkit/core/messages.h"
 #include "toolkit/core/numbers.h"
 #include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
@@ -65,8 +66,7 @@ class SweepProgress final : public Progress {
     fraction_ = all > 0 ? std::min(1.0, static_cast<double>(done) / static_cast<double>(all)) : 1.0;
     // A log has a line for each turn.
     if (::isatty(STDERR_FILENO) == 0)
-      fmt::print(stderr, "palpate: {} of {} settings after {}\n", done, all,
-                 duration_text(spent_s * kMsPerSecond));
+      tell("palpate: {} of {} settings after {}\n", done, all, duration_text(spent_s * kMsPerSecond));
   }
   void report(std::string_view, double) override {
     const double spent_s = spent_s_ + watch_.ms() / kMsPerSecond;
@@ -223,9 +223,8 @@ void print_sweep(const SweepDocument& document, const OutputFolder& folder, bool
   std::fflush(stdout);
   const auto failed =
       std::count_if(document.rows.begin(), document.rows.end(), [](const Row& r) { return !r.ok(); });
-  fmt::print(stderr,
-             "palpate: {} settings measured, {} did not run to their end, {} not measured for want of time\n",
-             document.rows.size() - static_cast<std::size_t>(failed), failed, document.not_measured.size());
+  tell("palpate: {} settings measured, {} did not run to their end, {} not measured for want of time\n",
+       document.rows.size() - static_cast<std::size_t>(failed), failed, document.not_measured.size());
   fmt::print("report: {}\n", fs::absolute(folder.file(kReportFile)).string());
 }
 

@@ -1,7 +1,10 @@
 // Files and folders that the user names to be written: never what is read, never somebody else's.
 #include <gtest/gtest.h>
+#include <sys/wait.h>
 
+#include <cstdlib>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "experiments/session/session.h"
 #include "experiments/study/output_folder.h"
@@ -160,6 +163,54 @@ TEST_F(Output, ASecondRunIntoTheSameFolderIsRefused) {
     const std::string err = refused(all);
     EXPECT_NE(err.find(in("out")), std::string::npos) << err;
     EXPECT_NE(err.find("process " + std::to_string(::getpid())), std::string::npos) << err;
+  }
+}
+
+/// The exit status of the program with its standard streams redirected by a shell, as ">&-" or "2>/dev/full";
+/// 128 and the signal where one ended it.
+int status_with(const std::vector<std::string>& arguments, const std::string& streams) {
+  std::string line = "'" PALPATE_PROGRAM "'";
+  for (const std::string& one : arguments) line += " '" + one + "'";
+  const int status = std::system(("{ " + line + "; } >/dev/null 2>/dev/null " + streams).c_str());
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+// A message that cannot be written is dropped, a result that cannot be is an error: of no command more comes
+// of it.
+TEST_F(Output, NoStandardStreamThatFailsEndsACommandOtherwise) {
+  int commands = 0;
+  std::istringstream help_text(palpate_command({"--help"}).out);
+  for (std::string line; std::getline(help_text, line);) {
+    // Two blanks, a name in small letters, and what it does.
+    if (!line.starts_with("  ") || line.size() < 3 || line[2] < 'a' || line[2] > 'z') continue;
+    const std::string name = line.substr(2, line.find(' ', 2) - 2);
+    ++commands;
+    const std::vector<std::string> help = {name, "--help"}, wrong = {name, "--no-such-option"};
+    for (const char* const streams : {"", "0<&-", "2>&-", "2>/dev/full", "0<&- 2>&-"}) {
+      EXPECT_EQ(status_with(help, streams), 0) << name << " " << streams;
+      EXPECT_EQ(status_with(wrong, streams), 2) << name << " " << streams;
+    }
+    for (const char* const streams : {"1>&-", "1>/dev/full", "0<&- 1>&- 2>&-", "1>/dev/full 2>/dev/full"})
+      EXPECT_EQ(status_with(help, streams), 1) << name << " " << streams;
+  }
+  EXPECT_GT(commands, 20);
+}
+
+// A session with a hand in contact goes on, stops its device and keeps what it wrote, whoever reads its
+// messages.
+TEST_F(Output, ASessionInContactOutlivesItsTerminal) {
+  int number = 0;
+  for (const char* const streams :
+       {"2>&-", "2>/dev/full", "0<&- 2>&-", "1>&- 2>&-", "1>/dev/full 2>/dev/full"}) {
+    const std::string out = in("live" + std::to_string(number++));
+    const int status = status_with({"live", kOutputScene, "--device", "sim", "--headless", "--seconds", "2",
+                                    "--renderers", "cloud,analytic", "--switch-every", "1", "--out", out},
+                                   streams);
+    EXPECT_EQ(status, std::string(streams).find("1>") == std::string::npos ? 0 : 1) << streams;
+    const json live = json::parse(file_text(out + "/live.json"), nullptr, false);
+    ASSERT_FALSE(live.is_discarded()) << streams;
+    EXPECT_GT(live["ticks"], 1000) << streams;
+    EXPECT_EQ(live["refused"], 0) << streams;
   }
 }
 
