@@ -3,8 +3,8 @@
 //
 //   felt_surface [--sets a,b] [--renderers list] [--frames N] [--closed-paths N] [--quick] [--threads N]
 //                [--seed N] [--where N] [--prepare-limit-s S] [--json FILE] [--commit ID] [--list]
-//   felt_surface --ablate [--sets a,b] [--quick] [--json FILE] ..: cloud and cloud-smooth with each step left
-//   out felt_surface --slice FILE.svg [--sets edge|hole|thin|noise] [--renderers list]
+//   felt_surface --ablate [--sets a,b] [--quick] [--json FILE] ..: cloud with each step left out
+//   felt_surface --slice FILE.svg [--sets edge|hole|thin|noise] [--renderers list]
 //
 // A set is a name of --list, or a generator with its options; --seed has other points and paths by chance
 // than the usual ones, and --where tells the places where most of the error is. Renderers as the palpate

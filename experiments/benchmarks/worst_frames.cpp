@@ -57,9 +57,9 @@ double bound_of(const std::string& name) {
     return kPerFrame + kPerMove * stars::kMaxFacetMoves * stars::kMaxFlights +
            stars::kMaxFlights * 3.0 * (kPerNode * stars::kMaxNodes + kPerTriangle * stars::kMaxTested);
   if (name == "cloud-smooth")
-    return kPerFrame + kPerNewton * render::kMaxNewtonSteps * render::kMaxSmoothSheets +
-           kPerValue * render::kMaxSegmentValues +
-           render::kMaxSmoothEntries * (kPerCube * render::kMaxSegmentCubes);
+    return kPerFrame + kPerNewton * render::kMaxNewtonSteps +
+           render::kMaxSmoothEntries *
+               (kPerValue * render::kMaxSegmentValues + kPerCube * render::kMaxSmoothLooks);
   return kPerFrame + kPerLook * render::kMaxSegmentLooks + kPerSheetMove * render::kMaxSheetMoves;
 }
 

@@ -83,16 +83,14 @@ TEST_F(FeltSurface, LeavesStepsOut) {
     }
     return document["renderers"].size();
   };
-  EXPECT_EQ(read(run({"--ablate", "--quick", "--sets", "c5k", "--frames", "500", "--json", file})), 34u);
-  EXPECT_EQ(rms.size(), 34u);
+  EXPECT_EQ(read(run({"--ablate", "--quick", "--sets", "c5k", "--frames", "500", "--json", file})), 11u);
+  EXPECT_EQ(rms.size(), 11u);
   EXPECT_NEAR(rms["c5k/cloud-plain"], rms["c5k/cloud"], 0.1);
   EXPECT_LT(rms["c5k/cloud-refined"], 0.7 * rms["c5k/cloud"]);
-  EXPECT_GT(rms["c5k/cloud-smooth-without-sharpening"], 2.0 * rms["c5k/cloud-smooth"]);
   // A mouth is open only where borders are known.
   read(run({"--quick", "--sets", "mouth", "--closed-paths", "0", "--json", file, "--renderers",
-            "cloud,cloud-without-borders,cloud-smooth,cloud-smooth-without-borders"}));
+            "cloud,cloud-without-borders"}));
   EXPECT_GT(free_force["mouth/cloud-without-borders"], 4.0 * free_force["mouth/cloud"]);
-  EXPECT_GT(free_force["mouth/cloud-smooth-without-borders"], 4.0 * free_force["mouth/cloud-smooth"]);
 }
 
 // Any generator is a set, a seed gives it other points and another path, and the worst places are told.

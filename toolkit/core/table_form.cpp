@@ -11,18 +11,18 @@ namespace palpate {
 namespace {
 
 constexpr std::string_view kBlanks = " \t\r\v\f";
-constexpr std::string_view kDigits = "0123456789";
+constexpr std::string_view kTextDigits = "0123456789";
 // x, y and z with a decimal each.
 constexpr std::size_t kFewestDecimalPairs = 3;
 
 bool is_digit(char c) noexcept {
-  return kDigits.find(c) != std::string_view::npos;
+  return kTextDigits.find(c) != std::string_view::npos;
 }
 
 // Digits with or without a sign.
 bool is_whole(std::string_view field) noexcept {
   if (!field.empty() && (field.front() == '-' || field.front() == '+')) field.remove_prefix(1);
-  return !field.empty() && field.find_first_not_of(kDigits) == std::string_view::npos;
+  return !field.empty() && field.find_first_not_of(kTextDigits) == std::string_view::npos;
 }
 
 // One comma at the most, with a digit behind it, and nothing that a number with a decimal comma has not.

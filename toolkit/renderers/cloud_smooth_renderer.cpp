@@ -20,10 +20,9 @@ class SmoothModel {
   struct Memory {};
   static constexpr bool kComposed = true;
 
-  SmoothModel(SmoothBody body, int most_steps, const SmoothWithout& without) : body_(std::move(body)) {
-    contact_.attach(body_.smooth->grid);
+  SmoothModel(SmoothBody body, int most_steps) : body_(std::move(body)) {
+    contact_.attach(body_.smooth->grid, body_.smooth->spacing_mm);
     contact_.bound_steps(most_steps);
-    contact_.leave_out(without);
   }
   SmoothModel(const SmoothModel&) = delete;  // the contact points into the bricks
   SmoothModel& operator=(const SmoothModel&) = delete;
@@ -89,7 +88,8 @@ class SmoothModel {
     contact.static_friction = still;
     contact.dynamic_friction = moving;
     const Vec3& n = contact_.normal();
-    contact.stiffness_gradient = (gradient - n * n.dot(gradient)) * body_.smooth->grid.per_voxel;
+    contact.stiffness_gradient = (gradient - n * n.dot(gradient)) *
+                                 (body_.smooth->grid.per_voxel * BrickGrid::per_voxel_of(contact_.level()));
   }
 
   SmoothBody body_;
@@ -103,26 +103,21 @@ class CloudSmooth final : public BoxedShellRenderer<SmoothModel> {
   // Measured, what to expect (see kExpectedOn): a torus of a million points at random.
   static constexpr double kFrameUs = 0.25, kMsPerMillion = 2300.0;
 
-  explicit CloudSmooth(const Options& options, const SmoothWithout& without = {})
-      : BoxedShellRenderer(options), without_(without) {
-    without_.enclosure = without_.enclosure || options.text("sides") == "both";
-  }
+  explicit CloudSmooth(const Options& options) : BoxedShellRenderer(options) {}
 
   Description describe() const override {
     return {"cloud-smooth", "a smooth surface near the points, through their noise",
             "ours; quadrics by Lepski's rule, cubic B-splines of distance",
             fmt::format(
-                "a model near the HIP: {} steps of the god object, {} values along the HIP's segment of {} "
-                "cubes, {} sheets a cube of up to {} layers each, {} entries a frame; what is left is done "
-                "in the next",
-                walk_steps(), kMaxSegmentValues, kMaxSegmentCubes, kMaxSmoothSheets, kMostLayers,
-                kMaxSmoothEntries),
+                "a model near the HIP: {} steps of the god object, {} values and {} looks along the HIP's "
+                "segment, {} entries a frame; what is left is done in the next",
+                walk_steps(), kMaxSegmentValues, kMaxSmoothLooks, kMaxSmoothEntries),
             options_};
   }
 
  private:
   [[nodiscard]] SmoothBuild build() const {
-    return {options_.number("detail"), options_.number("voxel"), without_};
+    return {options_.number("detail"), options_.number("voxel"), options_.text("sides") == "both"};
   }
 
   [[nodiscard]] int walk_steps() const { return static_cast<int>(options_.integer("walk_steps")); }
@@ -148,19 +143,13 @@ class CloudSmooth final : public BoxedShellRenderer<SmoothModel> {
       report.notes.push_back(note_of(report.decisions.models.back().decisions.front()));
       report.read_rounding_mm =
           std::max(report.read_rounding_mm, kReadRounding * built->smooth->grid.voxel_mm);
-      models_.add(std::make_unique<SmoothModel>(*std::move(built), walk_steps(), without_));
+      models_.add(std::make_unique<SmoothModel>(*std::move(built), walk_steps()));
     }
     return Done{};
   }
-
-  SmoothWithout without_;
 };
 
 }  // namespace
-
-std::unique_ptr<HapticRenderer> make_cloud_smooth(const Options& options, const SmoothWithout& without) {
-  return std::make_unique<CloudSmooth>(options, without);
-}
 
 RendererInfo cloud_smooth_info() {
   RendererInfo info;

@@ -1,6 +1,6 @@
-// The smooth surface as frames read it: bricks of 4 x 4 x 4 cells, each with the 7 x 7 x 7 coefficients of
-// its own uniform cubic B-spline of distance. A brick belongs to one sheet: two sheets that pass through one
-// cube have two bricks there, and never one number in common.
+// The smooth surface as frames read it: bricks of 4 x 4 x 4 cells, each with the 7 x 7 x 7 coefficients of a
+// uniform cubic B-spline of distance. Where one brick cannot follow the surface (edges, thin parts), up to
+// eight of half the size stand in its place, if need be again.
 #pragma once
 
 #include <algorithm>
@@ -20,8 +20,7 @@ namespace palpate::render {
 
 inline constexpr int kBrickCells = 4;
 inline constexpr int kBrickNodes = kBrickCells + 3;
-/// Half of its cells and half of its nodes along an axis, and half the diagonal of its cells, voxels.
-inline constexpr double kHalfCells = 0.5 * kBrickCells, kHalfNodes = 0.5 * (kBrickNodes - 1);
+/// Half the diagonal of a brick's cells, voxels.
 inline constexpr double kHalfDiagonal = 3.4641016;
 inline constexpr int kBrickCoefficients = kBrickNodes * kBrickNodes * kBrickNodes;
 /// Largest distance that a coefficient holds, in voxels: a brick's nodes are at most 5.2 from its middle.
@@ -32,48 +31,14 @@ inline constexpr float kBrickUnit = static_cast<float>(kBrickReach / 32767.0);
 /// three sums of four one in another: 12 + 3 + 9 roundings.
 inline constexpr double kReadRounding = 24.0 * kUnitRoundoffFloat * kBrickReach;
 
-/// How a brick's sheet goes on with the next brick: where its faces meet in creases each is a layer of its
-/// own. Those that meet in ridges are one body, of which the greatest distance counts; of bodies the least.
-enum class Joint : std::uint8_t {
-  kLast,    ///< the sheet's last layer; mostly its only one
-  kRidge,   ///< the next is of the same body
-  kValley,  ///< the next begins another body
-  kSeam,    ///< the next is the last, and counts beyond where the two touch: see Brick::is_past()
-};
-/// Layers of a sheet in a cube, at most.
-inline constexpr int kMostLayers = 4;
-
-/// Coefficient (x, y, z) at (x * 7 + y) * 7 + z; node 0 is one voxel before the brick's corner. The mask has
-/// a bit for each cell, (x * 4 + y) * 4 + z, through which the surface goes and points are near; of a sheet
-/// with layers it is the first brick's that counts.
+/// Coefficient (x, y, z) at (x * 7 + y) * 7 + z; node 0 is one voxel before the brick's corner. Distances are
+/// in voxels of the brick's own size. The mask has a bit for each cell, (x * 4 + y) * 4 + z, where the
+/// surface may be touched; all of them in a tight piece.
 struct Brick {
   std::array<std::int16_t, kBrickCoefficients> distance;
-  std::uint16_t tag = 0;
+  std::uint16_t piece = 0;  ///< of BrickGrid::closed_pieces, from 1; 0: an open sheet, felt from both sides
   std::uint64_t mask = 0;
 
-  static constexpr int kPieceBits = 14;
-  /// Of BrickGrid::closed_pieces, from 1; 0: an open sheet, felt from both sides.
-  [[nodiscard]] std::uint16_t piece() const noexcept {
-    return static_cast<std::uint16_t>(tag & ((1u << kPieceBits) - 1u));
-  }
-  [[nodiscard]] Joint joint() const noexcept { return static_cast<Joint>(tag >> kPieceBits); }
-  /// Of a seam's second brick, and of the third where two cross, in its mask: the line beyond which it
-  /// counts. `at` in voxels from the corner of the brick's cells. Exact to 0.0003 voxels.
-  [[nodiscard]] bool is_past(const std::array<float, 3>& at) const noexcept {
-    const auto part = [&](unsigned shift) {
-      return static_cast<float>(static_cast<std::int16_t>(mask >> shift));
-    };
-    return part(0) * at[0] + part(16) * at[1] + part(32) * at[2] > static_cast<float>(kBrickReach) * part(48);
-  }
-  void set_line(const Vec3& across, double off) noexcept {
-    mask = 0;
-    const auto put = [&](double x, unsigned shift) {
-      const auto whole = static_cast<std::int16_t>(std::lround(x * 32767.0));
-      mask |= static_cast<std::uint64_t>(static_cast<std::uint16_t>(whole)) << shift;
-    };
-    for (unsigned a = 0; a < 3; ++a) put(across[a], 16 * a);
-    put(std::clamp(off / kBrickReach, -1.0, 1.0), 48);
-  }
   /// Distances at the nodes, voxels: cut off at kBrickReach, rounded to kBrickUnit.
   void put(const std::array<float, kBrickCoefficients>& at_nodes) noexcept {
     constexpr auto kLargest = static_cast<float>(kBrickReach);
@@ -82,64 +47,86 @@ struct Brick {
       distance[i] = static_cast<std::int16_t>(units + (units < 0.0f ? -0.5f : 0.5f));
     }
   }
-  void set(std::uint16_t piece, Joint joint) noexcept {
-    tag = static_cast<std::uint16_t>(piece | static_cast<unsigned>(joint) << kPieceBits);
-  }
 };
-/// Layers of the sheet whose first brick this is.
-[[nodiscard]] inline std::uint32_t layers_from(const Brick* first) noexcept {
-  std::uint32_t count = 1;
-  for (; first->joint() != Joint::kLast; ++first) ++count;
-  return count;
-}
 
-/// Places of a closed piece that decide, by majority, which of its sides is free.
-inline constexpr std::size_t kPieceSamples = 5;
-
-/// A piece that is felt from one side: which, is found out where a replay begins.
+/// A piece that is felt from one side: that on which a replay begins.
 struct ClosedPiece {
-  ClosedPiece() { samples.fill(Eigen::Vector3f::Zero()); }
-  /// Of one without holes places on it, in voxels: towards them it is seen which side of it is free.
-  std::array<Eigen::Vector3f, kPieceSamples> samples;
-  /// Of one with holes the sign of the distance outside, and its surface brick by brick; else 0 and none.
-  float outer_side = 0.0f;
-  std::vector<geometry::SurfacePart> parts;
+  float outer_side = 1.0f;                   ///< the sign of the distance outside
+  bool tight = true;                         ///< without a mouth that a HIP could come in through
+  std::vector<geometry::SurfacePart> parts;  ///< its surface brick by brick, voxels
 };
 
-/// All bricks of a model. Immutable and shared; local mm.
+/// All bricks of a model. Immutable and shared; local mm. A voxel is one of the largest bricks'.
 struct BrickGrid {
+  static constexpr std::uint32_t kNone = CellBlocks::kNone;
+  /// A bit beside a brick's number: smaller ones stand in its place where the surface goes.
+  static constexpr std::uint32_t kSmaller = 1u << 31;
+  /// Sizes of bricks, each half of the last.
+  static constexpr int kMostLevels = 3;
+  using Coordinate = std::array<std::int32_t, 3>;
+
+  struct Level {
+    CellBlocks table;                  ///< from a brick coordinate's Morton code to its cell
+    std::vector<std::uint32_t> brick;  ///< of each cell; with kSmaller where the next level has some
+  };
+  /// Where a brick stands: its coordinate in bricks of its level.
+  struct Place {
+    std::uint32_t brick = kNone;
+    int level = 0;
+    Coordinate cube{};
+    bool whole = true;  ///< no smaller one stands anywhere in its cube
+  };
+
   Vec3 low_mm = Vec3::Zero();  ///< corner of brick (0, 0, 0)
   double voxel_mm = 1.0;
-  double per_voxel = 1.0;            ///< 1 / voxel_mm
-  std::int64_t last_brick = 0;       ///< largest brick coordinate of any axis
-  CellBlocks table;                  ///< from a brick coordinate's Morton code to its cell
-  std::vector<std::uint32_t> first;  ///< brick of each cell, and one more
+  double per_voxel = 1.0;       ///< 1 / voxel_mm
+  std::int64_t last_brick = 0;  ///< largest brick coordinate of any axis, of level 0
+  int levels = 1;
+  std::array<Level, kMostLevels> level;
   LargeVector<Brick> bricks;
   geometry::Aabb box_mm;  ///< of the points
   std::vector<ClosedPiece> closed_pieces;
   double least_enclosed = 1.0;  ///< 1 less the widest geometry::mouth_share() of those with holes
 
-  using Coordinate = std::array<std::int32_t, 3>;
   [[nodiscard]] std::size_t bytes() const noexcept {
-    std::size_t parts = 0;
-    for (const ClosedPiece& piece : closed_pieces) parts += piece.parts.capacity();
-    return table.bytes() + first.capacity() * sizeof(std::uint32_t) + bricks.capacity() * sizeof(Brick) +
-           closed_pieces.capacity() * sizeof(ClosedPiece) + parts * sizeof(geometry::SurfacePart);
+    std::size_t sum = bricks.capacity() * sizeof(Brick) + closed_pieces.capacity() * sizeof(ClosedPiece);
+    for (const ClosedPiece& piece : closed_pieces)
+      sum += piece.parts.capacity() * sizeof(geometry::SurfacePart);
+    for (const Level& l : level) sum += l.table.bytes() + l.brick.capacity() * sizeof(std::uint32_t);
+    return sum;
   }
-  /// Of every brick. O(bricks).
-  [[nodiscard]] std::vector<Coordinate> cubes_of_bricks() const;
+  /// Voxels of a level in one of the largest.
+  [[nodiscard]] static constexpr double per_voxel_of(int level_of) noexcept {
+    return static_cast<double>(1 << level_of);
+  }
   /// In voxels from low_mm.
   [[nodiscard]] Vec3 in_voxels(const Vec3& local_mm) const noexcept {
     return (local_mm - low_mm) * per_voxel;
   }
-  /// The cell of a brick coordinate, or kNone.
-  [[nodiscard]] std::uint32_t cell_at(const Coordinate& c) const noexcept {
-    for (const std::int32_t a : c)
-      if (a < 0 || a > last_brick) return CellBlocks::kNone;
-    return table.find(partition::morton_code(static_cast<std::uint32_t>(c[0]),
-                                             static_cast<std::uint32_t>(c[1]),
-                                             static_cast<std::uint32_t>(c[2])));
+  /// The smallest brick at a place, in voxels. Where there is none its `brick` is kNone, and the cube of
+  /// level 0 there holds nothing. O(levels).
+  [[nodiscard]] Place find(const Vec3& at) const noexcept {
+    Place out;
+    for (int l = 0; l < levels; ++l) {
+      const double per = per_voxel_of(l) / kBrickCells;
+      Coordinate cube;
+      for (std::size_t a = 0; a < 3; ++a) {
+        const double x = std::floor(at[static_cast<Eigen::Index>(a)] * per);
+        if (!(x >= 0.0 && x <= static_cast<double>(((last_brick + 1) << l) - 1))) return out;
+        cube[a] = static_cast<std::int32_t>(x);
+      }
+      const Level& here = level[static_cast<std::size_t>(l)];
+      const std::uint32_t cell = here.table.find(partition::morton_code(static_cast<std::uint32_t>(cube[0]),
+                                                                        static_cast<std::uint32_t>(cube[1]),
+                                                                        static_cast<std::uint32_t>(cube[2])));
+      if (cell == kNone) return out;
+      out = {here.brick[cell] & ~kSmaller, l, cube, (here.brick[cell] & kSmaller) == 0};
+      if (out.whole) return out;
+    }
+    return out;
   }
+  /// Of every brick, in their order. O(bricks).
+  [[nodiscard]] std::vector<Place> places() const;
 };
 
 }  // namespace palpate::render

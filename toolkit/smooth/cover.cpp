@@ -82,7 +82,7 @@ class ChunkCover {
       if (state_[i] == kOpen && !seed(i, true, out)) state_[i] = kDeferred;
     for (std::size_t i = 0; i < state_.size(); ++i) {
       if (state_[i] != kDeferred) continue;
-      if ((rule_.without.strays || left_together(i)) && (seed(i, false, out) || finish(i, out))) continue;
+      if (left_together(i) && (seed(i, false, out) || finish(i, out))) continue;
       ++left_out;
     }
   }
@@ -99,9 +99,9 @@ class ChunkCover {
 
   /// The fits of growing radius about a point, as long as they agree: how many.
   std::size_t grow(const Vec3& at, double spacing, std::array<QuadricFit, kSizes>& fits) {
-    const FitRule fit_rule{noise_, !rule_.without.robust};
+    const FitRule fit_rule{noise_};
     FitRule first_rule = fit_rule;
-    if (!rule_.without.known && noise_ > kOnSpacings * spacing) first_rule.most = kMostNoise;
+    if (noise_ > kOnSpacings * spacing) first_rule.most = kMostNoise;
     double radius = ball_.radius;
     whole_ = ball_;
     for (std::size_t k = 0; k < kSizes; ++k) {
@@ -120,14 +120,11 @@ class ChunkCover {
       if (!fitted && k > 0) return k;
       if (k == 0) {
         if (!fitted) fits[0].sigma = std::numeric_limits<double>::infinity();
-        if (!rule_.without.separation && (!fitted || unexplained(fits[0], kOnSpacings * spacing)))
+        if (!fitted || unexplained(fits[0], kOnSpacings * spacing))
           mixed_ = separate_sheets(ball_, spacing, noise_, fits[0]);
         if (!fitted && !mixed_) return 0;
         if (!mixed_) try_core(fits[0], spacing);
         if (fits[0].centre_weight < kOwnWeight || unexplained(fits[0], kMixedSpacings * spacing)) return 0;
-        if (rule_.without.growth) return 1;
-      } else if (rule_.without.agreement) {
-        if (k == kEnough) return k + 1;
       } else if (!agrees(std::span(fits).first(k), fits[k], spacing)) {
         leaps_ = k > 1;
         return k;
@@ -144,7 +141,7 @@ class ChunkCover {
   /// already: those between would allow hardly less than it does. The largest size that holds, with ball_ as
   /// it was fitted to; 0, with whole_ as it was, where sizes have to be gone through one by one.
   std::size_t leap(double spacing, const FitRule& rule, std::array<QuadricFit, kSizes>& fits) {
-    if (!leaps_ || mixed_ || rule_.without.agreement || !good_enough(fits[0], spacing)) return 0;
+    if (!leaps_ || mixed_ || !good_enough(fits[0], spacing)) return 0;
     leaps_ = false;
     std::array<double, kEnough + 1> radius{ball_.radius};
     for (std::size_t k = 1; k <= kEnough; ++k) radius[k] = kGrowth * radius[k - 1];
@@ -212,8 +209,8 @@ class ChunkCover {
   void try_core(QuadricFit& first, double spacing) {
     if (!unexplained(first, kOnSpacings * spacing)) return;
     QuadricFit other;
-    if (fit_quadric(ball_, {noise_, !rule_.without.robust, kCoreShare}, nullptr, other) &&
-        other.sigma < first.sigma && other.centre_weight >= kOwnWeight)
+    if (fit_quadric(ball_, {noise_, true, kCoreShare}, nullptr, other) && other.sigma < first.sigma &&
+        other.centre_weight >= kOwnWeight)
       first = other;
   }
 
@@ -271,7 +268,7 @@ class ChunkCover {
     patch.slope_error = fit.slope_error;
     patch.points = fit.points;
     const double error = kTrusted * spacing / std::max(fit.value_error, kTrusted * spacing);
-    patch.trust = rule_.without.trust ? 1.0 : error * error;
+    patch.trust = error * error;
     patch.sure = sure;
     patch.filled = Filled(ball_.away.size());
     fill(patch, off);
@@ -331,8 +328,7 @@ class ChunkCover {
     ball_.gather(points_, at, kLeftRadius * spacing);
     if (!fit_quadric(ball_, {noise_, false}, nullptr, fit) || fit.sigma > kScattered * ball_.radius)
       return false;
-    if (!rule_.without.separation && unexplained(fit, kOnSpacings * spacing))
-      mixed_ = separate_sheets(ball_, spacing, noise_, fit);
+    if (unexplained(fit, kOnSpacings * spacing)) mixed_ = separate_sheets(ball_, spacing, noise_, fit);
     add(fit, spacing, false, out);
     state_[i] = kDone;
     return true;

