@@ -172,29 +172,20 @@ std::string exactness(const Tally& t, double edge_mm, const MeshReferenceOptions
 
 }  // namespace
 
-Result<trace::ReferenceTrace> mesh_reference(const MeshTruth& truth, const trace::ProbePath& path,
-                                             double stiffness_n_per_mm, double force_limit_n,
-                                             Progress& progress, const MeshReferenceOptions& options) {
-  PALPATE_TRY(metrics::check_starts_free(path, truth));
-  const SurfaceMesh& mesh = truth.mesh();
-  const FacetTree& tree = truth.tree();
-  const geometry::RigidTransform& world_from_model = truth.world_from_model();
-  const double edge_mm = median_edge_mm(mesh);
-  const geometry::RigidTransform model_from_world = world_from_model.inverse();
-  Tally tally;
-  ReferenceProbe probe(mesh, tree, tally);
-  trace::ReferenceTrace result;
-  result.name = "original-mesh";
-  result.frames.reserve(path.size());
-  Vec3 last = Vec3::Zero();
-  for (std::size_t i = 0; i < path.size(); ++i) {
-    if (i % kReportEvery == 0) {
-      progress.report("reference on the original mesh",
-                      static_cast<double>(i) / static_cast<double>(path.size()));
-      if (progress.cancelled()) return Error{"the reference was stopped", "", {}, 0};
-    }
-    const Vec3 hip = model_from_world * path.hip_mm[i] - mesh.origin_mm();
-    if (i == 0) {
+struct MeshFollower::State {
+  State(const MeshTruth& of, const MeshReferenceOptions& asked)
+      : truth(of),
+        options(asked),
+        model_from_world(of.world_from_model().inverse()),
+        edge_mm(median_edge_mm(of.mesh())),
+        probe(of.mesh(), of.tree(), tally) {}
+  State(const State&) = delete;  // the probe points into it
+  State& operator=(const State&) = delete;
+
+  bool advance(const Vec3& hip_mm) {
+    hip = model_from_world * hip_mm - truth.mesh().origin_mm();
+    if (!begun) {
+      begun = true;
       probe.reset(hip);
       last = hip;
     }
@@ -205,6 +196,56 @@ Result<trace::ReferenceTrace> mesh_reference(const MeshTruth& truth, const trace
     for (int piece = 1; piece <= pieces; ++piece)
       contact = probe.advance(piece == pieces ? hip : Vec3(last + (hip - last) * (double(piece) / pieces)));
     last = hip;
+    return contact;
+  }
+
+  const MeshTruth& truth;
+  MeshReferenceOptions options;
+  geometry::RigidTransform model_from_world;
+  double edge_mm;
+  mutable Tally tally;
+  ReferenceProbe probe;
+  bool begun = false;
+  Vec3 hip = Vec3::Zero(), last = Vec3::Zero();  ///< model frame, relative to the mesh's origin
+};
+
+MeshFollower::MeshFollower(const MeshTruth& truth, const MeshReferenceOptions& options)
+    : state_(std::make_unique<State>(truth, options)) {}
+MeshFollower::MeshFollower(MeshFollower&&) noexcept = default;
+MeshFollower& MeshFollower::operator=(MeshFollower&&) noexcept = default;
+MeshFollower::~MeshFollower() = default;
+
+bool MeshFollower::advance(const Vec3& hip_mm) {
+  return state_->advance(hip_mm);
+}
+
+Vec3 MeshFollower::god_object_mm() const {
+  return state_->truth.world_from_model() * (state_->probe.point() + state_->truth.mesh().origin_mm());
+}
+
+Result<trace::ReferenceTrace> mesh_reference(const MeshTruth& truth, const trace::ProbePath& path,
+                                             double stiffness_n_per_mm, double force_limit_n,
+                                             Progress& progress, const MeshReferenceOptions& options) {
+  PALPATE_TRY(metrics::check_starts_free(path, truth));
+  const SurfaceMesh& mesh = truth.mesh();
+  const FacetTree& tree = truth.tree();
+  const geometry::RigidTransform& world_from_model = truth.world_from_model();
+  MeshFollower follower(truth, options);
+  const MeshFollower::State& state = follower.state();
+  const ReferenceProbe& probe = state.probe;
+  const double edge_mm = state.edge_mm;
+  Tally& tally = state.tally;
+  trace::ReferenceTrace result;
+  result.name = "original-mesh";
+  result.frames.reserve(path.size());
+  for (std::size_t i = 0; i < path.size(); ++i) {
+    if (i % kReportEvery == 0) {
+      progress.report("reference on the original mesh",
+                      static_cast<double>(i) / static_cast<double>(path.size()));
+      if (progress.cancelled()) return Error{"the reference was stopped", "", {}, 0};
+    }
+    const bool contact = follower.advance(path.hip_mm[i]);
+    const Vec3& hip = state.hip;
     const FacetTree::Nearest near = tree.closest(hip);
     const double nearest = std::sqrt(near.point.distance_sq);
     trace::TruthFrame frame;
@@ -215,7 +256,7 @@ Result<trace::ReferenceTrace> mesh_reference(const MeshTruth& truth, const trace
       ++(agrees ? tally.agree : beside ? tally.next_facet : tally.other_sheet);
       frame.frame.contact = true;
       frame.frame.model = 0;
-      frame.frame.god_object_mm = world_from_model * (probe.point() + mesh.origin_mm());
+      frame.frame.god_object_mm = follower.god_object_mm();
       frame.frame.force_n =
           render::limited((frame.frame.god_object_mm - path.hip_mm[i]) * stiffness_n_per_mm, force_limit_n);
       frame.normal = world_from_model.rotate(probe.outward());

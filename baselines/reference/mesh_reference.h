@@ -47,6 +47,26 @@ struct MeshReferenceOptions {
   int max_pieces = 256;  ///< a frame; where it is reached, frames are counted in `exactness`
 };
 
+/// The god object of the truth, step by step: for whoever decides by what it felt where to go next. Keeps a
+/// reference to the truth. Not thread-safe.
+class MeshFollower {
+ public:
+  explicit MeshFollower(const MeshTruth& truth, const MeshReferenceOptions& options = {});
+  MeshFollower(MeshFollower&&) noexcept;
+  MeshFollower& operator=(MeshFollower&&) noexcept;
+  ~MeshFollower();
+  /// The HIP (world) has gone to `hip_mm`; the first one is free. True in contact.
+  bool advance(const Vec3& hip_mm);
+  /// In contact, world.
+  [[nodiscard]] Vec3 god_object_mm() const;
+
+  struct State;
+  [[nodiscard]] const State& state() const noexcept { return *state_; }
+
+ private:
+  std::unique_ptr<State> state_;
+};
+
 /// The god object along `path` (world frame): free until the way pierces the mesh, then the local minimum of
 /// the distance reached along the surface, the HIP's way taken in pieces and the walk repeated until nothing
 /// moves; past the rim of an open mesh by more than an edge's length it is free again. Force = stiffness x

@@ -54,7 +54,7 @@ struct Recorder::State {
   RecorderOptions options;
   RecordedTick tick;
   std::array<std::byte, kMostBytesATick> scratch{};
-  std::int64_t last_t_ns = 0;
+  std::int64_t first_t_ns = 0, last_t_ns = 0;
   bool has_tick = false;
   std::uint64_t lost_pending = 0;
 
@@ -67,6 +67,13 @@ struct Recorder::State {
   std::array<std::byte, kMostBytesATick> popped{};
   std::size_t popped_bytes = 0;  ///< taken out of the ring, but not in the chunk yet
   std::optional<Error> failure;  ///< of the last try
+  /// That so many of the ticks taken last, s.
+  [[nodiscard]] double seconds_of(std::uint64_t of_ticks) const noexcept {
+    const auto taken = static_cast<double>(ticks.load(std::memory_order_relaxed));
+    return taken > 1.0 ? static_cast<double>(last_t_ns - first_t_ns) / kNsPerS *
+                             static_cast<double>(of_ticks) / (taken - 1.0)
+                       : 0.0;
+  }
   void write_all();
   void drain();
   [[nodiscard]] bool take();
@@ -248,6 +255,7 @@ void Recorder::took(const Tick& tick) noexcept {
   out.fault = tick.fault;
   s.source.fill(tick, out);
   out.lost_before = s.lost_pending;
+  if (!s.has_tick) s.first_t_ns = tick.t_ns;
   s.last_t_ns = tick.t_ns;
   s.has_tick = true;
   const std::size_t bytes = encode(out, s.scratch);
@@ -288,8 +296,9 @@ Status Recorder::finish(const std::string& reason) {
                encode(RecordingClose{counted.ticks, counted.written, counted.lost, reason}), Flush::kData);
   if (counted.lost > 0) {
     Error error = !closed ? closed.error() : Error{};
-    error.what = fmt::format("{} of {} ticks were lost{}", counted.lost, counted.ticks,
-                             s.failure ? ": " + s.failure->what : ": the disk was slower than the session");
+    error.what = fmt::format("{} of {} ticks were lost{}; {:.3g} s are kept", counted.lost, counted.ticks,
+                             s.failure ? ": " + s.failure->what : ": the disk was slower than the session",
+                             s.seconds_of(counted.written));
     if (error.remedy.empty()) error.remedy = s.failure ? s.failure->remedy : "record to a faster disk";
     error.file = s.file->path();
     closed = error;

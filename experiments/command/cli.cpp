@@ -44,24 +44,29 @@ Error not_known(const CLI::App& command, std::string_view name) {
       "unknown option " + shown(name), near.empty() ? std::string() : "did you mean --" + near + "?", {}, 0};
 }
 
+/// An empty text is what a script's unset variable leaves: it is no choice of the default.
+std::string given_and_empty(const std::string& text) {
+  return text.empty() ? "is empty; leave it out for the default, or give it a value" : "";
+}
+
 }  // namespace
 
 void Declaration::text(const std::string& name, std::string& value, const std::string& help) const {
-  command_.add_option(name, value, help);
+  command_.add_option(name, value, help)->check(given_and_empty);
 }
 
 void Declaration::required(const std::string& name, std::string& value, const std::string& help) const {
-  command_.add_option(name, value, help)->required();
+  command_.add_option(name, value, help)->required()->check(given_and_empty);
 }
 
 void Declaration::several(const std::string& name, std::vector<std::string>& values,
                           const std::string& help) const {
-  command_.add_option(name, values, help)->required();
+  command_.add_option(name, values, help)->required()->check(given_and_empty);
 }
 
 void Declaration::repeated(const std::string& name, std::vector<std::string>& values,
                            const std::string& help) const {
-  command_.add_option(name, values, help)->allow_extra_args(false);
+  command_.add_option(name, values, help)->allow_extra_args(false)->check(given_and_empty);
 }
 
 void Declaration::choice(const std::string& name, std::string& value, const std::vector<std::string>& choices,

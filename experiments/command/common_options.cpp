@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "toolkit/core/physical_ranges.h"
 #include "toolkit/core/words.h"
 
 namespace palpate::experiments {
@@ -24,11 +25,11 @@ void declare_results(const Declaration& declare, RunArguments& run) {
 void declare_model(const Declaration& declare, ModelArguments& load) {
   declare.text("--unit", load.unit,
                "unit of the model file: m, cm, mm, um, in (default: what the file says)");
-  declare.number("--scale", load.scale, kAboveZero,
+  declare.number("--scale", load.scale, kScales,
                  "multiplies all lengths, after the unit (default: 1, or the scene's)");
-  declare.number("--post-mm", load.post_mm, kAboveZero,
+  declare.number("--post-mm", load.post_mm, kLengthsMm,
                  "height grids: distance of their posts in mm, before --scale (default: what the file says)");
-  declare.number("--vertical-mm", load.vertical_mm, kAboveZero,
+  declare.number("--vertical-mm", load.vertical_mm, kLengthsMm,
                  "height grids: mm that a height of 1 stands for, before --scale (default: the unit)");
   declare.text("--no-data", load.no_data,
                "height grids: the file's number that stands for no height (default: what the file says)");

@@ -7,7 +7,6 @@
 
 namespace palpate::experiments {
 
-inline constexpr NumberRange kAboveZero{0.0, 1e300, true};
 inline constexpr NumberRange kThreads{0, 4096};       ///< more than any machine has
 inline constexpr NumberRange kGigabytes{0.001, 1e6};  ///< a petabyte: beyond every machine
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <map>
 #include <thread>
 #include <utility>
 
@@ -17,6 +18,13 @@
 
 namespace palpate::experiments {
 namespace {
+
+using DeviceFactTexts = std::map<std::string, std::string>;
+
+DeviceFactTexts facts_of(const SessionDevice& device) {
+  const auto told = device.facts();
+  return {told.begin(), told.end()};
+}
 
 constexpr double kSessionNsPerS = 1e9;
 // How often the main thread looks at keys and messages, and the worker at what is due: a person sees no
@@ -188,13 +196,19 @@ SessionEnd Assembly::ended(const device::LoopHistograms& histograms) {
 Result<SessionEnd> Assembly::run(SessionTasks& tasks, ProgressBar& progress) {
   if (recorder_ != nullptr) observers_.insert(observers_.begin(), recorder_);
   observers_.push_back(&watch_);
-  std::vector<std::string> facts;
-  for (const auto& [key, value] : device_.facts()) facts.push_back(fmt::format("{}: {}", key, value));
+  const DeviceFactTexts at_opening = facts_of(device_);
   if (recorder_ != nullptr)
-    for (const std::string& fact : facts) (void)recorder_->note("device: " + fact);
+    for (const auto& [key, value] : at_opening)
+      (void)recorder_->note(fmt::format("device at the opening: {}: {}", key, value));
   Result<SessionEnd> end = clock_.accelerated() ? run_fast(tasks, progress) : run_real(tasks, progress);
   show_said(progress);
-  if (end) end->notes.insert(end->notes.end(), facts.begin(), facts.end());
+  // What the device counted is told of the whole session; one that is closed may say nothing any more.
+  DeviceFactTexts facts = facts_of(device_);
+  facts.insert(at_opening.begin(), at_opening.end());
+  for (const auto& [key, value] : facts) {
+    if (recorder_ != nullptr) (void)recorder_->note(fmt::format("device: {}: {}", key, value));
+    if (end) end->notes.push_back(fmt::format("{}: {}", key, value));
+  }
   return end;
 }
 

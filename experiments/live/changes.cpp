@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "experiments/run/cleaning.h"
+#include "toolkit/core/physical_ranges.h"
 #include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
 
@@ -37,7 +38,7 @@ Error wrong_change(const std::string& part, std::string what) {
 
 /// One "key=value" into the setting.
 Status set_key(const std::string& part, const std::string& word, LiveSetting& setting) {
-  constexpr NumberRange kStiffness{0.0, 1e6, true}, kLimit{0.0, 1e6};
+  constexpr NumberRange kLimit{0.0, kForcesN.high};  // 0: none
   const std::size_t equals = word.find('=');
   if (equals == std::string::npos) return wrong_change(part, shown(word) + " is no key=value");
   const std::string key = word.substr(0, equals), value = word.substr(equals + 1);
@@ -46,7 +47,7 @@ Status set_key(const std::string& part, const std::string& word, LiveSetting& se
     return Done{};
   }
   const bool stiffness = key == kStiffnessKey;
-  const Result<double> number = read_number(value, stiffness ? kStiffness : kLimit);
+  const Result<double> number = read_number(value, stiffness ? kStiffnessesNPerMm : kLimit);
   if (!number) return wrong_change(part, number.error().what);
   (stiffness ? setting.stiffness_n_per_mm : setting.force_limit_n) = *number;
   return Done{};
@@ -69,14 +70,13 @@ Result<MadeRenderer> make_live(Workshop& workshop, const LiveSetting& setting, P
 Result<std::vector<LiveChange>> parse_changes(const std::string& text,
                                               const std::vector<LiveSetting>& at_start,
                                               const render::Registry& registry) {
-  constexpr NumberRange kSeconds{0.0, 1e9};
   std::vector<LiveChange> changes;
   std::vector<LiveSetting> now = at_start;
   if (text.empty()) return changes;
   for (const std::string& part : split_list(text)) {
     const std::vector<std::string> words = split_list(part, ':');
     if (words.size() < 3) return wrong_change(part, "it has no time, label and key");
-    const Result<double> at_s = read_number(words[0], kSeconds);
+    const Result<double> at_s = read_number(words[0], kTimesS);
     if (!at_s) return wrong_change(part, at_s.error().what);
     if (!changes.empty() && *at_s < changes.back().at_s)
       return wrong_change(part, "it comes before the one before it");

@@ -14,6 +14,7 @@ constexpr double kForceJndPercent = 7.0;    // Pang, Tan and Durlach 1991
 constexpr double kDirectionJndDeg = 25.6;   // Barbagli et al. 2006, at rest
 constexpr double kMostLagMs = 1.0;          // one frame of the 1 kHz loop
 constexpr double kMostEnergyPercent = 1.0;  // of the true stored energy
+constexpr double kMostPeakPercent = 50.0;   // wrong pieces and edges give many times that, noise a tenth
 constexpr double kNoticed = 1.0;            // times what touch notices
 constexpr double kDeadlineUs = 1000.0;      // the 1 kHz loop
 
@@ -50,6 +51,10 @@ std::vector<CardItem> card_of(const R& r) {
   card.at_least("frames that no hand tells from the truth, %", a.indistinguishable_percent,
                 metrics::kRightSharePercent);
   card.at_least("contact that is felt, %", a.felt_percent, metrics::kRightSharePercent);
+  card.none("caught, times", a.caught);
+  card.none("lost, times", a.lost);
+  card.none("kicks", a.kicks);
+  card.at_most("force above the truth's largest, %", a.force_peak_excess_percent, kMostPeakPercent);
   card.none("missed contact, frames", a.missed_contact_frames);
   card.none("false contact, frames", a.false_contact_frames);
   card.none("fall-throughs", a.fall_throughs);

@@ -72,6 +72,9 @@ std::string contact_faults(const RendererResult& r) {
   const auto add = [&](std::uint64_t n, const char* one, const char* several) {
     if (n > 0) faults.push_back(fmt::format("{} {}", count_text(n), n == 1 ? one : several));
   };
+  add(r.accuracy->caught.value_or(0), "time caught", "times caught");
+  add(r.accuracy->lost.value_or(0), "time lost", "times lost");
+  add(r.accuracy->kicks.value_or(0), "kick", "kicks");
   add(r.accuracy->missed_contact_frames, "frame of missed contact", "frames of missed contact");
   add(r.accuracy->false_contact_frames, "frame of false contact", "frames of false contact");
   if (r.accuracy->longest_stick_frames > 0)

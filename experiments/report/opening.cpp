@@ -28,10 +28,15 @@ bool finite(const Maybe& v) {
   return v && std::isfinite(*v);
 }
 
-/// Frames of wrong contact, and surfaces passed through.
+/// What a hand feels as plainly wrong.
+std::uint64_t moments(const metrics::Accuracy& a) {
+  return a.caught.value_or(0) + a.lost.value_or(0) + a.kicks.value_or(0);
+}
+
+/// The same, frames of wrong contact, and surfaces passed through.
 std::uint64_t contact_faults(const metrics::Accuracy& a) {
   return a.missed_contact_frames + a.false_contact_frames + a.pop_throughs.value_or(0) +
-         a.fall_throughs.value_or(0);
+         a.fall_throughs.value_or(0) + moments(a);
 }
 
 /// Too little of the contact is felt at all, whatever the tolerances of the faults.
@@ -43,7 +48,13 @@ std::string faults_text(const metrics::Accuracy& a) {
   const std::uint64_t wrong = a.missed_contact_frames + a.false_contact_frames,
                       pops = a.pop_throughs.value_or(0) + a.fall_throughs.value_or(0);
   std::string text;
-  if (wrong > 0) text = fmt::format("contact wrong in {} frame{}", count_text(wrong), wrong == 1 ? "" : "s");
+  const auto add = [&](std::uint64_t count, const char* what) {
+    if (count > 0) text += fmt::format("{}{} {}", text.empty() ? "" : ", ", count_text(count), what);
+  };
+  add(a.caught.value_or(0), "× caught");
+  add(a.lost.value_or(0), "× lost");
+  add(a.kicks.value_or(0), a.kicks == 1 ? "kick" : "kicks");
+  add(wrong, wrong == 1 ? "frame of wrong contact" : "frames of wrong contact");
   if (pops > 0)
     text += fmt::format("{}through the surface {} time{}", text.empty() ? "" : ", ", count_text(pops),
                         pops == 1 ? "" : "s");

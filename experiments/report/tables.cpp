@@ -228,6 +228,13 @@ void add_scores(Scores& t) {
   const auto accuracy_interval = [](std::optional<Interval> A::*member) {
     return [member](const Result_& r) { return r.accuracy ? (*r.accuracy).*member : std::nullopt; };
   };
+  t.heading("What a hand feels as wrong, against the ground truth");
+  t.fewer("caught, times", accuracy_count(&A::caught));
+  t.fewer("caught, frames", accuracy_count(&A::caught_frames));
+  t.fewer("lost, times", accuracy_count(&A::lost));
+  t.fewer("lost, frames", accuracy_count(&A::lost_frames));
+  t.fewer("kicks", accuracy_count(&A::kicks));
+  lower("largest force, N", &A::force_peak_n);
   t.heading("Force against the ground truth");
   t.add("frames that no hand tells from the truth, %", accuracy(&A::indistinguishable_percent),
         Better::kHigher, Show::kNumbers, {}, accuracy_interval(&A::indistinguishable_interval));

@@ -109,6 +109,10 @@ std::string usual_path(const trace::PathTarget& target, int frames) {
   if (target.surface != nullptr)
     return fmt::format("weave:frames={}:depth_mm={}:clearance_mm={}:speed_mm_s={}:period_frames={}", frames,
                        round_text(depth_mm), clearance, fastest, kUsualPeriod);
+  if (target.felt)
+    return fmt::format("hand:frames={}:force_n={}:slowest_mm_s={}:fastest_mm_s={}", frames,
+                       round_text(depth_mm * target.stiffness_n_per_mm),
+                       round_text(kSlowestPerFastest * fastest_mm_s), fastest);
   return fmt::format("exploration:frames={}:depth_mm={}:clearance_mm={}:slowest_mm_s={}:fastest_mm_s={}",
                      frames, round_text(depth_mm), clearance, round_text(kSlowestPerFastest * fastest_mm_s),
                      fastest);

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "experiments/run/disagreement.h"
 #include "experiments/run/doubts.h"
 #include "experiments/run/work.h"
 #include "experiments/study/scoring.h"
@@ -61,6 +62,7 @@ void finish_document(StagedStudy& study) {
   study.document.path_hash = trace::path_hash(study.stage.path);
   study.document.warnings = study.stage.warnings;
   for (std::string& doubt : doubts_about_contact(study)) study.document.warnings.push_back(std::move(doubt));
+  for (std::string& apart : disagreements(study)) study.document.warnings.push_back(std::move(apart));
   study.document.notes = study.stage.notes;
   for (std::string& remark : remarks_on_reference(study)) study.document.notes.push_back(std::move(remark));
   study.document.renderers.clear();

@@ -7,6 +7,7 @@
 #include "experiments/run/arguments.h"
 #include "experiments/run/choices.h"
 #include "experiments/run/doubts.h"
+#include "experiments/run/felt.h"
 #include "experiments/run/ground_truth.h"
 #include "toolkit/core/try.h"
 #include "toolkit/metrics/reference.h"
@@ -116,6 +117,21 @@ Status add_reference(Stage& stage, const render::ModelInput& model, ReferenceCho
   stage.truth = std::move(truth.surface);
   return metrics::fill_local_resolution(*stage.reference, stage.path, *model.cloud, neighbours,
                                         model.world_from_model);
+}
+
+/// A hand that felt the truth all along its path came to each place as the truth has it: its history is known,
+/// and no frame is left out for it.
+void keep_history_of_hand(Stage& stage) {
+  std::size_t frames = 0;
+  for (trace::TruthFrame& frame : stage.reference->frames) {
+    frames += frame.history_decides ? 1u : 0u;
+    frame.history_decides = false;
+  }
+  if (frames > 0)
+    stage.notes.push_back(fmt::format(
+        "In {} frames, at edges, another place of the surface is as near as the one that the hand felt; they "
+        "are scored as all others, for the hand came there feeling the truth.",
+        frames));
 }
 
 void cut(Stage& stage, std::uint64_t contact_frames) {
@@ -234,6 +250,15 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
     target.spacing_mm = neighbourhood::describe_spacing(*corners, of_corners).nearest_mm.p50;
   }
   target.world_from_model = model.world_from_model;
+  target.stiffness_n_per_mm = model.surface.stiffness_n_per_mm;
+  bool felt_the_truth = false;
+  target.felt = [&] {
+    FeltKind kind = FeltKind::kPoints;
+    felt_the_truth = *choice != ReferenceChoice::kNone;
+    if (felt_the_truth)
+      kind = model.analytic != nullptr ? FeltKind::kFormula : FeltKind::kFaces;
+    return felt_of(kind, model, stage.scene.input, request.threads, progress);
+  };
   if (request.path.empty())
     if (const std::string hint = size_hint(target.box_mm); !hint.empty()) stage.notes.push_back(hint);
   const std::string named = !request.path.empty() ? request.path : usual_path(target, request.usual_frames);
@@ -258,6 +283,7 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
         "with "
         "it, forces are not.");
   if (*choice != ReferenceChoice::kNone) PALPATE_TRY(add_reference(stage, model, *choice, nearest, progress));
+  if (felt_the_truth && *choice != ReferenceChoice::kClosest) keep_history_of_hand(stage);
   if (*choice == ReferenceChoice::kMeshFile) add(stage.warnings, doubts_about_alignment(stage));
   cut(stage, request.contact_frames);
   return stage;

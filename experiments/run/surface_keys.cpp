@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "toolkit/core/options.h"
+#include "toolkit/core/physical_ranges.h"
 #include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
 
@@ -27,7 +28,7 @@ Result<double> number(const char* option, const std::string& text, const NumberR
 Result<surface::Friction> friction(const std::string& text) {
   std::vector<double> values;
   for (const std::string& part : split_list(text)) {
-    const Result<double> mu = number("friction", part, {0.0, 1e300});
+    const Result<double> mu = number("friction", part, kFrictionCoefficients);
     if (!mu) return mu.error();
     values.push_back(*mu);
   }
@@ -44,7 +45,7 @@ Result<surface::Friction> friction(const std::string& text) {
 Result<Given> parse(const SurfaceArguments& arguments) {
   Given given;
   if (!arguments.stiffness.empty()) {
-    const Result<double> k = number("stiffness", arguments.stiffness, {0.0, 1e300, true});
+    const Result<double> k = number("stiffness", arguments.stiffness, kStiffnessesNPerMm);
     if (!k) return k.error();
     given.stiffness_n_per_mm = *k;
   }

@@ -81,6 +81,7 @@ TEST(Recorder, ASlowDiskCostsTicksThatAreCountedAndNeverTheLoop) {
   const RecorderCounts counts = recorder.counts();
   ASSERT_FALSE(done);
   EXPECT_NE(done.error().what.find("were lost"), std::string::npos) << done.error().message();
+  EXPECT_NE(done.error().what.find(" s are kept"), std::string::npos) << done.error().message();
   EXPECT_GT(counts.lost, 0u);
   EXPECT_EQ(counts.ticks, counts.written + counts.lost);
   RecordingEnd end;
@@ -129,6 +130,7 @@ TEST(Recorder, ADiskThatStaysFullLosesTheRestAndSaysWhy) {
   ASSERT_FALSE(done);
   EXPECT_NE(done.error().what.find("No space left"), std::string::npos) << done.error().message();
   EXPECT_NE(done.error().remedy.find("free some space"), std::string::npos);
+  EXPECT_NE(done.error().what.find("; 0 s are kept"), std::string::npos) << done.error().message();
   EXPECT_EQ(recorder.counts().lost, 600u);
   RecordingEnd end;
   EXPECT_EQ(ticks_of(disk.copy(), end), 0u);

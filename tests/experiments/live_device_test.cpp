@@ -100,6 +100,10 @@ TEST_F(LiveDevice, UnpluggedTenTimesInOneSessionOnAVirtualClock) {
   // What the device says of itself is kept with the session.
   const json& notes = session["notes"];
   EXPECT_NE(std::find(notes.begin(), notes.end(), "filter: none of its own"), notes.end()) << notes;
+  // What it counts is told of the session's end: it was opened again since.
+  const std::string openings = "openings: " + std::to_string(plan_.opened);
+  EXPECT_GT(plan_.opened, 1);
+  EXPECT_NE(std::find(notes.begin(), notes.end(), openings), notes.end()) << notes;
   Result<device::Recording> recording = device::Recording::open(a.record);
   ASSERT_TRUE(recording) << recording.error().message();
   device::RecordedTick tick;
@@ -107,9 +111,13 @@ TEST_F(LiveDevice, UnpluggedTenTimesInOneSessionOnAVirtualClock) {
   while (more && *more) more = recording->next(tick);
   ASSERT_TRUE(more) << more.error().message();
   const auto& kept = recording->notes();
-  EXPECT_TRUE(std::any_of(kept.begin(), kept.end(), [](const std::string& note) {
-    return note.find("device: filter: none of its own") != std::string::npos;
-  }));
+  const auto is_kept = [&](const std::string& what) {
+    return std::any_of(kept.begin(), kept.end(),
+                       [&](const std::string& note) { return note.find(what) != std::string::npos; });
+  };
+  EXPECT_TRUE(is_kept("device: filter: none of its own"));
+  EXPECT_TRUE(is_kept("device at the opening: openings: 1"));
+  EXPECT_TRUE(is_kept("device: " + openings));
 }
 
 TEST_F(LiveDevice, UnpluggedTenTimesInRealTimeItComesBackByAnExplicitRearmAlone) {

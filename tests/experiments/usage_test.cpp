@@ -206,6 +206,8 @@ TEST_F(Usage, SurfacesThatCannotBeAreRefused) {
                                                         {"--stiffness", "-1"},
                                                         {"--stiffness", "nan"},
                                                         {"--stiffness", "inf"},
+                                                        {"--stiffness", "1e300"},
+                                                        {"--friction", "1e300"},
                                                         {"--stiffness", "0.5 N"},
                                                         {"--friction", "-0.1"},
                                                         {"--friction", "0.5,0.7"},

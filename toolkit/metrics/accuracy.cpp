@@ -410,6 +410,7 @@ Result<Accuracy> score_again(const trace::ProbePath& path, const trace::ForceTra
   score_onset_and_release(in, a);
   score_path_dependence(in, a);
   score_felt(in, episodes, a);
+  score_moments(in, a);
   if (answers) score_friction(in, *answers, a);
   if (has_resolution(reference)) score_fall_throughs(in, a);
   if (answers && !answers->pop_throughs.empty()) {
@@ -469,8 +470,11 @@ void keep_contact_scores(Accuracy& a, AccuracyFrames& per_frame) {
                                        &a.god_object_max_mm,
                                        &a.god_object_surface_rms_mm,
                                        &a.god_object_surface_max_mm,
-                                       &a.path_dependence_n})
+                                       &a.path_dependence_n,
+                                       &a.force_peak_n,
+                                       &a.force_peak_excess_percent})
     score->reset();
+  for (std::optional<std::uint64_t>* count : {&a.caught, &a.caught_frames, &a.kicks}) count->reset();
   a.excess_jumps.reset();
   a.jump_errors.reset();
   a.force_rms_percent_interval.reset();

@@ -97,6 +97,14 @@ struct Accuracy {
   std::uint64_t false_contact_frames = 0;   ///< F_r != 0 and d > local resolution
   std::uint64_t longest_stick_frames = 0;   ///< longest run of consecutive false contact frames
 
+  /// What a hand feels as plainly wrong, over *all* frames, those in which history decides too. See
+  /// wrong_moments.cpp.
+  std::optional<std::uint64_t> caught, caught_frames;  ///< g stays far from g*
+  std::optional<std::uint64_t> lost, lost_frames;      ///< true contact, nothing felt
+  std::optional<std::uint64_t> kicks;                  ///< steps of force that the truth has not
+  std::optional<double> force_peak_n;                  ///< largest |F_r|
+  std::optional<double> force_peak_excess_percent;     ///< by how much it is above the largest |F_g|
+
   /// Events; nothing without local resolutions: contact that was felt in an episode is lost while h is deeper
   /// inside than the local resolution.
   std::optional<std::uint64_t> fall_throughs;

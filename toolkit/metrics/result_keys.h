@@ -106,6 +106,13 @@ void visit_accuracy(V&& v, S& s) {
   v.later("relief_width_mm", s.relief_width_mm);
   v.later("indistinguishable_percent", s.indistinguishable_percent);
   v.later("indistinguishable_interval", s.indistinguishable_interval);
+  v.later("caught", s.caught);
+  v.later("caught_frames", s.caught_frames);
+  v.later("lost", s.lost);
+  v.later("lost_frames", s.lost_frames);
+  v.later("kicks", s.kicks);
+  v.later("force_peak_n", s.force_peak_n);
+  v.later("force_peak_excess_percent", s.force_peak_excess_percent);
 }
 
 template <class V, class S>

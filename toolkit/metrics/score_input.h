@@ -58,6 +58,9 @@ struct Episodes {
 [[nodiscard]] std::vector<double> friction_ratios(const trace::ForceTrace& trace, const TruthSurface& truth);
 void score_friction(const ScoreInput& in, const SurfaceAnswers& answers, Accuracy& a);
 
+/// Caught, lost, kicks and the largest force; see Accuracy.
+void score_moments(const ScoreInput& in, Accuracy& a);
+
 /// Lag, ripple, relief and the headline; see Accuracy.
 void score_felt(const ScoreInput& in, const Episodes& episodes, Accuracy& a);
 

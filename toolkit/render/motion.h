@@ -23,8 +23,12 @@ struct PoseState {
   Vec3 velocity_mm_s = Vec3::Zero();           ///< of the point, world
   Vec3 angular_velocity_rad_s = Vec3::Zero();  ///< world
   Vec3 about_mm = Vec3::Zero();                ///< the point, at t_s, world
+  /// This course began then, perhaps with a jump: before, the model stood there. Kept by MovingModel.
+  double begun_s = -HUGE_VAL;
+  geometry::RigidTransform before;
 
   [[nodiscard]] geometry::RigidTransform at(double now_s) const noexcept {
+    if (now_s < begun_s) return before;
     const double dt = now_s - t_s;
     if (dt == 0.0) return world_from_model;
     const Vec3 turn = angular_velocity_rad_s * dt;
@@ -55,9 +59,12 @@ class MovingModel {
                        std::shared_ptr<CourseCount> courses = std::make_shared<CourseCount>(0))
       : frames_(start), slow_(start), last_(start), courses_(std::move(courses)) {}
   /// Writer. Wait-free. The count rises first: who reads it after an old pose sees that it is old.
-  void publish(const PoseState& state) noexcept {
-    if (!continues(last_, state)) courses_->fetch_add(1, std::memory_order_release);
+  void publish(PoseState state) noexcept {
+    const bool goes_on = continues(last_, state);
+    state.begun_s = goes_on ? last_.begun_s : state.t_s;
+    state.before = goes_on ? last_.before : last_.at(state.t_s);
     last_ = state;
+    if (!goes_on) courses_->fetch_add(1, std::memory_order_release);
     frames_.publish(state);
     slow_.publish(state);
   }

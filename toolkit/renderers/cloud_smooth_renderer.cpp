@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "toolkit/render/shell_renderer.h"
+#include "toolkit/render/spread_step.h"
 #include "toolkit/render/surface_response.h"
 #include "toolkit/smooth/smooth_contact.h"
 #include "toolkit/smooth/smooth_model.h"
@@ -31,13 +32,15 @@ class SmoothModel {
   [[nodiscard]] const ModelPose& pose() const noexcept { return body_.pose; }
   [[nodiscard]] unsigned features() const noexcept { return body_.surface.features; }
   [[nodiscard]] const geometry::Aabb& box_mm() const noexcept { return body_.smooth->grid.box_mm; }
-  [[nodiscard]] bool touching() const noexcept { return contact_.contact(); }
+  [[nodiscard]] bool touching() const noexcept { return contact_.contact() || spread_.active(); }
   void restart(const Vec3& h) noexcept {
     contact_.restart(h);
+    spread_.end();
     state_.release();
   }
   void let_go(const Vec3& h) noexcept {
     contact_.start_from(h);
+    spread_.end();
     state_.release();
   }
   void release() noexcept { state_.release(); }
@@ -45,9 +48,11 @@ class SmoothModel {
   template <unsigned kFeatures>
   [[nodiscard]] bool touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/, SurfaceContact& contact,
                            FrameStatus& status, FrameCounters& counters) noexcept {
-    const bool held = contact_.update(h, counters);
+    bool held = contact_.update(h, counters);
     if (contact_.bound_hit()) status = FrameStatus::kBoundHit;
     if (held) contact = contact_at<kFeatures>(h);
+    if (contact_.corrected_from() != nullptr || spread_.active()) [[unlikely]]
+      held = spread_step<kFeatures>(h, held, contact);
     return held;
   }
   template <unsigned kFeatures>
@@ -56,6 +61,15 @@ class SmoothModel {
   }
 
  private:
+  /// A correction comes bit by bit, where it set the HIP free too.
+  template <unsigned kFeatures>
+  [[gnu::noinline]] bool spread_step(const Vec3& h, bool held, SurfaceContact& contact) noexcept {
+    Vec3 pull = held ? Vec3(contact_.god_object_mm() - h) : Vec3::Zero();
+    if (!spread_.apply(contact_.corrected_from(), held, pull)) return false;
+    if (!held) contact = contact_at<kFeatures>(h);
+    contact.pull = pull;
+    return true;
+  }
   template <unsigned kFeatures>
   [[nodiscard]] SurfaceContact contact_at(const Vec3& h) const noexcept {
     SurfaceContact contact = uniform_contact(body_.surface, h, contact_.god_object_mm() - h);
@@ -94,6 +108,7 @@ class SmoothModel {
 
   SmoothBody body_;
   SmoothContact contact_;
+  SpreadStep spread_;
   SurfaceState state_;
 };
 

@@ -6,10 +6,12 @@
 #include <cmath>
 
 #include "toolkit/cloud/height_field_holes.h"
+#include "toolkit/geometry/held_place.h"
 #include "toolkit/heightfield/heightfield_crossing.h"
 #include "toolkit/heightfield/heightfield_descent.h"
 #include "toolkit/heightfield/heightfield_model.h"
 #include "toolkit/render/shell_renderer.h"
+#include "toolkit/render/spread_step.h"
 #include "toolkit/render/surface_response.h"
 
 namespace palpate::render {
@@ -27,6 +29,9 @@ constexpr double kHessianChange = 4.0;
 constexpr double kNoFarther = 1.0 + 0x1p-40;
 /// Entries one frame follows: the HIP leaves one flank and meets the next. The rest waits.
 constexpr int kMaxEntries = 4;
+/// Frames between two looks at the surface below or above the HIP itself: 8 ms at 1 kHz, sooner than a hand
+/// feels a pull as wrong.
+constexpr int kLookEvery = 8;
 /// Nearer to the next post than to this one.
 constexpr double kMiddle = 0.5;
 /// A HIP farther off than so many posts, or than so many mm, is beside the field; its cell could not be
@@ -61,9 +66,10 @@ class HeightFieldSurface {
   [[nodiscard]] const ModelPose& pose() const noexcept { return model_.pose; }
   [[nodiscard]] unsigned features() const noexcept { return model_.surface.features; }
   [[nodiscard]] const geometry::Aabb& box_mm() const noexcept { return model_.grid->box_mm; }
-  [[nodiscard]] bool touching() const noexcept { return contact_; }
+  [[nodiscard]] bool touching() const noexcept { return contact_ || spread_.active(); }
   void let_go(const Vec3& h) noexcept {
     contact_ = false;
+    spread_.end();
     state_.release();
     started_ = is_finite(h);
     if (started_) start(sheet_.plan(h));
@@ -74,9 +80,12 @@ class HeightFieldSurface {
   [[nodiscard]] bool touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/, SurfaceContact& contact,
                            FrameStatus& status, FrameCounters& counters) noexcept {
     const PlanPoint plan = sheet_.plan(h);
-    if (!(contact_ && follow_quickly(plan, counters)) && !update(plan, status, counters)) return false;
-    contact = contact_at<kFeatures>(h);
-    return true;
+    const bool held =
+        (contact_ && follow_quickly(plan, counters)) || update(plan, status, counters);
+    if (held) contact = contact_at<kFeatures>(h);
+    if (spread_.active() || (held && ++unlooked_ >= kLookEvery)) [[unlikely]]
+      return agree_with<kFeatures>(plan, h, held, contact, status, counters);
+    return held;
   }
   template <unsigned kFeatures>
   [[nodiscard]] SurfaceAnswer respond(const SurfaceContact& contact) noexcept {
@@ -84,6 +93,58 @@ class HeightFieldSurface {
   }
 
  private:
+  /// The rule of geometry/held_place.h, whose corrections come bit by bit. Whether anything is felt.
+  template <unsigned kFeatures>
+  [[gnu::noinline]] bool agree_with(const PlanPoint& plan, const Vec3& h, bool held, SurfaceContact& contact,
+                                    FrameStatus& status, FrameCounters& counters) noexcept {
+    const Vec3 before = held ? contact.pull : Vec3::Zero();
+    bool corrected = false;
+    if (held && unlooked_ >= kLookEvery) {
+      unlooked_ = 0;
+      corrected = correct(plan, h, before, status, counters);
+      if (corrected && contact_) contact = contact_at<kFeatures>(h);
+      held = contact_;
+    }
+    if (!corrected && !spread_.active()) return held;
+    Vec3 pull = held ? contact.pull : Vec3::Zero();
+    if (!spread_.apply(corrected ? &before : nullptr, held, pull)) return false;
+    if (!held) contact = contact_at<kFeatures>(h);
+    contact.pull = pull;
+    return true;
+  }
+  /// Compares the place held with the surface above or below the HIP. Whether that changed it.
+  bool correct(const PlanPoint& plan, const Vec3& h, const Vec3& pull, FrameStatus& status,
+               FrameCounters& counters) noexcept {
+    const double far = pull.norm(), spacing = std::min(sheet_.step_x, sheet_.step_y);
+    if (!(far > geometry::kNextToSpacings * spacing)) return false;
+    if (!(plan.x >= 0.0 && plan.y >= 0.0 && plan.x < sheet_.last_column && plan.y < sheet_.last_row))
+      return false;
+    const Foot under{static_cast<std::int32_t>(plan.x), static_cast<std::int32_t>(plan.y),
+                     plan.x - std::floor(plan.x), plan.y - std::floor(plan.y)};
+    const Patch patch = sheet_.patch(under.column, under.row);
+    if (!patch.exists()) return false;
+    const Vec3 normal(-(patch.b + patch.d * under.t) * sheet_.inverse_x,
+                      -(patch.c + patch.d * under.s) * sheet_.inverse_y, 1.0);
+    const double size = normal.norm();
+    const geometry::Surroundings at{true, (plan.z - patch.height(under.s, under.t)) / size, normal / size};
+    switch (geometry::judge_held_place(h, h + pull, pull / far, at, spacing)) {
+      case geometry::HeldPlace::kKeep:
+        return false;
+      case geometry::HeldPlace::kMove: {
+        int moves = kMaxSheetMoves;
+        foot_ = under;
+        (void)stay(plan, moves, status, counters);
+        return true;
+      }
+      case geometry::HeldPlace::kFree:
+        break;
+    }
+    contact_ = false;
+    tested_to_ = plan;
+    side_ = SheetSide::kAbove;
+    return true;
+  }
+
   void start(const PlanPoint& h) noexcept {
     tested_to_ = h;
     side_ = is_near(h) ? side_of(sheet_, h) : SheetSide::kNowhere;
@@ -270,6 +331,8 @@ class HeightFieldSurface {
   bool nearest_post_;
 
   SurfaceState state_;
+  SpreadStep spread_;
+  int unlooked_ = 0;  ///< frames in contact since the HIP's own surroundings were looked at
   bool started_ = false;
   bool contact_ = false;
   Foot foot_;                             ///< of the god object, in contact

@@ -9,6 +9,7 @@
 #include "toolkit/deformation/giving_way.h"
 #include "toolkit/geometry/aabb.h"
 #include "toolkit/render/joint_contact.h"
+#include "toolkit/render/spread_step.h"
 #include "toolkit/render/surface_response.h"
 #include "toolkit/stars/star_contact.h"
 
@@ -40,15 +41,17 @@ class StarModel {
   [[nodiscard]] unsigned features() const noexcept { return surface.features; }
   [[nodiscard]] bool moves_by_itself() const noexcept { return giving.moves_by_itself(); }
   [[nodiscard]] geometry::Aabb box_mm() const noexcept { return geometry->tree.box_mm(); }
-  [[nodiscard]] bool touching() const noexcept { return contact.contact(); }
+  [[nodiscard]] bool touching() const noexcept { return contact.contact() || spread.active(); }
 
   void restart(const Vec3& h) noexcept {
     giving.restart();
     contact.reset(h);
+    spread.end();
     release();
   }
   void let_go(const Vec3& h) noexcept {
     contact.start_from(h);
+    spread.end();
     release();
   }
   void release() noexcept {
@@ -61,13 +64,15 @@ class StarModel {
                                                SurfaceContact& answer, FrameStatus& status,
                                                FrameCounters& counters) noexcept {
     stars::StarCounters work;
-    const bool held = contact.update(h, work);
+    bool held = contact.update(h, work);
     counters.walk_steps += work.moves;
     counters.box_tests += work.tested;
     counters.cells_visited += work.blocks;
     if (contact.bound_hit()) [[unlikely]]
       status = FrameStatus::kBoundHit;
     if (held) read_contact<kFeatures>(h, answer);
+    if (contact.corrected_from() != nullptr || spread.active()) [[unlikely]]
+      held = spread_step<kFeatures>(h, held, answer);
     return held;
   }
   template <unsigned kFeatures>
@@ -109,12 +114,22 @@ class StarModel {
   std::shared_ptr<const StarGeometry> geometry;
   std::shared_ptr<StarGeometry> moving;  ///< where points may move: the same, this renderer's own
   stars::StarContact contact;
+  SpreadStep spread;
   SurfaceField surface;  ///< by place
   SurfaceState state;
   ModelPose placed;  ///< where it stands
   GivingWay giving;
 
  private:
+  /// A correction comes bit by bit, where it set the HIP free too.
+  template <unsigned kFeatures>
+  [[gnu::noinline]] bool spread_step(const Vec3& h, bool held, SurfaceContact& at) noexcept {
+    Vec3 pull = held ? contact.pull() : Vec3::Zero();
+    if (!spread.apply(contact.corrected_from(), held, pull)) return false;
+    if (!held) read_contact<kFeatures>(h, at);
+    at.pull = pull;
+    return true;
+  }
   void add_planes(stars::StarContact::Held held, const Vec3& at, JointPlanes& planes,
                   FrameCounters& counters) const noexcept {
     int moves = stars::kMaxFacetMoves;

@@ -40,7 +40,7 @@ Result<SceneClean> read_step(const toml::table& table, const InFile& in_file) {
 }  // namespace
 
 Fields pose_fields(geometry::RigidTransform& pose) {
-  return {field("position_mm", pose.translation_mm),
+  return {field("position_mm", pose.translation_mm, kLengthsMm),
           {"rotation", [&pose](const toml::node& node, const std::string&, const InFile& in_file) {
              return read_rotation(node, pose.rotation, in_file);
            }}};

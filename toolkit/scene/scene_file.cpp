@@ -46,7 +46,7 @@ Status read_sample(const toml::node& node, SceneModel& model, const InFile& in_f
 /// the kind `generated`, or of all generators where it is null.
 Fields model_fields(SceneModel& model, const cloud::Generator* generator, const std::string& generated) {
   Fields fields = pose_fields(model.world_from_model);
-  fields.push_back(field("scale", model.scale, kAboveZero));
+  fields.push_back(field("scale", model.scale, kScales));
   fields.push_back(file("cloud", model.cloud).of({kOfFile}));
   fields.push_back(field("scan", model.scan).of({kOfScan}));
   fields.push_back(field("generate", model.name).of({generated}));
@@ -57,8 +57,8 @@ Fields model_fields(SceneModel& model, const cloud::Generator* generator, const 
   fields.push_back({"sample", [&model](const toml::node& node, const std::string&, const InFile& in_file) {
                       return read_sample(node, model, in_file);
                     }});
-  of_files(field("post_mm", model.post_mm, kAboveZero));
-  of_files(field("vertical_mm", model.vertical_mm, kAboveZero));
+  of_files(field("post_mm", model.post_mm, kLengthsMm));
+  of_files(field("vertical_mm", model.vertical_mm, kLengthsMm));
   of_files({"no_data", [&model](const toml::node& node, const std::string&, const InFile& in_file) {
               return read_no_data(node, model, in_file);
             }});
@@ -152,7 +152,7 @@ Status read_renderer(const toml::node& node, SceneFile& scene, const InFile& in_
 
 Fields coupling_fields(control::Coupling& coupling) {
   return {
-      field("stiffness_n_per_mm", coupling.stiffness_n_per_mm, kAboveZero, "leave out 'coupling' for none"),
+      field("stiffness_n_per_mm", coupling.stiffness_n_per_mm, kStiffnessesNPerMm, "leave out 'coupling' for none"),
       field("damping_n_s_per_mm", coupling.damping_n_s_per_mm)};
 }
 
@@ -170,7 +170,7 @@ Status read_coupling(const toml::node& node, SceneFile& scene, const InFile& in_
 }
 
 Fields passivity_fields(control::PassivityOptions& passivity) {
-  return {field("damping_limit_n_s_per_mm", passivity.damping_limit_n_s_per_mm, kAboveZero,
+  return {field("damping_limit_n_s_per_mm", passivity.damping_limit_n_s_per_mm, kDampingsNSPerMm,
                 "leave it out for the default")};
 }
 
@@ -198,10 +198,10 @@ Field whole_field(std::string key, SceneFile& scene,
 Fields control_fields(SceneFile& scene) {
   constexpr const char* kNoLimit = "leave it out for no limit";
   control::ForceFilterOptions& filter = scene.control.filter;
-  return {field("force_limit_n", scene.force_limit_n, kAboveZero, kNoLimit),
+  return {field("force_limit_n", scene.force_limit_n, kForcesN, kNoLimit),
           whole_field("coupling", scene, &read_coupling),
-          field("rate_limit_n_per_s", filter.rate_limit_n_per_s, kAboveZero, kNoLimit),
-          field("turn_limit_deg_per_s", filter.turn_limit_deg_per_s, kAboveZero, kNoLimit),
+          field("rate_limit_n_per_s", filter.rate_limit_n_per_s, kForceRatesNPerS, kNoLimit),
+          field("turn_limit_deg_per_s", filter.turn_limit_deg_per_s, kTurnsDegPerS, kNoLimit),
           choice("filter", filter.form,
                  {{"per-time", control::FilterForm::kPerTime}, {"literal", control::FilterForm::kLiteral}}),
           whole_field("passivity", scene, &read_passivity)};
@@ -216,7 +216,7 @@ Status read_control(const toml::node& node, SceneFile& scene, const InFile& in_f
 }
 
 Fields simulation_fields(SceneFile& scene) {
-  return {field("rate_hz", scene.simulation_hz, kAboveZero)};
+  return {field("rate_hz", scene.simulation_hz, kRatesHz)};
 }
 
 Status read_simulation(const toml::node& node, SceneFile& scene, const InFile& in_file) {

@@ -38,11 +38,11 @@ Field share_field(std::string key, To& to) {
 Result<surface::Friction> friction(const toml::node& node, const InFile& in_file) {
   surface::Friction both;
   if (const toml::table* table = node.as_table()) {
-    const Fields fields = {field("static", both.static_coefficient).must(kBothFrictions),
-                           field("dynamic", both.dynamic_coefficient).must(kBothFrictions)};
+    const Fields fields = {field("static", both.static_coefficient, kFrictionCoefficients).must(kBothFrictions),
+                           field("dynamic", both.dynamic_coefficient, kFrictionCoefficients).must(kBothFrictions)};
     PALPATE_TRY(read_fields(*table, fields, "'friction'", {}, in_file));
   } else {
-    PALPATE_ASSIGN(const double one, number(node, "friction", in_file));
+    PALPATE_ASSIGN(const double one, number(node, "friction", in_file, kFrictionCoefficients));
     both = {one, one};
   }
   if (!(both.dynamic_coefficient >= 0.0) || both.dynamic_coefficient > both.static_coefficient)
@@ -53,9 +53,9 @@ Result<surface::Friction> friction(const toml::node& node, const InFile& in_file
 Result<FrictionMap> friction_map(const toml::table& table, const InFile& in_file) {
   FrictionMap map;
   const Fields fields = {file("image", map.image).must(kFrictionMap),
-                         field("tile_mm", map.tile_mm, kAboveZero).must(kFrictionMap),
-                         field("low", map.low).must(kFrictionMap),
-                         field("high", map.high).must(kFrictionMap)};
+                         field("tile_mm", map.tile_mm, kLengthsMm).must(kFrictionMap),
+                         field("low", map.low, kFrictionCoefficients).must(kFrictionMap),
+                         field("high", map.high, kFrictionCoefficients).must(kFrictionMap)};
   PALPATE_TRY(read_fields(table, fields, "a friction map", {}, in_file));
   if (!(map.low >= 0.0 && map.high >= map.low))
     return in_file.at(table, "a friction map needs 0 <= low <= high");
@@ -153,8 +153,8 @@ Fields texture_fields(SceneModel& model) {
   return {
       choice("kind", texture.kind, {{"grating", kGrating}, {"noise", kNoise}, {"image", kImage}}),
       choice("effect", texture.effect, {{"god-object", kGodObject}, {"force", kForce}}),
-      field("depth_mm", texture.depth_mm, kAboveZero).must("depth_mm = 0.1"),
-      field("wavelength_mm", texture.wavelength_mm, kAboveZero).must("wavelength_mm = 2.0"),
+      field("depth_mm", texture.depth_mm, kLengthsMm).must("depth_mm = 0.1"),
+      field("wavelength_mm", texture.wavelength_mm, kLengthsMm).must("wavelength_mm = 2.0"),
       Field{"axis", [&texture](const toml::node& node, const std::string& key,
                                const InFile& in_file) { return read_axis(node, key, in_file, texture.axis); }}
           .of({kinds[0]}),
@@ -163,16 +163,16 @@ Fields texture_fields(SceneModel& model) {
 }
 
 Fields dent_fields(surface::Dent& dent) {
-  return {field("yield_mm", dent.yield_mm, kAboveZero).must("yield_mm = 0.5"),
-          field("radius_mm", dent.radius_mm, kAboveZero).must("radius_mm = 3.0"),
-          field("rate_mm_s", dent.rate_mm_s, kAboveZero).must("rate_mm_s = 20.0")};
+  return {field("yield_mm", dent.yield_mm, kLengthsMm).must("yield_mm = 0.5"),
+          field("radius_mm", dent.radius_mm, kLengthsMm).must("radius_mm = 3.0"),
+          field("rate_mm_s", dent.rate_mm_s, kSpeedsMmPerS).must("rate_mm_s = 20.0")};
 }
 
 Fields region_fields(SceneRegion& region) {
   return {range_field("x_mm", 0, region.box_mm),
           range_field("y_mm", 1, region.box_mm),
           range_field("z_mm", 2, region.box_mm),
-          field("stiffness_n_per_mm", region.stiffness_n_per_mm, kAboveZero),
+          field("stiffness_n_per_mm", region.stiffness_n_per_mm, kStiffnessesNPerMm),
           {"friction",
            [&region](const toml::node& node, const std::string&, const InFile& in_file) -> Status {
              PALPATE_ASSIGN(region.friction, friction(node, in_file));
@@ -182,14 +182,14 @@ Fields region_fields(SceneRegion& region) {
 }
 
 Fields motion_fields(SceneMotion& motion) {
-  return {field("velocity_mm_s", motion.velocity_mm_s), field("turn_deg_s", motion.turn_rad_s),
-          field("about_mm", motion.about_mm), field("start_s", motion.start_s, kNotNegative),
+  return {field("velocity_mm_s", motion.velocity_mm_s, kSpeedsMmPerS), field("turn_deg_s", motion.turn_rad_s, kTurnsDegPerS),
+          field("about_mm", motion.about_mm, kLengthsMm), field("start_s", motion.start_s, kTimesS),
           field("stop_s", motion.stop_s)};
 }
 
 Fields surface_fields(SceneModel& model) {
   surface::Surface& surface = model.surface;
-  return {or_column(field("stiffness_n_per_mm", surface.stiffness_n_per_mm, kAboveZero),
+  return {or_column(field("stiffness_n_per_mm", surface.stiffness_n_per_mm, kStiffnessesNPerMm),
                     model.sources.stiffness_column),
           {"friction", [&model](const toml::node& node, const std::string&,
                                 const InFile& in_file) { return read_friction(node, model, in_file); }},

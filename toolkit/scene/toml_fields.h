@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "toolkit/core/options.h"
+#include "toolkit/core/physical_ranges.h"
 #include "toolkit/core/result.h"
 #include "toolkit/core/try.h"
 #include "toolkit/core/vec.h"
@@ -78,13 +79,14 @@ inline constexpr NumberRange kNotNegative{0.0, 1e300, false};
                                                                 const std::string& name,
                                                                 const InFile& in_file);
 template <std::size_t n>
-Result<std::array<double, n>> numbers(const toml::node& node, const std::string& key, const InFile& in_file) {
+Result<std::array<double, n>> numbers(const toml::node& node, const std::string& key, const InFile& in_file,
+                                      const NumberRange& range = kAnyNumber) {
   const toml::array* array = node.as_array();
   if (array == nullptr || array->size() != n)
     return in_file.at(node, fmt::format("'{}' must be a list of {} numbers", key, n));
   std::array<double, n> values{};
   for (std::size_t i = 0; i < n; ++i) {
-    PALPATE_ASSIGN(values[i], number(*array->get(i), key, in_file));
+    PALPATE_ASSIGN(values[i], number(*array->get(i), key, in_file, range));
   }
   return values;
 }
@@ -127,13 +129,18 @@ template <class T>
             return read_value(node, name, into, in_file);
           }};
 }
-/// A number in a range.
+/// A number in a range, or three of either sign.
 template <class T>
 [[nodiscard]] Field field(std::string key, T& into, const NumberRange& range, std::string remedy = {}) {
   return {std::move(key),
           [&into, range, remedy = std::move(remedy)](const toml::node& node, const std::string& name,
                                                      const InFile& in_file) -> Status {
-            PALPATE_ASSIGN(into, number(node, name, in_file, range, remedy));
+            if constexpr (std::is_same_v<T, Vec3> || std::is_same_v<T, std::optional<Vec3>>) {
+              PALPATE_ASSIGN(const auto v, numbers<3>(node, name, in_file, symmetric(range)));
+              into = Vec3(v[0], v[1], v[2]);
+            } else {
+              PALPATE_ASSIGN(into, number(node, name, in_file, range, remedy));
+            }
             return Done{};
           }};
 }

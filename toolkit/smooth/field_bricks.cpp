@@ -16,7 +16,6 @@
 #include "toolkit/smooth/spline.h"
 #include "toolkit/smooth/tile_blend.h"
 
-#include <cstdio>
 namespace palpate::render {
 namespace {
 

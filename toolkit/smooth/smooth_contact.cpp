@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "toolkit/geometry/held_place.h"
 #include "toolkit/smooth/voxel.h"
 
 namespace palpate::render {
@@ -45,8 +46,6 @@ constexpr int kToSurface = 6;
 constexpr int kLookEvery = 8;
 /// The field's slope is one where it tells of one surface.
 constexpr double kTellingSlope = 0.5;
-/// Held nearer than so many spacings the HIP is next to the place held.
-constexpr double kNextTo = 0.5;
 /// Of all directions a closed piece takes all from inside, none from outside.
 constexpr double kHalfOfAll = 0.5;
 /// HIPs farther off cannot be counted in cubes.
@@ -144,11 +143,11 @@ void SmoothContact::restart(const Vec3& h_mm) noexcept {
 }
 
 bool SmoothContact::update(const Vec3& h_mm, FrameCounters& counters) noexcept {
-  bound_hit_ = false;
+  bound_hit_ = corrected_ = false;
   const Vec3 h = grid_->in_voxels(h_mm);
   if (contact_) {
     if (!follow_quickly(h) && !update_slowly(h, counters)) return false;
-    const double next_to = kNextTo * spacing_;
+    const double next_to = geometry::kNextToSpacings * spacing_;
     if ((h - god_).squaredNorm() > next_to * next_to && ++unlooked_ >= kLookEvery) agree_with(h);
     return contact_;
   }
@@ -424,6 +423,8 @@ void SmoothContact::look_where_free(const Vec3& h) noexcept {
   const double behind = -static_cast<double>(jet.value * allowed);
   if (in_front_ && is_tight(place) && behind > kInside && behind < kRegained * spacing_) {
     touch_below(h, place, jet, allowed);
+    corrected_ = contact_;
+    uncorrected_mm_ = Vec3::Zero();
     return;
   }
   clear_ = kMarch * std::abs(static_cast<double>(jet.value));
@@ -461,14 +462,19 @@ bool SmoothContact::touch_where_behind(const Vec3& h) noexcept {
   if (place.brick == BrickGrid::kNone) return false;
   const Jet jet = jet_at(place, place_in(place, h));
   if (!(static_cast<double>(jet.value * side_) < -kInside)) return false;
+  const Vec3 god = god_;
   contact_ = false;
   touch_below(h, place, jet, side_);
   const bool held = contact_;
+  if (held) {
+    corrected_ = true;
+    uncorrected_mm_ = (god - h) * grid_->voxel_mm;
+  }
   contact_ = true;
   return held;
 }
 
-/// The rule of held_place.h, looked at once in kLookEvery frames: more often is no sooner than a hand feels.
+/// The rule of geometry/held_place.h, looked at once in kLookEvery frames: more often is no sooner than a hand feels.
 void SmoothContact::agree_with(const Vec3& h) noexcept {
   unlooked_ = 0;
   const Place place = grid_->find(h);
@@ -478,15 +484,17 @@ void SmoothContact::agree_with(const Vec3& h) noexcept {
   // Half way between two sheets the field has no direction.
   if (!(size > kTellingSlope)) return;
   const auto side = static_cast<double>(side_);
-  const Surroundings at_hip{true, side * static_cast<double>(jet.value),
+  const geometry::Surroundings at_hip{true, side * static_cast<double>(jet.value),
                             jet.gradient.cast<double>() * (side / size)};
-  switch (judge_held_place(h, god_, normal_ * side, at_hip, spacing_)) {
-    case HeldPlace::kKeep:
+  switch (geometry::judge_held_place(h, god_, normal_ * side, at_hip, spacing_)) {
+    case geometry::HeldPlace::kKeep:
       return;
-    case HeldPlace::kMove:
+    case geometry::HeldPlace::kMove:
+      note_correction(h);
       touch_below(h, place, jet, side_);
       return;
-    case HeldPlace::kFree:
+    case geometry::HeldPlace::kFree:
+      note_correction(h);
       contact_ = false;
       in_front_ = true;
       clear_ = -1.0;

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "toolkit/core/lanes.h"
-#include "toolkit/render/held_place.h"
 #include "toolkit/render/renderer.h"
 #include "toolkit/smooth/newton_step.h"
 #include "toolkit/smooth/spline.h"
@@ -43,6 +42,9 @@ class SmoothContact {
     return piece < free_side_.size() ? free_side_[piece] : 0.0f;
   }
   [[nodiscard]] bool contact() const noexcept { return contact_; }
+  /// In this frame the place held was found not to agree with what the field says of the HIP, or a HIP behind
+  /// the surface was taken up: the pull without that, local mm, else null.
+  [[nodiscard]] const Vec3* corrected_from() const noexcept { return corrected_ ? &uncorrected_mm_ : nullptr; }
   /// Steps of the god object in a frame, at most; what is left is done in the next.
   void bound_steps(int most) noexcept { most_steps_ = most; }
   [[nodiscard]] bool bound_hit() const noexcept { return bound_hit_; }
@@ -82,12 +84,17 @@ class SmoothContact {
   void touch_below(const Vec3& h, const Place& place, const Jet& jet, float side) noexcept;
   [[nodiscard]] bool touch_where_behind(const Vec3& h) noexcept;
   void agree_with(const Vec3& h) noexcept;
+  void note_correction(const Vec3& h) noexcept {
+    corrected_ = true;
+    uncorrected_mm_ = (god_ - h) * grid_->voxel_mm;
+  }
 
   const BrickGrid* grid_ = nullptr;
   bool wide_ = wide_lanes();
   bool contact_ = false;
   int most_steps_ = kMaxNewtonSteps;
-  bool bound_hit_ = false;
+  bool bound_hit_ = false, corrected_ = false;
+  Vec3 uncorrected_mm_ = Vec3::Zero();
   double spacing_ = 1.0;  ///< of the points, voxels
   int unlooked_ = 0;      ///< frames since the HIP's own surroundings were looked at
   // In contact.

@@ -99,19 +99,19 @@ class StarContact {
   }
   /// The HIP is now at h. True in contact: pull() leads to the god object.
   [[nodiscard, gnu::always_inline]] bool update(const Vec3& h, StarCounters& counters) noexcept {
-    bound_hit_ = false;
+    bound_hit_ = corrected_ = false;
     if (contact_) [[likely]] {
       const FacetFrame::Weights weights = frame_.at(h);
       if (weights.hold() && !watched_) [[likely]] {
         rest_at(h, frame_.pull(weights), Feature::kInside);
-        return true;
+        return agrees(h, counters);
       }
-      if (!watched_ && cross(h, weights, counters)) return true;
+      if (!watched_ && cross(h, weights, counters)) return agrees(h, counters);
     } else if (in_clear_ && is_clear(h)) [[likely]] {
       from_ = h;
       return false;
     }
-    return update_slowly(h, counters) && !is_on_surface(h);
+    return update_slowly(h, counters) && agrees(h, counters) && !is_on_surface(h);
   }
   /// A point of the mesh has gone from one place to another between two updates, and all others are where the
   /// mesh has them: a HIP that rests may be met by its triangles. After the last one: points_moved().
@@ -132,6 +132,9 @@ class StarContact {
   /// Moves of the god object from facet to facet in a frame, at most; what is left is done in the next.
   void bound_moves(int most) noexcept { most_moves_ = most; }
   [[nodiscard]] bool contact() const noexcept { return contact_; }
+  /// In this frame the place held was found not to agree with what is around the HIP: the pull without that,
+  /// else null.
+  [[nodiscard]] const Vec3* corrected_from() const noexcept { return corrected_ ? &uncorrected_ : nullptr; }
   [[nodiscard]] bool bound_hit() const noexcept { return bound_hit_; }
   [[nodiscard]] const Vec3& pull() const noexcept { return pull_; }
   [[nodiscard]] const Facet& facet() const noexcept { return stand_.facet; }
@@ -147,6 +150,22 @@ class StarContact {
   [[nodiscard]] std::span<const Held> others() const noexcept { return {others_.data(), others_count_}; }
 
  private:
+  /// A pull that has grown so much, squared, is looked at again.
+  static constexpr double kGrown = 2.0;
+  /// Frames on an edge or corner between two looks: 8 ms at 1 kHz, sooner than a hand feels a pull as wrong.
+  static constexpr std::uint32_t kLookEvery = 8;
+  /// The place held agrees with what is around the HIP, now and then looked at: false where the HIP is free.
+  [[nodiscard, gnu::always_inline]] bool agrees(const Vec3& h, StarCounters& counters) noexcept {
+    const bool grown = stand_.foot.distance_sq > look_sq_;
+    const bool hangs = stand_.foot.feature != Feature::kInside && ++unlooked_ >= kLookEvery;
+    if (!grown && !hangs) [[likely]]
+      return true;
+    return agree_with(h, counters);
+  }
+  [[nodiscard]] bool agree_with(const Vec3& h, StarCounters& counters) noexcept;
+  /// The nearest triangle within `most` of h; false where there is none, or too much to look at.
+  [[nodiscard]] bool find_around(const Vec3& h, double most, StarCounters& counters,
+                                 Stand& found) const noexcept;
   /// Met, so that the next frame knows the HIP's side; the pull is no more than rounding, and nothing is
   /// felt.
   [[nodiscard]] bool is_on_surface(const Vec3& h) const noexcept {
@@ -245,13 +264,16 @@ class StarContact {
   std::vector<double> free_side_;  ///< of each closed piece
   bool contact_ = false;
   int most_moves_ = kMaxFacetMoves;
-  bool bound_hit_ = false;
+  bool bound_hit_ = false, corrected_ = false;
+  Vec3 uncorrected_ = Vec3::Zero();
   double side_ = 1.0;
   Vec3 pull_ = Vec3::Zero();
   FacetFrame frame_;
   bool framed_ = false;   ///< frame_ is that of stand_.facet
   bool watched_ = false;  ///< another sheet may go through it: no frame is a quick one
   Stand stand_;
+  double look_sq_ = 0.0;         ///< a longer pull, squared, is compared with what is around the HIP
+  std::uint32_t unlooked_ = 0;   ///< frames on an edge or corner since it was
   std::array<Held, kMaxHeld - 1> others_;  ///< what holds besides stand_
   std::uint32_t others_count_ = 0;
   Vec3 from_ = Vec3::Zero();  ///< free up to here

@@ -92,8 +92,8 @@ double give_way(const Walk& walk, const Fitting& fitting, double depth_mm) {
 /// Where the walk begins: the outermost point, seen along `outward`, around which the points make a surface.
 /// A scan's outermost point may be a stray one, or the tip of a ragged rim from which no step leads on. The
 /// HIP beyond it is clear of every point.
-std::optional<Walk> outermost(const cloud::Cloud& cloud, const Fitting& fitting, const Vec3& outward,
-                              double clearance_mm) {
+std::optional<Beginning> outermost(const cloud::Cloud& cloud, const Fitting& fitting, const Vec3& outward,
+                                   double clearance_mm) {
   std::vector<std::pair<double, std::uint32_t>> order;
   order.reserve(cloud.size());
   for (std::size_t i = 0; i < cloud.size(); ++i)
@@ -110,7 +110,7 @@ std::optional<Walk> outermost(const cloud::Cloud& cloud, const Fitting& fitting,
     bool clear = true;
     fitting.points->around(hip, kMostFitted,
                            [&](const Vec3& q) { clear = clear && (q - hip).squaredNorm() >= near * near; });
-    if (clear) return Walk{at, fit.normal, Vec3::Zero()};
+    if (clear) return Beginning{at, fit.normal, outward, hip};
   }
   return std::nullopt;
 }
@@ -147,6 +147,17 @@ std::vector<Vec3> follow_walk(Walk walk, Vec3 hip, const Fitting& fitting, doubl
 
 }  // namespace
 
+Result<Beginning> begin_outside(const PathTarget& target, const Fitting& fitting, double clearance_mm,
+                                Random& random) {
+  const std::optional<Beginning> start =
+      outermost(*target.cloud, fitting, outward_direction(target, random), clearance_mm);
+  if (start) return *start;
+  return Error{"nowhere do the points make a surface that can be explored",
+               "clean the scan first (`palpate clean`), or give a path file",
+               {},
+               0};
+}
+
 Result<std::vector<Vec3>> explore(const PathTarget& target, const ExplorationOptions& options) {
   const cloud::Cloud& cloud = *target.cloud;
   if (cloud.size() < kFewestInBall)
@@ -154,18 +165,11 @@ Result<std::vector<Vec3>> explore(const PathTarget& target, const ExplorationOpt
   const geometry::Aabb box = cloud.box_mm();
   PALPATE_ASSIGN(Fitting fitting, choose_radius(cloud, box));
   Random random(options.seed);
-  const Vec3 outward = outward_direction(target, random);
-  std::optional<Walk> start = outermost(cloud, fitting, outward, options.clearance_mm);
-  if (!start)
-    return Error{"nowhere do the points make a surface that can be explored",
-                 "clean the scan first (`palpate clean`), or give a path file",
-                 {},
-                 0};
-  Walk walk = *start;
-  walk.heading = any_tangent(walk.normal, 2.0 * std::numbers::pi * random.uniform());
-  const Vec3 hip = walk.on_surface + options.clearance_mm * outward;
+  PALPATE_ASSIGN(const Beginning start, begin_outside(target, fitting, options.clearance_mm, random));
+  const Walk walk{start.on_surface, start.normal,
+                  any_tangent(start.normal, 2.0 * std::numbers::pi * random.uniform())};
   std::vector<Vec3> path =
-      follow_walk(walk, hip, fitting, kTightestTurnPerBox * box.extent_mm().norm(), options, random);
+      follow_walk(walk, start.hip, fitting, kTightestTurnPerBox * box.extent_mm().norm(), options, random);
   for (Vec3& p : path) p += cloud.origin_mm;
   return path;
 }

@@ -8,6 +8,7 @@
 #include "toolkit/core/try.h"
 #include "toolkit/core/words.h"
 #include "toolkit/trace/exploration.h"
+#include "toolkit/trace/hand.h"
 #include "toolkit/trace/path_shapes.h"
 #include "toolkit/trace/seen_paths.h"
 #include "toolkit/trace/strokes.h"
@@ -129,6 +130,16 @@ std::vector<OptionSpec> strokes_options() {
   return specs;
 }
 
+std::vector<OptionSpec> hand_options() {
+  return {{"frames", OptionKind::kInteger, "50000", "number of positions", {}, 1, kMostFrames},
+          {"rate_hz", OptionKind::kNumber, "1000", "positions a second", {}, 1, 1e6},
+          {"force_n", OptionKind::kNumber, "0.6", "the hardest press, N", {}, 1e-150, 1e150},
+          {"slowest_mm_s", OptionKind::kNumber, "15", "slowest stroke, mm/s", {}, 1e-150, 1e150},
+          {"fastest_mm_s", OptionKind::kNumber, "60", "fastest stroke, mm/s", {}, 1e-150, 1e150},
+          {"bandwidth_hz", OptionKind::kNumber, "8", "what the arm follows, Hz", {}, 0.1, 1000},
+          {"seed", OptionKind::kInteger, "1", "of what is chosen by chance", {}, 0, 1e18}};
+}
+
 std::vector<PathGenerator> make_generators() {
   const std::string follows =
       "any; generated ones by their formula, others by the faces, or else the points, that show from one "
@@ -157,7 +168,11 @@ std::vector<PathGenerator> make_generators() {
        options_of(
            kPeriod | kPlace | kFrom,
            {{"tremor_mm", OptionKind::kNumber, "0", "amplitude of a 10 Hz tremor, mm", {}, 0, 1e150}})},
-      {"exploration", "wherever the surface leads, in and out, with changing speed and direction",
+      {"hand", "a simulated hand that presses, drags, lifts and taps by what it feels of the model",
+       "any; it feels the formula, the faces, or else what the plan takes for the points",
+       "hand:frames=20000:seed=7", hand_options()},
+      {"exploration",
+       "wherever the surface leads, in and out, pushed on where no force would let a hand: see hand",
        "any; only by the points, and by the faces where outside is", "exploration:frames=20000:seed=7",
        options_of(kPeriod | kSeed, {{"slowest_mm_s", OptionKind::kNumber, "10", "mm/s", {}, 1e-150, 1e150},
                                     {"fastest_mm_s",
@@ -205,6 +220,21 @@ Result<Laid> explored(const Options& o, const Timing& timing, const PathTarget& 
   return laid(explore(target, options));
 }
 
+Result<Laid> handled(const Options& o, const PathTarget& target) {
+  const HandOptions options{static_cast<std::size_t>(o.integer("frames")),
+                            o.number("rate_hz"),
+                            o.number("force_n"),
+                            o.number("slowest_mm_s"),
+                            o.number("fastest_mm_s"),
+                            o.number("bandwidth_hz"),
+                            static_cast<std::uint64_t>(o.integer("seed"))};
+  if (!target.felt || !(target.stiffness_n_per_mm > 0.0))
+    return Error{"nothing is there to be felt by a hand", "take another path generator", {}, 0};
+  if (options.slowest_mm_s > options.fastest_mm_s)
+    return Error{"hand: slowest_mm_s is more than fastest_mm_s", "exchange them", {}, 0};
+  return laid(by_hand(target, options));
+}
+
 Result<Laid> over_formula(const std::string& name, const Options& o, const Timing& timing,
                           const AnalyticSurface& surface) {
   if (o.text("from") != "auto")
@@ -241,6 +271,7 @@ Result<Laid> over_seen(const std::string& name, const Options& o, const Timing& 
 }
 
 Result<Laid> lay(const std::string& name, const Options& o, const Timing& timing, const PathTarget& target) {
+  if (name == "hand") return handled(o, target);
   if (name == "exploration") return explored(o, timing, target);
   if (name == "slide" && !(timing.depth_mm + timing.clearance_mm > 0.0))
     return Error{"slide: depth_mm and clearance_mm are both 0", "give one of them", {}, 0};
@@ -284,7 +315,8 @@ Result<ProbePath> make_path(const NamedOptions& spec, const PathTarget& target) 
                  "choose from " + joined(names_of(path_generators())),
                  {},
                  0};
-  const bool needs_points = spec.name == "exploration" || target.surface == nullptr;
+  const bool needs_points =
+      spec.name == "exploration" || spec.name == "hand" || target.surface == nullptr;
   if (needs_points && (target.cloud == nullptr || target.cloud->empty()))
     return Error{fmt::format("the path '{}' needs a cloud", spec.name), "give a model with points", {}, 0};
   PALPATE_ASSIGN(Options complete, validate(spec.options, generator->options, spec.name));
@@ -292,8 +324,8 @@ Result<ProbePath> make_path(const NamedOptions& spec, const PathTarget& target) 
   Timing timing{static_cast<std::size_t>(o.integer("frames")),
                 o.number("rate_hz"),
                 o.has("speed_mm_s") ? o.number("speed_mm_s") : 0.0,
-                o.number("depth_mm"),
-                o.number("clearance_mm"),
+                o.has("depth_mm") ? o.number("depth_mm") : 0.0,
+                o.has("clearance_mm") ? o.number("clearance_mm") : 0.0,
                 o.has("period_frames") ? o.number("period_frames") : 0.0,
                 o.has("seed") ? static_cast<std::uint64_t>(o.integer("seed")) : 0};
   if (spec.name == "strokes") PALPATE_TRY(add_strokes(o, timing));

@@ -1,9 +1,10 @@
-// Generators of probe paths. On a model with a formula all but `exploration` follow the formula and never the
-// points, so that every spacing of a surface is probed along one and the same path; on any other they follow
+// Generators of probe paths. On a model with a formula all but `exploration` and `hand` follow the formula and
+// never the points, so that every spacing of a surface is probed along one and the same path; on any other they follow
 // what shows of it from one side, its own faces where it has any, else planes fitted to its points.
 // Deterministic: one spec and target give the same path, bit for bit.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -19,6 +20,10 @@
 
 namespace palpate::trace {
 
+/// The force (N, world) that is felt where the HIP (mm, world) has gone; at the first place it is free. One
+/// loop a millisecond or less apart.
+using Feel = std::function<Vec3(const Vec3& hip_mm)>;
+
 /// The model a path is made for; nothing is owned. Model frame but for world_from_model.
 struct PathTarget {
   const geometry::AnalyticSurface* surface = nullptr;  ///< the formula, or null
@@ -27,6 +32,9 @@ struct PathTarget {
   geometry::Aabb box_mm;                         ///< of the cloud
   double spacing_mm = 0.0;                       ///< median distance of neighbours; 0 = not known
   geometry::RigidTransform world_from_model;
+  /// What a hand feels; asked for once, and only by `hand`. Empty: nothing is there.
+  std::function<Result<Feel>()> felt{};
+  double stiffness_n_per_mm = 0.0;  ///< of what is felt
 };
 
 struct PathGenerator {
@@ -37,7 +45,7 @@ struct PathGenerator {
   std::vector<OptionSpec> options;
 };
 
-/// weave, raster, spiral, strokes, tap, slide, hold, exploration.
+/// weave, raster, spiral, strokes, tap, slide, hold, exploration, hand.
 [[nodiscard]] const std::vector<PathGenerator>& path_generators();
 [[nodiscard]] const PathGenerator* find_path_generator(std::string_view name);
 

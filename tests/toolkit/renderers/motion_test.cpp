@@ -73,7 +73,59 @@ TEST(Motion, APlaneRisingPastARestingProbeIsFeltAndNeverLost) {
   EXPECT_EQ(lost, 0) << "of " << runs;
 }
 
-// What is near a resting probe is asked 50 times a second: a model that begins, turns back or jumps in
+/// A model that stands where it is put: jumps of a motion that no script can write.
+class Placed final : public Simulation {
+ public:
+  Placed(const geometry::RigidTransform& start, const geometry::RigidTransform& then, double at_s)
+      : start_(start), then_(then), at_s_(at_s), model_(std::make_shared<MovingModel>(state(0.0))) {}
+  [[nodiscard]] const std::shared_ptr<MovingModel>& model() const noexcept { return model_; }
+  void reset() noexcept override {
+    next_s_ = 0.0;
+    advance(0.0);
+  }
+  /// Five publications at once where five are due: what the first of them changed must outlive the others.
+  void advance(double t_s) noexcept override {
+    for (; next_s_ <= t_s; next_s_ += kTickS) model_->publish(state(next_s_));
+  }
+  [[nodiscard]] double next_s() const noexcept override { return next_s_; }
+
+ private:
+  static constexpr double kTickS = 2e-4;
+  [[nodiscard]] PoseState state(double t_s) const noexcept {
+    PoseState out;
+    out.t_s = t_s;
+    out.world_from_model = t_s < at_s_ ? start_ : then_;
+    return out;
+  }
+  geometry::RigidTransform start_, then_;
+  double at_s_, next_s_ = 0.0;
+  std::shared_ptr<MovingModel> model_;
+};
+
+TEST(Motion, AModelThatJumpsIsFeltAtOnce) {
+  constexpr double kFar = 40.0, kDepth = 1.5;
+  const Scene still = generated("sphere:points=20000:extent_mm=20");
+  for (const char* name : {"cloud", "cloud-smooth", "cloud-literal"})
+    for (int phase = 0; phase < 20; phase += 3) {
+      SceneInput scene;
+      scene.models.push_back(still.input.models[0]);
+      geometry::RigidTransform from, to;
+      from.translation_mm = Vec3(0, 0, -kFar);
+      to.translation_mm = Vec3(0, 0, -10.0 + kDepth);
+      auto simulation = std::make_shared<Placed>(from, to, 0.2 + 1e-3 * phase);
+      scene.models[0].motion = simulation->model();
+      scene.simulation = std::move(simulation);
+      const auto renderer = on_clock(scene, name);
+      renderer->restart(Vec3::Zero());
+      Frame frame;
+      for (int i = 0; i < 199; ++i) EXPECT_FALSE(renderer->step(Vec3::Zero(), kMotionDt).contact);
+      for (int i = 0; i < 30; ++i) frame = renderer->step(Vec3::Zero(), kMotionDt);
+      ASSERT_TRUE(frame.contact) << name << ", phase " << phase;
+      EXPECT_NEAR(frame.force_n.z(), 0.5 * kDepth, 0.05) << name << ", phase " << phase;
+    }
+}
+
+// What is near a resting probe is asked 50 times a second: a model that begins, turns back or stops in
 // between is felt all the same, at any phase of that.
 TEST(Motion, AModelThatTakesAnotherCourseIsFeltAtOnce) {
   constexpr double kSpeed = 200.0, kGap = 2.5, kWay = 4.0;

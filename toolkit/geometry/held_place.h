@@ -1,0 +1,51 @@
+// One rule for every renderer that holds a god object: the place held must agree with what the surface says of
+// the HIP itself. Without it a god object that stopped on an edge or a false piece is held there while the HIP
+// goes on and out, farther and farther, and ends in a kick.
+#pragma once
+
+#include <cmath>
+
+#include "toolkit/core/vec.h"
+
+namespace palpate::geometry {
+
+/// The surface nearest to the HIP, as far as it was found.
+struct Surroundings {
+  bool known = false;
+  double signed_distance = 0.0;  ///< of the HIP, positive outside
+  Vec3 outward = Vec3::Zero();   ///< unit, of that surface
+};
+
+enum class HeldPlace : unsigned char {
+  kKeep,
+  kMove,  ///< to the surface nearest to the HIP
+  kFree,
+};
+
+/// A HIP no farther from its god object than this many spacings is next to it, whatever else is near.
+inline constexpr double kNextToSpacings = 0.5;
+/// What is so near to the HIP, as a share of how far it is held, tells more of it than the place held.
+inline constexpr double kMuchNearer = 0.5;
+/// Above a surface by this many spacings the HIP is out: the surface is known better than that.
+inline constexpr double kOutSpacings = 0.05;
+/// Farther than this a place nearer by is taken: below, which side of an edge is nearer changes with noise.
+inline constexpr double kMoveSpacings = 1.5;
+/// A surface that faces about the way of the place held: within 135 degrees where the HIP is above it, within
+/// 120 where it is behind it. The far side of a thin plate faces the other way: it does not count, and the
+/// plate is not popped through.
+inline constexpr double kFacingAbove = -0.7, kFacingBehind = -0.5;
+
+/// `held_outward`: unit, at the place held. `spacing` of the points around, in the unit of lengths.
+[[nodiscard]] inline HeldPlace judge_held_place(const Vec3& hip, const Vec3& held, const Vec3& held_outward,
+                                                const Surroundings& at, double spacing) noexcept {
+  const double far = (hip - held).norm();
+  if (!at.known || !(far > kNextToSpacings * spacing)) return HeldPlace::kKeep;
+  if (std::abs(at.signed_distance) > kMuchNearer * far) return HeldPlace::kKeep;
+  const double cosine = at.outward.dot(held_outward);
+  if (at.signed_distance > kOutSpacings * spacing && cosine > kFacingAbove) return HeldPlace::kFree;
+  if (at.signed_distance < 0.0 && far > kMoveSpacings * spacing && cosine > kFacingBehind)
+    return HeldPlace::kMove;
+  return HeldPlace::kKeep;
+}
+
+}  // namespace palpate::geometry

@@ -1,0 +1,93 @@
+// The place held compared with the surface around the HIP: geometry/held_place.h.
+#include <algorithm>
+#include <cmath>
+
+#include "toolkit/geometry/held_place.h"
+#include "toolkit/stars/star_contact.h"
+
+namespace palpate::stars {
+namespace {
+
+/// Nodes and triangles that one look may take: some thirty triangles stand within a spacing and a half of a
+/// place, on each of a few sheets.
+constexpr std::uint32_t kMaxAroundNodes = 64, kMaxAroundTested = 512;
+/// It begins with this many edges around the HIP, and goes on twice as far where there is nothing.
+constexpr double kFirstEdges = 1.0, kWider = 2.0;
+
+}  // namespace
+
+bool StarContact::find_around(const Vec3& h, double most, StarCounters& counters, Stand& found) const noexcept {
+  const double edge = std::sqrt(stand_.facet.middle_edge_sq());
+  std::uint32_t tested = 0;
+  for (double reach = std::min(kFirstEdges * edge, most);; reach = std::min(kWider * reach, most)) {
+    double to_beat = reach * reach;
+    const Vec3 half = Vec3::Constant(reach);
+    const geometry::Aabb around{h - half, h + half};
+    const FloatBox box = FloatBox::around(around);
+    bool any = false;
+    const bool all = tree_->for_blocks(
+        around, kMaxAroundNodes, [&](std::uint32_t block, const BoxNode&, std::uint32_t) noexcept {
+          const std::uint32_t first = block * kBlockPlaces;
+          const std::uint32_t last = std::min(first + kBlockPlaces, mesh_->size());
+          for (std::uint32_t place = first; place < last; ++place)
+            mesh_->for_triangles_of(place, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+              ++tested;
+              if (mesh_->triangle_misses(a, b, c, box)) return;
+              const Facet facet(*mesh_, a, b, c);
+              const Foot foot = foot_on(facet, h);
+              if (!(foot.distance_sq < to_beat)) return;
+              to_beat = foot.distance_sq;
+              found = {facet, foot};
+              any = true;
+            });
+          return tested < kMaxAroundTested;
+        });
+    if (!all || any || !(reach < most)) {
+      counters.tested += tested;
+      return all && any;
+    }
+  }
+}
+
+/// Looked at where the pull has grown by half since, and again and again where the god object hangs on an edge
+/// or a corner: inside a facet that the HIP is behind nothing else is nearer.
+bool StarContact::agree_with(const Vec3& h, StarCounters& counters) noexcept {
+  look_sq_ = kGrown * stand_.foot.distance_sq;
+  unlooked_ = 0;
+  // Between sheets that cross each holds from a side of its own.
+  if (others_count_ > 0) return true;
+  const double far = std::sqrt(stand_.foot.distance_sq), edge = std::sqrt(stand_.facet.middle_edge_sq());
+  if (!(far > geometry::kNextToSpacings * edge)) return true;
+  Stand near;
+  if (!find_around(h, geometry::kMuchNearer * far, counters, near)) return true;
+  if (near.facet.place == stand_.facet.place) return true;
+  const std::uint32_t place = near.facet.place[0];
+  double side = mesh_->is_closed(place) ? free_side_[mesh_->closed_piece(place)] : side_;
+  if (is_turned_over(near.facet)) side = -side;
+  const Side at = side_of(*mesh_, near, h);
+  const double size = at.area.norm();
+  if (!(size > 0.0)) return true;
+  const double distance = std::sqrt(near.foot.distance_sq);
+  const geometry::Surroundings around{true, side * at.height > 0.0 ? distance : -distance,
+                                      at.area * (side / size)};
+  switch (geometry::judge_held_place(h, h + pull_, pull_ / far, around, edge)) {
+    case geometry::HeldPlace::kKeep:
+      return true;
+    case geometry::HeldPlace::kMove:
+      corrected_ = true;
+      uncorrected_ = pull_;
+      side_ = side;
+      others_count_ = 0;
+      move_to(near.facet, near.foot, h);
+      framed_ = true;
+      return true;
+    case geometry::HeldPlace::kFree:
+      break;
+  }
+  corrected_ = true;
+  uncorrected_ = pull_;
+  start_from(h);
+  return false;
+}
+
+}  // namespace palpate::stars

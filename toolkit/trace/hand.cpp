@@ -1,0 +1,284 @@
+#include "toolkit/trace/hand.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "toolkit/core/random.h"
+#include "toolkit/core/try.h"
+#include "toolkit/trace/exploration.h"
+#include "toolkit/trace/point_fits.h"
+#include "toolkit/trace/seen_surface.h"
+
+namespace palpate::trace {
+namespace {
+
+// A step of the loop: that of a haptic loop, and at most a tenth of the damper's time constant.
+constexpr double kStepS = 1e-3, kStepsPerTimeConstant = 10.0;
+// What a hand feels as a direction is a mean over some hundredths of a second.
+constexpr double kFeelS = 0.02;
+// The press swings around 0.55 of the hardest by 0.45, once in 1.3 s.
+constexpr double kMeanPress = 0.55, kPressSwing = 0.45, kPressS = 1.3;
+// Shares of the hardest press: down to a surface that is not felt yet, up in contact, up above it.
+constexpr double kDown = 0.4, kUp = 0.65, kAbove = 0.15;
+// So many of the hardest press's depths a lift goes up.
+constexpr double kLiftDepths = 1.7;
+// Times: between lifts on the mean, of a lift, between changes of speed, between looks whether it is stuck.
+constexpr double kBetweenLiftsS = 1.8, kShortestLiftS = 0.12, kLongestLiftS = 0.32, kPaceS = 0.7,
+                 kStuckS = 0.4;
+// A third of the lifts are taps: so many short touches on one place.
+constexpr double kTapShare = 1.0 / 3.0, kTapS = 0.15;
+constexpr int kFewestTaps = 2, kMostTaps = 4;
+// The heading wanders by this a millisecond, and turns into the surface at a fiftieth.
+constexpr double kWander = 0.03, kTurnIn = 0.02, kLeastTangent = 0.05;
+// A way shorter than this share of what its speed asks for: it is stuck, in a corner or against a wall.
+constexpr double kStuckShare = 0.3;
+// No hand is faster than so many of its fastest strokes, and none goes deeper than so many depths behind the
+// points: what it felt has lost it.
+constexpr double kFastest = 2.5, kTooDeep = 3.0;
+// A point within so many radii of the fits of a rim's corner is at the border.
+constexpr double kRimRadii = 1.5;
+// A HIP less than 60 degrees off the normal is above a point, not beside it.
+constexpr double kAboveShare = 0.5;
+// Free for longer than this it goes back to where it felt something.
+constexpr double kLostS = 0.5;
+
+Vec3 any_direction(Random& random) {
+  return Vec3(random.normal(), random.normal(), random.normal()).normalized();
+}
+
+/// The corners at which a mesh ends: where a scan was not seen from, or a hole.
+std::optional<cloud::Cloud> rim_of(const geometry::TriangleMesh* mesh) {
+  if (mesh == nullptr) return std::nullopt;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> edges;
+  for (const auto& t : mesh->triangles)
+    for (std::size_t k = 0; k < 3; ++k) edges.push_back(std::minmax(t[k], t[(k + 1) % 3]));
+  std::sort(edges.begin(), edges.end());
+  std::vector<Vec3> corners;
+  for (std::size_t i = 0; i < edges.size();) {
+    std::size_t end = i + 1;
+    while (end < edges.size() && edges[end] == edges[i]) ++end;
+    if (end == i + 1) corners.push_back(mesh->vertices_mm[edges[i].first]);
+    i = end;
+  }
+  if (corners.empty()) return std::nullopt;
+  Result<cloud::Cloud> rim = cloud::build_cloud(corners, cloud::NonFinite::kDrop);
+  return rim ? std::optional(*std::move(rim)) : std::nullopt;
+}
+
+class Hand {
+ public:
+  Hand(const PathTarget& target, const HandOptions& options, const Fitting& fitting,
+       const Feel& felt, bool open, const Beginning& at)
+      : target_(target),
+        options_(options),
+        fitting_(fitting),
+        felt_(felt),
+        open_(open),
+        rim_(rim_of(target.mesh)),
+        random_(options.seed),
+        damping_(target.stiffness_n_per_mm / (2.0 * std::numbers::pi * options.bandwidth_hz)),
+        depth_mm_(options.force_n / target.stiffness_n_per_mm),
+        phase_(2.0 * std::numbers::pi * random_.uniform()),
+        h_(at.hip),
+        normal_(at.outward),
+        back_(at.hip),
+        touched_(at.on_surface),
+        touched_normal_(at.normal) {
+    if (rim_) rim_points_.emplace(*rim_);
+    heading_ = any_direction(random_);
+    speed_ = random_.uniform(options.slowest_mm_s, options.fastest_mm_s);
+  }
+
+  std::vector<Vec3> go() {
+    const double sample_s = 1.0 / options_.rate_hz,
+                 longest_s = std::min(kStepS, 1.0 / (2.0 * std::numbers::pi * options_.bandwidth_hz *
+                                                     kStepsPerTimeConstant));
+    const auto steps = static_cast<int>(std::ceil(sample_s / longest_s * (1.0 - kRoundedUp)));
+    const double dt = sample_s / steps;
+    std::vector<Vec3> path;
+    path.reserve(options_.frames);
+    double t = 0.0;
+    for (std::size_t k = 0; k < options_.frames; ++k) {
+      path.push_back(h_ + target_.cloud->origin_mm);
+      for (int s = 0; s < steps; ++s, t += dt) step(t, dt);
+    }
+    return path;
+  }
+
+ private:
+  static constexpr double kRoundedUp = 1e-9;  // of a ratio of two rounded times
+
+  [[nodiscard]] Vec3 in_world(const Vec3& local) const {
+    return target_.world_from_model * Vec3(local + target_.cloud->origin_mm);
+  }
+
+  void step(double t, double dt) {
+    const Vec3 force = target_.world_from_model.rotation.inverse() * felt_(in_world(h_));
+    const double size = force.norm();
+    const bool contact = size > 0.0;
+    look(contact, contact ? Vec3(force / size) : Vec3::Zero(), dt);
+    plan(t, dt, contact);
+    const Vec3 hand = own_force(t, contact);
+    Vec3 tangent = heading_ - heading_.dot(normal_) * normal_;
+    if (tangent.norm() < kLeastTangent) {
+      heading_ = any_direction(random_);
+      tangent = heading_ - heading_.dot(normal_) * normal_;
+    }
+    tangent.normalize();
+    heading_ = ((1.0 - kTurnIn) * heading_ + kTurnIn * tangent).normalized();
+    const bool drags = taps_ == 0 && (contact || !going_back_);
+    Vec3 velocity = (hand + force) / damping_ + (drags ? speed_ : 0.0) * tangent;
+    const double most = kFastest * options_.fastest_mm_s, fast = velocity.norm();
+    if (fast > most) velocity *= most / fast;
+    h_ += dt * velocity;
+  }
+
+  /// Where outside is, by what is felt, else by what is seen.
+  void look(bool contact, const Vec3& felt, double dt) {
+    behind_ = false;
+    Vec3 outward = normal_;
+    if (contact) {
+      outward = felt;
+      touched_ = h_;
+      touched_normal_ = normal_;
+      free_s_ = 0.0;
+      going_back_ = false;
+      // No hand strokes into a hole of a scan: it turns before the rim.
+      if (const std::optional<Vec3> rim = rim_near(h_); rim && h_ != *rim)
+        heading_ = (h_ - *rim).normalized();
+    } else if (going_back_) {
+      outward = touched_normal_;
+      if ((above_touched() - h_).norm() <= depth_mm_) {
+        going_back_ = false;
+        free_s_ = 0.0;
+        heading_ = any_direction(random_);
+      }
+    } else {
+      free_s_ += dt;
+      const Fit fit = fit_plane(*fitting_.points, h_, fitting_.radius_mm, normal_);
+      behind_ = fit.good && fit.height > kTooDeep * depth_mm_;
+      const std::optional<Vec3> seen = fit.good ? std::nullopt : nearest();
+      const Vec3 from_seen = seen ? Vec3(h_ - *seen) : touched_normal_;
+      // Beside the nearest point at a border, not above it: there the surface ends.
+      const bool beside = (open_ || (seen && rim_near(*seen))) && from_seen.dot(touched_normal_) < kAboveShare * from_seen.norm();
+      if (free_s_ > kLostS || beside)
+        going_back_ = true;
+      else if (fit.good)
+        outward = fit.normal;
+      else if (from_seen.norm() > 0.0)
+        outward = open_ ? touched_normal_ : Vec3(from_seen.normalized());
+    }
+    const Vec3 turned = normal_ + std::min(dt / kFeelS, 1.0) * (outward - normal_);
+    if (turned.norm() > 0.0) normal_ = turned.normalized();
+  }
+
+  /// Above where it last felt something.
+  [[nodiscard]] Vec3 above_touched() const { return touched_ + kLiftDepths * depth_mm_ * touched_normal_; }
+  /// The nearest corner of the rim, where that is near.
+  [[nodiscard]] std::optional<Vec3> rim_near(const Vec3& local) const {
+    if (!rim_points_) return std::nullopt;
+    const Vec3 origin = target_.cloud->origin_mm, at = local + origin;
+    const Vec3 rim = rim_->point_mm(rim_points_->nearest(at));
+    if ((rim - at).norm() > kRimRadii * fitting_.radius_mm + depth_mm_) return std::nullopt;
+    return Vec3(rim - origin);
+  }
+  [[nodiscard]] std::optional<Vec3> nearest() const {
+    std::optional<Vec3> found;
+    double best = std::numeric_limits<double>::infinity();
+    fitting_.points->around(h_, kMostFitted, [&](const Vec3& q) {
+      const double sq = (q - h_).squaredNorm();
+      if (sq >= best) return;
+      best = sq;
+      found = q;
+    });
+    return found;
+  }
+
+  /// What it means to do: pace, lifts, taps, another heading where it is stuck.
+  void plan(double t, double dt, bool contact) {
+    heading_ = (heading_ + kWander * std::sqrt(dt / kStepS) *
+                               Vec3(random_.normal(), random_.normal(), random_.normal()))
+                   .normalized();
+    if (t >= next_pace_s_) {
+      speed_ = random_.uniform(options_.slowest_mm_s, options_.fastest_mm_s);
+      next_pace_s_ = t + kPaceS;
+    }
+    if (t >= next_look_s_) {
+      if ((h_ - back_).norm() < kStuckShare * speed_ * kStuckS) heading_ = any_direction(random_);
+      back_ = h_;
+      next_look_s_ = t + kStuckS;
+    }
+    lift_s_ -= dt;
+    if (lift_s_ > 0.0) return;
+    if (taps_ > 0) {
+      // A touch of kTapS, and up again.
+      if (contact) touch_s_ += dt;
+      if (touch_s_ < kTapS) return;
+      touch_s_ = 0.0;
+      if (--taps_ > 0) lift_s_ = kShortestLiftS;
+    } else if (contact && random_.uniform() < dt / kBetweenLiftsS) {
+      lift_s_ = random_.uniform(kShortestLiftS, kLongestLiftS);
+      if (random_.uniform() < kTapShare)
+        taps_ = kFewestTaps + static_cast<int>(random_.below(kMostTaps - kFewestTaps + 1));
+    }
+  }
+
+  [[nodiscard]] Vec3 own_force(double t, bool contact) const {
+    const double f = options_.force_n;
+    if (going_back_) {
+      // Up first: the straight way may lead through the sheet from below.
+      if ((h_ - touched_).dot(touched_normal_) < 0.5 * kLiftDepths * depth_mm_) return f * touched_normal_;
+      const Vec3 way = above_touched() - h_;
+      return way * (f / std::max(way.norm(), depth_mm_));
+    }
+    if (behind_) return f * normal_;
+    if (lift_s_ > 0.0) {
+      const bool high = (h_ - touched_).dot(normal_) > kLiftDepths * depth_mm_;
+      return (contact ? kUp : high ? 0.0 : kAbove) * f * normal_;
+    }
+    const double press =
+        f * (kMeanPress + kPressSwing * std::sin(phase_ + 2.0 * std::numbers::pi * t / kPressS));
+    return -(contact ? press : std::min(press, kDown * f)) * normal_;
+  }
+
+  const PathTarget& target_;
+  const HandOptions& options_;
+  const Fitting& fitting_;
+  const Feel& felt_;
+  bool open_;
+  std::optional<cloud::Cloud> rim_;
+  std::optional<partition::PointSearch> rim_points_;
+  Random random_;
+  double damping_, depth_mm_, phase_;
+  Vec3 h_;        ///< the HIP, relative to the cloud's origin, as all here
+  Vec3 normal_;   ///< what it takes for outward
+  Vec3 heading_;  ///< where it drags to
+  double speed_;
+  Vec3 back_;                       ///< where it was when it last looked whether it is stuck
+  Vec3 touched_, touched_normal_;   ///< where it last felt something
+  double free_s_ = 0.0, lift_s_ = 0.0, touch_s_ = 0.0;
+  double next_pace_s_ = kPaceS, next_look_s_ = kStuckS;
+  int taps_ = 0;
+  bool going_back_ = false, behind_ = false;
+};
+
+}  // namespace
+
+Result<std::vector<Vec3>> by_hand(const PathTarget& target, const HandOptions& options) {
+  const cloud::Cloud& cloud = *target.cloud;
+  PALPATE_ASSIGN(const Feel felt, target.felt());
+  if (cloud.size() < kFewestInBall)
+    return Error{"the cloud has too few points for a hand to go by", "give at least 16", {}, 0};
+  PALPATE_ASSIGN(const Fitting fitting, choose_radius(cloud, cloud.box_mm()));
+  Random random(options.seed);
+  const double clearance_mm = kLiftDepths * options.force_n / target.stiffness_n_per_mm;
+  PALPATE_ASSIGN(const Beginning at, begin_outside(target, fitting, clearance_mm, random));
+  return Hand(target, options, fitting, felt, open_side(target).has_value(), at).go();
+}
+
+}  // namespace palpate::trace
