@@ -98,6 +98,8 @@ Result<std::uint64_t> export_csv(device::Recording& recording, const std::string
     if (path.size() * kBytesARow > kMemoryLimitBytes)
       return over_memory_limit("the frames of this recording", kMemoryLimitBytes);
   }
+  if (recording.end().ticks == 0)
+    return Error{"the recording ends before its first ticks are whole", "record again", file, 0};
   if (path.size() == 0) {
     std::vector<std::string> labels;
     for (const device::RecordedRenderer& one : recording.renderers()) labels.push_back(one.label);

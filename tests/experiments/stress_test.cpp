@@ -78,9 +78,7 @@ TEST_P(OursAtTheExtremes, HoldWhatMustHold) {
   }
   EXPECT_GT(ok, 10u) << "most cases are refused";
 }
-// Not `cloud-smooth`, whose new field falls short here: nested balls fail, and a case after it prepares for
-// minutes (docs/smooth.md, "What it cannot do").
-INSTANTIATE_TEST_SUITE_P(Stress, OursAtTheExtremes, ::testing::Values("cloud", "heightfield"),
+INSTANTIATE_TEST_SUITE_P(Stress, OursAtTheExtremes, ::testing::Values("cloud", "cloud-smooth", "heightfield"),
                          [](const auto& tested) {
                            std::string name = tested.param;
                            std::erase(name, '-');

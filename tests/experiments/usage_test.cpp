@@ -112,6 +112,7 @@ TEST_F(Usage, EveryExampleOfAPathIsOne) {
   for (const bool formula : {true, false}) {
     target.surface = formula ? model.surface.get() : nullptr;
     for (const trace::PathGenerator& generator : trace::path_generators()) {
+      if (generator.name == "hand") continue;  // which is run below: it needs somebody to feel
       const auto path = trace::make_path(*parse_named_options(generator.example), target);
       EXPECT_TRUE(path) << generator.example << ": " << (path ? "" : path.error().message());
     }
@@ -129,7 +130,7 @@ TEST_F(Usage, EveryGeneratorRunsOnAFileOfPoints) {
   for (const trace::PathGenerator& generator : trace::path_generators()) {
     const ProcessOutcome run =
         palpate_command({"replay", file, "--unit", "mm", "--renderer", "cloud", "--path",
-                         generator.name + ":frames=3000:depth_mm=0.5", "--out", in("out"), "--json"});
+                         generator.name + (generator.name == "hand" ? ":frames=3000" : ":frames=3000:depth_mm=0.5"), "--out", in("out"), "--json"});
     ASSERT_EQ(run.exit_code, 0) << generator.name << run.err;
     EXPECT_GT(json::parse(run.out)["renderers"][0]["frame"]["contact_frames"], 500) << generator.name;
   }

@@ -35,17 +35,32 @@ inline constexpr double kMoveSpacings = 1.5;
 /// plate is not popped through.
 inline constexpr double kFacingAbove = -0.7, kFacingBehind = -0.5;
 
-/// `held_outward`: unit, at the place held. `spacing` of the points around, in the unit of lengths.
-[[nodiscard]] inline HeldPlace judge_held_place(const Vec3& hip, const Vec3& held, const Vec3& held_outward,
-                                                const Surroundings& at, double spacing) noexcept {
+/// Places looked at on the way from the place held to the HIP.
+inline constexpr int kPlacesOnWay = 8;
+
+/// What is to be done, by what `look(place)` says of the surface around a place, a Surroundings. The HIP is
+/// looked at always, the way to it only before anything is done: where that leads out of the far side of a
+/// plate, with another surface beyond, the plate holds. `held_outward`: unit, at the place held. `spacing` of
+/// the points around, in the unit of lengths.
+template <class Look>
+[[nodiscard]] HeldPlace judge_held_place(const Vec3& hip, const Vec3& held, const Vec3& held_outward,
+                                         double spacing, const Look& look) noexcept {
   const double far = (hip - held).norm();
-  if (!at.known || !(far > kNextToSpacings * spacing)) return HeldPlace::kKeep;
-  if (std::abs(at.signed_distance) > kMuchNearer * far) return HeldPlace::kKeep;
-  const double cosine = at.outward.dot(held_outward);
-  if (at.signed_distance > kOutSpacings * spacing && cosine > kFacingAbove) return HeldPlace::kFree;
+  if (!(far > kNextToSpacings * spacing)) return HeldPlace::kKeep;
+  const Surroundings at = look(hip);
+  if (!at.known || std::abs(at.signed_distance) > kMuchNearer * far) return HeldPlace::kKeep;
+  const double cosine = at.outward.dot(held_outward), out = kOutSpacings * spacing;
+  HeldPlace verdict = HeldPlace::kKeep;
+  if (at.signed_distance > out && cosine > kFacingAbove) verdict = HeldPlace::kFree;
   if (at.signed_distance < 0.0 && far > kMoveSpacings * spacing && cosine > kFacingBehind)
-    return HeldPlace::kMove;
-  return HeldPlace::kKeep;
+    verdict = HeldPlace::kMove;
+  if (verdict == HeldPlace::kKeep) return verdict;
+  for (int k = 1; k < kPlacesOnWay; ++k) {
+    const Surroundings on_way = look(held + (hip - held) * (static_cast<double>(k) / kPlacesOnWay));
+    if (!on_way.known || !(on_way.signed_distance > out)) continue;
+    return on_way.outward.dot(held_outward) > kFacingAbove ? verdict : HeldPlace::kKeep;
+  }
+  return verdict;
 }
 
 }  // namespace palpate::geometry

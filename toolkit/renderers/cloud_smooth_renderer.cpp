@@ -65,7 +65,7 @@ class SmoothModel {
   template <unsigned kFeatures>
   [[gnu::noinline]] bool spread_step(const Vec3& h, bool held, SurfaceContact& contact) noexcept {
     Vec3 pull = held ? Vec3(contact_.god_object_mm() - h) : Vec3::Zero();
-    if (!spread_.apply(contact_.corrected_from(), held, pull)) return false;
+    if (!spread_.apply(h, contact_.corrected_from(), held, pull)) return false;
     if (!held) contact = contact_at<kFeatures>(h);
     contact.pull = pull;
     return true;
@@ -103,7 +103,7 @@ class SmoothModel {
     contact.dynamic_friction = moving;
     const Vec3& n = contact_.normal();
     contact.stiffness_gradient = (gradient - n * n.dot(gradient)) *
-                                 (body_.smooth->grid.per_voxel * BrickGrid::per_voxel_of(contact_.level()));
+                                 (body_.smooth->grid.per_voxel * body_.smooth->grid.per_voxel_of(contact_.level()));
   }
 
   SmoothBody body_;
@@ -157,7 +157,8 @@ class CloudSmooth final : public BoxedShellRenderer<SmoothModel> {
       report.decisions.models.push_back(said(input, built->decided()));
       report.notes.push_back(note_of(report.decisions.models.back().decisions.front()));
       report.read_rounding_mm =
-          std::max(report.read_rounding_mm, kReadRounding * built->smooth->grid.voxel_mm);
+          std::max(report.read_rounding_mm,
+                   kReadRounding * built->smooth->grid.voxel_mm / built->smooth->grid.per_voxel_of(0));
       models_.add(std::make_unique<SmoothModel>(*std::move(built), walk_steps()));
     }
     return Done{};

@@ -70,6 +70,7 @@ class HeightFieldSurface {
   void let_go(const Vec3& h) noexcept {
     contact_ = false;
     spread_.end();
+    unlooked_ = 0;
     state_.release();
     started_ = is_finite(h);
     if (started_) start(sheet_.plan(h));
@@ -107,7 +108,7 @@ class HeightFieldSurface {
     }
     if (!corrected && !spread_.active()) return held;
     Vec3 pull = held ? contact.pull : Vec3::Zero();
-    if (!spread_.apply(corrected ? &before : nullptr, held, pull)) return false;
+    if (!spread_.apply(h, corrected ? &before : nullptr, held, pull)) return false;
     if (!held) contact = contact_at<kFeatures>(h);
     contact.pull = pull;
     return true;
@@ -117,21 +118,24 @@ class HeightFieldSurface {
                FrameCounters& counters) noexcept {
     const double far = pull.norm(), spacing = std::min(sheet_.step_x, sheet_.step_y);
     if (!(far > geometry::kNextToSpacings * spacing)) return false;
-    if (!(plan.x >= 0.0 && plan.y >= 0.0 && plan.x < sheet_.last_column && plan.y < sheet_.last_row))
-      return false;
-    const Foot under{static_cast<std::int32_t>(plan.x), static_cast<std::int32_t>(plan.y),
-                     plan.x - std::floor(plan.x), plan.y - std::floor(plan.y)};
-    const Patch patch = sheet_.patch(under.column, under.row);
-    if (!patch.exists()) return false;
-    const Vec3 normal(-(patch.b + patch.d * under.t) * sheet_.inverse_x,
-                      -(patch.c + patch.d * under.s) * sheet_.inverse_y, 1.0);
-    const double size = normal.norm();
-    const geometry::Surroundings at{true, (plan.z - patch.height(under.s, under.t)) / size, normal / size};
-    switch (geometry::judge_held_place(h, h + pull, pull / far, at, spacing)) {
+    Foot under;
+    const auto look = [&](const Vec3& place) noexcept -> geometry::Surroundings {
+      const PlanPoint at = sheet_.plan(place);
+      if (!(at.x >= 0.0 && at.y >= 0.0 && at.x < sheet_.last_column && at.y < sheet_.last_row)) return {};
+      under = {static_cast<std::int32_t>(at.x), static_cast<std::int32_t>(at.y), at.x - std::floor(at.x),
+               at.y - std::floor(at.y)};
+      const Patch patch = sheet_.patch(under.column, under.row);
+      const Vec3 normal(-(patch.b + patch.d * under.t) * sheet_.inverse_x,
+                        -(patch.c + patch.d * under.s) * sheet_.inverse_y, 1.0);
+      const double size = normal.norm();
+      return {patch.exists(), (at.z - patch.height(under.s, under.t)) / size, normal / size};
+    };
+    switch (geometry::judge_held_place(h, h + pull, pull / far, spacing, look)) {
       case geometry::HeldPlace::kKeep:
         return false;
       case geometry::HeldPlace::kMove: {
         int moves = kMaxSheetMoves;
+        (void)look(h);
         foot_ = under;
         (void)stay(plan, moves, status, counters);
         return true;

@@ -125,7 +125,7 @@ class StarModel {
   template <unsigned kFeatures>
   [[gnu::noinline]] bool spread_step(const Vec3& h, bool held, SurfaceContact& at) noexcept {
     Vec3 pull = held ? contact.pull() : Vec3::Zero();
-    if (!spread.apply(contact.corrected_from(), held, pull)) return false;
+    if (!spread.apply(h, contact.corrected_from(), held, pull)) return false;
     if (!held) read_contact<kFeatures>(h, at);
     at.pull = pull;
     return true;

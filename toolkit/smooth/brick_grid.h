@@ -56,13 +56,14 @@ struct ClosedPiece {
   std::vector<geometry::SurfacePart> parts;  ///< its surface brick by brick, voxels
 };
 
-/// All bricks of a model. Immutable and shared; local mm. A voxel is one of the largest bricks'.
+/// All bricks of a model. Immutable and shared; local mm. A voxel is one of level `coarser`.
 struct BrickGrid {
   static constexpr std::uint32_t kNone = CellBlocks::kNone;
   /// A bit beside a brick's number: smaller ones stand in its place where the surface goes.
   static constexpr std::uint32_t kSmaller = 1u << 31;
-  /// Sizes of bricks, each half of the last.
-  static constexpr int kMostLevels = 3;
+  /// Sizes of bricks, each half of the last: so many from one voxel of the points' spacing on, and before them
+  /// larger ones for what is sampled more coarsely than most.
+  static constexpr int kFineLevels = 3, kMostCoarser = 8, kMostLevels = kMostCoarser + kFineLevels;
   using Coordinate = std::array<std::int32_t, 3>;
 
   struct Level {
@@ -78,7 +79,8 @@ struct BrickGrid {
   };
 
   Vec3 low_mm = Vec3::Zero();  ///< corner of brick (0, 0, 0)
-  double voxel_mm = 1.0;
+  double voxel_mm = 1.0;       ///< of level `coarser`
+  int coarser = 0;             ///< levels of larger voxels than that
   double per_voxel = 1.0;       ///< 1 / voxel_mm
   std::int64_t last_brick = 0;  ///< largest brick coordinate of any axis, of level 0
   int levels = 1;
@@ -95,10 +97,12 @@ struct BrickGrid {
     for (const Level& l : level) sum += l.table.bytes() + l.brick.capacity() * sizeof(std::uint32_t);
     return sum;
   }
-  /// Voxels of a level in one of the largest.
-  [[nodiscard]] static constexpr double per_voxel_of(int level_of) noexcept {
-    return static_cast<double>(1 << level_of);
+  /// Voxels of a level in one voxel: a power of two.
+  [[nodiscard]] double per_voxel_of(int level_of) const noexcept {
+    return kPerVoxel[static_cast<std::size_t>(level_of - coarser + kMostCoarser)];
   }
+  /// Edge of the largest cubes, voxels.
+  [[nodiscard]] double cube_edge() const noexcept { return kBrickCells / per_voxel_of(0); }
   /// In voxels from low_mm.
   [[nodiscard]] Vec3 in_voxels(const Vec3& local_mm) const noexcept {
     return (local_mm - low_mm) * per_voxel;
@@ -108,7 +112,7 @@ struct BrickGrid {
   [[nodiscard]] Place find(const Vec3& at) const noexcept {
     Place out;
     for (int l = 0; l < levels; ++l) {
-      const double per = per_voxel_of(l) / kBrickCells;
+      const double per = per_voxel_of(l) * (1.0 / kBrickCells);
       Coordinate cube;
       for (std::size_t a = 0; a < 3; ++a) {
         const double x = std::floor(at[static_cast<Eigen::Index>(a)] * per);
@@ -125,6 +129,15 @@ struct BrickGrid {
     }
     return out;
   }
+  static constexpr std::array<double, kMostLevels> kPerVoxel = [] {
+    std::array<double, kMostLevels> per{};
+    double value = 1.0 / (1 << kMostCoarser);
+    for (double& one : per) {
+      one = value;
+      value *= 2.0;
+    }
+    return per;
+  }();
   /// Of every brick, in their order. O(bricks).
   [[nodiscard]] std::vector<Place> places() const;
 };

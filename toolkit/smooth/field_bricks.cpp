@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "toolkit/core/parallel.h"
-#include "toolkit/core/radix_sort.h"
-#include "toolkit/geometry/mouth.h"
+#include "toolkit/smooth/brick_cubes.h"
+#include "toolkit/smooth/brick_pieces.h"
 #include "toolkit/smooth/patch_field.h"
 #include "toolkit/smooth/points_around.h"
 #include "toolkit/smooth/spline.h"
@@ -22,64 +22,26 @@ namespace {
 /// The lattice begins this many bricks before the box: faces of a box that stands along the axes are often
 /// flat, and lie at no wall this way.
 constexpr double kLatticeShift = 1.09;
-/// A brick is made where a point lies in it or within so many spacings of it: the surface between points does
-/// not go farther from them, and a HIP is told which side it is on a little off the surface as well.
-constexpr double kMargin = 1.0;
 /// A part of a brick that did not follow the field is made where that says the surface is nearer than so many
 /// spacings: it was off by less.
 constexpr double kPartMargin = 0.5;
 /// What a cubic B-spline takes of a second difference along an axis. Differences beyond so many voxels,
 /// farther off than so many, are kinks half way to another sheet.
 constexpr float kBlur = 1.0f / 6.0f, kKink = 0.5f, kNearSurface = 0.2f;
-/// Half the diagonal of a cell, in voxels: a cell's middle is at most so far off a surface that crosses it,
-/// where the gradient is one; with room for where it is not quite.
-constexpr double kCrossed = 1.1 * 0.8660254, kLeastSlope = 0.5;
-/// Such cells are as many as their slab's volume: of surface each stands for so much, in square voxels,
-/// however it lies.
-constexpr double kCellArea = 0.5 / kCrossed;
 /// Where a spline's normal differs from the field's by more than this smaller bricks take over: 14 degrees,
 /// of bricks that are smaller already 26.
-constexpr std::array<double, BrickGrid::kMostLevels> kSameNormal{0.97, 0.9, -1.0};
+constexpr std::array<double, BrickGrid::kFineLevels> kSameNormal{0.97, 0.9, -1.0};
 /// Patches are one surface where they differ by no more than so many times the tolerance, or this share of
 /// the noise.
 constexpr double kOneSurface = 1.0, kOneSurfaceNoise = 0.6;
-/// A sheet with no more cells beyond its points than these, or this share of its cells, is closed: the
-/// smallest hole, two spacings wide, has some eight around it, and a void of chance one; at edges of clean
-/// points some in a thousand look beyond.
-constexpr double kChanceCells = 4.0, kChanceShare = 2e-3;
-/// A piece that encloses a volume is tight where its mouth takes no more than this share of it: what comes in
-/// through smaller holes is pushed out again.
-constexpr double kTightShare = 0.02;
 /// Beyond so many bricks no point tells of a node.
 constexpr double kFarthestPoint = 4.0;
-/// Closed pieces that a brick can name.
-constexpr std::size_t kMostPieces = std::numeric_limits<std::uint16_t>::max();
+/// Larger cubes than the points' spacing asks for, through which so many patches go, are what smaller ones are
+/// for: their own field is the mean of some.
+constexpr std::size_t kMostPatches = 64;
 constexpr std::size_t kTileGrain = 128, kBrickGrain = 64;
 
 using Coordinate = BrickGrid::Coordinate;
-
-std::uint64_t code_at(const Coordinate& c) {
-  return partition::morton_code(static_cast<std::uint32_t>(c[0]), static_cast<std::uint32_t>(c[1]),
-                                static_cast<std::uint32_t>(c[2]));
-}
-
-void sort_unique(std::vector<std::uint64_t>& codes, int threads) {
-  std::uint64_t bits = 0;
-  for (const std::uint64_t code : codes) bits |= code;
-  radix_sort(codes, static_cast<int>(std::bit_width(bits)), threads, [](std::uint64_t code) { return code; });
-  codes.erase(std::unique(codes.begin(), codes.end()), codes.end());
-}
-
-/// One brick and what decides about its piece.
-struct Made {
-  Brick brick;
-  std::uint64_t beyond = 0;  ///< cells that the surface goes through where no points are around
-  std::uint32_t piece = 0;
-  bool smaller = false;  ///< it does not follow the field
-  /// Of the cells that the surface goes through: sums of the normals, and of the places from the cube's
-  /// corner, in voxels of its level.
-  Vec3 normals = Vec3::Zero(), places = Vec3::Zero();
-};
 
 class Builder {
  public:
@@ -94,48 +56,34 @@ class Builder {
         grid_(grid) {}
 
   void run() {
-    for (level_ = 0; level_ < build_.levels; ++level_) {
-      voxel_mm_ = grid_.voxel_mm / BrickGrid::per_voxel_of(level_);
+    for (level_ = 0; level_ < last_level(); ++level_) {
+      voxel_mm_ = grid_.voxel_mm / grid_.per_voxel_of(level_);
       std::vector<std::uint64_t>& codes = codes_[static_cast<std::size_t>(level_)];
-      codes = level_ == 0 ? cubes_near_points() : parts_of_cubes();
+      if (level_ > 0) codes = parts_of_cubes();
+      if (level_ <= grid_.coarser)
+        add_cubes_near_points(points_, of_, grid_, level_, threads_, [this](std::uint64_t code) { return has_smaller(code); }, codes);
       if (codes.empty()) break;
       grid_.levels = level_ + 1;
       grid_.level[static_cast<std::size_t>(level_)].table.build(codes);
       sample_tiles(codes);
       make_bricks(codes);
     }
-    close_pieces();
+    close_pieces(grid_, made_, codes_, patches_.size(), build_.both_sides, threads_);
     collect();
   }
 
  private:
-  /// Codes of the largest cubes that points lie in or near.
-  std::vector<std::uint64_t> cubes_near_points() const {
-    const double per = 1.0 / (kBrickCells * voxel_mm_);
-    const auto last = static_cast<double>(grid_.last_brick);
-    std::vector<std::vector<std::uint64_t>> found((points_.size() + kPointsPerChunk - 1) / kPointsPerChunk);
-    parallel_chunks(points_.size(), kPointsPerChunk, threads_, [&](std::size_t begin, std::size_t end) {
-      std::vector<std::uint64_t>& mine = found[begin / kPointsPerChunk];
-      for (std::size_t i = begin; i < end; ++i) {
-        if (of_[i].patch[0] == PointPatches::kNone) continue;
-        const Vec3 at = (points_[i] - grid_.low_mm) * per;
-        const Vec3 off = Vec3::Constant(kMargin * points_.spacing_near(i) * per);
-        const Vec3 low = (at - off).cwiseMax(0.0), high = (at + off).cwiseMin(last);
-        for (auto x = static_cast<std::int32_t>(low.x()); x <= static_cast<std::int32_t>(high.x()); ++x)
-          for (auto y = static_cast<std::int32_t>(low.y()); y <= static_cast<std::int32_t>(high.y()); ++y)
-            for (auto z = static_cast<std::int32_t>(low.z()); z <= static_cast<std::int32_t>(high.z()); ++z) {
-              const std::uint64_t code = code_at({x, y, z});
-              if (mine.empty() || mine.back() != code) mine.push_back(code);
-            }
-      }
-      std::sort(mine.begin(), mine.end());
-      mine.erase(std::unique(mine.begin(), mine.end()), mine.end());
-    });
-    std::vector<std::uint64_t> codes;
-    for (const std::vector<std::uint64_t>& f : found) codes.insert(codes.end(), f.begin(), f.end());
-    sort_unique(codes, threads_);
-    return codes;
+  /// Of a cube of this level: that around it has smaller ones.
+  [[nodiscard]] bool has_smaller(std::uint64_t code) const {
+    if (level_ == 0) return true;
+    const auto above = static_cast<std::size_t>(level_ - 1);
+    const std::uint32_t parent = grid_.level[above].table.find(code >> 3);
+    return parent != CellBlocks::kNone && made_[above][parent].smaller;
   }
+  [[nodiscard]] int last_level() const { return grid_.coarser + build_.levels; }
+  /// Which of the fine levels this is; larger cubes are as the first.
+  [[nodiscard]] int fine() const { return std::max(level_ - grid_.coarser, 0); }
+
   /// Of the cubes of the last level that are not followed, those of their eight parts that the surface may go
   /// through.
   std::vector<std::uint64_t> parts_of_cubes() const {
@@ -171,13 +119,15 @@ class Builder {
     tile_table_.build(codes);
     LargeVector<Tile> values(codes.size());
     plain_.assign(codes.size(), 0);
-    near_ = TilePatches(patches_, grid_, tile_table_, codes.size(), voxel_mm_, threads_);
+    near_ = TilePatches(patches_, grid_, tile_table_, codes, voxel_mm_, threads_);
     const double agreed = std::max(kOneSurface * build_.tolerance_mm, kOneSurfaceNoise * build_.noise_mm);
     parallel_chunks(codes.size(), kTileGrain, threads_, [&](std::size_t begin, std::size_t end) {
       PatchField field(points_, patches_, of_);
       for (std::size_t i = begin; i < end; ++i) {
         const Vec3 middle = middle_of(coordinate_of(codes[i]));
-        if (blend_tile(patches_, near_.of(i), middle, voxel_mm_, agreed, values[i]))
+        if (is_crowded(near_.of(i)))
+          (void)blend_tile(patches_, some_of(near_.of(i)), middle, voxel_mm_, agreed, values[i]);
+        else if (blend_tile(patches_, near_.of(i), middle, voxel_mm_, agreed, values[i]))
           plain_[i] = 1;
         else
           sample(middle, field, values[i]);
@@ -187,6 +137,14 @@ class Builder {
     parallel_chunks(codes.size(), kTileGrain, threads_, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) sharpen(coordinate_of(codes[i]), values, i);
     });
+  }
+  [[nodiscard]] bool is_crowded(std::span<const std::uint32_t> patches) const {
+    return level_ < grid_.coarser && patches.size() > kMostPatches;
+  }
+  [[nodiscard]] static std::vector<std::uint32_t> some_of(std::span<const std::uint32_t> patches) {
+    std::vector<std::uint32_t> some;
+    for (std::size_t k = 0; k < kMostPatches; ++k) some.push_back(patches[k * patches.size() / kMostPatches]);
+    return some;
   }
   [[nodiscard]] Vec3 middle_of(const Coordinate& tile) const {
     return grid_.low_mm + (Vec3(tile[0], tile[1], tile[2]) * kTileNodes + Vec3::Constant(0.5)) * voxel_mm_;
@@ -270,21 +228,22 @@ class Builder {
     return true;
   }
 
-  /// Of a place in a smaller brick, in voxels from its corner: the normal as the largest bricks round it.
+  /// Of a place in a smaller brick, in voxels from its corner: the normal as the first fine bricks round it.
   /// Beside an edge that is the mean of both faces', along which the points of either are seen beside the
   /// place.
   [[nodiscard]] Vec3 mean_normal(std::uint64_t code, const Coordinate& cube, const Vec3& at) const {
-    const std::uint64_t parent = code >> (3 * level_);
+    const std::uint64_t parent = code >> (3 * fine());
     const Coordinate from = coordinate_of(parent);
+    const auto first = static_cast<std::size_t>(level_ - fine());
     BrickPlace place;
     for (std::size_t a = 0; a < 3; ++a) {
       const double x = (kBrickCells * static_cast<double>(cube[a]) + at[static_cast<Eigen::Index>(a)]) /
-                           BrickGrid::per_voxel_of(level_) -
+                           static_cast<double>(1 << fine()) -
                        kBrickCells * static_cast<double>(from[a]);
       place.cell[a] = std::clamp(static_cast<int>(x), 0, kBrickCells - 1);
       place.t[a] = static_cast<float>(x - place.cell[a]);
     }
-    return spline_jet(made_[0][grid_.level[0].table.find(parent)].brick, place)
+    return spline_jet(made_[first][grid_.level[first].table.find(parent)].brick, place)
         .gradient.cast<double>()
         .normalized();
   }
@@ -307,9 +266,13 @@ class Builder {
         out.piece = piece_[p];
       }
     }
+    if (is_crowded(near)) {
+      out.smaller = true;
+      return;
+    }
     around.begin(points_, middle, kHalfDiagonal * voxel_mm_, spacing);
     const bool may_be_smaller =
-        level_ + 1 < build_.levels && !is_plain(cube) &&
+        level_ + 1 < last_level() && (level_ < grid_.coarser || !is_plain(cube)) &&
         field.begin(middle, kHalfDiagonal * voxel_mm_, kFarthestPoint * kBrickCells * voxel_mm_);
     for (int cell = 0; cell < kBrickCells * kBrickCells * kBrickCells; ++cell) {
       BrickPlace at;
@@ -318,14 +281,14 @@ class Builder {
       const Jet jet = spline_jet(out.brick, at);
       const auto slope = static_cast<double>(jet.gradient.norm());
       if (!(slope > 0.0) ||
-          std::abs(static_cast<double>(jet.value)) > kCrossed * std::max(slope, kLeastSlope))
+          std::abs(static_cast<double>(jet.value)) > kCrossedCell * std::max(slope, kLeastSlope))
         continue;
       const Vec3 n = jet.gradient.cast<double>() / slope;
       const Vec3 foot = Vec3(at.cell[0] + 0.5, at.cell[1] + 0.5, at.cell[2] + 0.5) -
                         n * (static_cast<double>(jet.value) / slope);
       const Vec3 from_middle = (foot - Vec3::Constant(half)) * voxel_mm_;
       const std::uint64_t bit = std::uint64_t{1} << cell;
-      if (around.are_around(from_middle, level_ == 0 ? n : mean_normal(code, cube, foot)))
+      if (around.are_around(from_middle, fine() == 0 ? n : mean_normal(code, cube, foot)))
         out.brick.mask |= bit;
       else
         out.beyond |= bit;
@@ -333,8 +296,8 @@ class Builder {
       out.places += foot;
       if (!may_be_smaller || out.smaller) continue;
       const FieldValue value = field.at(from_middle);
-      out.smaller = std::abs(value.distance_mm) > (1 + level_) * build_.tolerance_mm ||
-                    value.normal.dot(n) < kSameNormal[static_cast<std::size_t>(level_)];
+      out.smaller = std::abs(value.distance_mm) > (1 + fine()) * build_.tolerance_mm ||
+                    value.normal.dot(n) < kSameNormal[static_cast<std::size_t>(fine())];
     }
     if (out.beyond != 0 && out.brick.mask != 0) close_voids(out);
   }
@@ -359,71 +322,6 @@ class Builder {
       out.brick.mask |= std::uint64_t{1} << cell;
       out.beyond &= ~(std::uint64_t{1} << cell);
     }
-  }
-
-  struct Piece {
-    double cells = 0.0, beyond = 0.0;
-    std::uint16_t number = 0;
-    bool tight = false;
-    std::vector<geometry::SurfacePart> parts;
-  };
-  /// In voxels of level 0.
-  static geometry::SurfacePart part_of(const Made& one, std::uint64_t code, int level) {
-    const double size = 1.0 / BrickGrid::per_voxel_of(level);
-    const Coordinate c = coordinate_of(code);
-    const int count = std::popcount(one.brick.mask | one.beyond);
-    const Vec3 middle = (Vec3(c[0], c[1], c[2]) * kBrickCells + one.places / count) * size;
-    return {middle.cast<float>(), (one.normals * (kCellArea * size * size)).cast<float>()};
-  }
-  template <class Visit>
-  void each_brick(Visit&& visit) {
-    for (int l = 0; l < grid_.levels; ++l) {
-      const auto at = static_cast<std::size_t>(l);
-      for (std::size_t i = 0; i < made_[at].size(); ++i) visit(made_[at][i], codes_[at][i], l);
-    }
-  }
-  [[nodiscard]] static bool is_closed(const Piece& piece) {
-    return piece.beyond <= std::max(kChanceShare * piece.cells, kChanceCells);
-  }
-  /// The sign of the distance outside of a piece that encloses a volume, or 0.
-  float outer_side_of(const Piece& piece) {
-    const bool closed = is_closed(piece);
-    if (!closed && build_.both_sides) return 0.0f;
-    const float side = geometry::outer_side(piece.parts, threads_);
-    if (side != 0.0f || !closed) return side;
-    // Too thin to tell by angles: by its volume.
-    double volume = 0.0;
-    const Vec3 from = piece.parts.front().middle.cast<double>();
-    for (const geometry::SurfacePart& part : piece.parts)
-      volume += (part.middle.cast<double>() - from).dot(part.area.cast<double>());
-    return volume < 0.0 ? -1.0f : 1.0f;
-  }
-  /// Numbers the pieces that are felt from one side: those without a border, and those that enclose a volume
-  /// but for holes.
-  void close_pieces() {
-    std::vector<Piece> pieces(patches_.size());
-    each_brick([&](const Made& one, std::uint64_t code, int level) {
-      const std::uint64_t crossed = one.brick.mask | one.beyond;
-      if (crossed == 0 || one.smaller) return;
-      Piece& piece = pieces[one.piece];
-      const double size = 1.0 / BrickGrid::per_voxel_of(level);
-      piece.cells += size * size * std::popcount(one.brick.mask);
-      piece.beyond += size * size * std::popcount(one.beyond);
-      piece.parts.push_back(part_of(one, code, level));
-    });
-    for (Piece& piece : pieces) {
-      if (!(piece.cells > 0.0) || grid_.closed_pieces.size() == kMostPieces) continue;
-      const float side = outer_side_of(piece);
-      if (side == 0.0f) continue;
-      grid_.least_enclosed = std::min(grid_.least_enclosed, 1.0 - geometry::mouth_share(piece.parts));
-      piece.tight = is_closed(piece) || geometry::mouth_share(piece.parts) <= kTightShare;
-      grid_.closed_pieces.push_back({side, piece.tight, std::move(piece.parts)});
-      piece.number = static_cast<std::uint16_t>(grid_.closed_pieces.size());
-    }
-    each_brick([&](Made& one, std::uint64_t, int) {
-      one.brick.piece = pieces[one.piece].number;
-      if (pieces[one.piece].tight) one.brick.mask = ~std::uint64_t{0};
-    });
   }
 
   void collect() {
@@ -451,8 +349,8 @@ class Builder {
   BrickGrid& grid_;
   int level_ = 0;
   double voxel_mm_ = 1.0;  ///< of this level
-  std::array<std::vector<std::uint64_t>, BrickGrid::kMostLevels> codes_;
-  std::array<std::vector<Made>, BrickGrid::kMostLevels> made_;
+  LevelCodes codes_;
+  MadeBricks made_;
   CellBlocks tile_table_;
   LargeVector<Tile> tiles_;
   TilePatches near_;
@@ -478,16 +376,17 @@ BrickGrid build_bricks(const SmoothPoints& points, std::span<const Patch> patche
                        std::span<const std::uint32_t> piece, std::span<const PointPatches> of_points,
                        const FieldBuild& build, int threads) {
   BrickGrid grid;
-  const double brick_mm = kBrickCells * build.voxel_mm;
+  grid.coarser = coarser_levels(points, of_points);
+  const double brick_mm = kBrickCells * std::ldexp(build.voxel_mm, grid.coarser);
   grid.voxel_mm = build.voxel_mm;
   grid.per_voxel = 1.0 / build.voxel_mm;
   grid.box_mm = points.box_mm();
   grid.low_mm = grid.box_mm.low_mm - Vec3::Constant(kLatticeShift * brick_mm);
   const double bricks = (grid.box_mm.high_mm - grid.low_mm).maxCoeff() / brick_mm + 2.0;
   // Codes of the smallest bricks, and of the tiles one beyond them, have to hold them.
-  constexpr std::int64_t kMostBricks =
-      (std::int64_t{1} << (partition::kMortonBits - BrickGrid::kMostLevels)) - 1;
-  grid.last_brick = std::min(static_cast<std::int64_t>(std::min(bricks, 1e15)), kMostBricks);
+  const std::int64_t most =
+      (std::int64_t{1} << (partition::kMortonBits - grid.coarser - BrickGrid::kFineLevels)) - 1;
+  grid.last_brick = std::min(static_cast<std::int64_t>(std::min(bricks, 1e15)), most);
   if (!patches.empty()) Builder(points, patches, piece, of_points, build, threads, grid).run();
   return grid;
 }

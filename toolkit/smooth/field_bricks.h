@@ -11,8 +11,8 @@
 namespace palpate::render {
 
 struct FieldBuild {
-  double voxel_mm = 1.0;  ///< of the largest bricks
-  int levels = BrickGrid::kMostLevels;
+  double voxel_mm = 1.0;  ///< of the bricks that most points' spacing asks for
+  int levels = BrickGrid::kFineLevels;
   double noise_mm = 0.0;      ///< of the points
   double tolerance_mm = 0.0;  ///< that a spline may be off the field by before smaller bricks take its place
   bool both_sides = false;  ///< pieces with holes are felt from both sides, even where they enclose a volume

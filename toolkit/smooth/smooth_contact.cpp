@@ -27,7 +27,7 @@ constexpr double kOnSurface = 1e-4;
 constexpr double kBeyondWall = 0.25;
 /// Along a segment the next place looked at is this share of the distance on, which the spline's slope of
 /// about one allows, and at least a quarter of a voxel of the smallest bricks.
-constexpr double kMarch = 0.7, kLeastMarch = 0.25 / BrickGrid::per_voxel_of(BrickGrid::kMostLevels - 1);
+constexpr double kMarch = 0.7, kLeastMarch = 0.25 / (1 << (BrickGrid::kFineLevels - 1));
 /// A wall is passed by this much: places on it belong to the next cube beyond doubt.
 constexpr double kPastWall = 1e-6;
 constexpr int kRootSteps = 12;
@@ -46,6 +46,8 @@ constexpr int kToSurface = 6;
 constexpr int kLookEvery = 8;
 /// The field's slope is one where it tells of one surface.
 constexpr double kTellingSlope = 0.5;
+/// Within 60 degrees of the normal a HIP is in front of the place, whatever the surface does beside it.
+constexpr double kPlainlyInFront = 0.5;
 /// Of all directions a closed piece takes all from inside, none from outside.
 constexpr double kHalfOfAll = 0.5;
 /// HIPs farther off cannot be counted in cubes.
@@ -56,8 +58,7 @@ bool is_far(const Vec3& at) noexcept {
 }
 
 /// How far a place is from the walls of the largest bricks' cube around it, along a way: a share of that.
-double to_wall(const Vec3& at, const Vec3& way) noexcept {
-  constexpr double edge = kBrickCells;
+double to_wall(double edge, const Vec3& at, const Vec3& way) noexcept {
   double share = 1.0;
   for (Eigen::Index a = 0; a < 3; ++a) {
     if (way[a] == 0.0) continue;
@@ -70,9 +71,9 @@ double to_wall(const Vec3& at, const Vec3& way) noexcept {
 
 }  // namespace
 
-BrickPlace SmoothContact::place_in(const Place& place, const Vec3& at) noexcept {
+BrickPlace SmoothContact::place_in(const Place& place, const Vec3& at) const noexcept {
   BrickPlace out;
-  const double per = BrickGrid::per_voxel_of(place.level);
+  const double per = grid_->per_voxel_of(place.level);
   for (std::size_t a = 0; a < 3; ++a) {
     const double x =
         at[static_cast<Eigen::Index>(a)] * per - kBrickCells * static_cast<double>(place.cube[a]);
@@ -87,8 +88,8 @@ BrickPlace SmoothContact::place_in(const Place& place, const Vec3& at) noexcept 
 [[gnu::always_inline]] inline Jet SmoothContact::jet_at(const Place& place,
                                                         const BrickPlace& in) const noexcept {
   Jet jet = spline_jet(grid_->bricks[place.brick], in);
-  if (place.level > 0) {
-    const auto per = static_cast<float>(BrickGrid::per_voxel_of(place.level));
+  if (place.level != grid_->coarser) {
+    const auto per = static_cast<float>(grid_->per_voxel_of(place.level));
     jet.value /= per;
     for (float& second : jet.second) second *= per;
   }
@@ -97,7 +98,7 @@ BrickPlace SmoothContact::place_in(const Place& place, const Vec3& at) noexcept 
 
 [[gnu::always_inline]] inline bool SmoothContact::look(const Vec3& at, Place& place,
                                                        Jet& jet) const noexcept {
-  const Vec3 own = at * BrickGrid::per_voxel_of(place.level);
+  const Vec3 own = at * grid_->per_voxel_of(place.level);
   const Voxel voxel = voxel_of(own);
   if (place.whole && is_in(voxel, place.cube)) {
     jet = jet_at(place, place_in_voxel(voxel, own));
@@ -173,7 +174,7 @@ bool SmoothContact::update(const Vec3& h_mm, FrameCounters& counters) noexcept {
     const Vec3 d = h - at;
     if (!(d.dot(s.normal) * static_cast<double>(side_) < 0.0)) return false;
     if (!(d.squaredNorm() <= (h - god_).squaredNorm() * kNoFarther)) return false;
-    const Voxel voxel = voxel_of(at * BrickGrid::per_voxel_of(place.level));
+    const Voxel voxel = voxel_of(at * grid_->per_voxel_of(place.level));
     if (!is_in(voxel, place.cube) || (grid_->bricks[place.brick].mask & mask_bit_of(voxel)) == 0)
       return false;
     moved_ = at - god_;
@@ -290,8 +291,14 @@ bool SmoothContact::update_slowly(const Vec3& h, FrameCounters& counters) noexce
           bound_hit_ = true;
           return true;
         case Stay::kPastBorder:
-          // A tight piece has none: where no brick goes on the god object waits, and the field decides.
+          // A tight piece has none: where no brick goes on the god object waits, and the field decides, but for
+          // a HIP that is plainly in front of it.
           if (is_tight(place_)) {
+            const Vec3 way = h - god_;
+            if (way.dot(normal_) * static_cast<double>(side_) > kPlainlyInFront * way.norm()) {
+              tested_to_ = h;
+              break;
+            }
             moved_ = Vec3::Zero();
             return true;
           }
@@ -366,7 +373,7 @@ bool SmoothContact::find_entry(const Vec3& h, FrameCounters& counters) noexcept 
     if (place.brick == BrickGrid::kNone) {
       known = false;
       if (at >= 1.0) break;
-      at = std::min(at + to_wall(place_at, way) + kPastWall * per, 1.0);
+      at = std::min(at + to_wall(grid_->cube_edge(), place_at, way) + kPastWall * per, 1.0);
       continue;
     }
     --values;
@@ -409,7 +416,7 @@ void SmoothContact::look_where_free(const Vec3& h) noexcept {
   const Place place = grid_->find(h);
   if (place.brick == BrickGrid::kNone) {
     in_front_ = false;
-    constexpr double edge = kBrickCells;
+    const double edge = grid_->cube_edge();
     clear_ = edge;
     for (Eigen::Index a = 0; a < 3; ++a) {
       const double in = h[a] - edge * std::floor(h[a] / edge);
@@ -477,21 +484,23 @@ bool SmoothContact::touch_where_behind(const Vec3& h) noexcept {
 /// The rule of geometry/held_place.h, looked at once in kLookEvery frames: more often is no sooner than a hand feels.
 void SmoothContact::agree_with(const Vec3& h) noexcept {
   unlooked_ = 0;
-  const Place place = grid_->find(h);
-  if (place.brick == BrickGrid::kNone) return;
-  const Jet jet = jet_at(place, place_in(place, h));
-  const auto size = static_cast<double>(jet.gradient.norm());
-  // Half way between two sheets the field has no direction.
-  if (!(size > kTellingSlope)) return;
   const auto side = static_cast<double>(side_);
-  const geometry::Surroundings at_hip{true, side * static_cast<double>(jet.value),
-                            jet.gradient.cast<double>() * (side / size)};
-  switch (geometry::judge_held_place(h, god_, normal_ * side, at_hip, spacing_)) {
+  const auto look = [&](const Vec3& at) noexcept -> geometry::Surroundings {
+    const Place place = grid_->find(at);
+    if (place.brick == BrickGrid::kNone) return {};
+    const Jet jet = jet_at(place, place_in(place, at));
+    const auto size = static_cast<double>(jet.gradient.norm());
+    // Half way between two sheets the field has no direction.
+    return {size > kTellingSlope, side * static_cast<double>(jet.value),
+            jet.gradient.cast<double>() * (side / std::max(size, kTellingSlope))};
+  };
+  switch (geometry::judge_held_place(h, god_, normal_ * side, spacing_, look)) {
     case geometry::HeldPlace::kKeep:
       return;
     case geometry::HeldPlace::kMove:
       note_correction(h);
-      touch_below(h, place, jet, side_);
+      if (const Place place = grid_->find(h); place.brick != BrickGrid::kNone)
+        touch_below(h, place, jet_at(place, place_in(place, h)), side_);
       return;
     case geometry::HeldPlace::kFree:
       note_correction(h);

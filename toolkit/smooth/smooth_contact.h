@@ -61,7 +61,7 @@ class SmoothContact {
   enum class Stay : std::uint8_t { kHeld, kOut, kPastBorder, kBound };
   using Place = BrickGrid::Place;
 
-  [[nodiscard]] static BrickPlace place_in(const Place& place, const Vec3& at) noexcept;
+  [[nodiscard]] BrickPlace place_in(const Place& place, const Vec3& at) const noexcept;
   [[nodiscard]] Jet jet_at(const Place& place, const BrickPlace& in) const noexcept;
   /// The brick and jet at a place of the surface held; false where it has none.
   [[nodiscard]] bool look(const Vec3& at, Place& place, Jet& jet) const noexcept;

@@ -200,7 +200,7 @@ class CornerValues {
       : points_(points), field_(field), grid_(smooth.grid), reach_(kPropertySpacings * smooth.spacing_mm) {}
 
   void fill(const Brick& brick, const BrickGrid::Place& place_of, CornerProperties& out) {
-    const double voxel_mm = grid_.voxel_mm / BrickGrid::per_voxel_of(place_of.level);
+    const double voxel_mm = grid_.voxel_mm / grid_.per_voxel_of(place_of.level);
     gather(place_of.cube, voxel_mm);
     for (int i = 0; i < kBrickCornerCount; ++i) {
       const std::array<int, 3> corner{i / (kBrickCorners * kBrickCorners), i / kBrickCorners % kBrickCorners,

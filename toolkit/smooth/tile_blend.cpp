@@ -124,7 +124,8 @@ PALPATE_AVX2 void add_wide(const Form& p, Sums& sums) noexcept {
 }  // namespace
 
 TilePatches::TilePatches(std::span<const Patch> patches, const BrickGrid& grid, const CellBlocks& tiles,
-                         std::size_t count, double voxel_mm, int threads) {
+                         std::span<const std::uint64_t> codes, double voxel_mm, int threads) {
+  const std::size_t count = codes.size();
   using Pair = std::pair<std::uint32_t, std::uint32_t>;  // tile, patch
   std::vector<std::vector<Pair>> found((patches.size() + kScatterGrain - 1) / kScatterGrain);
   const double per = 1.0 / voxel_mm;
@@ -141,16 +142,27 @@ TilePatches::TilePatches(std::span<const Patch> patches, const BrickGrid& grid, 
         low[a] = std::max(std::ceil((at[a] - extent - 0.5) / kTileNodes), 0.0);
         past[a] = std::floor((at[a] + extent - 0.5) / kTileNodes);
       }
+      const auto reaches = [&](const Vec3& tile) {
+        const Vec3 d = tile * kTileNodes + Vec3::Constant(0.5) - at;
+        const double h = d.dot(p.quadric.n);
+        return !(std::abs(h) > high || d.squaredNorm() - h * h > reach * reach);
+      };
+      std::vector<Pair>& mine = found[begin / kScatterGrain];
+      // A patch of coarse points reaches over more tiles than there are small ones.
+      if ((past - low + Vec3::Ones()).cwiseMax(0.0).prod() > static_cast<double>(count)) {
+        for (std::uint32_t tile = 0; tile < count; ++tile) {
+          const BrickGrid::Coordinate c = coordinate_of(codes[tile]);
+          if (reaches(Vec3(c[0], c[1], c[2]))) mine.push_back({tile, static_cast<std::uint32_t>(k)});
+        }
+        continue;
+      }
       for (auto x = static_cast<std::int32_t>(low.x()); x <= static_cast<std::int32_t>(past.x()); ++x)
         for (auto y = static_cast<std::int32_t>(low.y()); y <= static_cast<std::int32_t>(past.y()); ++y)
           for (auto z = static_cast<std::int32_t>(low.z()); z <= static_cast<std::int32_t>(past.z()); ++z) {
-            const Vec3 d = Vec3(x, y, z) * kTileNodes + Vec3::Constant(0.5) - at;
-            const double h = d.dot(p.quadric.n);
-            if (std::abs(h) > high || d.squaredNorm() - h * h > reach * reach) continue;
+            if (!reaches(Vec3(x, y, z))) continue;
             const std::uint32_t tile = tiles.find(partition::morton_code(
                 static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y), static_cast<std::uint32_t>(z)));
-            if (tile != CellBlocks::kNone)
-              found[begin / kScatterGrain].push_back({tile, static_cast<std::uint32_t>(k)});
+            if (tile != CellBlocks::kNone) mine.push_back({tile, static_cast<std::uint32_t>(k)});
           }
     }
   });

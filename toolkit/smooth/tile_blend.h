@@ -19,12 +19,12 @@ inline constexpr std::size_t kTileCount = 64;
 inline constexpr double kTileReach = 1.5 * 1.7320509;
 using Tile = std::array<float, kTileCount>;
 
-/// Which patches may reach the nodes of each tile. Immutable. O(patches x tiles near).
+/// Which patches may reach the nodes of each tile; `codes`: of the tiles, in their order. Immutable. O(patches x tiles near).
 class TilePatches {
  public:
   TilePatches() = default;
   TilePatches(std::span<const Patch> patches, const BrickGrid& grid, const CellBlocks& tiles,
-              std::size_t count, double voxel_mm, int threads);
+              std::span<const std::uint64_t> codes, double voxel_mm, int threads);
   [[nodiscard]] std::span<const std::uint32_t> of(std::size_t tile) const noexcept {
     return {patch_.data() + begin_[tile], begin_[tile + 1] - begin_[tile]};
   }

@@ -59,24 +59,25 @@ bool StarContact::agree_with(const Vec3& h, StarCounters& counters) noexcept {
   const double far = std::sqrt(stand_.foot.distance_sq), edge = std::sqrt(stand_.facet.middle_edge_sq());
   if (!(far > geometry::kNextToSpacings * edge)) return true;
   Stand near;
-  if (!find_around(h, geometry::kMuchNearer * far, counters, near)) return true;
-  if (near.facet.place == stand_.facet.place) return true;
-  const std::uint32_t place = near.facet.place[0];
-  double side = mesh_->is_closed(place) ? free_side_[mesh_->closed_piece(place)] : side_;
-  if (is_turned_over(near.facet)) side = -side;
-  const Side at = side_of(*mesh_, near, h);
-  const double size = at.area.norm();
-  if (!(size > 0.0)) return true;
-  const double distance = std::sqrt(near.foot.distance_sq);
-  const geometry::Surroundings around{true, side * at.height > 0.0 ? distance : -distance,
-                                      at.area * (side / size)};
-  switch (geometry::judge_held_place(h, h + pull_, pull_ / far, around, edge)) {
+  double near_side = side_;
+  const auto look = [&](const Vec3& at) noexcept -> geometry::Surroundings {
+    if (!find_around(at, geometry::kMuchNearer * far, counters, near)) return {};
+    const std::uint32_t place = near.facet.place[0];
+    near_side = mesh_->is_closed(place) ? free_side_[mesh_->closed_piece(place)] : side_;
+    if (is_turned_over(near.facet)) near_side = -near_side;
+    const Side seen = side_of(*mesh_, near, at);
+    const double size = seen.area.norm(), distance = std::sqrt(near.foot.distance_sq);
+    if (!(size > 0.0)) return {};
+    return {true, near_side * seen.height > 0.0 ? distance : -distance, seen.area * (near_side / size)};
+  };
+  switch (geometry::judge_held_place(h, h + pull_, pull_ / far, edge, look)) {
     case geometry::HeldPlace::kKeep:
       return true;
     case geometry::HeldPlace::kMove:
+      if (!look(h).known || near.facet.place == stand_.facet.place) return true;
       corrected_ = true;
       uncorrected_ = pull_;
-      side_ = side;
+      side_ = near_side;
       others_count_ = 0;
       move_to(near.facet, near.foot, h);
       framed_ = true;

@@ -9,8 +9,10 @@ namespace {
 const Vec3 kUp = Vec3::UnitZ();
 /// The HIP at the origin, the place held above it.
 HeldPlace judged(double far, double signed_distance, const Vec3& outward, double spacing = 1.0) {
-  return judge_held_place(Vec3::Zero(), far * kUp, kUp, {true, signed_distance, outward.normalized()},
-                          spacing);
+  const Surroundings at_hip{true, signed_distance, outward.normalized()};
+  return judge_held_place(Vec3::Zero(), far * kUp, kUp, spacing, [&](const Vec3& place) -> Surroundings {
+    return place == Vec3::Zero() ? at_hip : Surroundings{true, -spacing, kUp};
+  });
 }
 
 TEST(HeldPlace, AHipOutOfASurfaceThatFacesAboutTheSameWayIsFree) {
@@ -29,7 +31,22 @@ TEST(HeldPlace, AHipBehindAMuchNearerSurfaceIsHeldThere) {
 
 TEST(HeldPlace, WhatIsNotKnownOrNextToItStays) {
   EXPECT_EQ(judged(0.4, 0.1, kUp), HeldPlace::kKeep);
-  EXPECT_EQ(judge_held_place(Vec3::Zero(), 3.0 * kUp, kUp, {}, 1.0), HeldPlace::kKeep);
+  const auto nothing = [](const Vec3&) { return Surroundings{}; };
+  EXPECT_EQ(judge_held_place(Vec3::Zero(), 3.0 * kUp, kUp, 1.0, nothing), HeldPlace::kKeep);
+}
+
+// A wall with a floor below it: the HIP is through both sides of the wall, and above the floor.
+TEST(HeldPlace, APlateHoldsThoughAnotherSurfaceIsNearBeyondIt) {
+  for (const bool wall : {false, true})
+    for (const double floor : {-0.5, 0.5}) {
+      const auto look = [&](const Vec3& place) -> Surroundings {
+        if (place == Vec3::Zero()) return {true, -floor, kUp};
+        if (wall && place.z() < 2.0) return {true, 2.0 - place.z(), -kUp};
+        return {true, -0.5, kUp};
+      };
+      const HeldPlace without = floor < 0.0 ? HeldPlace::kFree : HeldPlace::kMove;
+      EXPECT_EQ(judge_held_place(Vec3::Zero(), 3.0 * kUp, kUp, 1.0, look), wall ? HeldPlace::kKeep : without);
+    }
 }
 
 TEST(HeldPlace, IsTheSameAtEveryScale) {

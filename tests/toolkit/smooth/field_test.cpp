@@ -193,11 +193,36 @@ TEST(FieldBricks, AreTheSameForAnyNumberOfThreads) {
   }
 }
 
+// A crowd of points on a coarse plane: bricks as large as the plane's own spacing asks for, few of them, and
+// smaller ones where the crowd has a step.
+TEST(FieldBricks, FollowTheSpacingWhereItIsUneven) {
+  std::vector<Vec3> points;
+  for (int i = 0; i <= 60; ++i)
+    for (int k = 0; k <= 60; ++k) points.emplace_back(0.5 * i - 15.0, 0.5 * k - 15.0, 0.0);
+  for (int i = 0; i < 120; ++i)
+    for (int k = 0; k < 120; ++k) {
+      const double x = 0.01 * i - 0.6;
+      points.emplace_back(x + 0.1, 0.01 * k - 0.5, x > 0.0 ? 0.2 : 0.0);
+    }
+  const Prepared made(points);
+  ASSERT_NEAR(made.points.spacing_mm(), 0.01, 1e-3);
+  const BrickGrid grid = made.bricks(2);
+  EXPECT_GE(grid.coarser, 4);
+  EXPECT_LT(grid.bricks.size(), 6000u) << "at the crowd's spacing the plane alone has 180,000";
+  const auto place_at = [&](const Vec3& at) { return grid.find(grid.in_voxels(at - made.cloud->origin_mm)); };
+  EXPECT_LT(place_at(Vec3(-7.0, 6.0, 0.0)).level, grid.coarser - 2);
+  EXPECT_GE(place_at(Vec3(0.3, 0.0, 0.2)).level, grid.coarser - 1);
+  const BrickGrid alone = made.bricks(1);
+  ASSERT_EQ(alone.bricks.size(), grid.bricks.size());
+  for (std::size_t i = 0; i < grid.bricks.size(); ++i)
+    ASSERT_EQ(alone.bricks[i].distance, grid.bricks[i].distance);
+}
+
 // Faces need one brick in seven spacings, edges smaller ones; every brick is found where it stands.
 TEST(FieldBricks, AreSmallWhereTheSurfaceIsSharp) {
   const Prepared made(box_points(Vec3::Constant(6.0), 30000));
   const BrickGrid grid = made.bricks(2);
-  EXPECT_EQ(grid.levels, BrickGrid::kMostLevels);
+  EXPECT_EQ(grid.levels, BrickGrid::kFineLevels);
   ASSERT_EQ(grid.closed_pieces.size(), 1u);
   EXPECT_TRUE(grid.closed_pieces[0].tight);
   EXPECT_EQ(grid.closed_pieces[0].outer_side, 1.0f);
@@ -205,9 +230,9 @@ TEST(FieldBricks, AreSmallWhereTheSurfaceIsSharp) {
     return grid.find(grid.in_voxels(at - made.cloud->origin_mm)).level;
   };
   EXPECT_EQ(level_at(Vec3(6.0, 0.3, -0.4)), 0);
-  EXPECT_EQ(level_at(Vec3(6.0, 0.3, 6.0)), BrickGrid::kMostLevels - 1);
+  EXPECT_EQ(level_at(Vec3(6.0, 0.3, 6.0)), BrickGrid::kFineLevels - 1);
   for (const BrickGrid::Place& place : grid.places()) {
-    const double size = kBrickCells / BrickGrid::per_voxel_of(place.level);
+    const double size = kBrickCells / grid.per_voxel_of(place.level);
     const Vec3 middle = (Vec3(place.cube[0], place.cube[1], place.cube[2]) + Vec3::Constant(0.5)) * size;
     const BrickGrid::Place found = grid.find(middle + Vec3::Constant(1e-3 * size));
     EXPECT_EQ(found.brick == place.brick, found.level == place.level);
