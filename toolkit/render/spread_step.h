@@ -8,7 +8,7 @@ namespace palpate::render {
 
 /// Belongs to one contact. Over so many frames: a pull of 1 mm that is corrected at 0.5 N/mm changes the force
 /// by 0.025 N a frame at 1 kHz, a twentieth of what counts as a kick, and is over in the time that a hand takes
-/// to notice. The god object only goes towards its new place, so no energy is made.
+/// to notice. The god object only goes towards its new place.
 class SpreadStep {
  public:
   static constexpr int kFrames = 20;
@@ -21,8 +21,18 @@ class SpreadStep {
     if (before != nullptr) {
       if (!active()) shown_ = h + *before;
       left_ = kFrames;
+      fades_ = !held;
+    }
+    // A HIP that came out by itself is out.
+    if (!held && !fades_) {
+      left_ = 0;
+      return false;
     }
     const Vec3 place = h + pull;
+    // What is held goes on with its surface; a HIP that was set free takes nothing along.
+    if (before == nullptr && held && !fades_) shown_ += place - place_;
+    if (held) fades_ = false;
+    place_ = place;
     shown_ = place + (shown_ - place) * (static_cast<double>(left_ - 1) / left_);
     --left_;
     if (active()) pull = shown_ - h;
@@ -31,7 +41,9 @@ class SpreadStep {
 
  private:
   Vec3 shown_ = Vec3::Zero();  ///< the god object as it was answered last, local
+  Vec3 place_ = Vec3::Zero();  ///< where it is held
   int left_ = 0;
+  bool fades_ = false;  ///< the correction set the HIP free
 };
 
 }  // namespace palpate::render

@@ -29,6 +29,9 @@ constexpr double kSteep = 0.5;
 constexpr std::size_t kNoiseSamples = 600;
 /// The radius that noise is measured in: some 30 points against 6 numbers.
 constexpr double kNoiseRadiusSpacings = 3.1;
+/// Farther off the first ball's quadric a point is of another sheet, as of the far side of a wall: four times
+/// the noise that fits can be made through (0.3 spacings).
+constexpr double kOneSheetSpacings = 1.2;
 
 bool gather_enough(const SmoothPoints& points, std::size_t i, Ball& ball) {
   double spacing = points.spacing_mm();
@@ -104,10 +107,12 @@ bool gather_first(const SmoothPoints& points, std::size_t i, Ball& ball) {
 }
 
 double NoiseProbe::noise_at(const SmoothPoints& points, std::size_t i, double& spacing) {
-  QuadricFit fit;
+  QuadricFit fit, first;
   if (!gather_first(points, i, ball_)) return -1.0;
   spacing = ball_.radius / kFirstRadius;
+  const bool known = fit_quadric(ball_, {}, nullptr, first);
   ball_.gather(points, points[i], kNoiseRadiusSpacings * spacing);
+  if (known) ball_.keep_near(first.quadric, kOneSheetSpacings * spacing);
   if (!fit_quadric(ball_, {}, nullptr, fit)) return -1.0;
   static_cast<void>(separate_sheets(ball_, spacing, 0.0, fit));
   return fit.sigma;

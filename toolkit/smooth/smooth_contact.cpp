@@ -48,6 +48,9 @@ constexpr int kLookEvery = 8;
 constexpr double kTellingSlope = 0.5;
 /// Within 60 degrees of the normal a HIP is in front of the place, whatever the surface does beside it.
 constexpr double kPlainlyInFront = 0.5;
+/// A god object that goes farther in a frame than this many spacings, five times as far as the HIP and by a
+/// quarter of the pull (squared) is felt as a step: a hand takes 25 degrees for another direction.
+constexpr double kAtOnce = 0.5, kFasterSq = 25.0, kOfPullSq = 1.0 / 16.0;
 /// Of all directions a closed piece takes all from inside, none from outside.
 constexpr double kHalfOfAll = 0.5;
 /// HIPs farther off cannot be counted in cubes.
@@ -147,11 +150,21 @@ bool SmoothContact::update(const Vec3& h_mm, FrameCounters& counters) noexcept {
   bound_hit_ = corrected_ = false;
   const Vec3 h = grid_->in_voxels(h_mm);
   if (contact_) {
+    const Vec3 before = god_, from = last_h_;
+    last_h_ = h;
     if (!follow_quickly(h) && !update_slowly(h, counters)) return false;
+    // Over a rounded edge the god object goes at once, where over a sharp one it waits for the HIP.
+    const double step_sq = (god_ - before).squaredNorm(), edge = kAtOnce * spacing_;
+    if (step_sq > edge * edge && step_sq > kFasterSq * (h - from).squaredNorm() &&
+        step_sq > kOfPullSq * (h - before).squaredNorm()) [[unlikely]] {
+      corrected_ = true;
+      uncorrected_mm_ = (before - h) * grid_->voxel_mm;
+    }
     const double next_to = geometry::kNextToSpacings * spacing_;
     if ((h - god_).squaredNorm() > next_to * next_to && ++unlooked_ >= kLookEvery) agree_with(h);
     return contact_;
   }
+  last_h_ = h;
   if ((h - looked_at_).squaredNorm() < clear_ * clear_ && clear_ > 0.0) {
     tested_to_ = h;
     return false;

@@ -43,7 +43,8 @@ class SmoothContact {
   }
   [[nodiscard]] bool contact() const noexcept { return contact_; }
   /// In this frame the place held was found not to agree with what the field says of the HIP, or a HIP behind
-  /// the surface was taken up: the pull without that, local mm, else null.
+  /// the surface was taken up, or the god object went over an edge at once: the pull without that, local mm,
+  /// else null.
   [[nodiscard]] const Vec3* corrected_from() const noexcept { return corrected_ ? &uncorrected_mm_ : nullptr; }
   /// Steps of the god object in a frame, at most; what is left is done in the next.
   void bound_steps(int most) noexcept { most_steps_ = most; }
@@ -96,6 +97,7 @@ class SmoothContact {
   bool bound_hit_ = false, corrected_ = false;
   Vec3 uncorrected_mm_ = Vec3::Zero();
   double spacing_ = 1.0;  ///< of the points, voxels
+  Vec3 last_h_ = Vec3::Zero();
   int unlooked_ = 0;      ///< frames since the HIP's own surroundings were looked at
   // In contact.
   Vec3 god_ = Vec3::Zero();

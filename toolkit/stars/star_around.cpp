@@ -12,6 +12,7 @@ namespace {
 /// place, on each of a few sheets.
 constexpr std::uint32_t kMaxAroundNodes = 64, kMaxAroundTested = 512;
 /// It begins with this many edges around the HIP, and goes on twice as far where there is nothing.
+constexpr double kTight = 0.98;
 constexpr double kFirstEdges = 1.0, kWider = 2.0;
 
 }  // namespace
@@ -89,6 +90,34 @@ bool StarContact::agree_with(const Vec3& h, StarCounters& counters) noexcept {
   uncorrected_ = pull_;
   start_from(h);
   return false;
+}
+
+bool StarContact::regain(const Vec3& h, StarCounters& counters) noexcept {
+  if (bound_hit_) return false;
+  const double edge = std::sqrt(stand_.facet.middle_edge_sq());
+  Stand near;
+  if (!find_around(h, std::max(pull_.norm(), edge), counters, near)) return false;
+  const std::uint32_t place = near.facet.place[0];
+  if (!mesh_->is_closed(place)) return false;
+  // Through a mouth a HIP may well have come in; what is left open between points is none.
+  if (mesh_->has_holes(mesh_->closed_piece(place)) && mesh_->counts().least_enclosed < kTight) return false;
+  const double side = free_side_[mesh_->closed_piece(place)];
+  // Single facets may be turned over where sheets are close.
+  const Trend trend = trend_around(*mesh_, near.facet, true);
+  const double height = trend.share > kTrendShare ? trend.normal.dot(h - near.foot.point)
+                                                  : side_of(*mesh_, near, h).height;
+  const double least = geometry::kOutSpacings * edge;
+  if (!(side * height < 0.0) || !(near.foot.distance_sq > least * least)) return false;
+  corrected_ = true;
+  uncorrected_ = pull_;
+  side_ = side;
+  others_count_ = 0;
+  contact_ = true;
+  look_sq_ = kGrown * near.foot.distance_sq;
+  unlooked_ = 0;
+  move_to(near.facet, near.foot, h);
+  framed_ = true;
+  return true;
 }
 
 }  // namespace palpate::stars

@@ -8,6 +8,10 @@
 namespace palpate::stars {
 namespace {
 
+/// A HIP in front of a facet that is turned over stands behind the surface around it. Nearer to the facet than a
+/// tenth of its edge (squared) that is as good as on it.
+constexpr double kTurnedShare = 0.01;
+
 /// A piece's solid angle as a part of all around: outside it sees nothing of it, inside all.
 constexpr double kInsideShare = 0.5;
 
@@ -248,7 +252,7 @@ bool StarContact::follow(const Vec3& h, StarCounters& counters) noexcept {
 }
 
 bool StarContact::still_behind(const Vec3& h, double edge_sq) const noexcept {
-  if (!(stand_.foot.distance_sq > edge_sq)) return false;
+  if (!(stand_.foot.distance_sq > kTurnedShare * edge_sq)) return false;
   const Trend trend = trend_around(*mesh_, stand_.facet, true);
   return trend.share > kTrendShare && side_ * trend.normal.dot(h - stand_.foot.point) < 0.0;
 }

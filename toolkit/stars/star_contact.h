@@ -100,6 +100,7 @@ class StarContact {
   /// The HIP is now at h. True in contact: pull() leads to the god object.
   [[nodiscard, gnu::always_inline]] bool update(const Vec3& h, StarCounters& counters) noexcept {
     bound_hit_ = corrected_ = false;
+    const bool held = contact_;
     if (contact_) [[likely]] {
       const FacetFrame::Weights weights = frame_.at(h);
       if (weights.hold() && !watched_) [[likely]] {
@@ -111,7 +112,8 @@ class StarContact {
       from_ = h;
       return false;
     }
-    return update_slowly(h, counters) && agrees(h, counters) && !is_on_surface(h);
+    if (update_slowly(h, counters)) return agrees(h, counters) && !is_on_surface(h);
+    return held && regain(h, counters);
   }
   /// A point of the mesh has gone from one place to another between two updates, and all others are where the
   /// mesh has them: a HIP that rests may be met by its triangles. After the last one: points_moved().
@@ -163,6 +165,8 @@ class StarContact {
     return agree_with(h, counters);
   }
   [[nodiscard]] bool agree_with(const Vec3& h, StarCounters& counters) noexcept;
+  /// Just let go: a HIP that is behind the closed sheet next to it never left through it, and is held there.
+  [[nodiscard]] bool regain(const Vec3& h, StarCounters& counters) noexcept;
   /// The nearest triangle within `most` of h; false where there is none, or too much to look at.
   [[nodiscard]] bool find_around(const Vec3& h, double most, StarCounters& counters,
                                  Stand& found) const noexcept;
@@ -208,8 +212,8 @@ class StarContact {
   [[nodiscard]] Vec3 on_facet(std::span<const Held> held, const Vec3& at) const noexcept;
   /// What holds goes on holding, and the god object is at a place on one of its facets.
   void stay_at(const Vec3& at, const Vec3& h) noexcept;
-  /// A facet says that h is in front, and h is farther off than an edge: a HIP that leaves is near. True
-  /// where the surface around says otherwise.
+  /// A facet says that h is in front, and h is not next to it. True where the surface around says otherwise:
+  /// the facet is turned over.
   [[nodiscard]] bool still_behind(const Vec3& h, double edge_sq) const noexcept;
   /// The HIP is behind the sheet and past its border by more than an edge. True where the god object stays:
   /// the surface goes on within kGapEdges, and either the god object is at home there, nearer to the HIP, or
