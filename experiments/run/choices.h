@@ -13,10 +13,10 @@
 
 namespace palpate::experiments {
 
-/// As deep and as fast as the model's size asks for: what a hand does on its points, or an exploration of them
-/// where nothing is there to be felt; on a formula a Lissajous
-/// curve with many entries, for an exploration also leaves the part of it that was sampled, where a formula
-/// goes on and the points do not. A path generator with its options.
+/// As deep and as fast as the model's size asks for: what a hand does on its points, or an exploration of
+/// them where nothing is there to be felt; on a formula a Lissajous curve with many entries, for an
+/// exploration also leaves the part of it that was sampled, where a formula goes on and the points do not. A
+/// path generator with its options.
 inline constexpr int kUsualFrames = 20'000;  ///< twenty seconds
 [[nodiscard]] std::string usual_path(const trace::PathTarget& target, int frames = kUsualFrames);
 

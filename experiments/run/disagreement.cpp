@@ -33,13 +33,13 @@ class Compared {
     if (runs_.size() < 2) return {};
     std::vector<Stretch> found = stretches();
     if (found.empty()) return {};
-    std::stable_sort(found.begin(), found.end(), [](const Stretch& a, const Stretch& b) {
-      return a.end - a.begin > b.end - b.begin;
-    });
+    std::stable_sort(found.begin(), found.end(),
+                     [](const Stretch& a, const Stretch& b) { return a.end - a.begin > b.end - b.begin; });
     double seconds = 0.0;
     for (const Stretch& stretch : found) seconds += length_s(stretch);
     std::vector<std::string> out{fmt::format(
-        "The renderers disagree by more than {} mm in {} stretch{}, {} s of {} s: there is no truth that says "
+        "The renderers disagree by more than {} mm in {} stretch{}, {} s of {} s: there is no truth that "
+        "says "
         "who is right.",
         short_number(most_mm_), found.size(), found.size() == 1 ? "" : "es", short_number(seconds),
         short_number(study_.stage.path.t_s.back() - study_.stage.path.t_s.front()))};
@@ -92,22 +92,19 @@ class Compared {
   [[nodiscard]] std::string sentence(const Stretch& s) const {
     const trace::ProbePath& path = study_.stage.path;
     const Vec3& at = path.hip_mm[s.begin];
-    const std::string where =
-        fmt::format("for {} s from {} s on, the HIP at {}, {}, {} mm", short_number(length_s(s)),
-                    short_number(path.t_s[s.begin]), short_number(at.x()), short_number(at.y()),
-                    short_number(at.z()));
+    const std::string where = fmt::format("for {} s from {} s on, the HIP at {}, {}, {} mm",
+                                          short_number(length_s(s)), short_number(path.t_s[s.begin]),
+                                          short_number(at.x()), short_number(at.y()), short_number(at.z()));
     if (s.alone == kNobodyAlone) {
       std::vector<std::string> labels;
       for (const Run* run : runs_)
-        labels.push_back(run->result.label +
-                         (run->trace.frames[s.begin].contact ? "" : " (feels nothing)"));
+        labels.push_back(run->result.label + (run->trace.frames[s.begin].contact ? "" : " (feels nothing)"));
       return fmt::format("There is no majority {}: {}.", where, joined(labels));
     }
     const Run& lone = *runs_[static_cast<std::size_t>(s.alone)];
     const render::Frame& frame = lone.trace.frames[s.begin];
     return fmt::format("{} stands alone {}: {}.", lone.result.label, where,
-                       frame.contact ? fmt::format("{} N where it begins",
-                                                   short_number(frame.force_n.norm()))
+                       frame.contact ? fmt::format("{} N where it begins", short_number(frame.force_n.norm()))
                                      : std::string("it feels nothing, the others do"));
   }
 

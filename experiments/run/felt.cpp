@@ -42,8 +42,7 @@ Result<trace::Feel> through(const std::string& name, std::vector<render::ModelIn
 
 /// A truth and what follows it, which refers to it.
 struct FollowedMesh {
-  explicit FollowedMesh(std::unique_ptr<baselines::MeshTruth> of)
-      : truth(std::move(of)), follower(*truth) {}
+  explicit FollowedMesh(std::unique_ptr<baselines::MeshTruth> of) : truth(std::move(of)), follower(*truth) {}
   std::unique_ptr<baselines::MeshTruth> truth;
   baselines::MeshFollower follower;
 };

@@ -119,8 +119,8 @@ Status add_reference(Stage& stage, const render::ModelInput& model, ReferenceCho
                                         model.world_from_model);
 }
 
-/// A hand that felt the truth all along its path came to each place as the truth has it: its history is known,
-/// and no frame is left out for it.
+/// A hand that felt the truth all along its path came to each place as the truth has it: its history is
+/// known, and no frame is left out for it.
 void keep_history_of_hand(Stage& stage) {
   std::size_t frames = 0;
   for (trace::TruthFrame& frame : stage.reference->frames) {
@@ -255,8 +255,7 @@ Result<Stage> set_up(const StageRequest& request, const io::Readers& readers, Pr
   target.felt = [&] {
     FeltKind kind = FeltKind::kPoints;
     felt_the_truth = *choice != ReferenceChoice::kNone;
-    if (felt_the_truth)
-      kind = model.analytic != nullptr ? FeltKind::kFormula : FeltKind::kFaces;
+    if (felt_the_truth) kind = model.analytic != nullptr ? FeltKind::kFormula : FeltKind::kFaces;
     return felt_of(kind, model, stage.scene.input, request.threads, progress);
   };
   if (request.path.empty())

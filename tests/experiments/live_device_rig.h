@@ -126,8 +126,8 @@ inline device::Drivers drivers_with(PacketsPlan& plan) {
          made.has_motors = plan.has_motors;
          made.unproven = {"that its motors let go when its cable is pulled"};
          made.facts = [&plan] {
-           return std::vector<std::pair<std::string, std::string>>{
-               {"filter", "none of its own"}, {"openings", std::to_string(plan.opened)}};
+           return std::vector<std::pair<std::string, std::string>>{{"filter", "none of its own"},
+                                                                   {"openings", std::to_string(plan.opened)}};
          };
          return made;
        }});

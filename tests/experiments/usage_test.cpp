@@ -128,9 +128,10 @@ TEST_F(Usage, EveryGeneratorRunsOnAFileOfPoints) {
   }
   const std::string file = points("bowl.xyz", bowl);
   for (const trace::PathGenerator& generator : trace::path_generators()) {
-    const ProcessOutcome run =
-        palpate_command({"replay", file, "--unit", "mm", "--renderer", "cloud", "--path",
-                         generator.name + (generator.name == "hand" ? ":frames=3000" : ":frames=3000:depth_mm=0.5"), "--out", in("out"), "--json"});
+    const ProcessOutcome run = palpate_command(
+        {"replay", file, "--unit", "mm", "--renderer", "cloud", "--path",
+         generator.name + (generator.name == "hand" ? ":frames=3000" : ":frames=3000:depth_mm=0.5"), "--out",
+         in("out"), "--json"});
     ASSERT_EQ(run.exit_code, 0) << generator.name << run.err;
     EXPECT_GT(json::parse(run.out)["renderers"][0]["frame"]["contact_frames"], 500) << generator.name;
   }

@@ -21,9 +21,9 @@ namespace {
 /// Bytes are told before cells, leaves and links are counted: on models of some thousand points they come to
 /// within this share, or to within a kilobyte.
 constexpr double kBytesShare = 0.2, kFewBytes = 1024.0;
-/// What `cloud-smooth` puts along edges is not counted beforehand: a brick that a surface goes through has some
-/// four and a half halves of its size, and those as many again; where everything is an edge all are there. The
-/// torus and the dent alone are smooth for their spacing.
+/// What `cloud-smooth` puts along edges is not counted beforehand: a brick that a surface goes through has
+/// some four and a half halves of its size, and those as many again; where everything is an edge all are
+/// there. The torus and the dent alone are smooth for their spacing.
 constexpr double kMostSmaller = 1.0 + 4.5 + 4.5 * 4.5;
 const std::vector<std::string> kSmoothScenes = {"torus.toml", "dent.toml"};
 
@@ -143,9 +143,8 @@ TEST(Decisions, WhatIsBuiltIsWhatWasDecided) {
       ASSERT_EQ(decided->models.size(), scene.models.size());
       const auto threads = (*renderer)->decide(scene, {3, nullptr});
       EXPECT_TRUE(threads.ok() && *threads == *decided) << "three threads decide otherwise";
-      const bool creased =
-          named.name == "cloud-smooth" &&
-          std::find(kSmoothScenes.begin(), kSmoothScenes.end(), file) == kSmoothScenes.end();
+      const bool creased = named.name == "cloud-smooth" &&
+                           std::find(kSmoothScenes.begin(), kSmoothScenes.end(), file) == kSmoothScenes.end();
       expect_bytes(*decided, *report, creased);
       expect_mesh(**renderer, scene, *decided);
     }

@@ -1,5 +1,5 @@
-// What a person may give for a physical quantity, in one table: a thousand times and more beyond every use, and
-// so far within the numbers of a double that squares and products of any of them are numbers as well.
+// What a person may give for a physical quantity, in one table: a thousand times and more beyond every use,
+// and so far within the numbers of a double that squares and products of any of them are numbers as well.
 #pragma once
 
 #include "toolkit/core/options.h"

@@ -1,6 +1,6 @@
-// One rule for every renderer that holds a god object: the place held must agree with what the surface says of
-// the HIP itself. Without it a god object that stopped on an edge or a false piece is held there while the HIP
-// goes on and out, farther and farther, and ends in a kick.
+// One rule for every renderer that holds a god object: the place held must agree with what the surface says
+// of the HIP itself. Without it a god object that stopped on an edge or a false piece is held there while the
+// HIP goes on and out, farther and farther, and ends in a kick.
 #pragma once
 
 #include <cmath>

@@ -9,8 +9,8 @@ namespace palpate::metrics {
 namespace {
 
 /// Caught: the rendered god object farther from the true one than this, or than two spacings of the points
-/// where those are larger (the local resolution is the distance to the eighth neighbour: some one and a half),
-/// for so long.
+/// where those are larger (the local resolution is the distance to the eighth neighbour: some one and a
+/// half), for so long.
 constexpr double kCaughtMm = 1.0, kSpacingsPerResolution = 2.0 / 1.5, kLastsS = 0.02;
 /// Lost: deeper than a tenth of a millimetre by the truth, and no force for as long.
 constexpr double kLostMm = kTenthMm;
@@ -55,7 +55,8 @@ std::uint64_t count_kicks(const ScoreInput& in) {
     last = std::max(last, i);
     while (last + 1 < t.size() && t[last + 1] <= t[i] + kLastsS) ++last;
     double most = 0.0;
-    for (std::size_t k = first; k <= last; ++k) most = std::max(most, (in.wanted(k) - in.wanted(k - 1)).norm());
+    for (std::size_t k = first; k <= last; ++k)
+      most = std::max(most, (in.wanted(k) - in.wanted(k - 1)).norm());
     if (!(step - most > kKickN)) continue;
     ++kicks;
     quiet_until_s = t[i] + kLastsS;  // the way back is the same kick

@@ -6,17 +6,17 @@
 
 namespace palpate::render {
 
-/// Belongs to one contact. Over so many frames: a pull of 1 mm that is corrected at 0.5 N/mm changes the force
-/// by 0.025 N a frame at 1 kHz, a twentieth of what counts as a kick, and is over in the time that a hand takes
-/// to notice. The god object only goes towards its new place.
+/// Belongs to one contact. Over so many frames: a pull of 1 mm that is corrected at 0.5 N/mm changes the
+/// force by 0.025 N a frame at 1 kHz, a twentieth of what counts as a kick, and is over in the time that a
+/// hand takes to notice. The god object only goes towards its new place.
 class SpreadStep {
  public:
   static constexpr int kFrames = 20;
 
   void end() noexcept { left_ = 0; }
   [[nodiscard]] bool active() const noexcept { return left_ > 0; }
-  /// The pull of this frame at h, zero where nothing holds; `before`: what it would be without a correction of
-  /// this frame, or null. False where nothing is felt. Only where there is a correction, or active().
+  /// The pull of this frame at h, zero where nothing holds; `before`: what it would be without a correction
+  /// of this frame, or null. False where nothing is felt. Only where there is a correction, or active().
   [[nodiscard]] bool apply(const Vec3& h, const Vec3* before, bool held, Vec3& pull) noexcept {
     if (before != nullptr) {
       if (!active()) shown_ = h + *before;

@@ -102,8 +102,9 @@ class SmoothModel {
     contact.static_friction = still;
     contact.dynamic_friction = moving;
     const Vec3& n = contact_.normal();
-    contact.stiffness_gradient = (gradient - n * n.dot(gradient)) *
-                                 (body_.smooth->grid.per_voxel * body_.smooth->grid.per_voxel_of(contact_.level()));
+    contact.stiffness_gradient =
+        (gradient - n * n.dot(gradient)) *
+        (body_.smooth->grid.per_voxel * body_.smooth->grid.per_voxel_of(contact_.level()));
   }
 
   SmoothBody body_;

@@ -81,8 +81,7 @@ class HeightFieldSurface {
   [[nodiscard]] bool touch(const Vec3& /*goal*/, const Vec3& h, Memory& /*memory*/, SurfaceContact& contact,
                            FrameStatus& status, FrameCounters& counters) noexcept {
     const PlanPoint plan = sheet_.plan(h);
-    const bool held =
-        (contact_ && follow_quickly(plan, counters)) || update(plan, status, counters);
+    const bool held = (contact_ && follow_quickly(plan, counters)) || update(plan, status, counters);
     if (held) contact = contact_at<kFeatures>(h);
     if (spread_.active() || (held && ++unlooked_ >= kLookEvery)) [[unlikely]]
       return agree_with<kFeatures>(plan, h, held, contact, status, counters);

@@ -151,9 +151,9 @@ Status read_renderer(const toml::node& node, SceneFile& scene, const InFile& in_
 }
 
 Fields coupling_fields(control::Coupling& coupling) {
-  return {
-      field("stiffness_n_per_mm", coupling.stiffness_n_per_mm, kStiffnessesNPerMm, "leave out 'coupling' for none"),
-      field("damping_n_s_per_mm", coupling.damping_n_s_per_mm)};
+  return {field("stiffness_n_per_mm", coupling.stiffness_n_per_mm, kStiffnessesNPerMm,
+                "leave out 'coupling' for none"),
+          field("damping_n_s_per_mm", coupling.damping_n_s_per_mm)};
 }
 
 Status read_coupling(const toml::node& node, SceneFile& scene, const InFile& in_file) {

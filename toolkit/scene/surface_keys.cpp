@@ -38,8 +38,9 @@ Field share_field(std::string key, To& to) {
 Result<surface::Friction> friction(const toml::node& node, const InFile& in_file) {
   surface::Friction both;
   if (const toml::table* table = node.as_table()) {
-    const Fields fields = {field("static", both.static_coefficient, kFrictionCoefficients).must(kBothFrictions),
-                           field("dynamic", both.dynamic_coefficient, kFrictionCoefficients).must(kBothFrictions)};
+    const Fields fields = {
+        field("static", both.static_coefficient, kFrictionCoefficients).must(kBothFrictions),
+        field("dynamic", both.dynamic_coefficient, kFrictionCoefficients).must(kBothFrictions)};
     PALPATE_TRY(read_fields(*table, fields, "'friction'", {}, in_file));
   } else {
     PALPATE_ASSIGN(const double one, number(node, "friction", in_file, kFrictionCoefficients));
@@ -182,7 +183,8 @@ Fields region_fields(SceneRegion& region) {
 }
 
 Fields motion_fields(SceneMotion& motion) {
-  return {field("velocity_mm_s", motion.velocity_mm_s, kSpeedsMmPerS), field("turn_deg_s", motion.turn_rad_s, kTurnsDegPerS),
+  return {field("velocity_mm_s", motion.velocity_mm_s, kSpeedsMmPerS),
+          field("turn_deg_s", motion.turn_rad_s, kTurnsDegPerS),
           field("about_mm", motion.about_mm, kLengthsMm), field("start_s", motion.start_s, kTimesS),
           field("stop_s", motion.stop_s)};
 }

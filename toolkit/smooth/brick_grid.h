@@ -61,8 +61,8 @@ struct BrickGrid {
   static constexpr std::uint32_t kNone = CellBlocks::kNone;
   /// A bit beside a brick's number: smaller ones stand in its place where the surface goes.
   static constexpr std::uint32_t kSmaller = 1u << 31;
-  /// Sizes of bricks, each half of the last: so many from one voxel of the points' spacing on, and before them
-  /// larger ones for what is sampled more coarsely than most.
+  /// Sizes of bricks, each half of the last: so many from one voxel of the points' spacing on, and before
+  /// them larger ones for what is sampled more coarsely than most.
   static constexpr int kFineLevels = 3, kMostCoarser = 8, kMostLevels = kMostCoarser + kFineLevels;
   using Coordinate = std::array<std::int32_t, 3>;
 
@@ -78,9 +78,9 @@ struct BrickGrid {
     bool whole = true;  ///< no smaller one stands anywhere in its cube
   };
 
-  Vec3 low_mm = Vec3::Zero();  ///< corner of brick (0, 0, 0)
-  double voxel_mm = 1.0;       ///< of level `coarser`
-  int coarser = 0;             ///< levels of larger voxels than that
+  Vec3 low_mm = Vec3::Zero();   ///< corner of brick (0, 0, 0)
+  double voxel_mm = 1.0;        ///< of level `coarser`
+  int coarser = 0;              ///< levels of larger voxels than that
   double per_voxel = 1.0;       ///< 1 / voxel_mm
   std::int64_t last_brick = 0;  ///< largest brick coordinate of any axis, of level 0
   int levels = 1;

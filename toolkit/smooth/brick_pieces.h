@@ -29,8 +29,8 @@ using LevelCodes = std::array<std::vector<std::uint64_t>, BrickGrid::kMostLevels
 using MadeBricks = std::array<std::vector<Made>, BrickGrid::kMostLevels>;
 
 /// Numbers the pieces that are felt from one side, those without a border and those that enclose a volume but
-/// for holes (not with `both_sides`), in the grid and in the bricks. `pieces`: one more than the largest number
-/// of a Made::piece. O(bricks).
+/// for holes (not with `both_sides`), in the grid and in the bricks. `pieces`: one more than the largest
+/// number of a Made::piece. O(bricks).
 void close_pieces(BrickGrid& grid, MadeBricks& made, const LevelCodes& codes, std::size_t pieces,
                   bool both_sides, int threads);
 

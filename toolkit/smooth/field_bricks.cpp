@@ -36,8 +36,8 @@ constexpr std::array<double, BrickGrid::kFineLevels> kSameNormal{0.97, 0.9, -1.0
 constexpr double kOneSurface = 1.0, kOneSurfaceNoise = 0.6;
 /// Beyond so many bricks no point tells of a node.
 constexpr double kFarthestPoint = 4.0;
-/// Larger cubes than the points' spacing asks for, through which so many patches go, are what smaller ones are
-/// for: their own field is the mean of some.
+/// Larger cubes than the points' spacing asks for, through which so many patches go, are what smaller ones
+/// are for: their own field is the mean of some.
 constexpr std::size_t kMostPatches = 64;
 constexpr std::size_t kTileGrain = 128, kBrickGrain = 64;
 
@@ -61,7 +61,9 @@ class Builder {
       std::vector<std::uint64_t>& codes = codes_[static_cast<std::size_t>(level_)];
       if (level_ > 0) codes = parts_of_cubes();
       if (level_ <= grid_.coarser)
-        add_cubes_near_points(points_, of_, grid_, level_, threads_, [this](std::uint64_t code) { return has_smaller(code); }, codes);
+        add_cubes_near_points(
+            points_, of_, grid_, level_, threads_, [this](std::uint64_t code) { return has_smaller(code); },
+            codes);
       if (codes.empty()) break;
       grid_.levels = level_ + 1;
       grid_.level[static_cast<std::size_t>(level_)].table.build(codes);

@@ -304,8 +304,8 @@ bool SmoothContact::update_slowly(const Vec3& h, FrameCounters& counters) noexce
           bound_hit_ = true;
           return true;
         case Stay::kPastBorder:
-          // A tight piece has none: where no brick goes on the god object waits, and the field decides, but for
-          // a HIP that is plainly in front of it.
+          // A tight piece has none: where no brick goes on the god object waits, and the field decides, but
+          // for a HIP that is plainly in front of it.
           if (is_tight(place_)) {
             const Vec3 way = h - god_;
             if (way.dot(normal_) * static_cast<double>(side_) > kPlainlyInFront * way.norm()) {
@@ -494,7 +494,8 @@ bool SmoothContact::touch_where_behind(const Vec3& h) noexcept {
   return held;
 }
 
-/// The rule of geometry/held_place.h, looked at once in kLookEvery frames: more often is no sooner than a hand feels.
+/// The rule of geometry/held_place.h, looked at once in kLookEvery frames: more often is no sooner than a
+/// hand feels.
 void SmoothContact::agree_with(const Vec3& h) noexcept {
   unlooked_ = 0;
   const auto side = static_cast<double>(side_);

@@ -45,7 +45,9 @@ class SmoothContact {
   /// In this frame the place held was found not to agree with what the field says of the HIP, or a HIP behind
   /// the surface was taken up, or the god object went over an edge at once: the pull without that, local mm,
   /// else null.
-  [[nodiscard]] const Vec3* corrected_from() const noexcept { return corrected_ ? &uncorrected_mm_ : nullptr; }
+  [[nodiscard]] const Vec3* corrected_from() const noexcept {
+    return corrected_ ? &uncorrected_mm_ : nullptr;
+  }
   /// Steps of the god object in a frame, at most; what is left is done in the next.
   void bound_steps(int most) noexcept { most_steps_ = most; }
   [[nodiscard]] bool bound_hit() const noexcept { return bound_hit_; }
@@ -98,7 +100,7 @@ class SmoothContact {
   Vec3 uncorrected_mm_ = Vec3::Zero();
   double spacing_ = 1.0;  ///< of the points, voxels
   Vec3 last_h_ = Vec3::Zero();
-  int unlooked_ = 0;      ///< frames since the HIP's own surroundings were looked at
+  int unlooked_ = 0;  ///< frames since the HIP's own surroundings were looked at
   // In contact.
   Vec3 god_ = Vec3::Zero();
   Vec3 moved_ = Vec3::Zero();   ///< by how much in the last frame

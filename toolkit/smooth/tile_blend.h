@@ -19,7 +19,8 @@ inline constexpr std::size_t kTileCount = 64;
 inline constexpr double kTileReach = 1.5 * 1.7320509;
 using Tile = std::array<float, kTileCount>;
 
-/// Which patches may reach the nodes of each tile; `codes`: of the tiles, in their order. Immutable. O(patches x tiles near).
+/// Which patches may reach the nodes of each tile; `codes`: of the tiles, in their order. Immutable.
+/// O(patches x tiles near).
 class TilePatches {
  public:
   TilePatches() = default;

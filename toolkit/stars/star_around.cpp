@@ -17,7 +17,8 @@ constexpr double kFirstEdges = 1.0, kWider = 2.0;
 
 }  // namespace
 
-bool StarContact::find_around(const Vec3& h, double most, StarCounters& counters, Stand& found) const noexcept {
+bool StarContact::find_around(const Vec3& h, double most, StarCounters& counters,
+                              Stand& found) const noexcept {
   const double edge = std::sqrt(stand_.facet.middle_edge_sq());
   std::uint32_t tested = 0;
   for (double reach = std::min(kFirstEdges * edge, most);; reach = std::min(kWider * reach, most)) {
@@ -50,8 +51,8 @@ bool StarContact::find_around(const Vec3& h, double most, StarCounters& counters
   }
 }
 
-/// Looked at where the pull has grown by half since, and again and again where the god object hangs on an edge
-/// or a corner: inside a facet that the HIP is behind nothing else is nearer.
+/// Looked at where the pull has grown by half since, and again and again where the god object hangs on an
+/// edge or a corner: inside a facet that the HIP is behind nothing else is nearer.
 bool StarContact::agree_with(const Vec3& h, StarCounters& counters) noexcept {
   look_sq_ = kGrown * stand_.foot.distance_sq;
   unlooked_ = 0;
@@ -104,8 +105,8 @@ bool StarContact::regain(const Vec3& h, StarCounters& counters) noexcept {
   const double side = free_side_[mesh_->closed_piece(place)];
   // Single facets may be turned over where sheets are close.
   const Trend trend = trend_around(*mesh_, near.facet, true);
-  const double height = trend.share > kTrendShare ? trend.normal.dot(h - near.foot.point)
-                                                  : side_of(*mesh_, near, h).height;
+  const double height =
+      trend.share > kTrendShare ? trend.normal.dot(h - near.foot.point) : side_of(*mesh_, near, h).height;
   const double least = geometry::kOutSpacings * edge;
   if (!(side * height < 0.0) || !(near.foot.distance_sq > least * least)) return false;
   corrected_ = true;

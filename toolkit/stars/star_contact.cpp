@@ -8,8 +8,8 @@
 namespace palpate::stars {
 namespace {
 
-/// A HIP in front of a facet that is turned over stands behind the surface around it. Nearer to the facet than a
-/// tenth of its edge (squared) that is as good as on it.
+/// A HIP in front of a facet that is turned over stands behind the surface around it. Nearer to the facet
+/// than a tenth of its edge (squared) that is as good as on it.
 constexpr double kTurnedShare = 0.01;
 
 /// A piece's solid angle as a part of all around: outside it sees nothing of it, inside all.

@@ -276,8 +276,8 @@ class StarContact {
   bool framed_ = false;   ///< frame_ is that of stand_.facet
   bool watched_ = false;  ///< another sheet may go through it: no frame is a quick one
   Stand stand_;
-  double look_sq_ = 0.0;         ///< a longer pull, squared, is compared with what is around the HIP
-  std::uint32_t unlooked_ = 0;   ///< frames on an edge or corner since it was
+  double look_sq_ = 0.0;        ///< a longer pull, squared, is compared with what is around the HIP
+  std::uint32_t unlooked_ = 0;  ///< frames on an edge or corner since it was
   std::array<Held, kMaxHeld - 1> others_;  ///< what holds besides stand_
   std::uint32_t others_count_ = 0;
   Vec3 from_ = Vec3::Zero();  ///< free up to here

@@ -42,6 +42,8 @@ constexpr double kStuckShare = 0.3;
 constexpr double kFastest = 2.5, kTooDeep = 3.0;
 // A point within so many radii of the fits of a rim's corner is at the border.
 constexpr double kRimRadii = 1.5;
+// So many times as far inwards as the middle of the points around is.
+constexpr double kInwards = 2.0;
 // A HIP less than 60 degrees off the normal is above a point, not beside it.
 constexpr double kAboveShare = 0.5;
 // Free for longer than this it goes back to where it felt something.
@@ -72,8 +74,8 @@ std::optional<cloud::Cloud> rim_of(const geometry::TriangleMesh* mesh) {
 
 class Hand {
  public:
-  Hand(const PathTarget& target, const HandOptions& options, const Fitting& fitting,
-       const Feel& felt, bool open, const Beginning& at)
+  Hand(const PathTarget& target, const HandOptions& options, const Fitting& fitting, const Feel& felt,
+       bool open, const Beginning& at)
       : target_(target),
         options_(options),
         fitting_(fitting),
@@ -96,8 +98,8 @@ class Hand {
 
   std::vector<Vec3> go() {
     const double sample_s = 1.0 / options_.rate_hz,
-                 longest_s = std::min(kStepS, 1.0 / (2.0 * std::numbers::pi * options_.bandwidth_hz *
-                                                     kStepsPerTimeConstant));
+                 longest_s = std::min(
+                     kStepS, 1.0 / (2.0 * std::numbers::pi * options_.bandwidth_hz * kStepsPerTimeConstant));
     const auto steps = static_cast<int>(std::ceil(sample_s / longest_s * (1.0 - kRoundedUp)));
     const double dt = sample_s / steps;
     std::vector<Vec3> path;
@@ -165,13 +167,18 @@ class Hand {
       const std::optional<Vec3> seen = fit.good ? std::nullopt : nearest();
       const Vec3 from_seen = seen ? Vec3(h_ - *seen) : touched_normal_;
       // Beside the nearest point at a border, not above it: there the surface ends.
-      const bool beside = (open_ || (seen && rim_near(*seen))) && from_seen.dot(touched_normal_) < kAboveShare * from_seen.norm();
-      if (free_s_ > kLostS || beside)
+      const bool beside = (open_ || (seen && rim_near(*seen))) &&
+                          from_seen.dot(touched_normal_) < kAboveShare * from_seen.norm();
+      if (free_s_ > kLostS || beside) {
         going_back_ = true;
-      else if (fit.good)
+        // Inwards of a border: to where it was it would only come off again.
+        if (const std::optional<Vec3> middle = beside ? middle_near() : std::nullopt)
+          touched_ = *middle + kInwards * (*middle - h_);
+      } else if (fit.good) {
         outward = fit.normal;
-      else if (from_seen.norm() > 0.0)
+      } else if (from_seen.norm() > 0.0) {
         outward = open_ ? touched_normal_ : Vec3(from_seen.normalized());
+      }
     }
     const Vec3 turned = normal_ + std::min(dt / kFeelS, 1.0) * (outward - normal_);
     if (turned.norm() > 0.0) normal_ = turned.normalized();
@@ -199,10 +206,22 @@ class Hand {
     return found;
   }
 
+  /// Of the points around the HIP.
+  [[nodiscard]] std::optional<Vec3> middle_near() const {
+    Vec3 sum = Vec3::Zero();
+    std::size_t count = 0;
+    fitting_.points->around(h_, kMostFitted, [&](const Vec3& q) {
+      sum += q;
+      ++count;
+    });
+    if (count == 0) return std::nullopt;
+    return Vec3(sum / static_cast<double>(count));
+  }
+
   /// What it means to do: pace, lifts, taps, another heading where it is stuck.
   void plan(double t, double dt, bool contact) {
-    heading_ = (heading_ + kWander * std::sqrt(dt / kStepS) *
-                               Vec3(random_.normal(), random_.normal(), random_.normal()))
+    heading_ = (heading_ +
+                kWander * std::sqrt(dt / kStepS) * Vec3(random_.normal(), random_.normal(), random_.normal()))
                    .normalized();
     if (t >= next_pace_s_) {
       speed_ = random_.uniform(options_.slowest_mm_s, options_.fastest_mm_s);
@@ -259,8 +278,8 @@ class Hand {
   Vec3 normal_;   ///< what it takes for outward
   Vec3 heading_;  ///< where it drags to
   double speed_;
-  Vec3 back_;                       ///< where it was when it last looked whether it is stuck
-  Vec3 touched_, touched_normal_;   ///< where it last felt something
+  Vec3 back_;                      ///< where it was when it last looked whether it is stuck
+  Vec3 touched_, touched_normal_;  ///< where it last felt something
   double free_s_ = 0.0, lift_s_ = 0.0, touch_s_ = 0.0;
   double next_pace_s_ = kPaceS, next_look_s_ = kStuckS;
   int taps_ = 0;

@@ -315,8 +315,7 @@ Result<ProbePath> make_path(const NamedOptions& spec, const PathTarget& target) 
                  "choose from " + joined(names_of(path_generators())),
                  {},
                  0};
-  const bool needs_points =
-      spec.name == "exploration" || spec.name == "hand" || target.surface == nullptr;
+  const bool needs_points = spec.name == "exploration" || spec.name == "hand" || target.surface == nullptr;
   if (needs_points && (target.cloud == nullptr || target.cloud->empty()))
     return Error{fmt::format("the path '{}' needs a cloud", spec.name), "give a model with points", {}, 0};
   PALPATE_ASSIGN(Options complete, validate(spec.options, generator->options, spec.name));

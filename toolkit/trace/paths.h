@@ -1,7 +1,7 @@
-// Generators of probe paths. On a model with a formula all but `exploration` and `hand` follow the formula and
-// never the points, so that every spacing of a surface is probed along one and the same path; on any other they follow
-// what shows of it from one side, its own faces where it has any, else planes fitted to its points.
-// Deterministic: one spec and target give the same path, bit for bit.
+// Generators of probe paths. On a model with a formula all but `exploration` and `hand` follow the formula
+// and never the points, so that every spacing of a surface is probed along one and the same path; on any
+// other they follow what shows of it from one side, its own faces where it has any, else planes fitted to its
+// points. Deterministic: one spec and target give the same path, bit for bit.
 #pragma once
 
 #include <functional>

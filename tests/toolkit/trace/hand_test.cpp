@@ -77,7 +77,8 @@ TEST_F(HandOnSphere, PressesDragsAndLifts) {
 }
 
 TEST_F(HandOnSphere, IsTheSameBitsAndAnotherWithAnotherSeed) {
-  const ProbePath a = path("hand:frames=3000"), b = path("hand:frames=3000"), c = path("hand:frames=3000:seed=2");
+  const ProbePath a = path("hand:frames=3000"), b = path("hand:frames=3000"),
+                  c = path("hand:frames=3000:seed=2");
   EXPECT_EQ(a.hip_mm, b.hip_mm);
   EXPECT_NE(a.hip_mm, c.hip_mm);
   EXPECT_NE(a.name.find("force_n=0.6"), std::string::npos) << a.name;
@@ -131,8 +132,8 @@ TEST(HandOnPlane, ComesBackFromTheBorderOfAnOpenScan) {
   const geometry::Aabb box = made.cloud.box_mm();
   target.felt = [&]() -> Result<Feel> {
     return Feel([&](const Vec3& hip) -> Vec3 {
-      const bool over = hip.x() >= box.low_mm.x() && hip.x() <= box.high_mm.x() && hip.y() >= box.low_mm.y() &&
-                        hip.y() <= box.high_mm.y();
+      const bool over = hip.x() >= box.low_mm.x() && hip.x() <= box.high_mm.x() &&
+                        hip.y() >= box.low_mm.y() && hip.y() <= box.high_mm.y();
       return over && hip.z() < 0.0 ? Vec3(0.0, 0.0, -kFeltNPerMm * hip.z()) : Vec3(Vec3::Zero());
     });
   };
