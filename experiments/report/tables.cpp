@@ -12,6 +12,8 @@ namespace {
 using Result_ = metrics::RendererResult;
 using Value = std::optional<double>;
 using Get = std::function<Value(const Result_&)>;
+using GetInterval = std::function<std::optional<Interval>(const Result_&)>;
+using Ranks = std::function<bool(const Result_&)>;
 enum class Better { kLower, kHigher, kNeither };
 
 /// How a row's numbers are written.
@@ -19,9 +21,6 @@ enum class Show { kNumbers, kCounts, kTimes };
 
 constexpr double kNsPerUs = 1e3, kPercent = 100.0;
 constexpr double kDegPerRad = 57.295779513082320877;  // 180 / pi
-
-using GetInterval = std::function<std::optional<Interval>(const Result_&)>;
-using Ranks = std::function<bool(const Result_&)>;
 
 /// Which of `values` is the best of a row; nothing where nobody is.
 std::optional<std::size_t> best_of(const std::vector<Value>& values, const metrics::ResultDocument& document,
@@ -228,13 +227,10 @@ void add_scores(Scores& t) {
   const auto accuracy_interval = [](std::optional<Interval> A::*member) {
     return [member](const Result_& r) { return r.accuracy ? (*r.accuracy).*member : std::nullopt; };
   };
-  t.heading("What a hand feels as wrong, against the ground truth");
+  t.heading("What a hand feels as wrong");
   t.fewer("caught, times", accuracy_count(&A::caught));
-  t.fewer("caught, frames", accuracy_count(&A::caught_frames));
   t.fewer("lost, times", accuracy_count(&A::lost));
-  t.fewer("lost, frames", accuracy_count(&A::lost_frames));
   t.fewer("kicks", accuracy_count(&A::kicks));
-  lower("largest force, N", &A::force_peak_n);
   t.heading("Force against the ground truth");
   t.add("frames that no hand tells from the truth, %", accuracy(&A::indistinguishable_percent),
         Better::kHigher, Show::kNumbers, {}, accuracy_interval(&A::indistinguishable_interval));

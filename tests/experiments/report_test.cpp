@@ -159,7 +159,7 @@ TEST(Opening, AnswersFourQuestionsBeforeAnyProse) {
   EXPECT_LT(table, html.find("Heading of the findings"));
   EXPECT_EQ(html.find("class=\"four\"", table + 20), std::string::npos) << "once on the page";
   for (const char* said : {"Right?", "Fast?", "Ready when?", "How large?", "2.50 % off", "contact right",
-                           "contact wrong in 1,234 frames", "0.200 µs", "100 ms", "48.0 kB",
+                           "1,234 frames of wrong contact", "0.200 µs", "100 ms", "48.0 kB",
                            "48.0 bytes a point", ">ours<", "as printed; without dents"})
     EXPECT_NE(html.find(said), std::string::npos) << said << "\n" << section.opening;
 }

@@ -24,6 +24,9 @@ namespace {
 /// six (docs/smooth.md, "Which to take"); of 0.03 each was on some. Finished models have less (dragon 0.02,
 /// bunny 0.05), raw scans more (0.14 to 0.35).
 constexpr double kNoisyShare = 0.06;
+/// The same of a grid of heights, whose squares are no steeper than the slope between two posts: at 0.1 that
+/// is off by 8 degrees and the force by a sixth.
+constexpr double kNoisyHeightsShare = 0.1;
 /// From here on triangles between the points leave holes and fold (felt_surface, sets tnoise to tn50).
 constexpr double kTornShare = 0.2;
 /// Pieces along the probe's way are strips, and at their borders fewer bricks are built than their points
@@ -54,11 +57,13 @@ double largest_stiffness_n_per_mm(const surface::Surface& surface) {
   return static_cast<double>(*std::max_element(each.begin(), each.end()));
 }
 
-/// `cloud-smooth` where noise can be felt, else `clean`. `facts`: of the points, in words.
-Decision choose_by_noise(const render::ModelInput& model, const std::string& clean, const std::string& facts,
-                         const std::string& reason, const render::PrepareContext& context) {
+/// `cloud-smooth` where noise can be felt, from `noisy_share` spacings on, else `clean`. `facts`: of the
+/// points, in words.
+Decision choose_by_noise(const render::ModelInput& model, const std::string& clean, double noisy_share,
+                         const std::string& facts, const std::string& reason,
+                         const render::PrepareContext& context) {
   const Noise noise = noise_of(model, context);
-  if (noise.share < kNoisyShare) return {"renderer", clean, facts + noise.words() + reason};
+  if (noise.share < noisy_share) return {"renderer", clean, facts + noise.words() + reason};
   // From point to point the force moves by as much as stiffness x spacing.
   const double step_n = largest_stiffness_n_per_mm(model.surface) * noise.spacing_mm;
   if (noise.share < kTornShare && step_n < kFeltForceStepN)
@@ -104,11 +109,12 @@ Decision choose_renderer(const render::SceneInput& scene, const render::PrepareC
   const render::ModelInput& model = scene.models.front();
   if (model.surface.dent.any() || model.moves != nullptr) return {"renderer", "cloud", "its points give way"};
   const cloud::HeightFieldFacts facts = cloud::height_field_facts(*model.cloud);
-  if (!facts.is) return choose_by_noise(model, "cloud", facts.words, "", context);
+  if (!facts.is) return choose_by_noise(model, "cloud", kNoisyShare, facts.words, "", context);
   const double bytes =
       static_cast<double>(sizeof(float) * facts.posts()) / static_cast<double>(model.cloud->size());
   return choose_by_noise(
-      model, "heightfield", fmt::format("the points are a height field on {}", facts.words),
+      model, "heightfield", kNoisyHeightsShare,
+      fmt::format("the points are a height field on {}", facts.words),
       fmt::format("; its answers are nearer and faster than those of cloud, from {:.3g} bytes a point",
                   bytes),
       context);

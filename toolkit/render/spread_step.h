@@ -2,13 +2,15 @@
 // bit, and where it is set free to the HIP.
 #pragma once
 
+#include <algorithm>
+
 #include "toolkit/core/vec.h"
 
 namespace palpate::render {
 
 /// Belongs to one contact. Over so many frames: a pull of 1 mm that is corrected at 0.5 N/mm changes the
 /// force by 0.025 N a frame at 1 kHz, a twentieth of what counts as a kick, and is over in the time that a
-/// hand takes to notice. The god object only goes towards its new place.
+/// hand takes to notice.
 class SpreadStep {
  public:
   static constexpr int kFrames = 20;
@@ -19,31 +21,42 @@ class SpreadStep {
   /// of this frame, or null. False where nothing is felt. Only where there is a correction, or active().
   [[nodiscard]] bool apply(const Vec3& h, const Vec3* before, bool held, Vec3& pull) noexcept {
     if (before != nullptr) {
-      if (!active()) shown_ = h + *before;
+      if (!active()) {
+        shown_ = h + *before;
+        length_ = before->norm();
+      }
       left_ = kFrames;
       fades_ = !held;
+      grows_ = length_ < pull.norm();
     }
     // A HIP that came out by itself is out.
     if (!held && !fades_) {
       left_ = 0;
       return false;
     }
-    const Vec3 place = h + pull;
-    // What is held goes on with its surface; a HIP that was set free takes nothing along.
-    if (before == nullptr && held && !fades_) shown_ += place - place_;
     if (held) fades_ = false;
-    place_ = place;
+    // It only descends: no farther from the HIP than it was, so that no energy is made, and a HIP that jumps
+    // takes no spring along. Where its place is farther the hand has to go there first.
+    // A HIP that was found behind a surface is held by more and more.
+    const double off = (shown_ - h).norm(), before_now = held ? off : std::min(off, length_);
+    const double wanted = pull.norm();
+    const double most = grows_ ? std::max(before_now, wanted) : before_now;
+    const Vec3 place = h + pull;
     shown_ = place + (shown_ - place) * (static_cast<double>(left_ - 1) / left_);
-    --left_;
+    const double size = (shown_ - h).norm();
+    if (size > most) shown_ = h + (shown_ - h) * (most / size);
+    if (left_ > 1 || !(wanted > most)) --left_;
+    length_ = (shown_ - h).norm();
     if (active()) pull = shown_ - h;
     return held || active();
   }
 
  private:
   Vec3 shown_ = Vec3::Zero();  ///< the god object as it was answered last, local
-  Vec3 place_ = Vec3::Zero();  ///< where it is held
+  double length_ = 0.0;        ///< of the pull that was answered last
   int left_ = 0;
   bool fades_ = false;  ///< the correction set the HIP free
+  bool grows_ = false;  ///< it holds the HIP by more than before
 };
 
 }  // namespace palpate::render

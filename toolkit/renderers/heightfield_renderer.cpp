@@ -11,7 +11,6 @@
 #include "toolkit/heightfield/heightfield_descent.h"
 #include "toolkit/heightfield/heightfield_model.h"
 #include "toolkit/render/shell_renderer.h"
-#include "toolkit/render/spread_step.h"
 #include "toolkit/render/surface_response.h"
 
 namespace palpate::render {
@@ -66,10 +65,9 @@ class HeightFieldSurface {
   [[nodiscard]] const ModelPose& pose() const noexcept { return model_.pose; }
   [[nodiscard]] unsigned features() const noexcept { return model_.surface.features; }
   [[nodiscard]] const geometry::Aabb& box_mm() const noexcept { return model_.grid->box_mm; }
-  [[nodiscard]] bool touching() const noexcept { return contact_ || spread_.active(); }
+  [[nodiscard]] bool touching() const noexcept { return contact_; }
   void let_go(const Vec3& h) noexcept {
     contact_ = false;
-    spread_.end();
     unlooked_ = 0;
     state_.release();
     started_ = is_finite(h);
@@ -83,8 +81,13 @@ class HeightFieldSurface {
     const PlanPoint plan = sheet_.plan(h);
     const bool held = (contact_ && follow_quickly(plan, counters)) || update(plan, status, counters);
     if (held) contact = contact_at<kFeatures>(h);
-    if (spread_.active() || (held && ++unlooked_ >= kLookEvery)) [[unlikely]]
-      return agree_with<kFeatures>(plan, h, held, contact, status, counters);
+    if (held && ++unlooked_ >= kLookEvery) [[unlikely]] {
+      unlooked_ = 0;
+      if (correct(plan, h, contact.pull, status, counters)) {
+        if (!contact_) return false;
+        contact = contact_at<kFeatures>(h);
+      }
+    }
     return held;
   }
   template <unsigned kFeatures>
@@ -93,26 +96,8 @@ class HeightFieldSurface {
   }
 
  private:
-  /// The rule of geometry/held_place.h, whose corrections come bit by bit. Whether anything is felt.
-  template <unsigned kFeatures>
-  [[gnu::noinline]] bool agree_with(const PlanPoint& plan, const Vec3& h, bool held, SurfaceContact& contact,
-                                    FrameStatus& status, FrameCounters& counters) noexcept {
-    const Vec3 before = held ? contact.pull : Vec3::Zero();
-    bool corrected = false;
-    if (held && unlooked_ >= kLookEvery) {
-      unlooked_ = 0;
-      corrected = correct(plan, h, before, status, counters);
-      if (corrected && contact_) contact = contact_at<kFeatures>(h);
-      held = contact_;
-    }
-    if (!corrected && !spread_.active()) return held;
-    Vec3 pull = held ? contact.pull : Vec3::Zero();
-    if (!spread_.apply(h, corrected ? &before : nullptr, held, pull)) return false;
-    if (!held) contact = contact_at<kFeatures>(h);
-    contact.pull = pull;
-    return true;
-  }
-  /// Compares the place held with the surface above or below the HIP. Whether that changed it.
+  /// The rule of geometry/held_place.h: compares the place held with the surface above or below the HIP.
+  /// Whether that changed it.
   bool correct(const PlanPoint& plan, const Vec3& h, const Vec3& pull, FrameStatus& status,
                FrameCounters& counters) noexcept {
     const double far = pull.norm(), spacing = std::min(sheet_.step_x, sheet_.step_y);
@@ -334,7 +319,6 @@ class HeightFieldSurface {
   bool nearest_post_;
 
   SurfaceState state_;
-  SpreadStep spread_;
   int unlooked_ = 0;  ///< frames in contact since the HIP's own surroundings were looked at
   bool started_ = false;
   bool contact_ = false;

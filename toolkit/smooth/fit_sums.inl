@@ -1,6 +1,6 @@
-// No include guard: fit_sums.cpp takes it once for each width. PALPATE_SUMS: its namespace; PALPATE_TARGET: the
-// attribute of its functions. A vector of four is two of two where the machine has no wider ones: nothing is
-// passed by value.
+// No include guard: fit_sums.cpp takes it once for each width. PALPATE_SUMS: its namespace; PALPATE_TARGET:
+// the attribute of its functions. A vector of four is two of two where the machine has no wider ones: nothing
+// is passed by value.
 namespace PALPATE_SUMS {
 
 using V = double __attribute__((vector_size(FitPoints::kAtOnce * sizeof(double))));

@@ -51,8 +51,8 @@ bool StarContact::find_around(const Vec3& h, double most, StarCounters& counters
   }
 }
 
-/// Looked at where the pull has grown by half since, and again and again where the god object hangs on an
-/// edge or a corner: inside a facet that the HIP is behind nothing else is nearer.
+/// Looked at where the pull has grown by two fifths since, and again and again where the god object hangs on
+/// an edge or a corner: inside a facet that the HIP is behind nothing else is nearer.
 bool StarContact::agree_with(const Vec3& h, StarCounters& counters) noexcept {
   look_sq_ = kGrown * stand_.foot.distance_sq;
   unlooked_ = 0;

@@ -15,7 +15,6 @@
 #include "toolkit/metrics/accuracy.h"
 #include "toolkit/metrics/reference.h"
 #include "toolkit/render/registry.h"
-#include "toolkit/render/spread_step.h"
 #include "toolkit/renderers/toolkit_renderers.h"
 #include "toolkit/trace/paths.h"
 #include "toolkit/trace/replay.h"
@@ -141,11 +140,6 @@ TEST(HeightFieldRenderer, APlaneIsExact) {
   }
 }
 
-bool is_on(const Frame& frame, const Heights& ground, std::size_t columns, std::size_t rows) {
-  const Vec3 god = frame.god_object_mm;
-  return std::abs(god.z() - bilinear(ground, columns, rows, god.x(), god.y())) <= 1e-6;
-}
-
 /// Nothing of the sheet within `reach` of the god object is nearer to the HIP.
 void expect_nearest(const Frame& frame, const Vec3& h, const Heights& ground, std::size_t columns,
                     std::size_t rows, Random& random, double reach) {
@@ -172,25 +166,18 @@ TEST(HeightFieldRenderer, RestsAtALocalMinimumOnRoughGround) {
     Random random(17);
     Vec3 at(15, 15, rise + 1.0);
     renderer->restart(at);
-    int contacts = 0, corrected = 0;
+    int contacts = 0;
     for (int i = 0; i < 2000; ++i) {
       const Vec3 to(random.uniform(3, 26), random.uniform(3, 26), random.uniform(-1.0, rise + 0.3));
       const Vec3 next = at + std::min(1.0, 0.4 / (to - at).norm()) * (to - at);
-      Frame frame = renderer->step(at = next, 1e-3);
+      const Frame frame = renderer->step(at = next, 1e-3);
       ASSERT_EQ(frame.status, FrameStatus::kOk);
       if (!frame.contact) continue;
       ++contacts;
-      // Where the place held was just corrected the pull changes over some frames: what it comes to counts.
-      if (!is_on(frame, ground, kPosts, kPosts)) {
-        for (int rest = 0; rest < 2 * SpreadStep::kFrames; ++rest) frame = renderer->step(at, 1e-3);
-        ++corrected;
-        if (!frame.contact) continue;
-      }
       for (const double reach : {1e-6, 1e-4})
         expect_nearest(frame, at, ground, kPosts, kPosts, random, reach);
     }
     EXPECT_GT(contacts, 300);
-    EXPECT_LT(corrected, contacts / 20);
   }
 }
 
