@@ -56,9 +56,9 @@ Form form_of(const Patch& p, const Vec3& middle, double voxel_mm) {
 
 /// Eight nodes at a time, elementwise; every target rounds them alike.
 constexpr std::size_t kNodesAtOnce = 8;
-using Lanes = float __attribute__((vector_size(kNodesAtOnce * sizeof(float))));
-using IntLanes = std::int32_t __attribute__((vector_size(kNodesAtOnce * sizeof(float))));
-using TileLanes = std::array<Lanes, kTileCount / kNodesAtOnce>;
+using NodeLanes = float __attribute__((vector_size(kNodesAtOnce * sizeof(float))));
+using NodeBits = std::int32_t __attribute__((vector_size(kNodesAtOnce * sizeof(float))));
+using TileLanes = std::array<NodeLanes, kTileCount / kNodesAtOnce>;
 
 /// Sums of weights, and of distances and their squares by weight.
 struct Sums {
@@ -66,47 +66,48 @@ struct Sums {
 };
 
 /// x becomes one over its root. By reference: vectors of eight in registers are another calling convention.
-[[gnu::always_inline]] inline void one_over_root(Lanes& x) noexcept {
+[[gnu::always_inline]] inline void one_over_root(NodeLanes& x) noexcept {
   // A first guess by the bits of the exponent (to 4 %), and Newton steps that square its error.
-  const auto bits = reinterpret_cast<IntLanes>(x);
-  auto y = reinterpret_cast<Lanes>(0x5f3759df - (bits >> 1));
+  const auto bits = reinterpret_cast<NodeBits>(x);
+  auto y = reinterpret_cast<NodeLanes>(0x5f3759df - (bits >> 1));
   for (int step = 0; step < 3; ++step) y *= 1.5f - 0.5f * x * y * y;
   x = y;
 }
 
 /// Adds a patch's say at all nodes.
 [[gnu::always_inline]] inline void add_patch(const Form& p, Sums& sums) noexcept {
-  constexpr Lanes kZ{-1.5f, -0.5f, 0.5f, 1.5f, -1.5f, -0.5f, 0.5f, 1.5f};
-  constexpr Lanes kY{-1.5f, -1.5f, -1.5f, -1.5f, -0.5f, -0.5f, -0.5f, -0.5f};
+  constexpr NodeLanes kZ{-1.5f, -0.5f, 0.5f, 1.5f, -1.5f, -0.5f, 0.5f, 1.5f};
+  constexpr NodeLanes kY{-1.5f, -1.5f, -1.5f, -1.5f, -0.5f, -0.5f, -0.5f, -0.5f};
   for (std::size_t i = 0; i < sums.weight.size(); ++i) {
     const float x = static_cast<float>(i / 2) - 1.5f - p.ax;
-    const Lanes y = kY + (static_cast<float>(2 * (i % 2)) - p.ay), z = kZ - p.az;
-    const Lanes a = x * p.ux + y * p.uy + z * p.uz, b = x * p.vx + y * p.vy + z * p.vz,
-                h = x * p.nx + y * p.ny + z * p.nz;
-    Lanes u = a, v = b;
+    const NodeLanes y = kY + (static_cast<float>(2 * (i % 2)) - p.ay), z = kZ - p.az;
+    const NodeLanes a = x * p.ux + y * p.uy + z * p.uz, b = x * p.vx + y * p.vy + z * p.vz,
+                    h = x * p.nx + y * p.ny + z * p.nz;
+    NodeLanes u = a, v = b;
     for (int step = 0; step < kNodeFootSteps; ++step) {
-      const Lanes off = h - (p.uu * u * u + p.uv * u * v + p.vv * v * v);
-      const Lanes gu = 2.0f * p.uu * u + p.uv * v, gv = 2.0f * p.vv * v + p.uv * u;
-      const Lanes ru = a - u + off * gu, rv = b - v + off * gv;
-      const Lanes uu = 1.0f + gu * gu - 2.0f * off * p.uu, uv = gu * gv - off * p.uv,
-                  vv = 1.0f + gv * gv - 2.0f * off * p.vv;
-      const Lanes determinant = uu * vv - uv * uv, least = determinant - determinant + kLeastNodeDeterminant;
-      const Lanes per = 1.0f / (determinant > least ? determinant : least);
+      const NodeLanes off = h - (p.uu * u * u + p.uv * u * v + p.vv * v * v);
+      const NodeLanes gu = 2.0f * p.uu * u + p.uv * v, gv = 2.0f * p.vv * v + p.uv * u;
+      const NodeLanes ru = a - u + off * gu, rv = b - v + off * gv;
+      const NodeLanes uu = 1.0f + gu * gu - 2.0f * off * p.uu, uv = gu * gv - off * p.uv,
+                      vv = 1.0f + gv * gv - 2.0f * off * p.vv;
+      const NodeLanes determinant = uu * vv - uv * uv,
+                      least = determinant - determinant + kLeastNodeDeterminant;
+      const NodeLanes per = 1.0f / (determinant > least ? determinant : least);
       u += (vv * ru - uv * rv) * per;
       v += (uu * rv - uv * ru) * per;
     }
-    const Lanes off = h - (p.uu * u * u + p.uv * u * v + p.vv * v * v);
-    const Lanes gu = 2.0f * p.uu * u + p.uv * v, gv = 2.0f * p.vv * v + p.uv * u;
-    Lanes per_slope = 1.0f + gu * gu + gv * gv;
+    const NodeLanes off = h - (p.uu * u * u + p.uv * u * v + p.vv * v * v);
+    const NodeLanes gu = 2.0f * p.uu * u + p.uv * v, gv = 2.0f * p.vv * v + p.uv * u;
+    NodeLanes per_slope = 1.0f + gu * gu + gv * gv;
     one_over_root(per_slope);
-    const Lanes distance = (off - gu * (a - u) - gv * (b - v)) * per_slope;
-    const Lanes share = (u * u + v * v) * p.per_support_sq, left = 1.0f - share, none{};
-    const Lanes rest = left > none ? left : none;
+    const NodeLanes distance = (off - gu * (a - u) - gv * (b - v)) * per_slope;
+    const NodeLanes share = (u * u + v * v) * p.per_support_sq, left = 1.0f - share, none{};
+    const NodeLanes rest = left > none ? left : none;
     // Beyond its centre of curvature a foot may be anywhere, or no number: such a patch has no say there.
     const auto told = share < none + kFarthestShare;
-    const Lanes weight =
+    const NodeLanes weight =
         told ? p.weight * (rest * rest * rest + kBeyond / ((1.0f + share) * (1.0f + share))) : none;
-    const Lanes known = told ? distance : none;
+    const NodeLanes known = told ? distance : none;
     sums.distance[i] += weight * known;
     sums.square[i] += weight * known * known;
     sums.weight[i] += weight;
