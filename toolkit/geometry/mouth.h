@@ -10,6 +10,9 @@ namespace palpate::geometry {
 /// A piece whose mouth takes more than this share is more of a vase than of a body with holes that a scanner
 /// left: its user is told that it is felt from one side.
 inline constexpr double kWideMouthShare = 0.05;
+/// A piece whose mouth takes no more than this share is tight: a HIP behind it came in through its surface,
+/// not through a hole, and is pushed out again.
+inline constexpr double kTightMouthShare = 0.02;
 
 /// The areas of a closed surface cancel as vectors (divergence theorem); what is left of an oriented piece's
 /// is that of its mouth, square to it, here as a share of the piece's own: 0 of a closed one, 0.12 of a ball

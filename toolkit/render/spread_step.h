@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "toolkit/core/vec.h"
+#include "toolkit/render/surface_response.h"
 
 namespace palpate::render {
 
@@ -38,8 +39,8 @@ class SpreadStep {
     // It only descends: no farther from the HIP than it was, so that no energy is made, and a HIP that jumps
     // takes no spring along. Where its place is farther the hand has to go there first.
     // A HIP that was found behind a surface is held by more and more.
-    const double off = (shown_ - h).norm(), before_now = held ? off : std::min(off, length_);
     const double wanted = pull.norm();
+    const double before_now = std::min((shown_ - h).norm(), std::max(length_, wanted));
     const double most = grows_ ? std::max(before_now, wanted) : before_now;
     const Vec3 place = h + pull;
     shown_ = place + (shown_ - place) * (static_cast<double>(left_ - 1) / left_);
@@ -49,6 +50,16 @@ class SpreadStep {
     length_ = (shown_ - h).norm();
     if (active()) pull = shown_ - h;
     return held || active();
+  }
+  /// The same of a model's answer, which `read()` fills where nothing holds but the correction.
+  template <class Read>
+  [[nodiscard, gnu::noinline]] bool answer(const Vec3& h, const Vec3* before, bool held,
+                                           SurfaceContact& contact, Read&& read) noexcept {
+    Vec3 pull = held ? contact.pull : Vec3(Vec3::Zero());
+    if (!apply(h, before, held, pull)) return false;
+    if (!held) read();
+    contact.pull = pull;
+    return true;
   }
 
  private:

@@ -52,7 +52,8 @@ class SmoothModel {
     if (contact_.bound_hit()) status = FrameStatus::kBoundHit;
     if (held) contact = contact_at<kFeatures>(h);
     if (contact_.corrected_from() != nullptr || spread_.active()) [[unlikely]]
-      held = spread_step<kFeatures>(h, held, contact);
+      held = spread_.answer(h, contact_.corrected_from(), held, contact,
+                            [&] { contact = contact_at<kFeatures>(h); });
     return held;
   }
   template <unsigned kFeatures>
@@ -61,15 +62,6 @@ class SmoothModel {
   }
 
  private:
-  /// A correction comes bit by bit, where it set the HIP free too.
-  template <unsigned kFeatures>
-  [[gnu::noinline]] bool spread_step(const Vec3& h, bool held, SurfaceContact& contact) noexcept {
-    Vec3 pull = held ? Vec3(contact_.god_object_mm() - h) : Vec3::Zero();
-    if (!spread_.apply(h, contact_.corrected_from(), held, pull)) return false;
-    if (!held) contact = contact_at<kFeatures>(h);
-    contact.pull = pull;
-    return true;
-  }
   template <unsigned kFeatures>
   [[nodiscard]] SurfaceContact contact_at(const Vec3& h) const noexcept {
     SurfaceContact contact = uniform_contact(body_.surface, h, contact_.god_object_mm() - h);

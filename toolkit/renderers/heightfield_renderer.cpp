@@ -28,9 +28,6 @@ constexpr double kHessianChange = 4.0;
 constexpr double kNoFarther = 1.0 + 0x1p-40;
 /// Entries one frame follows: the HIP leaves one flank and meets the next. The rest waits.
 constexpr int kMaxEntries = 4;
-/// Frames between two looks at the surface below or above the HIP itself: 8 ms at 1 kHz, sooner than a hand
-/// feels a pull as wrong.
-constexpr int kLookEvery = 8;
 /// Nearer to the next post than to this one.
 constexpr double kMiddle = 0.5;
 /// A HIP farther off than so many posts, or than so many mm, is beside the field; its cell could not be
@@ -81,7 +78,7 @@ class HeightFieldSurface {
     const PlanPoint plan = sheet_.plan(h);
     const bool held = (contact_ && follow_quickly(plan, counters)) || update(plan, status, counters);
     if (held) contact = contact_at<kFeatures>(h);
-    if (held && ++unlooked_ >= kLookEvery) [[unlikely]] {
+    if (held && ++unlooked_ >= geometry::kLookEvery) [[unlikely]] {
       unlooked_ = 0;
       if (correct(plan, h, contact.pull, status, counters)) {
         if (!contact_) return false;

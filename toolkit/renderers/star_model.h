@@ -72,7 +72,8 @@ class StarModel {
       status = FrameStatus::kBoundHit;
     if (held) read_contact<kFeatures>(h, answer);
     if (contact.corrected_from() != nullptr || spread.active()) [[unlikely]]
-      held = spread_step<kFeatures>(h, held, answer);
+      held = spread.answer(h, contact.corrected_from(), held, answer,
+                           [&] { read_contact<kFeatures>(h, answer); });
     return held;
   }
   template <unsigned kFeatures>
@@ -121,15 +122,6 @@ class StarModel {
   GivingWay giving;
 
  private:
-  /// A correction comes bit by bit, where it set the HIP free too.
-  template <unsigned kFeatures>
-  [[gnu::noinline]] bool spread_step(const Vec3& h, bool held, SurfaceContact& at) noexcept {
-    Vec3 pull = held ? contact.pull() : Vec3::Zero();
-    if (!spread.apply(h, contact.corrected_from(), held, pull)) return false;
-    if (!held) read_contact<kFeatures>(h, at);
-    at.pull = pull;
-    return true;
-  }
   void add_planes(stars::StarContact::Held held, const Vec3& at, JointPlanes& planes,
                   FrameCounters& counters) const noexcept {
     int moves = stars::kMaxFacetMoves;

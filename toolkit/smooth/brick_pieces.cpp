@@ -17,9 +17,6 @@ constexpr double kCellArea = 0.5 / kCrossedCell;
 /// smallest hole, two spacings wide, has some eight around it, and a void of chance one; at edges of clean
 /// points some in a thousand look beyond.
 constexpr double kChanceCells = 4.0, kChanceShare = 2e-3;
-/// A piece that encloses a volume is tight where its mouth takes no more than this share of it: what comes in
-/// through smaller holes is pushed out again.
-constexpr double kTightShare = 0.02;
 /// Closed pieces that a brick can name.
 constexpr std::size_t kMostPieces = std::numeric_limits<std::uint16_t>::max();
 
@@ -83,7 +80,7 @@ void close_pieces(BrickGrid& grid, MadeBricks& made, const LevelCodes& codes, st
     if (side == 0.0f) continue;
     const double mouth = geometry::mouth_share(piece.parts);
     grid.least_enclosed = std::min(grid.least_enclosed, 1.0 - mouth);
-    piece.tight = is_closed(piece) || mouth <= kTightShare;
+    piece.tight = is_closed(piece) || mouth <= geometry::kTightMouthShare;
     grid.closed_pieces.push_back({side, piece.tight, std::move(piece.parts)});
     piece.number = static_cast<std::uint16_t>(grid.closed_pieces.size());
   }

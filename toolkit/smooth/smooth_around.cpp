@@ -63,14 +63,7 @@ void SmoothContact::touch_below(const Vec3& h, const Place& place, const Jet& je
     if (!look(at, there, here)) return;
     if (length < kOnSurface) break;
   }
-  if (!may_touch(there, at)) return;
-  contact_ = true;
-  unlooked_ = 0;
-  god_ = at;
-  moved_ = Vec3::Zero();
-  place_ = there;
-  side_ = side;
-  normal_ = here.gradient.cast<double>().normalized();
+  if (may_touch(there, at)) hold_at(at, there, here, side);
 }
 
 /// Contact with the surface above h, where h is behind it as it came to the place held. False, with nothing

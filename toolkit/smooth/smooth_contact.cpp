@@ -29,9 +29,6 @@ constexpr int kRootSteps = 12;
 constexpr double kRootError = 1e-5;
 /// What a HIP that came out is clear of the surface by, at least.
 constexpr double kClearOf = 0.05, kClearOfMost = 0.8;
-/// Frames between two looks at the HIP's own surroundings: at 1 kHz sooner than a hand feels a pull as wrong
-/// (20 ms).
-constexpr int kLookEvery = 8;
 /// Within 60 degrees of the normal a HIP is in front of the place, whatever the surface does beside it.
 constexpr double kPlainlyInFront = 0.5;
 /// A god object that goes farther in a frame than this many spacings, five times as far as the HIP and by a
@@ -77,6 +74,16 @@ bool SmoothContact::may_touch(const Place& place, const Vec3& at) const noexcept
   return (grid_->bricks[place.brick].mask & mask_bit(place_in(place, at))) != 0;
 }
 
+void SmoothContact::hold_at(const Vec3& at, const Place& place, const Jet& jet, float side) noexcept {
+  contact_ = true;
+  unlooked_ = 0;
+  god_ = at;
+  moved_ = Vec3::Zero();
+  place_ = place;
+  side_ = side;
+  normal_ = jet.gradient.cast<double>().normalized();
+}
+
 void SmoothContact::start_from(const Vec3& h_mm) noexcept {
   contact_ = in_front_ = false;
   clear_ = -1.0;
@@ -113,7 +120,7 @@ bool SmoothContact::update(const Vec3& h_mm, FrameCounters& counters) noexcept {
       uncorrected_mm_ = (before - h) * grid_->voxel_mm;
     }
     const double next_to = geometry::kNextToSpacings * spacing_;
-    if ((h - god_).squaredNorm() > next_to * next_to && ++unlooked_ >= kLookEvery) agree_with(h);
+    if ((h - god_).squaredNorm() > next_to * next_to && ++unlooked_ >= geometry::kLookEvery) agree_with(h);
     return contact_;
   }
   last_h_ = h;
@@ -352,13 +359,7 @@ bool SmoothContact::find_entry(const Vec3& h, FrameCounters& counters) noexcept 
         place = grid_->find(there);
         if (place.brick != BrickGrid::kNone && may_touch(place, there) &&
             free_side_[grid_->bricks[place.brick].piece] * side >= 0.0f) {
-          contact_ = true;
-          unlooked_ = 0;
-          god_ = there;
-          moved_ = Vec3::Zero();
-          place_ = place;
-          side_ = side;
-          normal_ = jet_at(place, place_in(place, god_)).gradient.cast<double>().normalized();
+          hold_at(there, place, jet_at(place, place_in(place, there)), side);
           return true;
         }
       }

@@ -83,6 +83,8 @@ class SmoothContact {
   [[nodiscard]] bool find_entry(const Vec3& h, FrameCounters& counters) noexcept;
   [[nodiscard]] bool crossing(const Vec3& from, const Vec3& way, double low, double high, double f_low,
                               double f_high, double& at) noexcept;
+  /// Contact begins, or goes on, with the god object at a place of the surface.
+  void hold_at(const Vec3& at, const Place& place, const Jet& jet, float side) noexcept;
   void look_where_free(const Vec3& h) noexcept;
   void touch_below(const Vec3& h, const Place& place, const Jet& jet, float side) noexcept;
   [[nodiscard]] bool touch_where_behind(const Vec3& h) noexcept;

@@ -75,13 +75,10 @@ template <class Takes>
 void pierce_block(const StarMesh& mesh, const StarTree& tree, std::uint32_t block, const Way& way, Hit& hit,
                   std::uint32_t& tested, Takes&& takes) noexcept {
   if (tree.layer(block).misses(way.from, way.to)) return;
-  const std::uint32_t first = block * kBlockPlaces;
-  const std::uint32_t last = std::min(first + kBlockPlaces, mesh.size());
-  for (std::uint32_t place = first; place < last; ++place)
-    mesh.for_triangles_of(place, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-      ++tested;
-      if (!mesh.triangle_misses(a, b, c, way.box)) pierce_triangle(mesh, a, b, c, way, hit, takes);
-    });
+  mesh.for_triangles_of_block(block, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+    ++tested;
+    if (!mesh.triangle_misses(a, b, c, way.box)) pierce_triangle(mesh, a, b, c, way, hit, takes);
+  });
 }
 
 /// The triangles of a block with their boxes side by side, in the order that for_triangles_of() has.
@@ -97,18 +94,16 @@ struct PackedBlock {
   void pack(const StarMesh& mesh, std::uint32_t of) noexcept {
     block = of;
     size = 0;
-    const std::uint32_t first = of * kBlockPlaces, last = std::min(first + kBlockPlaces, mesh.size());
-    for (std::uint32_t place = first; place < last; ++place)
-      mesh.for_triangles_of(place, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-        const std::uint32_t at = size++;
-        if (at >= kMost) return;
-        corner[at] = {a, b, c};
-        const auto [low, high] = mesh.triangle_box(a, b, c);
-        for (std::size_t axis = 0; axis < 3; ++axis) {
-          box[at / kFanOut].low[axis][at % kFanOut] = low[axis];
-          box[at / kFanOut].high[axis][at % kFanOut] = high[axis];
-        }
-      });
+    mesh.for_triangles_of_block(of, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+      const std::uint32_t at = size++;
+      if (at >= kMost) return;
+      corner[at] = {a, b, c};
+      const auto [low, high] = mesh.triangle_box(a, b, c);
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        box[at / kFanOut].low[axis][at % kFanOut] = low[axis];
+        box[at / kFanOut].high[axis][at % kFanOut] = high[axis];
+      }
+    });
   }
 };
 

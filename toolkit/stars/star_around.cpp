@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "toolkit/geometry/held_place.h"
+#include "toolkit/geometry/mouth.h"
 #include "toolkit/stars/star_contact.h"
 
 namespace palpate::stars {
@@ -11,9 +11,9 @@ namespace {
 /// Nodes and triangles that one look may take: some thirty triangles stand within a spacing and a half of a
 /// place, on each of a few sheets.
 constexpr std::uint32_t kMaxAroundNodes = 64, kMaxAroundTested = 512;
-/// It begins with this many edges around the HIP, and goes on twice as far where there is nothing.
-constexpr double kTight = 0.98;
-constexpr double kFirstEdges = 1.0, kWider = 2.0;
+/// It begins with this many edges around the HIP, or that share of the way it may go, and goes on twice as
+/// far where there is nothing: at most seven times, on all of which it may take as many triangles.
+constexpr double kFirstEdges = 1.0, kFirstShare = 1.0 / 64.0, kWider = 2.0;
 
 }  // namespace
 
@@ -21,7 +21,8 @@ bool StarContact::find_around(const Vec3& h, double most, StarCounters& counters
                               Stand& found) const noexcept {
   const double edge = std::sqrt(stand_.facet.middle_edge_sq());
   std::uint32_t tested = 0;
-  for (double reach = std::min(kFirstEdges * edge, most);; reach = std::min(kWider * reach, most)) {
+  for (double reach = std::min(std::max(kFirstEdges * edge, kFirstShare * most), most);;
+       reach = std::min(kWider * reach, most)) {
     double to_beat = reach * reach;
     const Vec3 half = Vec3::Constant(reach);
     const geometry::Aabb around{h - half, h + half};
@@ -29,19 +30,16 @@ bool StarContact::find_around(const Vec3& h, double most, StarCounters& counters
     bool any = false;
     const bool all = tree_->for_blocks(
         around, kMaxAroundNodes, [&](std::uint32_t block, const BoxNode&, std::uint32_t) noexcept {
-          const std::uint32_t first = block * kBlockPlaces;
-          const std::uint32_t last = std::min(first + kBlockPlaces, mesh_->size());
-          for (std::uint32_t place = first; place < last; ++place)
-            mesh_->for_triangles_of(place, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-              ++tested;
-              if (mesh_->triangle_misses(a, b, c, box)) return;
-              const Facet facet(*mesh_, a, b, c);
-              const Foot foot = foot_on(facet, h);
-              if (!(foot.distance_sq < to_beat)) return;
-              to_beat = foot.distance_sq;
-              found = {facet, foot};
-              any = true;
-            });
+          mesh_->for_triangles_of_block(block, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+            ++tested;
+            if (mesh_->triangle_misses(a, b, c, box)) return;
+            const Facet facet(*mesh_, a, b, c);
+            const Foot foot = foot_on(facet, h);
+            if (!(foot.distance_sq < to_beat)) return;
+            to_beat = foot.distance_sq;
+            found = {facet, foot};
+            any = true;
+          });
           return tested < kMaxAroundTested;
         });
     if (!all || any || !(reach < most)) {
@@ -101,7 +99,9 @@ bool StarContact::regain(const Vec3& h, StarCounters& counters) noexcept {
   const std::uint32_t place = near.facet.place[0];
   if (!mesh_->is_closed(place)) return false;
   // Through a mouth a HIP may well have come in; what is left open between points is none.
-  if (mesh_->has_holes(mesh_->closed_piece(place)) && mesh_->counts().least_enclosed < kTight) return false;
+  if (mesh_->has_holes(mesh_->closed_piece(place)) &&
+      1.0 - mesh_->counts().least_enclosed > geometry::kTightMouthShare)
+    return false;
   const double side = free_side_[mesh_->closed_piece(place)];
   // Single facets may be turned over where sheets are close.
   const Trend trend = trend_around(*mesh_, near.facet, true);

@@ -67,25 +67,22 @@ bool StarContact::bridge(const Vec3& h, double edge, StarCounters& counters) noe
       around, kMaxNodes, [&](std::uint32_t block, const BoxNode& node, std::uint32_t child) noexcept {
         // Where points crowd, only blocks that may be nearer are worth a look.
         if (narrow && distance_sq(node, child, h) >= to_beat) return true;
-        const std::uint32_t first = block * kBlockPlaces;
-        const std::uint32_t last = std::min(first + kBlockPlaces, mesh_->size());
-        for (std::uint32_t place = first; place < last; ++place)
-          mesh_->for_triangles_of(place, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
-            ++tested;
-            if (mesh_->triangle_misses(a, b, c, box)) return;
-            const Facet facet(*mesh_, a, b, c);
-            for (std::size_t k = 0; k < 3 && !narrow; ++k) {
-              const Vec3 r = facet.corner[k] - g;
-              const double on = ahead.dot(r);
-              narrow = on > edge && on * on > kAheadShare * r.squaredNorm();
-            }
-            const Foot foot = foot_on(facet, h);
-            if (!(foot.distance_sq < to_beat) || !(side_ * facet.area_normal().dot(h - foot.point) < 0.0))
-              return;
-            to_beat = foot.distance_sq;
-            best = facet;
-            nearest = foot;
-          });
+        mesh_->for_triangles_of_block(block, [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+          ++tested;
+          if (mesh_->triangle_misses(a, b, c, box)) return;
+          const Facet facet(*mesh_, a, b, c);
+          for (std::size_t k = 0; k < 3 && !narrow; ++k) {
+            const Vec3 r = facet.corner[k] - g;
+            const double on = ahead.dot(r);
+            narrow = on > edge && on * on > kAheadShare * r.squaredNorm();
+          }
+          const Foot foot = foot_on(facet, h);
+          if (!(foot.distance_sq < to_beat) || !(side_ * facet.area_normal().dot(h - foot.point) < 0.0))
+            return;
+          to_beat = foot.distance_sq;
+          best = facet;
+          nearest = foot;
+        });
         return tested < kMaxTested;
       });
   counters.tested += tested;
@@ -130,10 +127,7 @@ bool StarContact::bridge_step(const Vec3& h, double edge, StarCounters& counters
                           [&](std::uint32_t block, const BoxNode& node, std::uint32_t child) noexcept {
                             // In a crowd's blocks is no such facet.
                             if (!(diagonal_sq(node, child) >= least_sq)) return true;
-                            const std::uint32_t first = block * kBlockPlaces;
-                            const std::uint32_t last = std::min(first + kBlockPlaces, mesh_->size());
-                            for (std::uint32_t place = first; place < last; ++place)
-                              mesh_->for_triangles_of(place, offer);
+                            mesh_->for_triangles_of_block(block, offer);
                             return tested < kMaxTested;
                           });
     // Nothing is left for the next frame to catch up with: what is not found so far ahead lets go.

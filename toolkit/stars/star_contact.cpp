@@ -127,7 +127,7 @@ void StarContact::stand_on(const Hit& hit) noexcept {
   if (is_turned_over(stand_.facet)) side_ = -side_;
   framed_ = false;
   watched_ = is_crossed(stand_.facet);
-  look_sq_ = 0.25 * stand_.facet.middle_edge_sq();  // geometry::kNextToSpacings, squared
+  look_sq_ = geometry::kNextToSpacings * geometry::kNextToSpacings * stand_.facet.middle_edge_sq();
   unlooked_ = 0;
   others_count_ = 0;
   contact_ = true;

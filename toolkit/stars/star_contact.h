@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "toolkit/geometry/held_place.h"
 #include "toolkit/stars/pierce.h"
 #include "toolkit/stars/star_tree.h"
 #include "toolkit/stars/star_walk.h"
@@ -154,12 +155,10 @@ class StarContact {
  private:
   /// A pull that has grown so much, squared, is looked at again.
   static constexpr double kGrown = 2.0;
-  /// Frames on an edge or corner between two looks: 8 ms at 1 kHz, sooner than a hand feels a pull as wrong.
-  static constexpr std::uint32_t kLookEvery = 8;
   /// The place held agrees with what is around the HIP, now and then looked at: false where the HIP is free.
   [[nodiscard, gnu::always_inline]] bool agrees(const Vec3& h, StarCounters& counters) noexcept {
     const bool grown = stand_.foot.distance_sq > look_sq_;
-    const bool hangs = stand_.foot.feature != Feature::kInside && ++unlooked_ >= kLookEvery;
+    const bool hangs = stand_.foot.feature != Feature::kInside && ++unlooked_ >= geometry::kLookEvery;
     if (!grown && !hangs) [[likely]]
       return true;
     return agree_with(h, counters);
@@ -276,8 +275,8 @@ class StarContact {
   bool framed_ = false;   ///< frame_ is that of stand_.facet
   bool watched_ = false;  ///< another sheet may go through it: no frame is a quick one
   Stand stand_;
-  double look_sq_ = 0.0;        ///< a longer pull, squared, is compared with what is around the HIP
-  std::uint32_t unlooked_ = 0;  ///< frames on an edge or corner since it was
+  double look_sq_ = 0.0;  ///< a longer pull, squared, is compared with what is around the HIP
+  int unlooked_ = 0;      ///< frames on an edge or corner since it was
   std::array<Held, kMaxHeld - 1> others_;  ///< what holds besides stand_
   std::uint32_t others_count_ = 0;
   Vec3 from_ = Vec3::Zero();  ///< free up to here

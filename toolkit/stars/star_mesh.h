@@ -262,6 +262,12 @@ class StarMesh {
       if (r.has_sector(k) && a < b && a < c) visit(a, b, c);
     }
   }
+  /// for_triangles_of() each place of a block.
+  template <class Visit>
+  void for_triangles_of_block(std::uint32_t block, Visit&& visit) const noexcept {
+    const std::uint32_t first = block * kBlockPlaces, last = std::min(first + kBlockPlaces, size());
+    for (std::uint32_t place = first; place < last; ++place) for_triangles_of(place, visit);
+  }
   /// As a mesh of the cloud's points, in its order: what reconstructions make.
   [[nodiscard]] geometry::TriangleMesh as_mesh() const;
 
