@@ -198,12 +198,15 @@ struct MeshFollower::State {
     last = hip;
     return contact;
   }
+  [[nodiscard]] Vec3 god_object_mm() const {
+    return truth.world_from_model() * (probe.point() + truth.mesh().origin_mm());
+  }
 
   const MeshTruth& truth;
   MeshReferenceOptions options;
   geometry::RigidTransform model_from_world;
   double edge_mm;
-  mutable Tally tally;
+  Tally tally;
   ReferenceProbe probe;
   bool begun = false;
   Vec3 hip = Vec3::Zero(), last = Vec3::Zero();  ///< model frame, relative to the mesh's origin
@@ -220,7 +223,7 @@ bool MeshFollower::advance(const Vec3& hip_mm) {
 }
 
 Vec3 MeshFollower::god_object_mm() const {
-  return state_->truth.world_from_model() * (state_->probe.point() + state_->truth.mesh().origin_mm());
+  return state_->god_object_mm();
 }
 
 Result<trace::ReferenceTrace> mesh_reference(const MeshTruth& truth, const trace::ProbePath& path,
@@ -230,11 +233,10 @@ Result<trace::ReferenceTrace> mesh_reference(const MeshTruth& truth, const trace
   const SurfaceMesh& mesh = truth.mesh();
   const FacetTree& tree = truth.tree();
   const geometry::RigidTransform& world_from_model = truth.world_from_model();
-  MeshFollower follower(truth, options);
-  const MeshFollower::State& state = follower.state();
-  const ReferenceProbe& probe = state.probe;
-  const double edge_mm = state.edge_mm;
-  Tally& tally = state.tally;
+  MeshFollower::State follower(truth, options);
+  const ReferenceProbe& probe = follower.probe;
+  const double edge_mm = follower.edge_mm;
+  Tally& tally = follower.tally;
   trace::ReferenceTrace result;
   result.name = "original-mesh";
   result.frames.reserve(path.size());
@@ -245,7 +247,7 @@ Result<trace::ReferenceTrace> mesh_reference(const MeshTruth& truth, const trace
       if (progress.cancelled()) return Error{"the reference was stopped", "", {}, 0};
     }
     const bool contact = follower.advance(path.hip_mm[i]);
-    const Vec3& hip = state.hip;
+    const Vec3& hip = follower.hip;
     const FacetTree::Nearest near = tree.closest(hip);
     const double nearest = std::sqrt(near.point.distance_sq);
     trace::TruthFrame frame;

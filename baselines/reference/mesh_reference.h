@@ -61,7 +61,6 @@ class MeshFollower {
   [[nodiscard]] Vec3 god_object_mm() const;
 
   struct State;
-  [[nodiscard]] const State& state() const noexcept { return *state_; }
 
  private:
   std::unique_ptr<State> state_;

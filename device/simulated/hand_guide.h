@@ -18,8 +18,9 @@ class HandGuide {
   /// A longer time between two questions is a pause, not a motion.
   static constexpr double kLongestS = 0.05;
 
-  /// Device frame.
-  explicit HandGuide(const Vec3& start_mm) : aim_(start_mm), at_mm_(start_mm) {}
+  /// Device frame. Who tells it more often than a mouse does may let it follow faster.
+  explicit HandGuide(const Vec3& start_mm, double follow_s = kFollowS)
+      : aim_(start_mm), at_mm_(start_mm), follow_s_(follow_s) {}
 
   /// One thread: where the hand is to go, device frame. Wait-free.
   void aim(const Vec3& goal_mm) noexcept { aim_.publish(goal_mm); }
@@ -33,7 +34,7 @@ class HandGuide {
     if (!is_finite(aim_.front())) return {at_mm_, Vec3::Zero()};
     // Backward Euler of a first-order lag: stable for any step.
     const Vec3 way_mm = aim_.front() - at_mm_;
-    Vec3 velocity_mm_s = way_mm / (kFollowS + dt_s);
+    Vec3 velocity_mm_s = way_mm / (follow_s_ + dt_s);
     const double speed = velocity_mm_s.norm();
     if (speed > kFastestMmS) velocity_mm_s *= kFastestMmS / speed;
     at_mm_ += dt_s * velocity_mm_s;
@@ -43,6 +44,7 @@ class HandGuide {
  private:
   Handover<Vec3> aim_;
   Vec3 at_mm_;
+  double follow_s_;
   double last_s_ = 0.0;
 };
 

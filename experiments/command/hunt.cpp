@@ -29,7 +29,7 @@ Subcommand hunt_subcommand() {
   return subcommand(
       "hunt",
       "random search for the worst a renderer does: longest frame, largest force, contact that "
-      "sticks, jumps, energy",
+      "sticks, jumps, energy, hands that are caught, lost or kicked",
       {"palpate hunt --out out/hunt",
        "palpate hunt --renderers cloud,heightfield --trials 40 --as-given --seed 7 --out out/hunt-two"},
       declare_hunt, hunt);

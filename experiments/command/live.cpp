@@ -17,10 +17,11 @@ void declare_live(const Declaration& declare, LiveArguments& a) {
       "A,B,..: each NAME[:option=value...][:label=TEXT], at most 7; the first is felt first (default: "
       "the scene's or the plan's, cloud, and a mesh)");
   declare_device(declare, a.device);
-  declare.text("--hand", a.hand,
-               "what the simulated hand does: explore along the path, press, slide or tap; mouse: goes where "
-               "the mouse "
-               "says (default: explore; with --window mouse)");
+  declare.text(
+      "--hand", a.hand,
+      "what the simulated hand does: explore by what it feels, follow the path, press, slide or tap; "
+      "mouse: goes where the mouse says (default: explore; follow where --path names another than "
+      "hand; with --window mouse)");
   declare.text("--grip", a.device.grip,
                "how it holds the device: hand, finger, arm or released (default: hand)");
   declare.number("--seconds", a.seconds, kSeconds,

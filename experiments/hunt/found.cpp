@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "experiments/hunt/hand_scene.h"
 #include "toolkit/core/try.h"
 #include "toolkit/io/write_mesh.h"
 #include "toolkit/trace/trace_io.h"
@@ -97,27 +98,23 @@ NamedOptions renderer_of(const Quest& quest, const Quarry& quarry) {
 Status write_case(const OutputFolder& folder, const std::string& name, const Quarry& quarry,
                   const NamedOptions& renderer) {
   PALPATE_ASSIGN(const HuntScene scene, make_scene(quarry));
-  PALPATE_ASSIGN(const std::string cloud, folder.claim(name + ".ply"));
-  PALPATE_TRY(io::write_cloud_ply(cloud, *scene.input.models[0].cloud));
   PALPATE_ASSIGN(const std::string path, folder.claim(name + ".csv"));
   PALPATE_TRY(trace::write_path_csv(scene.path, path));
-  const surface::Surface& surface = scene.input.models[0].surface;
-  std::string text =
-      fmt::format("[[model]]\ncloud = \"{}.ply\"\n  [model.surface]\n  stiffness_n_per_mm = {}\n", name,
-                  surface.stiffness_n_per_mm);
-  if (surface.friction.any())
-    text += fmt::format("  friction = {:.17g}\n", surface.friction.static_coefficient);
-  text += fmt::format("[renderer]\nname = \"{}\"\n", renderer.name);
-  for (const auto& [key, value] : renderer.options.all()) {
-    const bool bare = parse_number(value).ok() || value == "true" || value == "false";
-    text += bare ? fmt::format("{} = {}\n", key, value) : fmt::format("{} = \"{}\"\n", key, value);
+  std::string text;
+  if (quarry.hand) {
+    PALPATE_ASSIGN(text, hand_scene_toml(quarry));
+  } else {
+    PALPATE_ASSIGN(const std::string cloud, folder.claim(name + ".ply"));
+    PALPATE_TRY(io::write_cloud_ply(cloud, *scene.input.models[0].cloud));
+    text = fmt::format("[[model]]\ncloud = \"{}.ply\"\n", name) + surface_toml(quarry);
   }
+  text += fmt::format("[renderer]\nname = \"{}\"\n", renderer.name) + toml_lines(renderer.options);
   return folder.write(name + ".toml", text);
 }
 
 std::string command_of(const OutputFolder& folder, const std::string& name) {
   const std::string at = folder.file(name).string();
-  return fmt::format("palpate replay {0}.toml --path {0}.csv --reference none --out {0}", at);
+  return fmt::format("palpate replay {0}.toml --path {0}.csv --out {0}", at);
 }
 
 Result<std::string> write_found(const OutputFolder& folder, const HuntState& state, std::uint64_t seed) {

@@ -45,7 +45,8 @@ struct HuntState {
 /// The renderer with the quarry's options.
 [[nodiscard]] NamedOptions renderer_of(const Quest& quest, const Quarry& quarry);
 
-/// NAME.ply, NAME.csv and NAME.toml: `palpate replay NAME.toml --path NAME.csv` feels it alone.
+/// NAME.csv, NAME.toml and, where its points are no generator's, NAME.ply: `palpate replay NAME.toml --path
+/// NAME.csv` feels it alone, and counts what is hunted of a hand.
 [[nodiscard]] Status write_case(const OutputFolder& folder, const std::string& name, const Quarry& quarry,
                                 const NamedOptions& renderer);
 /// What shows a case alone.

@@ -5,7 +5,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
+#include <string_view>
+
+#include "toolkit/cloud/generate.h"
+#include "toolkit/metrics/accuracy.h"
 
 namespace palpate::experiments {
 namespace {
@@ -17,6 +22,32 @@ constexpr std::array kSamplings = {"grid", "random", "blue", "grid"};
 constexpr double kFewestPoints = 16.0, kMostPoints = 4000.0;
 constexpr double kLeastScale = 1e-3, kMostScale = 1e6;
 constexpr int kMostEdits = 12, kMostWaypoints = 14, kSlowestLeg = 200;
+
+/// What a shape's own options are drawn from. `finest_mm`: of the part that the option decides, for each unit
+/// of it, at scale 1; 0: none. A crest is half a wave wide, a torus's tube 0.5 to 1 times its number. A ridge
+/// sharper than a right angle is left by its other side while the truth still holds on the first.
+struct FormRange {
+  std::string_view shape;
+  const char* key;
+  double low, high;
+  double finest_mm = 0.0;
+};
+constexpr FormRange kForms[] = {{"sinusoid", "amplitude_mm", 1.0, 5.0},
+                                {"sinusoid", "wavelength_mm", 10.0, 100.0, 0.5},
+                                {"relief", "finest_mm", 1.0, 50.0, 0.5},
+                                {"relief", "slope", 0.05, 1.0},
+                                {"wedge", "angle_deg", 90.0, 270.0},
+                                {"pebble", "finest", 0.05, 1.0, 12.5},
+                                {"pebble", "slope", 0.05, 0.6},
+                                {"torus", "tube", 0.1, 0.8, 50.0},
+                                {"slab", "thickness_mm", 1.0, 40.0, 1.0},
+                                {"ellipsoid", "aspect_y", 0.1, 1.0, 60.0},
+                                {"ellipsoid", "aspect_z", 0.1, 1.0, 60.0},
+                                {"rounded-box", "aspect_y", 0.05, 1.0, 40.0},
+                                {"rounded-box", "aspect_z", 0.05, 1.0, 40.0},
+                                {"rounded-box", "radius_mm", 0.05, 10.0},
+                                {"bowl", "rim_deg", 30.0, 160.0},
+                                {"shells", "gap_mm", 0.6, 15.0, 1.0}};
 
 template <class Kinds>
 const char* one_of(const Kinds& kinds, Random& random) {
@@ -98,11 +129,27 @@ void turn_option(Quarry& quarry, Random& random, std::span<const OptionSpec> opt
   if (validate(given, options, "hunt")) quarry.options = std::move(given);
 }
 
+/// One of the shape's own options, where it has any.
+void turn_form(Quarry& quarry, Random& random) {
+  std::vector<const FormRange*> own;
+  for (const FormRange& form : kForms)
+    if (form.shape == quarry.shape) own.push_back(&form);
+  if (own.empty()) return;
+  const FormRange& form = *own[random.below(own.size())];
+  quarry.form.set(form.key, fmt::format("{:.4g}", log_uniform(random, form.low, form.high)));
+}
+
+void draw_shape(Quarry& quarry, Random& random) {
+  quarry.shape = one_of(kShapes, random);
+  quarry.form = {};
+  for (std::uint64_t k = random.below(3); k > 0; --k) turn_form(quarry, random);
+}
+
 void turn_model(Quarry& quarry, Random& random) {
   constexpr double kMostNoise = 0.6, kMostOutliers = 0.1, kSometimes = 0.3, kFarthest = 1e6;
-  switch (random.below(8)) {
+  switch (random.below(9)) {
     case 0:
-      quarry.shape = one_of(kShapes, random);
+      draw_shape(quarry, random);
       break;
     case 1:
       quarry.points = static_cast<int>(log_uniform(random, kFewestPoints, kMostPoints));
@@ -121,6 +168,9 @@ void turn_model(Quarry& quarry, Random& random) {
       break;
     case 6:
       quarry.offset = chance(random, 0.5) ? 0.0 : log_uniform(random, 1.0, kFarthest);
+      break;
+    case 7:
+      turn_form(quarry, random);
       break;
     default:
       quarry.model_seed = 1 + random.below(1000);
@@ -161,12 +211,50 @@ void turn_edits(Quarry& quarry, Random& random) {
     edits.push_back(random_edit(random));
 }
 
+void turn_hand(HandWay& hand, Random& random) {
+  // The usual hand presses with 0.6 N and strokes at 60 mm/s at most; harder ones go deeper than what Caught
+  // allows, where an edge that is a spacing off decides which side of it is felt.
+  constexpr double kSoftestN = 0.1, kHardestN = 0.6, kSlowMmS = 10.0, kFastMmS = 120.0;
+  // Two of the coarsest spacings are the millimetre that Caught allows of any points.
+  constexpr double kDensestMm = 0.1, kCoarsestMm = metrics::kCaughtMm / metrics::kCaughtSpacings;
+  constexpr std::uint64_t kSeeds = 1'000'000;
+  switch (random.below(5)) {
+    case 0:
+      hand.force_n = random.uniform(kSoftestN, kHardestN);
+      break;
+    case 1:
+      hand.fastest_mm_s = log_uniform(random, kSlowMmS, kFastMmS);
+      break;
+    case 2:
+      hand.spacing_mm = log_uniform(random, kDensestMm, kCoarsestMm);
+      break;
+    default:
+      hand.seed = random.below(kSeeds);
+      break;
+  }
+}
+
+/// What is left of it under a hand: what there is a truth of, at the spacing that the hand wants.
+void suit_hand(Quarry& quarry) {
+  constexpr double kMostNoise = 0.3;
+  quarry.edits.clear();
+  quarry.outliers = quarry.offset = quarry.friction = 0.0;
+  quarry.noise = std::min(quarry.noise, kMostNoise);
+  quarry.points = std::max(quarry.points, static_cast<int>(kFewestJudged));
+  quarry.scale = 1.0;
+  const Result<NamedOptions> named = parse_named_options(quarry.model_text());
+  const Result<cloud::GeneratedModel> made = named ? cloud::generate(*named) : Error{};
+  if (made) quarry.scale = quarry.hand->spacing_mm / made->nominal_spacing_mm;
+}
+
 /// What is left of it on height fields: nothing sideways.
 void flatten(Quarry& quarry) {
   constexpr std::size_t kHeightShapes = 5;  // the first ones
   if (std::find(kShapes.begin(), kShapes.begin() + kHeightShapes, quarry.shape) ==
-      kShapes.begin() + kHeightShapes)
+      kShapes.begin() + kHeightShapes) {
     quarry.shape = kShapes[static_cast<std::size_t>(quarry.points) % kHeightShapes];
+    quarry.form = {};
+  }
   quarry.sampling = "grid";
   quarry.noise = quarry.outliers = 0.0;
   for (PointEdit& change : quarry.edits) {
@@ -177,6 +265,16 @@ void flatten(Quarry& quarry) {
 
 nlohmann::json json_of(const Vec3& v) {
   return {v.x(), v.y(), v.z()};
+}
+nlohmann::json json_of(const Options& options) {
+  nlohmann::json json = nlohmann::json::object();
+  for (const auto& [key, value] : options.all()) json[key] = value;
+  return json;
+}
+Options given_in(const nlohmann::json& json) {
+  Options options;
+  for (const auto& [key, value] : json.items()) options.set(key, value.get<std::string>());
+  return options;
 }
 Vec3 vector_of(const nlohmann::json& json) {
   return {json.at(0).get<double>(), json.at(1).get<double>(), json.at(2).get<double>()};
@@ -190,9 +288,36 @@ bool Quarry::keeps_raster() const {
   });
 }
 
+bool Quarry::open() const {
+  return shape == "sinusoid" || shape == "plane" || shape == "saddle" || shape == "relief" ||
+         shape == "wedge" || shape == "bowl";
+}
+
+double Quarry::finest_mm() const {
+  double finest = std::numeric_limits<double>::infinity();
+  const cloud::Generator* generator = cloud::find_generator(shape);
+  const Result<Options> complete = generator != nullptr ? cloud::complete_options(*generator, form) : Error{};
+  if (!complete) return finest;
+  for (const FormRange& range : kForms)
+    if (range.shape == shape && range.finest_mm > 0.0)
+      finest = std::min(finest, range.finest_mm * complete->number(range.key));
+  return scale * finest;
+}
+
+std::string HandWay::path_text() const {
+  constexpr double kSlowestShare = 0.25;
+  return fmt::format("hand:frames={}:force_n={:.17g}:slowest_mm_s={:.17g}:fastest_mm_s={:.17g}:seed={}",
+                     kHandFrames, force_n, kSlowestShare * fastest_mm_s, fastest_mm_s, seed);
+}
+
 std::string Quarry::model_text() const {
-  std::string text =
-      fmt::format("{}:points={}:scale={:.17g}:mesh=false:seed={}", shape, points, scale, model_seed);
+  std::string text = fmt::format("{}:points={}:scale={:.17g}", shape, points, scale);
+  for (const auto& [key, value] : form.all()) text += fmt::format(":{}={}", key, value);
+  // A hand sees by the faces where a surface ends.
+  if (!hand) text += ":mesh=false";
+  // A seed that decides nothing is refused.
+  if (shape == "relief" || shape == "pebble" || sampling != "grid" || noise > 0.0 || outliers > 0.0)
+    text += fmt::format(":seed={}", model_seed);
   if (sampling != "grid") text += ":sampling=" + sampling;
   if (noise > 0.0) text += fmt::format(":noise={:.17g}", noise);
   if (outliers > 0.0) text += fmt::format(":outliers={:.17g}", outliers);
@@ -200,20 +325,27 @@ std::string Quarry::model_text() const {
 }
 
 Quarry random_quarry(Random& random, const Ground& ground) {
-  constexpr int kModelTurns = 6;
+  constexpr int kModelTurns = 6, kHandTurns = 5;
+  constexpr double kUsualForceN = 0.6, kUsualFastestMmS = 60.0, kUsualSpacingMm = 0.3;
   Quarry quarry;
-  quarry.shape = one_of(kShapes, random);
+  draw_shape(quarry, random);
   quarry.points = static_cast<int>(log_uniform(random, kFewestPoints, kMostPoints));
   quarry.sampling = one_of(kSamplings, random);
   for (int k = 0; k < kModelTurns; ++k) turn_model(quarry, random);
-  constexpr double kWithOptions = 0.4, kWithEdits = 0.4;
+  constexpr double kWithOptions = 0.4, kWithEdits = 0.4, kWithHand = 0.5;
   if (chance(random, kWithOptions)) turn_option(quarry, random, ground.options);
   if (chance(random, kWithEdits))
     for (std::uint64_t k = 1 + random.below(kMostEdits / 2); k > 0; --k)
       quarry.edits.push_back(random_edit(random));
-  for (std::uint64_t k = 2 + random.below(kMostWaypoints / 2); k > 0; --k)
-    quarry.way.push_back(random_waypoint(random));
+  if (chance(random, kWithHand)) {
+    quarry.hand = HandWay{kUsualForceN, kUsualFastestMmS, kUsualSpacingMm, 1};
+    for (int k = 0; k < kHandTurns; ++k) turn_hand(*quarry.hand, random);
+  } else {
+    for (std::uint64_t k = 2 + random.below(kMostWaypoints / 2); k > 0; --k)
+      quarry.way.push_back(random_waypoint(random));
+  }
   if (ground.heights) flatten(quarry);
+  if (quarry.hand) suit_hand(quarry);
   return quarry;
 }
 
@@ -222,9 +354,11 @@ Quarry mutated(const Quarry& quarry, Random& random, const Ground& ground) {
   Quarry next = quarry;
   for (std::uint64_t k = 1 + random.below(3); k > 0; --k) {
     const double what = random.uniform();
-    if (what < kWay)
+    if (what < kWay && next.hand)
+      turn_hand(*next.hand, random);
+    else if (what < kWay)
       turn_way(next, random);
-    else if (what < kWay + kEdits)
+    else if (what < kWay + kEdits && !next.hand)
       turn_edits(next, random);
     else if (what < kWay + kEdits + kModel)
       turn_model(next, random);
@@ -232,6 +366,7 @@ Quarry mutated(const Quarry& quarry, Random& random, const Ground& ground) {
       turn_option(next, random, ground.options);
   }
   if (ground.heights) flatten(next);
+  if (next.hand) suit_hand(next);
   return next;
 }
 
@@ -245,21 +380,25 @@ std::string to_text(const Quarry& quarry) {
                    {"which", w.which},
                    {"other", w.other},
                    {"frames", w.frames}});
-  nlohmann::json options = nlohmann::json::object();
-  for (const auto& [key, value] : quarry.options.all()) options[key] = value;
-  return nlohmann::json{{"shape", quarry.shape},
-                        {"points", quarry.points},
-                        {"sampling", quarry.sampling},
-                        {"noise", quarry.noise},
-                        {"outliers", quarry.outliers},
-                        {"seed", quarry.model_seed},
-                        {"scale", quarry.scale},
-                        {"offset", quarry.offset},
-                        {"friction", quarry.friction},
-                        {"edits", edits},
-                        {"way", way},
-                        {"options", options}}
-      .dump();
+  nlohmann::json text{{"shape", quarry.shape},
+                      {"form", json_of(quarry.form)},
+                      {"points", quarry.points},
+                      {"sampling", quarry.sampling},
+                      {"noise", quarry.noise},
+                      {"outliers", quarry.outliers},
+                      {"seed", quarry.model_seed},
+                      {"scale", quarry.scale},
+                      {"offset", quarry.offset},
+                      {"friction", quarry.friction},
+                      {"edits", edits},
+                      {"way", way},
+                      {"options", json_of(quarry.options)}};
+  if (quarry.hand)
+    text["hand"] = {{"force_n", quarry.hand->force_n},
+                    {"fastest_mm_s", quarry.hand->fastest_mm_s},
+                    {"spacing_mm", quarry.hand->spacing_mm},
+                    {"seed", quarry.hand->seed}};
+  return text.dump();
 }
 
 bool from_text(const std::string& text, Quarry& quarry) {
@@ -267,6 +406,7 @@ bool from_text(const std::string& text, Quarry& quarry) {
     const nlohmann::json json = nlohmann::json::parse(text);
     quarry = {};
     json.at("shape").get_to(quarry.shape);
+    quarry.form = given_in(json.at("form"));
     json.at("points").get_to(quarry.points);
     json.at("sampling").get_to(quarry.sampling);
     json.at("noise").get_to(quarry.noise);
@@ -282,8 +422,12 @@ bool from_text(const std::string& text, Quarry& quarry) {
       quarry.way.push_back({w.at("kind").get<Waypoint::Kind>(), vector_of(w.at("at")),
                             w.at("which").get<double>(), w.at("other").get<double>(),
                             w.at("frames").get<int>()});
-    for (const auto& [key, value] : json.at("options").items())
-      quarry.options.set(key, value.get<std::string>());
+    quarry.options = given_in(json.at("options"));
+    if (json.contains("hand")) {
+      const nlohmann::json& hand = json.at("hand");
+      quarry.hand = HandWay{hand.at("force_n").get<double>(), hand.at("fastest_mm_s").get<double>(),
+                            hand.at("spacing_mm").get<double>(), hand.at("seed").get<std::uint64_t>()};
+    }
     return true;
   } catch (const nlohmann::json::exception&) {
     return false;

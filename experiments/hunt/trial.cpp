@@ -5,15 +5,16 @@
 #include <algorithm>
 #include <cmath>
 
+#include "experiments/hunt/hand_scene.h"
 #include "toolkit/cloud/generate.h"
 #include "toolkit/core/try.h"
+#include "toolkit/metrics/wrong_moments.h"
 #include "toolkit/render/renderer.h"
 #include "toolkit/trace/replay.h"
 
 namespace palpate::experiments {
 namespace {
 
-constexpr double kStiffness = 0.5;  // N/mm, as usual
 constexpr double kPeriodS = 1e-3;
 /// Below this share of the spacing a move says nothing of a jump.
 constexpr double kLeastMove = 1e-4;
@@ -24,11 +25,6 @@ constexpr double kClearSpacings = 4.0, kClearNoise = 6.0;
 constexpr double kWithin = 0.75;
 /// What a count stands for, instructions: a move looks at a facet and those beside it, a test at one.
 constexpr double kPerStep = 150.0, kPerTest = 60.0, kPerCell = 60.0;
-
-bool is_open(const std::string& shape) {
-  return shape == "sinusoid" || shape == "plane" || shape == "saddle" || shape == "relief" ||
-         shape == "wedge" || shape == "bowl";
-}
 
 std::size_t index_of(double share, std::size_t size) {
   return std::min(static_cast<std::size_t>(share * static_cast<double>(size)), size - 1);
@@ -129,8 +125,8 @@ void judge(const HuntScene& scene, bool doubtful, const std::vector<render::Fram
     known = known && (!scene.open || within(scene, h[k]));
     // A god object only descends: whatever it ends farther from the HIP than it would be had it stayed is
     // energy that nobody put in.
-    const double now = 0.5 * kStiffness * (h[k] - f.god_object_mm).squaredNorm();
-    const double gained = now - 0.5 * kStiffness * (h[k] - god_before).squaredNorm();
+    const double now = 0.5 * kHuntedStiffness * (h[k] - f.god_object_mm).squaredNorm();
+    const double gained = now - 0.5 * kHuntedStiffness * (h[k] - god_before).squaredNorm();
     stored = std::max(stored, now);
     // With friction it is held to an anchor, and the sum of squares is no potential.
     if (frictionless && f.contact && gained > 0.0) {
@@ -148,12 +144,12 @@ void judge(const HuntScene& scene, bool doubtful, const std::vector<render::Fram
     }
     if (way > kLeastMove * scene.spacing_mm)
       keep_worst(trial.worst[static_cast<std::size_t>(HuntGoal::kForce)],
-                 f.force_n.norm() / (cone * kStiffness * way), k);
+                 f.force_n.norm() / (cone * kHuntedStiffness * way), k);
     if (k > 0 && frames[k - 1].contact) {
       const double move = (h[k] - h[k - 1]).norm();
       if (move > kLeastMove * scene.spacing_mm)
         keep_worst(trial.worst[static_cast<std::size_t>(HuntGoal::kJump)],
-                   (f.force_n - frames[k - 1].force_n).norm() / (kStiffness * move), k);
+                   (f.force_n - frames[k - 1].force_n).norm() / (kHuntedStiffness * move), k);
     }
     if (known && scene.surface->signed_distance_mm(h[k] - scene.offset_mm) > scene.clear_mm) {
       ++stuck;
@@ -167,6 +163,19 @@ void judge(const HuntScene& scene, bool doubtful, const std::vector<render::Fram
   keep_worst(trial.worst[static_cast<std::size_t>(HuntGoal::kStick)], static_cast<double>(stuck), stuck_at);
 }
 
+void judge_hand(const HuntScene& scene, const std::vector<render::Frame>& frames, Trial& trial) {
+  const metrics::WrongMoments wrong = metrics::wrong_moments(scene.path, frames, scene.truth->frames);
+  const auto keep = [&](HuntGoal goal, double score, std::size_t frame) {
+    keep_worst(trial.worst[static_cast<std::size_t>(goal)], score, frame);
+  };
+  keep(HuntGoal::kCaught, static_cast<double>(wrong.caught.frames), wrong.caught.longest_at);
+  // Within a spacing a chord over an edge or a gap, or noise, may lie below the truth whoever renders.
+  const double told_mm = std::max(metrics::kLostMm, scene.spacing_mm);
+  if (metrics::wrong_moments(scene.path, frames, scene.truth->frames, told_mm).lost.frames > 0)
+    keep(HuntGoal::kLost, static_cast<double>(wrong.lost.frames), wrong.lost.longest_at);
+  keep(HuntGoal::kKick, wrong.kick_max_n, wrong.kick_max_at);
+}
+
 }  // namespace
 
 const GoalInfo& info_of(HuntGoal goal) {
@@ -176,11 +185,15 @@ const GoalInfo& info_of(HuntGoal goal) {
       {"stick", "frames in contact while the formula has the HIP clear outside"},
       {"jump", "change of force over stiffness times move, within contact"},
       {"energy", "energy made by the god object over the largest stored: 0 where it only descends"},
+      {"caught", "frames in which a hand is caught: the god object stays far from the true one"},
+      {"lost", "frames in which a hand loses the surface: true contact without a force"},
+      {"kick", "largest step of force that a hand feels above those of the truth, N"},
   }};
   return kInfos[static_cast<std::size_t>(goal)];
 }
 
 Result<HuntScene> make_scene(const Quarry& quarry) {
+  if (quarry.hand) return make_hand_scene(quarry);
   PALPATE_ASSIGN(const NamedOptions named, parse_named_options(quarry.model_text()));
   PALPATE_ASSIGN(const cloud::GeneratedModel made, cloud::generate(named));
   HuntScene scene;
@@ -199,21 +212,14 @@ Result<HuntScene> make_scene(const Quarry& quarry) {
   render::ModelInput model;
   model.name = "hunted";
   model.cloud = std::make_shared<const cloud::Cloud>(std::move(built));
-  model.surface.stiffness_n_per_mm = kStiffness;
+  model.surface.stiffness_n_per_mm = kHuntedStiffness;
   model.surface.friction = {quarry.friction, quarry.friction};
   scene.path = path_of(quarry, *model.cloud, scene.spacing_mm);
-  // Stored coordinates are off by what their floats round.
-  constexpr double kFewPoints = 300.0;
-  // What is thinner than the points are apart is told by nobody.
-  constexpr double kThinnest = 4.0, kSlabMm = 1.0, kShellsMm = 0.6;
-  const double thickness_mm = quarry.scale * (quarry.shape == "slab"     ? kSlabMm
-                                              : quarry.shape == "shells" ? kShellsMm
-                                                                         : size);
-  const bool judged = thickness_mm > kThinnest * scene.spacing_mm && quarry.edits.empty() &&
-                      !(quarry.outliers > 0.0) && quarry.shape != "bowl" &&
-                      static_cast<double>(quarry.points) >= kFewPoints;
+  const bool judged = std::min(quarry.finest_mm(), size) > kFinestSpacings * scene.spacing_mm &&
+                      quarry.edits.empty() && !(quarry.outliers > 0.0) && quarry.shape != "bowl" &&
+                      static_cast<double>(quarry.points) >= kFewestJudged;
   if (judged) scene.surface = made.surface;
-  scene.open = is_open(quarry.shape);
+  scene.open = quarry.open();
   scene.clear_mm = scene.spacing_mm * (kClearSpacings + kClearNoise * quarry.noise);
   scene.input.models.push_back(std::move(model));
   return scene;
@@ -240,6 +246,7 @@ Result<Trial> try_scene(const HuntScene& scene, render::HapticRenderer& renderer
   if (trace::trace_hash(first) != trace::trace_hash(again))
     trial.fault = "a second replay answers otherwise than the first";
   judge(scene, !prepared.warnings.empty(), first.frames, trial);
+  if (scene.truth && prepared.warnings.empty()) judge_hand(scene, first.frames, trial);
   return trial;
 }
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "experiments/hunt/quarry.h"
@@ -15,15 +16,19 @@
 
 namespace palpate::experiments {
 
-/// What is hunted: the larger the worse. All but the first are without unit, so that scale does not count.
+/// What is hunted: the larger the worse. All but the first and the last are without unit, so that scale does
+/// not count; the last is felt in newtons at any scale. The last three are metrics::wrong_moments().
 enum class HuntGoal : std::uint8_t {
   kWork,    ///< counted steps of one frame, weighed as instructions
   kForce,   ///< force over stiffness times the HIP's way since it was free; 1 is what a spring may reach
   kStick,   ///< frames in contact where the formula has the HIP clear outside
   kJump,    ///< change of force over stiffness times move, within contact
   kEnergy,  ///< energy made by the god object over the largest stored
+  kCaught,  ///< frames of a hand that is caught
+  kLost,    ///< frames of a hand that loses the surface
+  kKick,    ///< largest step of force above those of the truth within a moment, N, under a hand
 };
-inline constexpr std::size_t kGoals = 5;
+inline constexpr std::size_t kGoals = 8;
 struct GoalInfo {
   const char* name;
   const char* text;
@@ -39,6 +44,7 @@ struct HuntScene {
   std::shared_ptr<const geometry::AnalyticSurface> surface;  ///< null where points were put elsewhere
   bool open = false;                                         ///< the surface has a border, at the box's sides
   double clear_mm = 0.0;  ///< farther out than this the HIP is clear of whatever stands for the surface
+  std::optional<trace::ReferenceTrace> truth;  ///< along a hand's path
 };
 /// An Error where there is no such model: a trial that does not count.
 [[nodiscard]] Result<HuntScene> make_scene(const Quarry& quarry);

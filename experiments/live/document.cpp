@@ -31,6 +31,17 @@ LiveJson decision_json(const LiveDecision& d) {
           {"difference_n", d.difference_n}};
 }
 
+LiveJson steps_json(const metrics::ForceSteps& steps) {
+  const auto largest = [](const metrics::ForceSteps::Largest& one) {
+    return LiveJson{
+        {"n", one.n}, {"t_s", one.t_s}, {"hip_mm", {one.hip_mm.x(), one.hip_mm.y(), one.hip_mm.z()}}};
+  };
+  return {{"largest", largest(steps.step())},
+          {"largest_excess", largest(steps.excess())},
+          {"over_0_1_n", steps.over_clean()},
+          {"over_0_2_n", steps.over_noisy()}};
+}
+
 LiveJson renderer_json(const LiveRenderer& r) {
   LiveJson options = LiveJson::object();
   for (const auto& [key, value] : r.options) options[key] = value;
@@ -45,6 +56,7 @@ LiveJson renderer_json(const LiveRenderer& r) {
           {"felt_frames", r.felt_frames},
           {"step_us", durations_json(r.step)},
           {"largest_step_n", r.largest_step_n},
+          {"felt_steps", steps_json(r.felt_steps)},
           {"made", r.made},
           {"disqualified", r.disqualified}};
 }
@@ -120,6 +132,36 @@ Table renderers_table(const LiveDocument& document) {
     table.notes.emplace_back(
         "Frames are timed by the machine's clock and follow one another at once, with warm caches: in real "
         "time they take longer. By the session's own clock they take nothing, so nobody is judged by them.");
+  return table;
+}
+
+/// Of each renderer while it is felt.
+Table steps_table(const LiveDocument& document) {
+  Table table;
+  table.title = "Steps of the force that is felt";
+  table.columns = {"renderer",
+                   "largest, N",
+                   "at, s",
+                   "largest excess, N",
+                   "at, s",
+                   "HIP, mm",
+                   fmt::format("over {} N", metrics::kCleanExcessN),
+                   fmt::format("over {} N", metrics::kNoisyExcessN)};
+  for (const LiveRenderer& r : document.renderers) {
+    const metrics::ForceSteps::Largest &step = r.felt_steps.step(), &excess = r.felt_steps.excess();
+    const Vec3& at = excess.hip_mm;
+    table.rows.push_back({{r.label},
+                          {short_number(step.n)},
+                          {fmt::format("{:.3f}", step.t_s)},
+                          {short_number(excess.n)},
+                          {fmt::format("{:.3f}", excess.t_s)},
+                          {fmt::format("{:.2f} {:.2f} {:.2f}", at.x(), at.y(), at.z())},
+                          {count_text(r.felt_steps.over_clean())},
+                          {count_text(r.felt_steps.over_noisy())}});
+  }
+  table.notes.emplace_back(
+      "The excess of a step is what it is above stiffness times the HIP's move in that tick: no hand made "
+      "it.");
   return table;
 }
 
@@ -280,7 +322,7 @@ std::string to_json(const LiveDocument& document) {
 }
 
 std::vector<Table> live_tables(const LiveDocument& document) {
-  return {session_table(document), renderers_table(document)};
+  return {session_table(document), renderers_table(document), steps_table(document)};
 }
 
 Status write_live(const LiveDocument& document, const OutputFolder& folder) {

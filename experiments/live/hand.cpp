@@ -9,10 +9,10 @@
 namespace palpate::experiments {
 namespace {
 
-// Waypoints of an exploration: a hand at 50 mm/s goes a quarter of a millimetre in between.
+// Waypoints of a script: a hand at 50 mm/s goes a quarter of a millimetre in between.
 constexpr double kGoalStepS = 5e-3;
 
-Result<device::HandScript> exploring(const trace::ProbePath& path, const device::DeviceMap& map,
+Result<device::HandScript> following(const trace::ProbePath& path, const device::DeviceMap& map,
                                      double seconds) {
   const double from_s = path.t_s.front();
   const auto points = static_cast<std::size_t>(std::ceil(seconds / kGoalStepS)) + 1;
@@ -36,7 +36,7 @@ Result<device::HandScript> exploring(const trace::ProbePath& path, const device:
       at = std::clamp(at, 0.0, last);
     }
   }
-  return device::HandScript::create("explore", std::move(t_s), std::move(goal_mm),
+  return device::HandScript::create(kFollowHand, std::move(t_s), std::move(goal_mm),
                                     device::HandScript::Between::kStraight);
 }
 
@@ -62,15 +62,19 @@ Result<device::TaskPlace> touched_place(const trace::ProbePath& path, render::Ha
   return place;
 }
 
+bool is_hand_path(const std::string& path) {
+  return path.substr(0, path.find(':')) == kHandPath;
+}
+
 const std::vector<std::string>& live_hands() {
-  static const std::vector<std::string> kHands = {"explore", "press", "slide", "tap"};
+  static const std::vector<std::string> kHands = {kExploreHand, kFollowHand, "press", "slide", "tap"};
   return kHands;
 }
 
 Result<device::HandScript> live_hand(const std::string& hand, const trace::ProbePath& path,
                                      render::HapticRenderer& renderer, const device::DeviceMap& map,
                                      double seconds) {
-  if (hand == "explore") return exploring(path, map, seconds);
+  if (hand == kFollowHand) return following(path, map, seconds);
   PALPATE_ASSIGN(const device::TaskPlace place, touched_place(path, renderer, map));
   const device::TaskSizes sizes;
   const device::HandScript once = hand == "press"   ? device::press(place, sizes)
@@ -84,6 +88,41 @@ Result<device::HandScript> live_hand(const std::string& hand, const trace::Probe
   }
   return device::HandScript::create(hand, std::move(t_s), std::move(goal_mm),
                                     device::HandScript::Between::kStraight);
+}
+
+Result<std::unique_ptr<ExploringHand>> ExploringHand::create(const trace::PathTarget& target,
+                                                             const trace::HandOptions& options,
+                                                             const device::DeviceMap& map,
+                                                             double grip_n_per_mm, double period_s) {
+  PALPATE_ASSIGN(trace::Hand hand, trace::Hand::create(target, options));
+  return std::unique_ptr<ExploringHand>(
+      new ExploringHand(std::move(hand), target, map, grip_n_per_mm, period_s));
+}
+
+ExploringHand::ExploringHand(trace::Hand hand, const trace::PathTarget& target, const device::DeviceMap& map,
+                             double grip_n_per_mm, double period_s)
+    : hand_(std::move(hand)),
+      world_from_model_(target.world_from_model),
+      origin_mm_(target.cloud->origin_mm),
+      map_(map),
+      grip_n_per_mm_(grip_n_per_mm),
+      period_s_(period_s),
+      begin_mm_(world_from_model_ * Vec3(hand_.begin_mm() + origin_mm_)),
+      goal_mm_(begin_mm_),
+      // It is told where to go in every tick.
+      guide_(std::make_shared<device::HandGuide>(map.device_mm(begin_mm_), period_s)) {}
+
+void ExploringHand::took(const device::Tick& tick) noexcept {
+  // Without a force it waits where it is.
+  if (tick.fault != device::Fault::kNone) return;
+  const auto in_model = [this](const Vec3& world) { return world_from_model_.rotation.inverse() * world; };
+  const Vec3 stretch_mm = map_.device_mm(tick.hip_mm) - map_.device_mm(goal_mm_);
+  const trace::Felt felt{world_from_model_.inverse() * tick.hip_mm - origin_mm_,
+                         in_model(map_.world_n(tick.sent_n)),
+                         in_model(map_.world_n(grip_n_per_mm_ * stretch_mm))};
+  goal_mm_ += period_s_ * (world_from_model_.rotation * hand_.step(felt, t_s_, period_s_));
+  t_s_ += period_s_;
+  guide_->aim(map_.device_mm(goal_mm_));
 }
 
 }  // namespace palpate::experiments

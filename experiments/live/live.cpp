@@ -154,7 +154,11 @@ Result<OutputFolder> open_folder(const RunArguments& run, const StageRequest& st
 
 LiveArguments with_defaults(LiveArguments arguments) {
   constexpr double kUsualS = 10.0, kLongestS = 86'400.0;
-  if (arguments.hand.empty()) arguments.hand = arguments.link != nullptr ? kMouseHand : "explore";
+  const std::string& path = arguments.run.path;
+  if (arguments.hand.empty())
+    arguments.hand = arguments.link != nullptr            ? kMouseHand
+                     : path.empty() || is_hand_path(path) ? kExploreHand
+                                                          : kFollowHand;
   if (arguments.seconds == 0.0) arguments.seconds = arguments.link != nullptr ? kLongestS : kUsualS;
   return arguments;
 }

@@ -11,6 +11,7 @@
 #include "experiments/live/remote.h"
 #include "experiments/report/page.h"
 #include "experiments/session/study_run.h"
+#include "toolkit/metrics/force_steps.h"
 
 namespace palpate::experiments {
 
@@ -23,7 +24,7 @@ inline constexpr const char* kLiveSchema = "palpate-live/1";
 struct LiveArguments {
   RunArguments run;  ///< of it: scene, renderers, path, folder, model, surface, json
   DeviceArguments device;
-  std::string hand;  ///< empty: explore, in a window the mouse
+  std::string hand;  ///< empty: explore; follow where another path is named; in a window the mouse
   std::string mapping = "1:1", rule = "wait", changes, record;
   std::string listen;    ///< PORT or ADDRESS:PORT; empty: nobody is heard
   double seconds = 0.0;  ///< 0: ten, in a window as long as it is open
@@ -57,8 +58,9 @@ struct LiveRenderer {
   std::uint64_t bytes = 0, shared_bytes = 0;
   std::uint64_t frames = 0, contact_frames = 0, felt_frames = 0;
   device::DurationStatistics step;
-  double largest_step_n = 0.0;  ///< of its own force, from frame to frame
-  std::uint32_t made = 1;       ///< 1, and one more for each change of parameters that it took
+  double largest_step_n = 0.0;     ///< of its own force, from frame to frame, felt or not
+  metrics::ForceSteps felt_steps;  ///< of its own force while it is felt
+  std::uint32_t made = 1;          ///< 1, and one more for each change of parameters that it took
   std::string disqualified;
 };
 

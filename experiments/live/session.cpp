@@ -152,16 +152,44 @@ void end_recording(const std::string& file, device::Recorder& recorder, LiveDocu
   document.recording = {file, counts.ticks, counts.written, counts.lost, counts.bytes};
 }
 
-/// Where the hand is before the first tick: free. A simulated hand takes the device; one that a mouse guides
-/// is left in `guide`.
+/// A hand that is led while it goes; null: by nobody.
+struct LedHand {
+  std::shared_ptr<device::HandGuide> by_mouse;
+  std::unique_ptr<ExploringHand> exploring;
+};
+
+/// Of the first model: the others are felt where it leads. Its strokes are those of the path, where that is a
+/// hand's.
+Result<std::unique_ptr<ExploringHand>> exploring_hand(const LiveArguments& arguments, const Stage& stage,
+                                                      const device::DeviceMap& map,
+                                                      const SessionDevice& device) {
+  const render::ModelInput& model = stage.scene.input.models.front();
+  const auto& sampled = stage.scene.sampled_mesh.front();
+  trace::PathTarget target;
+  target.surface = model.analytic.get();
+  target.cloud = model.cloud.get();
+  target.mesh = sampled ? sampled.get() : model.original_mesh.get();
+  target.world_from_model = model.world_from_model;
+  target.stiffness_n_per_mm = model.surface.stiffness_n_per_mm;
+  const bool by_path = is_hand_path(stage.path.name);
+  PALPATE_ASSIGN(const trace::HandOptions options, trace::parse_hand(by_path ? stage.path.name : kHandPath));
+  return ExploringHand::create(target, options, map, device.choice().rig->hand.stiffness_n_per_mm,
+                               1.0 / arguments.rate_hz);
+}
+
+/// Where the hand is before the first tick: free. A simulated hand takes the device.
 Result<Vec3> place_hand(const LiveArguments& arguments, const Stage& stage, render::HapticRenderer& first,
-                        const device::DeviceMap& map, SessionDevice& device,
-                        std::shared_ptr<device::HandGuide>& guide) {
+                        const device::DeviceMap& map, SessionDevice& device, LedHand& led) {
   if (!device.is_simulated_hand()) return stage.path.hip_mm.front();
   if (arguments.hand == kMouseHand) {
-    guide = std::make_shared<device::HandGuide>(map.device_mm(stage.path.hip_mm.front()));
-    device.hold(device::HandScript::guided(kMouseHand, guide));
+    led.by_mouse = std::make_shared<device::HandGuide>(map.device_mm(stage.path.hip_mm.front()));
+    device.hold(device::HandScript::guided(kMouseHand, led.by_mouse));
     return stage.path.hip_mm.front();
+  }
+  if (arguments.hand == kExploreHand) {
+    PALPATE_ASSIGN(led.exploring, exploring_hand(arguments, stage, map, device));
+    device.hold(led.exploring->script());
+    return led.exploring->begin_mm();
   }
   PALPATE_ASSIGN(device::HandScript script,
                  live_hand(arguments.hand, stage.path, first, map, arguments.seconds));
@@ -294,16 +322,20 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
                           : prepare_all(plan, workshop, seen, document));
   PALPATE_ASSIGN(const Seat seat, take_seat(arguments, plan, workshop.stage, device, document));
   SessionSettings settings = settings_of(arguments);
-  std::shared_ptr<device::HandGuide> guide;
+  LedHand led;
   PALPATE_ASSIGN(settings.free_mm,
-                 place_hand(arguments, workshop.stage, *made.front().renderer, seat.map, device, guide));
+                 place_hand(arguments, workshop.stage, *made.front().renderer, seat.map, device, led));
   const bool recorded = !arguments.record.empty();
   Felt felt;
   PALPATE_TRY(mix_all(std::move(made), plan, workshop,
                       switch_options(arguments, plan, seat.limits, seat.map, seat.force_limit_n), clock,
                       recorded, felt));
   Assembly session(settings, clock, device, *felt.renderer, seat.map);
-  LiveWatch watch(*felt.mixer, plan.settings.size(), arguments.seconds / static_cast<double>(kLiveSamples));
+  double stiffness_n_per_mm = document.stiffness_n_per_mm;
+  for (const LiveChange& change : plan.changes)
+    stiffness_n_per_mm = std::max(stiffness_n_per_mm, change.setting.stiffness_n_per_mm);
+  LiveWatch watch(*felt.mixer, plan.settings.size(), arguments.seconds / static_cast<double>(kLiveSamples),
+                  stiffness_n_per_mm);
   SwitchTimer timer(*felt.mixer, arguments.switch_every_s);
   device::SwitchButton switch_button(*felt.mixer);
   device::ClutchButton clutch(session.servo(), *felt.mixer);
@@ -311,6 +343,7 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
        {static_cast<device::TickObserver*>(&watch), static_cast<device::TickObserver*>(&timer),
         static_cast<device::TickObserver*>(&switch_button), static_cast<device::TickObserver*>(&clutch)})
     session.observe(*one);
+  if (led.exploring) session.observe(*led.exploring);
   LiveTasks tasks(workshop, plan.changes, labels_of(plan), *felt.mixer, clock.clock(),
                   {settings.free_mm, recorded ? &felt.recording : nullptr});
   if (recorded) {
@@ -323,7 +356,7 @@ Status run_session(const LiveArguments& arguments, const LivePlan& plan, Worksho
   std::optional<CoarseNotes> notes;
   if (stand_in) replace_coarse(plan, workshop, *stand_in, notes, tasks, document);
   const WindowHooks window(arguments, session, *felt.mixer, device, workshop.stage.scene.input,
-                           shown_session(plan, device, seat, guide, stand_in));
+                           shown_session(plan, device, seat, led.by_mouse, stand_in));
   const Result<SessionEnd> end = run_heard(plan, session, tasks, progress, document);
   if (!end) {
     if (recorded) felt.recording.discard(arguments.record);

@@ -28,8 +28,10 @@ bool speaks_for_its_lane(const MixedFrame& frame, std::size_t index) {
 
 }  // namespace
 
-LiveWatch::LiveWatch(const device::Mixer& mixer, std::size_t lanes, double stretch_s)
+LiveWatch::LiveWatch(const device::Mixer& mixer, std::size_t lanes, double stretch_s,
+                     double stiffness_n_per_mm)
     : mixer_(mixer), lanes_(lanes), stretch_s_(stretch_s) {
+  for (Lane& lane : lanes_) lane.felt_steps = metrics::ForceSteps(stiffness_n_per_mm);
   decisions_.reserve(kMostDecisions);
   samples_.resize(kLiveSamples + 1);
   for (LiveSample& one : samples_) one.each_n.resize(lanes);
@@ -48,11 +50,12 @@ void LiveWatch::took(const device::Tick& tick) noexcept {
   faulted_ = faulted;
   if (faulted || tick.rearmed) {
     has_before_ = false;
+    for (Lane& lane : lanes_) lane.felt_steps.interrupt();
     if (faulted) return;
   }
   const MixedFrame& now = mixer_.last();
   if (now.half_rate) ++half_rate_;
-  watch_lanes(now);
+  watch_lanes(tick, now);
   if (has_before_) watch_steps(now);
   note_decision(tick, now);
   sample(tick, now);
@@ -60,7 +63,7 @@ void LiveWatch::took(const device::Tick& tick) noexcept {
   has_before_ = true;
 }
 
-void LiveWatch::watch_lanes(const MixedFrame& now) noexcept {
+void LiveWatch::watch_lanes(const device::Tick& tick, const MixedFrame& now) noexcept {
   for (std::size_t i = 0; i < now.tracked.size(); ++i) {
     const device::TrackedFrame& one = now.tracked[i];
     if (!one.present || one.lane >= lanes_.size()) continue;
@@ -71,6 +74,8 @@ void LiveWatch::watch_lanes(const MixedFrame& now) noexcept {
     if (lane.known && !same) ++lane.made;
     if (same && has_before_ && one.stepped)
       lane.largest_step_n = std::max(lane.largest_step_n, (one.frame.force_n - lane.last_n).norm());
+    if (!same || i != now.felt) lane.felt_steps.interrupt();
+    if (i == now.felt) lane.felt_steps.observe(tick.t_s - begun_s_, tick.hip_mm, one.frame.force_n);
     lane.known = true;
     lane.generation = one.generation;
     lane.last_n = one.frame.force_n;
@@ -167,6 +172,7 @@ void LiveWatch::tell(LiveDocument& document) const {
     to.felt_frames = lane.felt_frames;
     to.step = lane.step.statistics();
     to.largest_step_n = lane.largest_step_n;
+    to.felt_steps = lane.felt_steps;
     to.made = lane.made;
     to.disqualified = device::disqualified_text(lane.disqualified);
   }

@@ -19,8 +19,8 @@ inline constexpr std::size_t kLiveSamples = 1'200;
 /// The servo's thread until that has ended, then anybody's. Allocates when it is made alone.
 class LiveWatch final : public device::TickObserver {
  public:
-  /// `stretch_s`: how long a stretch of the picture lasts.
-  LiveWatch(const device::Mixer& mixer, std::size_t lanes, double stretch_s);
+  /// `stretch_s`: how long a stretch of the picture lasts. `stiffness_n_per_mm`: the largest of the session.
+  LiveWatch(const device::Mixer& mixer, std::size_t lanes, double stretch_s, double stiffness_n_per_mm);
   void took(const device::Tick& tick) noexcept override;
   /// Into a document whose renderers stand in the order of lanes.
   void tell(LiveDocument& document) const;
@@ -30,12 +30,13 @@ class LiveWatch final : public device::TickObserver {
     device::DurationHistogram step;
     std::uint64_t frames = 0, contact_frames = 0, felt_frames = 0;
     double largest_step_n = 0.0;
+    metrics::ForceSteps felt_steps;
     Vec3 last_n = Vec3::Zero();
     std::uint32_t generation = 0, made = 1;
     device::Disqualified disqualified = device::Disqualified::kNo;
     bool known = false;
   };
-  void watch_lanes(const device::MixedFrame& now) noexcept;
+  void watch_lanes(const device::Tick& tick, const device::MixedFrame& now) noexcept;
   void watch_steps(const device::MixedFrame& now) noexcept;
   void note_decision(const device::Tick& tick, const device::MixedFrame& now) noexcept;
   void sample(const device::Tick& tick, const device::MixedFrame& now) noexcept;

@@ -4,13 +4,13 @@
 
 #include <algorithm>
 
+#include "toolkit/core/numbers.h"
 #include "toolkit/core/words.h"
+#include "toolkit/metrics/accuracy.h"
 
 namespace palpate::experiments {
 namespace {
 
-// As metrics count what is caught: docs/scores.md.
-constexpr double kApartMm = 1.0, kApartSpacings = 2.0, kStretchS = 0.02;
 constexpr std::size_t kShownStretches = 3;
 
 /// Who is apart in a frame.
@@ -26,7 +26,7 @@ class Compared {
   explicit Compared(const StagedStudy& study) : study_(study) {
     for (const Run& run : study.runs)
       if (run.trace.frames.size() == study.stage.path.size()) runs_.push_back(&run);
-    most_mm_ = std::max(kApartMm, kApartSpacings * study.stage.spacing.nearest_mm.p50);
+    most_mm_ = std::max(metrics::kCaughtMm, metrics::kCaughtSpacings * study.stage.spacing.nearest_mm.p50);
   }
 
   [[nodiscard]] std::vector<std::string> sentences() const {
@@ -39,8 +39,7 @@ class Compared {
     for (const Stretch& stretch : found) seconds += length_s(stretch);
     std::vector<std::string> out{fmt::format(
         "The renderers disagree by more than {} mm in {} stretch{}, {} s of {} s: there is no truth that "
-        "says "
-        "who is right.",
+        "says who is right.",
         short_number(most_mm_), found.size(), found.size() == 1 ? "" : "es", short_number(seconds),
         short_number(study_.stage.path.t_s.back() - study_.stage.path.t_s.front()))};
     for (std::size_t i = 0; i < std::min(found.size(), kShownStretches); ++i)
@@ -78,7 +77,8 @@ class Compared {
     Stretch now{0, 0, kAgree};
     const auto close = [&](std::size_t end) {
       now.end = end;
-      if (now.alone != kAgree && now.end > now.begin && length_s(now) >= kStretchS) out.push_back(now);
+      if (now.alone != kAgree && now.end > now.begin && length_s(now) >= metrics::kMomentS)
+        out.push_back(now);
     };
     for (std::size_t i = 0; i < study_.stage.path.size(); ++i) {
       const int who = apart(i);
@@ -110,7 +110,7 @@ class Compared {
 
   const StagedStudy& study_;
   std::vector<const Run*> runs_;
-  double most_mm_ = kApartMm;
+  double most_mm_ = 0.0;
 };
 
 }  // namespace

@@ -93,13 +93,17 @@ Table cycles_table(const StabilityDocument& document) {
 Table tasks_table(const StabilityDocument& document) {
   Table table;
   table.title = "The hand's way, against the way with the truth in the loop";
-  table.columns = {"renderer", "task", "off, RMS mm", "off, most mm", "energy given, mJ", "stable"};
+  table.columns = {"renderer",        "task",       "off, RMS mm", "off, most mm", "energy given, mJ",
+                   "largest step, N", "its excess", "the truth's", "stable"};
   for (const TaskResult& task : document.tasks)
     table.rows.push_back({{task.renderer},
                           {task.task},
                           {short_number(task.contour_rms_mm)},
                           {short_number(task.contour_max_mm)},
                           {short_number(task.generated_mj)},
+                          {short_number(task.steps.step().n)},
+                          {short_number(task.steps.excess().n)},
+                          {short_number(task.truth_steps.excess().n)},
                           {task.stable ? "yes" : "no"}});
   table.notes.push_back(fmt::format("At the scene's {:g} N/mm, 1 kHz, the hand '{}' on '{}'.",
                                     document.stiffness_n_per_mm, document.hand, document.device));
@@ -244,7 +248,10 @@ std::string to_json(const StabilityDocument& document) {
                              {"stable", t.stable},
                              {"contour_rms_mm", t.contour_rms_mm},
                              {"contour_max_mm", t.contour_max_mm},
-                             {"generated_mj", t.generated_mj}});
+                             {"generated_mj", t.generated_mj},
+                             {"largest_step_n", t.steps.step().n},
+                             {"largest_excess_n", t.steps.excess().n},
+                             {"truth_largest_excess_n", t.truth_steps.excess().n}});
   json["scores"] = StabilityJson::array();
   for (const LoopScores& s : document.scores)
     json["scores"].push_back(

@@ -161,6 +161,13 @@ Result<LoopScores::Side> side_of(const trace::ProbePath& path, trace::ForceTrace
   return side;
 }
 
+metrics::ForceSteps steps_of(const device::LoopRun& run, double stiffness_n_per_mm) {
+  metrics::ForceSteps steps(stiffness_n_per_mm);
+  for (std::size_t i = 0; i < run.measured.size(); ++i)
+    steps.observe(run.measured.t_s[i], run.measured.hip_mm[i], run.felt.frames[i].force_n);
+  return steps;
+}
+
 struct HandTask {
   device::HandScript script;
   device::TaskPlace place;  ///< about its own origin
@@ -261,6 +268,8 @@ Result<std::vector<TaskResult>> do_tasks(render::HapticRenderer& renderer, const
     // Only who presses on rests at the end: elsewhere a hand moves, and a swing is its own.
     result.stable = run.fault == device::Fault::kNone && (i > 0 || !swings(run, task.place, most));
     contour(run.hip, right.hip, result);
+    result.steps = steps_of(run, scene_stiffness(stage));
+    result.truth_steps = steps_of(right, scene_stiffness(stage));
     result.generated_mj = -run.least_environment_mj;
     results.push_back(std::move(result));
     done();

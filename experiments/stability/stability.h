@@ -9,6 +9,7 @@
 #include "device/simulated/closed_loop.h"
 #include "experiments/report/page.h"
 #include "experiments/session/study_run.h"
+#include "toolkit/metrics/force_steps.h"
 
 namespace palpate::experiments {
 
@@ -53,6 +54,7 @@ struct TaskResult {
   bool stable = true;                                 ///< no fault, no swing at its end
   double contour_rms_mm = 0.0, contour_max_mm = 0.0;  ///< distance from the truth's way
   double generated_mj = 0.0;
+  metrics::ForceSteps steps, truth_steps;
 };
 
 /// What the scores of accuracy say of a renderer along the path: replayed, and under the hand.

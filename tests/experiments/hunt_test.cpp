@@ -7,9 +7,11 @@
 #include <nlohmann/json.hpp>
 
 #include "experiments/hunt/found.h"
+#include "experiments/run/stage.h"
 #include "experiments/session/session.h"
 #include "tests/experiments/program.h"
 #include "tests/json_schema.h"
+#include "toolkit/metrics/accuracy.h"
 #include "toolkit/render/scene_free_renderer.h"
 
 namespace palpate::experiments {
@@ -25,6 +27,17 @@ Quarry stroke_through_a_plane() {
   quarry.sampling = "grid";
   quarry.way = {{Waypoint::Kind::kFree, {0, 0, -20}, 0, 0, 50},
                 {Waypoint::Kind::kFree, {0, 0, 20}, 0, 0, 50}};
+  return quarry;
+}
+
+/// A hand on a plane of 2,500 points, half a millimetre apart.
+Quarry hand_on_a_plane() {
+  Quarry quarry;
+  quarry.shape = "plane";
+  quarry.points = 2500;
+  quarry.scale = 0.25;
+  quarry.sampling = "grid";
+  quarry.hand = HandWay{0.6, 60.0, 0.5, 3};
   return quarry;
 }
 
@@ -48,8 +61,8 @@ class Fake final : public render::SceneFreeRenderer {
   Spoil spoil_;
 };
 
-Trial tried(Fake::Spoil spoil) {
-  const HuntScene scene = make_scene(stroke_through_a_plane()).value();
+Trial tried(Fake::Spoil spoil, const Quarry& quarry = stroke_through_a_plane()) {
+  const HuntScene scene = make_scene(quarry).value();
   Fake fake(std::move(spoil));
   return try_scene(scene, fake).value();
 }
@@ -102,18 +115,64 @@ TEST(Hunt, ScoresContactThatSticksEnergyAndForce) {
   EXPECT_GT(score(pushes, HuntGoal::kForce), 2.0);
 }
 
+TEST(Hunt, FindsWhatAHandFeelsAsWrong) {
+  const Quarry hand = hand_on_a_plane();
+  const Trial right = tried([](const Vec3&, render::Frame&) {}, hand);
+  EXPECT_EQ(right.fault, "");
+  for (const HuntGoal goal : {HuntGoal::kCaught, HuntGoal::kLost}) EXPECT_EQ(score(right, goal), 0.0);
+  EXPECT_LT(score(right, HuntGoal::kKick), 1e-12);
+
+  const Trial caught =
+      tried([](const Vec3&, render::Frame& f) { f.god_object_mm.x() += f.contact * 1.5; }, hand);
+  EXPECT_GT(score(caught, HuntGoal::kCaught), 100.0);
+  EXPECT_EQ(score(caught, HuntGoal::kLost), 0.0);
+  const Trial lost = tried(
+      [](const Vec3& hip, render::Frame& f) {
+        f.contact = f.contact && hip.z() > -0.5;
+        if (!f.contact) f.god_object_mm = hip;
+      },
+      hand);
+  EXPECT_GT(score(lost, HuntGoal::kLost), 100.0);
+  EXPECT_EQ(score(lost, HuntGoal::kCaught), 0.0);
+  const Trial kick = tried(
+      [](const Vec3& hip, render::Frame& f) {
+        if (hip.z() < -0.5) f.force_n.z() = 2.0;
+      },
+      hand);
+  EXPECT_NEAR(score(kick, HuntGoal::kKick), 2.0, 0.05);
+  EXPECT_EQ(score(kick, HuntGoal::kCaught), 0.0);
+}
+
+TEST(Hunt, AHandIsJudgedWhereItsPointsTellTheShape) {
+  Quarry quarry = hand_on_a_plane();
+  ASSERT_TRUE(make_scene(quarry).ok());
+  quarry.shape = "slab";  // 12.5 x 12.5 mm; points are 0.35 mm apart
+  quarry.form.set("thickness_mm", "8");
+  quarry.hand->force_n = 0.2;
+  EXPECT_TRUE(make_scene(quarry).ok());
+  quarry.hand->force_n = 0.6;
+  EXPECT_FALSE(make_scene(quarry).ok()) << "pressed by 1.2 mm, deeper than a quarter of its two";
+  quarry.hand->force_n = 0.1;
+  quarry.form.set("thickness_mm", "4");
+  EXPECT_FALSE(make_scene(quarry).ok()) << "thinner than four spacings";
+}
+
 TEST(Hunt, AQuarryIsWrittenAndReadToTheBit) {
   const render::Registry registry = all_renderers();
   const Ground ground{registry.find("cloud")->options, false};
   Random random(7);
   Quarry quarry = random_quarry(random, ground);
+  int hands = 0;
   for (int k = 0; k < 200; ++k) {
+    hands += quarry.hand.has_value();
     const std::string text = to_text(quarry);
     Quarry read;
     ASSERT_TRUE(from_text(text, read));
     EXPECT_EQ(to_text(read), text);
     quarry = k % 20 == 0 ? random_quarry(random, ground) : mutated(quarry, random, ground);
   }
+  EXPECT_GT(hands, 0);
+  EXPECT_LT(hands, 200);
   EXPECT_FALSE(from_text("{\"shape\": 3}", quarry));
 }
 
@@ -133,6 +192,28 @@ TEST(Hunt, WhatWasFoundIsGoneOnWith) {
 }
 
 class HuntCommand : public InFolder {};
+
+TEST_F(HuntCommand, AHandsCaseIsThePointsThePathAndTheTruthThatWereTried) {
+  Quarry quarry = hand_on_a_plane();
+  quarry.shape = "relief";
+  quarry.form.set("finest_mm", "50");
+  quarry.noise = 0.2;
+  const HuntScene tried = make_scene(quarry).value();
+  const OutputFolder folder = OutputFolder::open(in("case")).value();
+  ASSERT_TRUE(folder.begin("case").ok());
+  ASSERT_TRUE(write_case(folder, "one", quarry, {"cloud", {}}).ok());
+  StageRequest request;
+  request.scene = scene::open_scene(in("case/one.toml")).value();
+  request.path = in("case/one.csv");
+  const Stage stage = set_up(request, io::Readers(), no_progress()).value();
+  EXPECT_EQ(trace::path_hash(stage.path), trace::path_hash(tried.path));
+  EXPECT_EQ(trace::trace_hash(metrics::as_trace(*stage.reference)),
+            trace::trace_hash(metrics::as_trace(*tried.truth)));
+  const cloud::Cloud &read = *stage.scene.input.models[0].cloud, &had = *tried.input.models[0].cloud;
+  EXPECT_EQ(read.z_mm, had.z_mm);
+  EXPECT_EQ(stage.reference->frames.back().local_resolution_mm,
+            tried.truth->frames.back().local_resolution_mm);
+}
 
 TEST_F(HuntCommand, TheSameTrialsFindTheSameAndACaseReplaysAlone) {
   json first;

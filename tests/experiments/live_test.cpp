@@ -48,6 +48,34 @@ TEST_F(Live, SwitchesUnderTheHandWithoutAStepOfItsOwnAndIsTheSameTwice) {
   const json second = document("again");
   EXPECT_EQ(first["decisions"], second["decisions"]);
   EXPECT_EQ(first["largest_step_n"], second["largest_step_n"]);
+  for (const std::size_t i : {0u, 1u})
+    EXPECT_EQ(first["renderers"][i]["felt_steps"], second["renderers"][i]["felt_steps"]);
+}
+
+TEST_F(Live, AKickUnderTheHandIsCountedAndAnExactSurfaceHasNone) {
+  const std::vector<std::string> few = {"--seconds", "6", "--hand", "explore", "--accelerated"};
+  // A penalty for each near point: its force steps as points come and go.
+  ASSERT_EQ(live("kicks", few, "penalty-grid").exit_code, 0);
+  const json kicks = document("kicks")["renderers"][0]["felt_steps"];
+  EXPECT_GT(kicks["over_0_2_n"], 0);
+  EXPECT_GT(kicks["largest_excess"]["n"], 0.2);
+  EXPECT_GE(kicks["over_0_1_n"], kicks["over_0_2_n"]);
+  const ProcessOutcome run = live("exact", few, "analytic");
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const json exact = document("exact")["renderers"][0];
+  EXPECT_GT(exact["contact_frames"], 1000);
+  EXPECT_GT(exact["felt_steps"]["largest"]["n"], 0.0);
+  EXPECT_EQ(exact["felt_steps"]["over_0_1_n"], 0);
+  EXPECT_NE(run.out.find("Steps of the force that is felt"), std::string::npos) << run.out;
+}
+
+TEST_F(Live, AHandFollowsAPathAndExploresOtherwise) {
+  ASSERT_EQ(live("follow", {"--seconds", "0.2", "--path", "weave:frames=500", "--accelerated"}).exit_code, 0);
+  EXPECT_EQ(document("follow")["hand"], "follow");
+  ASSERT_EQ(live("explore", {"--seconds", "0.2", "--path", "hand:seed=7", "--accelerated"}).exit_code, 0);
+  const json explored = document("explore");
+  EXPECT_EQ(explored["hand"], "explore");
+  EXPECT_NE(explored["path"].get<std::string>().find("seed=7"), std::string::npos);
 }
 
 TEST_F(Live, AChangeOfParametersTakesOverInTheSameLane) {
@@ -66,8 +94,8 @@ TEST_F(Live, AChangeOfParametersTakesOverInTheSameLane) {
 
 TEST_F(Live, ARecordingHoldsEveryRendererAndIsReplayedToTheBit) {
   const ProcessOutcome run =
-      live("out", {"--seconds", "3", "--switch-every", "0.3", "--changes", "1:cloud:shading=none",
-                   "--accelerated", "--record", in("session.palrec")});
+      live("out", {"--seconds", "3", "--hand", "follow", "--switch-every", "0.3", "--changes",
+                   "1:cloud:shading=none", "--accelerated", "--record", in("session.palrec")});
   ASSERT_EQ(run.exit_code, 0) << run.err;
   const json recording = document("out")["recording"];
   EXPECT_EQ(recording["ticks"], 3001);

@@ -5,6 +5,7 @@
 
 #include "tests/experiments/program.h"
 #include "tests/json_schema.h"
+#include "toolkit/metrics/force_steps.h"
 
 namespace palpate::experiments {
 namespace {
@@ -63,6 +64,8 @@ TEST_F(Stability, MeasuresLimitsTasksAndScoresAndIsTheSameTwice) {
   for (const json& task : first["tasks"]) {
     EXPECT_TRUE(task["stable"]) << task;
     EXPECT_LT(task["contour_max_mm"], 0.3) << task;
+    EXPECT_GT(task["largest_step_n"], 0.0) << task;
+    EXPECT_LT(task["largest_excess_n"], metrics::kCleanExcessN) << task;
     tapped = tapped || task["task"] == "tap";
   }
   EXPECT_TRUE(tapped);

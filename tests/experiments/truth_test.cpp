@@ -83,6 +83,18 @@ TEST_F(Truth, SamplesOfAMeshArePutAgainstTheMesh) {
   EXPECT_EQ(paths[0], paths[1]) << "the path follows the truth, not the points";
 }
 
+TEST_F(Truth, AHandFeelsNothingWrongOnANoisyBody) {
+  const json document =
+      compared("rounded-box:points=20000:sampling=blue:noise=0.15:seed=3",
+               {"--renderers", "cloud-smooth,cloud", "--path", "hand:frames=10000:seed=3", "--passes", "1"});
+  const json &smooth = document["renderers"][0]["accuracy"], &facets = document["renderers"][1]["accuracy"];
+  EXPECT_GT(smooth["contact_frames"], 5000);
+  for (const char* key : {"caught", "lost", "kicks"}) EXPECT_EQ(smooth[key], 0) << key;
+  EXPECT_LT(smooth["force_peak_excess_percent"], 50.0);
+  // The same noise and path on facets through the points.
+  EXPECT_LT(smooth["force_rms_whole_percent"], 0.75 * facets["force_rms_whole_percent"].get<double>());
+}
+
 TEST_F(Truth, FrictionHasItsFigures) {
   const json document = compared("plane:points=10201:extent_mm=40",
                                  {"--renderers", "cloud,brute-force", "--friction", "0.6,0.4", "--path",

@@ -27,6 +27,9 @@ namespace palpate::metrics {
 inline constexpr double kOmniResolutionMm = 0.055;
 /// The coarser of the two tolerances of contact that are lengths of a hand, not of a cloud.
 inline constexpr double kTenthMm = 0.1;
+/// Caught: the rendered god object is farther from the true one than this, or than two spacings of the points
+/// where those are larger. What lasts shorter than kMomentS no hand makes out.
+inline constexpr double kCaughtMm = 1.0, kCaughtSpacings = 2.0, kMomentS = 0.02;
 /// Weber deadband of haptic codecs (IEEE 1918.1.1): the band of within_10_percent.
 inline constexpr double kForceDeadband = 0.10;
 

@@ -48,6 +48,7 @@ constexpr double kInwards = 2.0;
 constexpr double kAboveShare = 0.5;
 // Free for longer than this it goes back to where it felt something.
 constexpr double kLostS = 0.5;
+constexpr double kRoundedUp = 1e-9;  // of a ratio of two rounded times
 
 Vec3 any_direction(Random& random) {
   return Vec3(random.normal(), random.normal(), random.normal()).normalized();
@@ -72,14 +73,13 @@ std::optional<cloud::Cloud> rim_of(const geometry::TriangleMesh* mesh) {
   return rim ? std::optional(*std::move(rim)) : std::nullopt;
 }
 
-class Hand {
- public:
-  Hand(const PathTarget& target, const HandOptions& options, const Fitting& fitting, const Feel& felt,
-       bool open, const Beginning& at)
-      : target_(target),
+}  // namespace
+
+struct Hand::State {
+  State(const PathTarget& target, const HandOptions& options, Fitting fitting, bool open, const Beginning& at)
+      : origin_mm_(target.cloud->origin_mm),
         options_(options),
-        fitting_(fitting),
-        felt_(felt),
+        fitting_(std::move(fitting)),
         open_(open),
         rim_(rim_of(target.mesh)),
         random_(options.seed),
@@ -96,34 +96,14 @@ class Hand {
     speed_ = random_.uniform(options.slowest_mm_s, options.fastest_mm_s);
   }
 
-  std::vector<Vec3> go() {
-    const double sample_s = 1.0 / options_.rate_hz,
-                 longest_s = std::min(
-                     kStepS, 1.0 / (2.0 * std::numbers::pi * options_.bandwidth_hz * kStepsPerTimeConstant));
-    const auto steps = static_cast<int>(std::ceil(sample_s / longest_s * (1.0 - kRoundedUp)));
-    const double dt = sample_s / steps;
-    std::vector<Vec3> path;
-    path.reserve(options_.frames);
-    double t = 0.0;
-    for (std::size_t k = 0; k < options_.frames; ++k) {
-      path.push_back(h_ + target_.cloud->origin_mm);
-      for (int s = 0; s < steps; ++s, t += dt) step(t, dt);
-    }
-    return path;
-  }
+  State(const State&) = delete;
+  State& operator=(const State&) = delete;
 
- private:
-  static constexpr double kRoundedUp = 1e-9;  // of a ratio of two rounded times
-
-  [[nodiscard]] Vec3 in_world(const Vec3& local) const {
-    return target_.world_from_model * Vec3(local + target_.cloud->origin_mm);
-  }
-
-  void step(double t, double dt) {
-    const Vec3 force = target_.world_from_model.rotation.inverse() * felt_(in_world(h_));
-    const double size = force.norm();
+  Vec3 step(const Felt& felt, double t, double dt) noexcept {
+    h_ = felt.hip_mm;
+    const double size = felt.force_n.norm();
     const bool contact = size > 0.0;
-    look(contact, contact ? Vec3(force / size) : Vec3::Zero(), dt);
+    look(contact, contact ? Vec3(felt.force_n / size) : Vec3::Zero(), dt);
     plan(t, dt, contact);
     const Vec3 hand = own_force(t, contact);
     Vec3 tangent = heading_ - heading_.dot(normal_) * normal_;
@@ -134,10 +114,10 @@ class Hand {
     tangent.normalize();
     heading_ = ((1.0 - kTurnIn) * heading_ + kTurnIn * tangent).normalized();
     const bool drags = taps_ == 0 && (contact || !going_back_);
-    Vec3 velocity = (hand + force) / damping_ + (drags ? speed_ : 0.0) * tangent;
+    Vec3 velocity = (hand + felt.handle_n) / damping_ + (drags ? speed_ : 0.0) * tangent;
     const double most = kFastest * options_.fastest_mm_s, fast = velocity.norm();
     if (fast > most) velocity *= most / fast;
-    h_ += dt * velocity;
+    return velocity;
   }
 
   /// Where outside is, by what is felt, else by what is seen.
@@ -189,10 +169,10 @@ class Hand {
   /// The nearest corner of the rim, where that is near.
   [[nodiscard]] std::optional<Vec3> rim_near(const Vec3& local) const {
     if (!rim_points_) return std::nullopt;
-    const Vec3 origin = target_.cloud->origin_mm, at = local + origin;
+    const Vec3 at = local + origin_mm_;
     const Vec3 rim = rim_->point_mm(rim_points_->nearest(at));
     if ((rim - at).norm() > kRimRadii * fitting_.radius_mm + depth_mm_) return std::nullopt;
-    return Vec3(rim - origin);
+    return Vec3(rim - origin_mm_);
   }
   [[nodiscard]] std::optional<Vec3> nearest() const {
     std::optional<Vec3> found;
@@ -265,10 +245,9 @@ class Hand {
     return -(contact ? press : std::min(press, kDown * f)) * normal_;
   }
 
-  const PathTarget& target_;
-  const HandOptions& options_;
-  const Fitting& fitting_;
-  const Feel& felt_;
+  Vec3 origin_mm_;
+  HandOptions options_;
+  Fitting fitting_;
   bool open_;
   std::optional<cloud::Cloud> rim_;
   std::optional<partition::PointSearch> rim_points_;
@@ -286,18 +265,74 @@ class Hand {
   bool going_back_ = false, behind_ = false;
 };
 
-}  // namespace
+Hand::Hand(std::unique_ptr<State> state) : state_(std::move(state)) {}
+Hand::Hand(Hand&&) noexcept = default;
+Hand& Hand::operator=(Hand&&) noexcept = default;
+Hand::~Hand() = default;
 
-Result<std::vector<Vec3>> by_hand(const PathTarget& target, const HandOptions& options) {
+Result<Hand> Hand::create(const PathTarget& target, const HandOptions& options) {
   const cloud::Cloud& cloud = *target.cloud;
-  PALPATE_ASSIGN(const Feel felt, target.felt());
   if (cloud.size() < kFewestInBall)
     return Error{"the cloud has too few points for a hand to go by", "give at least 16", {}, 0};
-  PALPATE_ASSIGN(const Fitting fitting, choose_radius(cloud, cloud.box_mm()));
+  PALPATE_ASSIGN(Fitting fitting, choose_radius(cloud, cloud.box_mm()));
   Random random(options.seed);
   const double clearance_mm = kLiftDepths * options.force_n / target.stiffness_n_per_mm;
   PALPATE_ASSIGN(const Beginning at, begin_outside(target, fitting, clearance_mm, random));
-  return Hand(target, options, fitting, felt, open_side(target).has_value(), at).go();
+  return Hand(
+      std::make_unique<State>(target, options, std::move(fitting), open_side(target).has_value(), at));
+}
+
+const Vec3& Hand::begin_mm() const noexcept {
+  return state_->h_;
+}
+
+Vec3 Hand::step(const Felt& felt, double t_s, double dt_s) noexcept {
+  return state_->step(felt, t_s, dt_s);
+}
+
+Result<HandOptions> read_hand_options(const Options& o) {
+  const HandOptions options{static_cast<std::size_t>(o.integer("frames")),
+                            o.number("rate_hz"),
+                            o.number("force_n"),
+                            o.number("slowest_mm_s"),
+                            o.number("fastest_mm_s"),
+                            o.number("bandwidth_hz"),
+                            static_cast<std::uint64_t>(o.integer("seed"))};
+  if (options.slowest_mm_s > options.fastest_mm_s)
+    return Error{"hand: slowest_mm_s is more than fastest_mm_s", "exchange them", {}, 0};
+  return options;
+}
+
+Result<HandOptions> parse_hand(const std::string& text) {
+  PALPATE_ASSIGN(const NamedOptions named, parse_named_options(text));
+  const PathGenerator* hand = find_path_generator("hand");
+  if (named.name != hand->name) return Error{named.name + " is no hand", "give hand:seed=2", {}, 0};
+  PALPATE_ASSIGN(const Options complete, validate(named.options, hand->options, named.name));
+  return read_hand_options(complete);
+}
+
+Result<std::vector<Vec3>> by_hand(const PathTarget& target, const HandOptions& options) {
+  PALPATE_ASSIGN(const Feel felt, target.felt());
+  PALPATE_ASSIGN(Hand hand, Hand::create(target, options));
+  const double sample_s = 1.0 / options.rate_hz,
+               longest_s = std::min(
+                   kStepS, 1.0 / (2.0 * std::numbers::pi * options.bandwidth_hz * kStepsPerTimeConstant));
+  const auto steps = static_cast<int>(std::ceil(sample_s / longest_s * (1.0 - kRoundedUp)));
+  const double dt = sample_s / steps;
+  const Vec3 origin = target.cloud->origin_mm;
+  Vec3 h = hand.begin_mm();
+  std::vector<Vec3> path;
+  path.reserve(options.frames);
+  double t = 0.0;
+  for (std::size_t k = 0; k < options.frames; ++k) {
+    path.push_back(h + origin);
+    for (int s = 0; s < steps; ++s, t += dt) {
+      const Vec3 force =
+          target.world_from_model.rotation.inverse() * felt(target.world_from_model * Vec3(h + origin));
+      h += dt * hand.step({h, force, force}, t, dt);
+    }
+  }
+  return path;
 }
 
 }  // namespace palpate::trace

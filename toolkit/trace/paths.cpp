@@ -221,17 +221,9 @@ Result<Laid> explored(const Options& o, const Timing& timing, const PathTarget& 
 }
 
 Result<Laid> handled(const Options& o, const PathTarget& target) {
-  const HandOptions options{static_cast<std::size_t>(o.integer("frames")),
-                            o.number("rate_hz"),
-                            o.number("force_n"),
-                            o.number("slowest_mm_s"),
-                            o.number("fastest_mm_s"),
-                            o.number("bandwidth_hz"),
-                            static_cast<std::uint64_t>(o.integer("seed"))};
   if (!target.felt || !(target.stiffness_n_per_mm > 0.0))
     return Error{"nothing is there to be felt by a hand", "take another path generator", {}, 0};
-  if (options.slowest_mm_s > options.fastest_mm_s)
-    return Error{"hand: slowest_mm_s is more than fastest_mm_s", "exchange them", {}, 0};
+  PALPATE_ASSIGN(const HandOptions options, read_hand_options(o));
   return laid(by_hand(target, options));
 }
 

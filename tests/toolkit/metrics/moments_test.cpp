@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/toolkit/metrics/tiny.h"
+#include "toolkit/metrics/wrong_moments.h"
 
 namespace palpate::metrics {
 namespace {
@@ -97,6 +98,23 @@ TEST(Moments, AKickIsAStepThatTheTruthHasNotNearby) {
   EXPECT_EQ(kicks_of(0.6, -1), 1u);
   EXPECT_EQ(kicks_of(1.0, 10), 0u) << "the truth's own, a little earlier";
   EXPECT_EQ(kicks_of(1.0, 40), 1u);
+}
+
+TEST(Moments, TheLongestStretchAndTheLargestStepAreNamed) {
+  Tiny t;
+  t.add(0.5);
+  stay(t, 50);
+  for (const int frames : {25, 30}) {
+    for (int i = 0; i < frames; ++i) t.add(kDeep).force_n = Vec3::Zero();
+    stay(t, 50);
+  }
+  t.add(kDeep).force_n = Vec3(0, 0, 0.9);
+  const WrongMoments wrong = wrong_moments(t.path, t.trace.frames, t.reference.frames);
+  EXPECT_EQ(wrong.lost.episodes, 2u);
+  EXPECT_EQ(wrong.lost.frames, 55u);
+  EXPECT_EQ(wrong.lost.longest_at, 126u);
+  EXPECT_DOUBLE_EQ(wrong.kick_max_n, 0.5) << "to 0 and back, each time; 0.4 at the end";
+  EXPECT_EQ(wrong.kicks, 0u);
 }
 
 TEST(Moments, ThePeakIsComparedWithTheTruths) {

@@ -1,0 +1,54 @@
+// Steps of a force from tick to tick in a closed loop, and how much of each the HIP's own move explains.
+#pragma once
+
+#include <cstdint>
+
+#include "toolkit/core/vec.h"
+
+namespace palpate::metrics {
+
+/// Largest excess that is allowed on clean and on noisy points: a fifth and two fifths of a kick of the
+/// scores (0.5 N), so that none comes near to be one.
+inline constexpr double kCleanExcessN = 0.1, kNoisyExcessN = 0.2;
+
+/// The excess of a step is |dF| - k |dHIP|: what a rigid surface of stiffness k does not explain. A hand that
+/// hits it makes a large step without excess. No allocation.
+class ForceSteps {
+ public:
+  struct Largest {
+    double n = 0.0, t_s = 0.0;
+    Vec3 hip_mm = Vec3::Zero();
+  };
+
+  explicit ForceSteps(double stiffness_n_per_mm = 0.0) : stiffness_n_per_mm_(stiffness_n_per_mm) {}
+
+  void observe(double t_s, const Vec3& hip_mm, const Vec3& force_n) noexcept {
+    if (known_) {
+      const double step_n = (force_n - force_n_).norm();
+      const double excess_n = step_n - stiffness_n_per_mm_ * (hip_mm - hip_mm_).norm();
+      if (step_n > step_.n) step_ = {step_n, t_s, hip_mm};
+      if (excess_n > excess_.n) excess_ = {excess_n, t_s, hip_mm};
+      if (excess_n > kCleanExcessN) ++over_clean_;
+      if (excess_n > kNoisyExcessN) ++over_noisy_;
+    }
+    known_ = true;
+    hip_mm_ = hip_mm;
+    force_n_ = force_n;
+  }
+  /// The next force follows none.
+  void interrupt() noexcept { known_ = false; }
+
+  [[nodiscard]] const Largest& step() const noexcept { return step_; }
+  [[nodiscard]] const Largest& excess() const noexcept { return excess_; }
+  [[nodiscard]] std::uint64_t over_clean() const noexcept { return over_clean_; }
+  [[nodiscard]] std::uint64_t over_noisy() const noexcept { return over_noisy_; }
+
+ private:
+  double stiffness_n_per_mm_;
+  bool known_ = false;
+  Vec3 hip_mm_ = Vec3::Zero(), force_n_ = Vec3::Zero();
+  Largest step_, excess_;
+  std::uint64_t over_clean_ = 0, over_noisy_ = 0;
+};
+
+}  // namespace palpate::metrics
