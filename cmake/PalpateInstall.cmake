@@ -50,6 +50,10 @@ endforeach()
 
 if(TARGET palpate AND PALPATE_BUILD_EXPERIMENTS)
   install(TARGETS palpate RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+  set_target_properties(palpate PROPERTIES INSTALL_RPATH "$ORIGIN/../${CMAKE_INSTALL_LIBDIR}/palpate")
+  if(TARGET palpate_formats)
+    install(TARGETS palpate_formats LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/palpate)
+  endif()
 endif()
 
 if(TARGET palpate-reconstruct)

@@ -5,14 +5,9 @@
 #include "baselines/register.h"
 #include "baselines/versions.h"
 #include "experiments/run/cleaning.h"
+#include "experiments/session/library_formats.h"
 #include "experiments/session/version.h"
-#ifdef PALPATE_WITH_DEM
 #include "toolkit/core/messages.h"
-#include "toolkit/dem/dem_reader.h"
-#endif
-#ifdef PALPATE_WITH_PCD
-#include "toolkit/pcd/pcd_reader.h"
-#endif
 #include "toolkit/core/parallel_library.h"
 #include "toolkit/renderers/toolkit_renderers.h"
 #include "toolkit/voronoi/voronoi.h"
@@ -30,12 +25,7 @@ render::Registry all_renderers() {
 io::Readers all_readers() {
   io::Readers readers;
   io::add_standard_readers(readers);
-#ifdef PALPATE_WITH_PCD
-  pcd::add_pcd_reader(readers);
-#endif
-#ifdef PALPATE_WITH_DEM
-  dem::add_dem_readers(readers);
-#endif
+  add_library_formats(readers);
   return readers;
 }
 

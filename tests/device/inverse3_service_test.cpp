@@ -161,7 +161,8 @@ TEST(Inverse3Service, TheGuardsHandleOfItsOwnLetsGo) {
           ->make({"inverse3", {}, {{"service", "127.0.0.1:" + std::to_string(rig.service->port())}}},
                  rig.clock);
   ASSERT_TRUE(made);
-  EXPECT_TRUE(made->zero());
+  // It gives up after 0.3 s, which is short on a busy machine.
+  EXPECT_TRUE(comes([&] { return made->zero(); }));
 }
 
 }  // namespace

@@ -48,7 +48,7 @@ TEST(UsualRenderers, AreThePlansCloudAndTheBestMesh) {
   if (!with_meshes()) GTEST_SKIP() << "built without meshes";
   const render::Registry registry = all_renderers();
   const Chosen points = usual_renderers(scene_of("sphere:points=900", false), {}, registry);
-  EXPECT_EQ(labels_of(points), "cloud,mesh-godobject");
+  EXPECT_EQ(labels_of(points), "cloud-smooth,cloud,mesh-godobject");
   EXPECT_FALSE(points.renderers.back().options.has("mesh")) << "auto";
   const Chosen field = usual_renderers(scene_of("sinusoid:points=961", false, true), {}, registry);
   EXPECT_EQ(labels_of(field), "heightfield,cloud,mesh-godobject");
@@ -64,11 +64,12 @@ TEST(UsualRenderers, LargeCloudsAreThinnedForTheMeshAndThatIsSaid) {
   if (!with_meshes()) GTEST_SKIP() << "built without meshes";
   const std::string points = fmt::format("sphere:points={}", 2 * static_cast<int>(kMostPointsMeshed));
   const Chosen chosen = usual_renderers(scene_of(points, false), {}, all_renderers());
-  EXPECT_EQ(labels_of(chosen), "cloud,mesh-thinned");
+  EXPECT_EQ(labels_of(chosen), "cloud-smooth,cloud,mesh-thinned");
   ASSERT_EQ(chosen.renderers.back().clean.size(), 1u);
   EXPECT_EQ(chosen.renderers.back().clean[0].options.text("cell"), "1.4") << "root of 2";
   EXPECT_NE(chosen.notes.back().find("1.4 spacings apart"), std::string::npos);
-  EXPECT_EQ(labels_of(usual_renderers(scene_of(points, true), {}, all_renderers())), "cloud,mesh-godobject")
+  EXPECT_EQ(labels_of(usual_renderers(scene_of(points, true), {}, all_renderers())),
+            "cloud-smooth,cloud,mesh-godobject")
       << "faces need not be made";
 }
 
@@ -179,10 +180,10 @@ TEST_F(UsualFolder, OnesOwnScanIsComparedInOneCommand) {
     const std::filesystem::path report = std::filesystem::absolute("out/compare-scan-2/report.html");
     EXPECT_TRUE(std::filesystem::exists(report));
     EXPECT_TRUE(run.out.ends_with("\nreport: " + report.string() + "\n")) << run.out;
-    EXPECT_NE(run.err.find("running cloud, mesh-godobject"), std::string::npos) << run.err;
+    EXPECT_NE(run.err.find("running cloud-smooth, cloud, mesh-godobject"), std::string::npos) << run.err;
     const json result = json::parse(file_text("out/compare-scan-2/result.json"));
     EXPECT_TRUE(result["complete"]);
-    ASSERT_EQ(result["renderers"].size(), 2u);
+    ASSERT_EQ(result["renderers"].size(), 3u);
     for (const json& renderer : result["renderers"]) {
       EXPECT_EQ(renderer["status"], "ok");
       EXPECT_GT(renderer["frame"]["contact_frames"], 4000);
@@ -191,7 +192,7 @@ TEST_F(UsualFolder, OnesOwnScanIsComparedInOneCommand) {
     const std::string remark =
         "The ground truth is the file's own faces, and mesh-godobject feels the same ones";
     EXPECT_EQ(result["notes"].dump().find(remark) != std::string::npos, faces) << result["notes"];
-    const std::string mesh = result["renderers"][1]["prepare"]["notes"].dump();
+    const std::string mesh = result["renderers"][2]["prepare"]["notes"].dump();
     EXPECT_NE(mesh.find(faces ? "own 1152 faces (auto)" : "advancing-front"), std::string::npos) << mesh;
     // Once more, without a new folder.
     ASSERT_EQ(palpate_command({"compare", "scan.ply", "--unit", "mm"}).exit_code, 0);

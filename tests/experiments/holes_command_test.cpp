@@ -111,7 +111,7 @@ TEST_F(HolesCommand, InfoPlanAndRenderersAgree) {
     const json plan = run_json(with_unit({"plan", model, "--json"}));
     const bool is = info["height_field"].get<bool>();
     flat += is;
-    EXPECT_EQ(plan["renderer"], is ? "heightfield" : "cloud");
+    EXPECT_EQ(plan["renderer"], is ? "heightfield" : "cloud-smooth");
     EXPECT_NE(
         plan["decisions"][0]["reason"].get<std::string>().find(info["height_field_words"].get<std::string>()),
         std::string::npos);

@@ -186,12 +186,17 @@ TEST_F(Output, NoStandardStreamThatFailsEndsACommandOtherwise) {
     const std::string name = line.substr(2, line.find(' ', 2) - 2);
     ++commands;
     const std::vector<std::string> help = {name, "--help"}, wrong = {name, "--no-such-option"};
-    for (const char* const streams : {"", "0<&-", "2>&-", "2>/dev/full", "0<&- 2>&-"}) {
+    // One place prints for all: the first command meets every stream, the others the worst of each kind.
+    const bool first = commands == 1;
+    for (const char* const streams : {"0<&- 2>&-", "", "0<&-", "2>&-", "2>/dev/full"}) {
       EXPECT_EQ(status_with(help, streams), 0) << name << " " << streams;
       EXPECT_EQ(status_with(wrong, streams), 2) << name << " " << streams;
+      if (!first) break;
     }
-    for (const char* const streams : {"1>&-", "1>/dev/full", "0<&- 1>&- 2>&-", "1>/dev/full 2>/dev/full"})
+    for (const char* const streams : {"1>/dev/full 2>/dev/full", "1>&-", "1>/dev/full", "0<&- 1>&- 2>&-"}) {
       EXPECT_EQ(status_with(help, streams), 1) << name << " " << streams;
+      if (!first) break;
+    }
   }
   EXPECT_GT(commands, 20);
 }

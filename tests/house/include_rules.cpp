@@ -36,6 +36,7 @@ const std::map<std::string, std::set<std::string>> kInExperiments = {
     {"stability", {"study", "run", "data", "report", "session", "stability"}},
     {"trade", {"study", "run", "data", "report", "session", "trade"}},
     {"hunt", {"study", "run", "session", "hunt"}},
+    {"formats", {"formats"}},
     {"ablate", {"study", "run", "data", "report", "session", "ablate"}},
     // A window knows no session, a session may open a window.
     {"window", {"report", "window"}},

@@ -34,6 +34,9 @@ inline constexpr double kMoveSpacings = 1.5;
 /// 120 where it is behind it. The far side of a thin plate faces the other way: it does not count, and the
 /// plate is not popped through.
 inline constexpr double kFacingAbove = -0.7, kFacingBehind = -0.5;
+/// A god object that came to rest pulls along its normal, to 18 degrees. One that only waits, where no
+/// surface goes on, holds nothing, whatever the HIP is through.
+inline constexpr double kHolds = 0.95;
 
 /// Frames between two looks while nothing else asks for one: 8 ms at 1 kHz, sooner than a hand feels a pull
 /// as wrong (20 ms).
@@ -53,12 +56,13 @@ template <class Look>
   if (!(far > kNextToSpacings * spacing)) return HeldPlace::kKeep;
   const Surroundings at = look(hip);
   if (!at.known || std::abs(at.signed_distance) > kMuchNearer * far) return HeldPlace::kKeep;
-  const double cosine = at.outward.dot(held_outward), out = kOutSpacings * spacing;
+  const bool holds = (held - hip).dot(held_outward) > kHolds * far;
+  const double cosine = holds ? at.outward.dot(held_outward) : 1.0, out = kOutSpacings * spacing;
   HeldPlace verdict = HeldPlace::kKeep;
   if (at.signed_distance > out && cosine > kFacingAbove) verdict = HeldPlace::kFree;
   if (at.signed_distance < 0.0 && far > kMoveSpacings * spacing && cosine > kFacingBehind)
     verdict = HeldPlace::kMove;
-  if (verdict == HeldPlace::kKeep) return verdict;
+  if (verdict == HeldPlace::kKeep || !holds) return verdict;
   for (int k = 1; k < kPlacesOnWay; ++k) {
     const Surroundings on_way = look(held + (hip - held) * (static_cast<double>(k) / kPlacesOnWay));
     if (!on_way.known || !(on_way.signed_distance > out)) continue;

@@ -111,6 +111,8 @@ class Readers {
   void add(const std::vector<std::string>& extensions, const Reader& reader);
   /// Sorted, without the dot.
   [[nodiscard]] std::vector<std::string> extensions() const;
+  /// The reader of an extension, or null. Valid until the next add().
+  [[nodiscard]] const Reader* find(std::string_view extension) const;
 
   /// Reads a file, decompressing where its first bytes say gzip or xz; the format goes by the name without
   /// .gz or .xz. Memory is bounded by options.max_bytes and by what the file really holds, time by the file's
@@ -126,7 +128,6 @@ class Readers {
     std::string extension;
     Reader reader;
   };
-  [[nodiscard]] const Reader* find(std::string_view extension) const;
   std::vector<Entry> entries_;
 };
 

@@ -19,13 +19,8 @@ using render::Decision;
 
 namespace {
 
-/// Noise across the surface from which on triangles between the points are too rough to be felt, in spacings.
-/// Below it `cloud` is the faster one, not the nearer: of eleven shapes under a hand `cloud-smooth` was
-/// nearer on seven without noise and on eight to ten with .02 to .05 (docs/smooth.md, "Which to take").
-/// Finished models have less (dragon 0.02, bunny 0.05), raw scans more (0.14 to 0.35).
-constexpr double kNoisyShare = 0.06;
-/// The same of a grid of heights, whose squares are no steeper than the slope between two posts: at 0.1 that
-/// is off by 8 degrees and the force by a sixth.
+/// Noise of a grid of heights, in spacings, from which on it is felt: its squares are no steeper than the
+/// slope between two posts, and at 0.1 that is off by 8 degrees and the force by a sixth.
 constexpr double kNoisyHeightsShare = 0.1;
 /// From here on triangles between the points leave holes and fold (felt_surface, sets tnoise to tn50).
 constexpr double kTornShare = 0.2;
@@ -57,27 +52,24 @@ double largest_stiffness_n_per_mm(const surface::Surface& surface) {
   return static_cast<double>(*std::max_element(each.begin(), each.end()));
 }
 
-/// `cloud-smooth` where noise can be felt, from `noisy_share` spacings on, else `clean`. `facts`: of the
-/// points, in words.
-Decision choose_by_noise(const render::ModelInput& model, const std::string& clean, double noisy_share,
-                         const std::string& facts, const std::string& reason,
-                         const render::PrepareContext& context) {
-  const Noise noise = noise_of(model, context);
-  if (noise.share < noisy_share) return {"renderer", clean, facts + noise.words() + reason};
-  // From point to point the force moves by as much as stiffness x spacing.
+/// What a hand feels of points one by one decides: on triangles between them the force moves from point to
+/// point by as much as stiffness x spacing, at edges and in noise. Of eleven shapes under a hand
+/// `cloud-smooth` was the nearer one on 7 to 10 whatever their noise, lost contact a quarter as often and
+/// kicked 4 times for 605 (docs/smooth.md, "Which to take"). Where that step is not felt, `fast` is as good.
+/// `facts`: of the points, in words.
+Decision choose_by_step(const render::ModelInput& model, const Noise& noise, const std::string& fast,
+                        const std::string& facts, const std::string& reason) {
   const double step_n = largest_stiffness_n_per_mm(model.surface) * noise.spacing_mm;
-  if (noise.share < kTornShare && step_n < kFeltForceStepN)
-    return {"renderer", clean,
-            fmt::format("{}{}, but at a spacing of {} mm the force moves by {} N from point to point, too "
-                        "little to be felt{}",
-                        facts, noise.words(), short_number(noise.spacing_mm), short_number(step_n), reason)};
+  const std::string step =
+      fmt::format("{}{}; at a spacing of {} mm the force moves by {} N from point to point on triangles",
+                  facts, noise.words(), short_number(noise.spacing_mm), short_number(step_n));
+  if (noise.share >= kTornShare)
+    return {"renderer", "cloud-smooth",
+            facts + noise.words() +
+                ": triangles between such points have holes, a smooth surface near them has none"};
+  if (step_n < kFeltForceStepN) return {"renderer", fast, step + ", too little to be felt" + reason};
   return {"renderer", "cloud-smooth",
-          fmt::format("{}{}: triangles between such points would be felt as roughness{}, a smooth surface "
-                      "near them is not",
-                      facts, noise.words(),
-                      noise.share < kTornShare ? fmt::format(" (the force moves by {} N from point to point)",
-                                                             short_number(step_n))
-                                               : " with holes")};
+          step + ", which is felt at edges and in noise; a smooth surface near them has none"};
 }
 
 bool says(const render::ModelDecisions& model, const std::string& about) {
@@ -109,15 +101,15 @@ Decision choose_renderer(const render::SceneInput& scene, const render::PrepareC
   const render::ModelInput& model = scene.models.front();
   if (model.surface.dent.any() || model.moves != nullptr) return {"renderer", "cloud", "its points give way"};
   const cloud::HeightFieldFacts facts = cloud::height_field_facts(*model.cloud);
-  if (!facts.is) return choose_by_noise(model, "cloud", kNoisyShare, facts.words, "", context);
+  const Noise noise = noise_of(model, context);
+  if (!facts.is) return choose_by_step(model, noise, "cloud", facts.words, ": they are the fastest");
   const double bytes =
       static_cast<double>(sizeof(float) * facts.posts()) / static_cast<double>(model.cloud->size());
-  return choose_by_noise(
-      model, "heightfield", kNoisyHeightsShare,
-      fmt::format("the points are a height field on {}", facts.words),
-      fmt::format("; its answers are nearer and faster than those of cloud, from {:.3g} bytes a point",
-                  bytes),
-      context);
+  const std::string field = fmt::format("the points are a height field on {}", facts.words);
+  const std::string reason = fmt::format(
+      "; its answers are nearer and faster than those of cloud, from {:.3g} bytes a point", bytes);
+  if (noise.share < kNoisyHeightsShare) return {"renderer", "heightfield", field + noise.words() + reason};
+  return choose_by_step(model, noise, "heightfield", field, reason);
 }
 
 Result<Plan> make_plan(const render::SceneInput& scene, const std::optional<NamedOptions>& wanted,

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 namespace palpate::geometry {
 namespace {
 
@@ -46,6 +48,21 @@ TEST(HeldPlace, APlateHoldsThoughAnotherSurfaceIsNearBeyondIt) {
       };
       const HeldPlace without = floor < 0.0 ? HeldPlace::kFree : HeldPlace::kMove;
       EXPECT_EQ(judge_held_place(Vec3::Zero(), 3.0 * kUp, kUp, 1.0, look), wall ? HeldPlace::kKeep : without);
+    }
+}
+
+// Where no surface goes on a god object waits, and pulls aslant: that holds nothing, whichever way the HIP
+// went.
+TEST(HeldPlace, APlaceThatOnlyWaitsHoldsNothing) {
+  for (const double signed_distance : {-0.5, 0.5})
+    for (const double aslant : {0.1, 0.6}) {
+      const Vec3 normal = Vec3(std::sin(aslant), 0.0, std::cos(aslant));
+      const auto look = [&](const Vec3& place) -> Surroundings {
+        return {true, place == Vec3::Zero() ? signed_distance : -1.0, -normal};
+      };
+      const HeldPlace freed = signed_distance > 0.0 ? HeldPlace::kFree : HeldPlace::kMove;
+      EXPECT_EQ(judge_held_place(Vec3::Zero(), 3.0 * kUp, normal, 1.0, look),
+                aslant > 0.5 ? freed : HeldPlace::kKeep);
     }
 }
 

@@ -128,7 +128,7 @@ TEST(Holes, ThePlanKnowsThem) {
   EXPECT_NE(chosen.reason.find("without a point (5"), std::string::npos) << chosen.reason;
   EXPECT_NE(chosen.reason.find("the widest hole"), std::string::npos) << chosen.reason;
   const render::Decision other = choose_renderer(thin.input);
-  EXPECT_EQ(other.choice, "cloud");
+  EXPECT_EQ(other.choice, "cloud-smooth");
   EXPECT_NE(other.reason.find("one post in 16"), std::string::npos) << other.reason;
   // What the renderer would refuse, the plan refuses; bytes are those of posts, not of points.
   const auto planned = [](const render::Scene& scene, const std::string& renderer) {

@@ -11,6 +11,7 @@
 #include "toolkit/smooth/patch_field.h"
 #include "toolkit/smooth/patch_sides.h"
 #include "toolkit/smooth/point_patches.h"
+#include "toolkit/smooth/smooth_model.h"
 #include "toolkit/smooth/spline.h"
 #include "toolkit/smooth/tile_blend.h"
 
@@ -29,7 +30,7 @@ struct Prepared {
   [[nodiscard]] Vec3 place(std::size_t patch) const { return cloud->origin_mm + patches[patch].quadric.at; }
   [[nodiscard]] BrickGrid bricks(int threads) const {
     FieldBuild build;
-    build.voxel_mm = 1.75 * points.spacing_mm();
+    build.voxel_mm = SmoothBuild{}.voxel_spacings * points.spacing_mm();
     build.tolerance_mm = 0.05 * points.spacing_mm();
     return build_bricks(points, patches, piece, of_points, build, threads);
   }
@@ -151,7 +152,7 @@ TEST(PatchField, HasAValueAtACentreOfCurvatureAndFarOff) {
 // Where patches agree their mean is what the points around a node tell of it, too.
 TEST(TileBlend, IsTheFieldWherePatchesAgree) {
   const Prepared made(sphere_points(12.0, 40000, 10));
-  const double voxel = 1.75 * made.points.spacing_mm();
+  const double voxel = SmoothBuild{}.voxel_spacings * made.points.spacing_mm();
   std::vector<std::uint32_t> all;
   const Vec3 middle(12.0, 0.0, 0.0);
   for (std::uint32_t i = 0; i < made.patches.size(); ++i)
@@ -174,7 +175,7 @@ TEST(TileBlend, DoesNotBlendTwoFaces) {
   for (std::uint32_t i = 0; i < all.size(); ++i) all[i] = i;
   Tile tile;
   EXPECT_FALSE(blend_tile(made.patches, all, Vec3(6.0, 0.0, 6.0) - made.cloud->origin_mm,
-                          1.75 * made.points.spacing_mm(), 0.02, tile));
+                          SmoothBuild{}.voxel_spacings * made.points.spacing_mm(), 0.02, tile));
   EXPECT_FALSE(blend_tile(made.patches, {}, Vec3::Zero(), 1.0, 0.02, tile));
 }
 
