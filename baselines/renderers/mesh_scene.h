@@ -16,8 +16,8 @@ namespace palpate::baselines {
 
 /// A mesh renderer of one kind of probe (see mesh_slot.h).
 template <class Probe>
-class MeshScene final : public render::BoxedShellRenderer<MeshSlot<Probe>>, public MeshHolder {
-  using Shell = render::BoxedShellRenderer<MeshSlot<Probe>>;
+class MeshScene final : public render::ShellRenderer<MeshSlot<Probe>>, public MeshHolder {
+  using Shell = render::ShellRenderer<MeshSlot<Probe>>;
   using Shell::models_;
 
  public:

@@ -7,8 +7,8 @@
 #include <system_error>
 #include <utility>
 
-#include "device/falcon/sha256.h"
 #include "toolkit/core/input_file.h"
+#include "toolkit/core/sha256.h"
 #include "toolkit/core/try.h"
 
 namespace palpate::device {
@@ -133,7 +133,7 @@ Result<FalconFirmware> check_falcon_firmware(std::vector<std::uint8_t> bytes) {
   if (image.entry > kMostAddress)
     return no_image("its entry is an address that the processor does not have,", kKeyBytes + kReservedBytes);
   PALPATE_TRY(walk_blocks(reader, image));
-  image.sha256 = sha256_hex(bytes);
+  image.sha256 = sha256_of(std::as_bytes(std::span(bytes)));
   const std::size_t rank = rank_of(image.sha256);
   image.name = rank < kKnown.size() ? kKnown[rank].name : "unknown image";
   image.bytes = std::move(bytes);

@@ -3,7 +3,6 @@
 //
 //   felt_surface [--sets a,b] [--renderers list] [--frames N] [--closed-paths N] [--quick] [--threads N]
 //                [--seed N] [--where N] [--prepare-limit-s S] [--json FILE] [--commit ID] [--list]
-//   felt_surface --ablate [--sets a,b] [--quick] [--json FILE] ..: cloud with each step left out
 //   felt_surface --slice FILE.svg [--sets edge|hole|thin|noise] [--renderers list]
 //
 // A set is a name of --list, or a generator with its options; --seed has other points and paths by chance
@@ -21,7 +20,6 @@
 #include <vector>
 
 #include "baselines/register.h"
-#include "experiments/benchmarks/felt_surface/ablation.h"
 #include "experiments/benchmarks/felt_surface/slice.h"
 #include "experiments/benchmarks/felt_surface/trial.h"
 #include "toolkit/core/atomic_file.h"
@@ -43,7 +41,7 @@ struct Arguments {
   std::vector<Tried> renderers;
   std::size_t frames = 0;  ///< 0: as usual
   std::uint64_t seed = 0;
-  bool quick = false, list = false, ablate = false;
+  bool quick = false, list = false;
   std::string json, slice, commit = "not noted", started_utc;
   TrialOptions trial;
 };
@@ -191,10 +189,6 @@ nlohmann::ordered_json json_of(const Row& row) {
       arguments.quick = true;
       continue;
     }
-    if (key == "--ablate") {
-      arguments.ablate = true;
-      continue;
-    }
     if (key == "--list") {
       arguments.list = true;
       continue;
@@ -231,17 +225,10 @@ nlohmann::ordered_json json_of(const Row& row) {
       return Error{key + " is not known", "see the head of felt_surface.cpp", {}, 0};
     }
   }
-  if (renderers.empty())
-    renderers =
-        arguments.ablate ? ablated_renderers() : "cloud,mesh-godobject:mesh=advancing-front,mls-proxy";
+  if (renderers.empty()) renderers = "cloud,mesh-godobject:mesh=advancing-front,mls-proxy";
   PALPATE_ASSIGN(arguments.renderers, read_tried(renderers));
   if (arguments.frames == 0) arguments.frames = arguments.quick ? kQuickFrames : kFrames;
   if (!arguments.slice.empty()) return Done{};
-  if (arguments.ablate) {
-    arguments.trial.loops = 0;
-    arguments.trial.timed_passes = 1;
-    if (arguments.sets.empty()) arguments.sets = ablation_sets();
-  }
   if (arguments.sets.empty())
     for (const DataSet& set : data_sets()) arguments.sets.push_back(set.name);
   for (const std::string& name : arguments.sets)
@@ -259,7 +246,6 @@ int run(Arguments& arguments) {
   render::Registry registry;
   render::register_toolkit_renderers(registry);
   baselines::register_baseline_renderers(registry);
-  add_ablations(registry);
   if (!arguments.slice.empty()) {
     const std::string name = arguments.sets.empty() ? "edge" : arguments.sets.front();
     const Status drawn = draw_slice(name, arguments.renderers, registry, arguments.slice);

@@ -33,9 +33,8 @@ constexpr const char* kShownRun = "one-run.json";
 struct Shown {
   const char *written, *shown, *picture;
 };
-constexpr std::array<Shown, 3> kTrials = {{{"felt_surface.json", "surface.json", nullptr},
-                                           {"ablation.json", "ablation.json", nullptr},
-                                           {"stress.json", "stress.json", "stress.svg"}}};
+constexpr std::array<Shown, 2> kTrials = {
+    {{"felt_surface.json", "surface.json", nullptr}, {"stress.json", "stress.json", "stress.svg"}}};
 
 Status take_picture(const ReportArguments& arguments, const char* picture) {
   const std::filesystem::path from = std::filesystem::path(arguments.folder) / picture,

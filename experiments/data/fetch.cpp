@@ -7,12 +7,12 @@
 #include <limits>
 #include <optional>
 
-#include "experiments/data/sha256.h"
 #include "toolkit/core/atomic_file.h"
 #include "toolkit/core/input_file.h"
 #include "toolkit/core/locked_file.h"
 #include "toolkit/core/options.h"
 #include "toolkit/core/process.h"
+#include "toolkit/core/sha256.h"
 #include "toolkit/core/try.h"
 #include "toolkit/io/text.h"
 

@@ -69,30 +69,6 @@ TEST_F(FeltSurface, ScoresAndSaysWhyNot) {
   EXPECT_NE(done.out.find("failed: "), std::string::npos);
 }
 
-// Each step that is left out is a row, and those that such points need are missed.
-TEST_F(FeltSurface, LeavesStepsOut) {
-  const std::string file = (folder_ / "ablation.json").string();
-  std::map<std::string, double> rms, free_force;
-  const auto read = [&](const ProcessOutcome& done) {
-    EXPECT_EQ(done.exit_code, 0) << done.err;
-    const auto document = nlohmann::json::parse(text_of(file));
-    for (const auto& row : document["rows"]) {
-      EXPECT_EQ(row["status"], "ok") << row["label"];
-      rms[row["label"]] = row["force_rms_percent"];
-      free_force[row["label"]] = row["free_force_n"];
-    }
-    return document["renderers"].size();
-  };
-  EXPECT_EQ(read(run({"--ablate", "--quick", "--sets", "c5k", "--frames", "500", "--json", file})), 11u);
-  EXPECT_EQ(rms.size(), 11u);
-  EXPECT_NEAR(rms["c5k/cloud-plain"], rms["c5k/cloud"], 0.1);
-  EXPECT_LT(rms["c5k/cloud-refined"], 0.7 * rms["c5k/cloud"]);
-  // A mouth is open only where borders are known.
-  read(run({"--quick", "--sets", "mouth", "--closed-paths", "0", "--json", file, "--renderers",
-            "cloud,cloud-without-borders"}));
-  EXPECT_GT(free_force["mouth/cloud-without-borders"], 4.0 * free_force["mouth/cloud"]);
-}
-
 // Any generator is a set, a seed gives it other points and another path, and the worst places are told.
 TEST_F(FeltSurface, TakesOtherSeedsAndSaysWhereItErrs) {
   const auto told = [&](const std::string& seed) {

@@ -7,18 +7,16 @@
 #include <atomic>
 #include <functional>
 
-#include "experiments/data/sha256.h"
 #include "tests/experiments/loopback_server.h"
 #include "tests/experiments/program.h"
 #include "toolkit/core/process.h"
+#include "toolkit/core/sha256.h"
 
 namespace palpate::experiments {
 namespace {
 
 std::string sha256_of(const std::string& text) {
-  Sha256 hash;
-  hash.bytes(std::as_bytes(std::span(text.data(), text.size())));
-  return hash.finish();
+  return palpate::sha256_of(std::as_bytes(std::span(text)));
 }
 
 // FIPS 180-4, and NIST's long message of a million letters.

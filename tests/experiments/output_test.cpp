@@ -208,9 +208,10 @@ TEST_F(Output, ASessionInContactOutlivesItsTerminal) {
   for (const char* const streams :
        {"2>&-", "2>/dev/full", "0<&- 2>&-", "1>&- 2>&-", "1>/dev/full 2>/dev/full"}) {
     const std::string out = in("live" + std::to_string(number++));
-    const int status = status_with({"live", kOutputScene, "--device", "sim", "--headless", "--seconds", "2",
-                                    "--renderers", "cloud,analytic", "--switch-every", "1", "--out", out},
-                                   streams);
+    const int status =
+        status_with({"live", kOutputScene, "--device", "sim", "--headless", "--seconds", "2", "--renderers",
+                     "cloud,analytic", "--switch-every", "1", "--accelerated", "--out", out},
+                    streams);
     EXPECT_EQ(status, std::string(streams).find("1>") == std::string::npos ? 0 : 1) << streams;
     const json live = json::parse(file_text(out + "/live.json"), nullptr, false);
     ASSERT_FALSE(live.is_discarded()) << streams;

@@ -245,7 +245,7 @@ class FrameShell {
   /// frame, so that a model that moves on to a resting HIP meets it.
   template <unsigned kFeatures>
   void many(const Vec3& hip_mm, Frame& frame) noexcept {
-    if (!choose(hip_mm)) frame.status = FrameStatus::kBoundHit;
+    choose(hip_mm);
     for (const std::uint32_t index : looked_at()) {
       models_[index]->pose().take(time_.now_s());
       touched_[index] = 0;
@@ -265,14 +265,12 @@ class FrameShell {
           near_.keep_near(static_cast<std::uint32_t>(touch.model));
   }
 
-  [[nodiscard]] bool choose([[maybe_unused]] const Vec3& hip_mm) noexcept {
+  void choose([[maybe_unused]] const Vec3& hip_mm) noexcept {
     if constexpr (kBoxed)
-      return near_.choose(
+      near_.choose(
           hip_mm, time_.now_s(),
           [this](std::uint32_t i, const Vec3& hip, double t_s) noexcept { enter(i, hip, t_s); },
           [this](std::uint32_t i) noexcept { return models_[i]->touching(); });
-    else
-      return true;
   }
   [[nodiscard]] std::span<const std::uint32_t> looked_at() const noexcept {
     if constexpr (kBoxed)

@@ -50,14 +50,14 @@ struct PoseState {
 /// What was worked out from a pose holds only as long as its count.
 using CourseCount = std::atomic<std::uint64_t>;
 
-/// Where the simulation puts the poses of one model. One thread writes; one thread runs frames, one the slow
-/// phase (they may be the same).
+/// Where the simulation puts the poses of one model. One thread writes; one thread runs frames
+/// (they may be the same).
 class MovingModel {
  public:
   /// `courses`: shared by models that move together, never null.
   explicit MovingModel(const PoseState& start,
                        std::shared_ptr<CourseCount> courses = std::make_shared<CourseCount>(0))
-      : frames_(start), slow_(start), last_(start), courses_(std::move(courses)) {}
+      : frames_(start), last_(start), courses_(std::move(courses)) {}
   /// Writer. Wait-free. The count rises first: who reads it after an old pose sees that it is old.
   void publish(PoseState state) noexcept {
     const bool goes_on = continues(last_, state);
@@ -66,17 +66,11 @@ class MovingModel {
     last_ = state;
     if (!goes_on) courses_->fetch_add(1, std::memory_order_release);
     frames_.publish(state);
-    slow_.publish(state);
   }
   /// The frame thread: the newest pose. Wait-free.
   [[nodiscard]] const PoseState& newest() noexcept {
     (void)frames_.acquire();
     return frames_.front();
-  }
-  /// The slow phase's thread.
-  [[nodiscard]] const PoseState& newest_for_slow_phase() noexcept {
-    (void)slow_.acquire();
-    return slow_.front();
   }
   [[nodiscard]] const std::shared_ptr<CourseCount>& courses() const noexcept { return courses_; }
 
@@ -85,7 +79,6 @@ class MovingModel {
   [[nodiscard]] static bool continues(const PoseState& before, const PoseState& now) noexcept;
 
   Handover<PoseState> frames_;
-  Handover<PoseState> slow_;
   PoseState last_;  ///< the writer's
   std::shared_ptr<CourseCount> courses_;
 };

@@ -1,4 +1,4 @@
-// Which of a scene's models a frame looks at: those that the slow broad phase names near the HIP, those that
+// Which of a scene's models a frame looks at: those that the broad phase names near the HIP, those that
 // are touched, and those that do not keep to the box that it knows.
 #pragma once
 
@@ -6,7 +6,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <numeric>
 #include <span>
 #include <utility>
 #include <vector>
@@ -18,8 +17,7 @@ namespace palpate::render {
 /// An answer of the broad phase holds for so long where models move: 50 times a second it is asked again.
 inline constexpr double kHorizonS = 0.02;
 
-/// Only build() allocates. choose() and models() belong to the thread of the frames, slow_phase() to its own
-/// where it is run elsewhere (see SlowPhase).
+/// Only build() allocates. Belongs to the thread of the frames.
 class NearModels {
  public:
   void build(std::vector<ModelBox> boxes) {
@@ -62,34 +60,17 @@ class NearModels {
   /// The HIP goes on from `hip_mm`; every model's contact has been told so.
   void let_go(const Vec3& hip_mm) noexcept { previous_ = hip_mm; }
 
-  void run_elsewhere() noexcept { elsewhere_ = boxes_ != nullptr; }
-  void slow_phase(double t_s, const Vec3& from_mm, const Vec3& to_mm) noexcept {
-    if (boxes_ != nullptr) boxes_->run(t_s, from_mm, to_mm);
-  }
-
   /// Before a frame at `hip_mm`. enter(i, hip, t): model i comes near, and was clear of the HIP up to there
-  /// and then; touching(i): it is in contact, and stays however far the HIP has gone through it. False where
-  /// the broad phase is run elsewhere and was too late: all models are listed. Otherwise O(log n + models
-  /// listed): of a HIP that jumps, those on its way.
+  /// and then; touching(i): it is in contact, and stays however far the HIP has gone through it. O(log n +
+  /// models listed): of a HIP that jumps, those on its way.
   template <class Enter, class Touching>
-  [[nodiscard]] bool choose(const Vec3& hip_mm, double now_s, Enter&& enter, Touching&& touching) noexcept {
-    const NearbyModels* near = &boxes_->newest();
+  void choose(const Vec3& hip_mm, double now_s, Enter&& enter, Touching&& touching) noexcept {
+    const NearbyModels& near = boxes_->newest();
     // A model that took another course since may be anywhere near the HIP: the answer is dropped.
-    const std::uint64_t courses = boxes_->courses();
-    if (elsewhere_ && near->number != taken_ && near->courses == courses && near->covers(previous_, now_s))
-      take_answer(*near, enter, touching);
-    const auto covered = [&] {
-      return !once_ && near->number == taken_ && near->courses == courses && near->covers(previous_, now_s) &&
-             near->covers(hip_mm, now_s);
-    };
-    if (covered()) return true;
-    if (elsewhere_) {  // too late: nothing may be missed
-      name_all();
-      list(met_, enter, touching);
-      return false;
-    }
+    if (!once_ && near.courses == boxes_->courses() && near.covers(previous_, now_s) &&
+        near.covers(hip_mm, now_s))
+      return;
     ask(previous_, hip_mm, now_s, enter, touching);
-    return true;
   }
   [[nodiscard]] std::span<const std::uint32_t> models() const noexcept { return near_; }
   /// After the frame.
@@ -99,7 +80,7 @@ class NearModels {
   }
 
  private:
-  /// This thread asks. What lay along a jump is no neighbour afterwards, and the box around it holds models
+  /// What lay along a jump is no neighbour afterwards, and the box around it holds models
   /// that are nowhere near: of a jump those on the way are listed, for this one frame.
   template <class Enter, class Touching>
   void ask(const Vec3& from_mm, const Vec3& to_mm, double now_s, Enter&& enter,
@@ -114,24 +95,15 @@ class NearModels {
     boxes_->run(now_s, from_mm, to_mm);
     take_answer(boxes_->newest(), enter, touching);
   }
-  /// Takes over an answer of the broad phase. Of too many models the boxes tell, where they are this
-  /// thread's.
+  /// Takes over an answer of the broad phase. Of too many models the boxes tell.
   template <class Enter, class Touching>
   void take_answer(const NearbyModels& found, Enter&& enter, Touching&& touching) noexcept {
-    taken_ = found.number;
     if (!found.too_many) {
       list({found.model.data(), found.count}, enter, touching);
       return;
     }
-    if (elsewhere_)
-      name_all();
-    else
-      boxes_->within(found.valid, met_);
+    boxes_->within(found.valid, met_);
     list(met_, enter, touching);
-  }
-  void name_all() noexcept {
-    met_.resize(listed_.size());
-    std::iota(met_.begin(), met_.end(), std::uint32_t{0});
   }
   template <class Enter, class Touching>
   void list(std::span<const std::uint32_t> named, Enter&& enter, Touching&& touching) noexcept {
@@ -156,10 +128,8 @@ class NearModels {
   std::vector<std::uint64_t> listed_;         ///< the last answer of the broad phase that named a model
   std::vector<std::uint32_t> always_;         ///< models near wherever the HIP is; room for all
   std::size_t built_always_ = 0;              ///< so many of them from the start
-  std::uint64_t taken_ = 0;                   ///< the answer of the broad phase that near_ is
   std::uint64_t lists_ = 1;                   ///< answers of the broad phase taken over, 1 = none
   bool once_ = false;                         ///< near_ is good for the frame it was made for alone
-  bool elsewhere_ = false;                    ///< somebody else runs the broad phase
   Vec3 previous_ = Vec3::Zero();              ///< the HIP of the last frame, world
   double previous_s_ = 0.0;
 };

@@ -38,7 +38,7 @@ SceneBoxes::SceneBoxes(std::vector<ModelBox> models, double horizon_s)
 /// Where the model can be from now to the horizon.
 geometry::Aabb SceneBoxes::box_of(const ModelBox& model) const noexcept {
   if (model.motion == nullptr) return around(model.local_mm, model.world_from_model);
-  const PoseState& pose = model.motion->newest_for_slow_phase();
+  const PoseState& pose = model.motion->newest();
   geometry::Aabb box = around(model.local_mm, pose.at(t_s_));
   const geometry::RigidTransform later = pose.at(t_s_ + horizon_s_);
   box.add(around(model.local_mm, later));
@@ -65,16 +65,13 @@ void SceneBoxes::run(double t_s, const Vec3& from_mm, const Vec3& to_mm) noexcep
   region = region.grown(margin_mm_);
   std::array<geometry::BoxHit, kMaxNearbyModels> hits;
   const geometry::BoxQuery query = phase_.query(region, hits);
-  NearbyModels& found = handover_.back();
-  found.number = ++answers_;
-  found.valid = region;
-  found.courses = before;
-  found.until_s = moves_ ? t_s + horizon_s_ : HUGE_VAL;
-  found.count = query.hits;
-  found.too_many = query.left_out > 0;
-  for (std::uint32_t i = 0; i < query.hits; ++i) found.model[i] = hits[i].item;
-  std::sort(found.model.begin(), found.model.begin() + found.count);
-  handover_.publish();
+  found_.valid = region;
+  found_.courses = before;
+  found_.until_s = moves_ ? t_s + horizon_s_ : HUGE_VAL;
+  found_.count = query.hits;
+  found_.too_many = query.left_out > 0;
+  for (std::uint32_t i = 0; i < query.hits; ++i) found_.model[i] = hits[i].item;
+  std::sort(found_.model.begin(), found_.model.begin() + found_.count);
 }
 
 std::size_t SceneBoxes::bytes() const noexcept {

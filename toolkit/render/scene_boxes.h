@@ -1,5 +1,5 @@
-// The slow broad phase: which models of a scene the HIP may meet until it is asked again (the structure of
-// reference [77]: a slow thread finds candidates, the fast one looks at these alone).
+// The broad phase: which models of a scene the HIP may meet until it is asked again (the structure of
+// reference [77]: candidates are found now and then, a frame looks at these alone).
 #pragma once
 
 #include <array>
@@ -7,7 +7,6 @@
 #include <memory>
 #include <vector>
 
-#include "toolkit/core/handover.h"
 #include "toolkit/geometry/aabb.h"
 #include "toolkit/geometry/broad_phase.h"
 #include "toolkit/render/motion.h"
@@ -20,7 +19,6 @@ inline constexpr std::size_t kMaxNearbyModels = 32;
 /// The models whose boxes meet `valid` at any time up to `until_s`: while the HIP stays inside and no model
 /// takes another course, no other can be touched.
 struct NearbyModels {
-  std::uint64_t number = 0;  ///< of the answer, rising
   std::array<std::uint32_t, kMaxNearbyModels> model{};
   std::uint32_t count = 0;
   bool too_many = false;
@@ -40,22 +38,19 @@ struct ModelBox {
   std::shared_ptr<MovingModel> motion;  ///< or null
 };
 
-/// One thread runs run(), one reads candidates(); both may be the same.
+/// Belongs to one thread.
 class SceneBoxes {
  public:
   /// `horizon_s`: how long an answer holds where models move; to be asked at least so often.
   SceneBoxes(std::vector<ModelBox> models, double horizon_s);
 
-  /// Looks around the way from `from_mm` to `to_mm` and hands the result over without a lock. O(log n +
+  /// Looks around the way from `from_mm` to `to_mm`. O(log n +
   /// candidates) where nothing moves, O(n) where anything does. Allocates nothing.
   void run(double t_s, const Vec3& from_mm, const Vec3& to_mm) noexcept;
-  /// The reader's newest list, and the one fetched last.
-  [[nodiscard]] const NearbyModels& newest() noexcept {
-    (void)handover_.acquire();
-    return handover_.front();
-  }
+  /// What the last run() found.
+  [[nodiscard]] const NearbyModels& newest() const noexcept { return found_; }
   /// The models that a HIP on that way comes near, at the time of the last run() or move_to(), or those of a
-  /// region: any number of them, rising. `out` must have room for all models. For the thread that runs run().
+  /// region: any number of them, rising. `out` must have room for all models.
   void on_way(const Vec3& from_mm, const Vec3& to_mm, std::vector<std::uint32_t>& out) const noexcept {
     phase_.on_way(from_mm, to_mm, margin_mm_, out);
   }
@@ -86,10 +81,9 @@ class SceneBoxes {
   double margin_mm_ = 0.0;  ///< how far around the HIP a list reaches
   bool moves_ = false;
   double t_s_ = 0.0;
-  std::uint64_t answers_ = 0;
   std::vector<geometry::Aabb> boxes_;
   geometry::BroadPhase phase_;
-  Handover<NearbyModels> handover_;
+  NearbyModels found_;
 };
 
 }  // namespace palpate::render

@@ -9,7 +9,6 @@
 #include "toolkit/render/frame_shell.h"
 #include "toolkit/render/model_store.h"
 #include "toolkit/render/renderer.h"
-#include "toolkit/render/slow_phase.h"
 
 namespace palpate::render {
 
@@ -66,19 +65,6 @@ class ShellRenderer : public HapticRenderer {
 
  private:
   static Error no_model() { return {"the scene has no model", "add a [[model]]", {}, 0}; }
-};
-
-/// The same for models with a box, which are looked for in a slow phase.
-template <LocalModel Model>
-class BoxedShellRenderer : public ShellRenderer<Model>, public SlowPhase {
- public:
-  void run_slow_phase_elsewhere() noexcept final { this->models_.near().run_elsewhere(); }
-  void slow_phase(double t_s, const Vec3& from_mm, const Vec3& to_mm) noexcept final {
-    this->models_.near().slow_phase(t_s, from_mm, to_mm);
-  }
-
- protected:
-  using ShellRenderer<Model>::ShellRenderer;
 };
 
 }  // namespace palpate::render

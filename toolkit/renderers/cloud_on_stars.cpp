@@ -33,11 +33,9 @@ double share(std::uint64_t part, std::uint64_t all) noexcept {
 
 class CloudOnStars final : public EditableShellRenderer<StarModel> {
  public:
-  CloudOnStars(const Options& options, const stars::StarsWithout& without)
-      : EditableShellRenderer(options), without_(without) {
-    without_.enclosure = without_.enclosure || options.text("sides") == "both";
-    without_.raster = without_.raster || options.text("raster") == "off";
-  }
+  explicit CloudOnStars(const Options& options)
+      : EditableShellRenderer(options),
+        asked_{options.text("sides") == "both", options.text("raster") != "off"} {}
 
   Description describe() const override {
     return {
@@ -89,7 +87,7 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
     const int levels = levels_of(input);
     const double places = n * std::pow(4.0, levels);
     out.bytes = static_cast<std::uint64_t>(kStarBytesPerPoint * places);
-    const bool is_raster = input.cloud->raster.has_value() && !without_.raster;
+    const bool is_raster = input.cloud->raster.has_value() && asked_.raster;
     if (is_raster)
       out.decisions.push_back(
           {"raster", "read", "triangles lie between its rows and columns, where these are a surface"});
@@ -142,21 +140,20 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
   Status prepare_geometry(const ModelInput& input, const PrepareContext& context, StarModel& made,
                           std::shared_ptr<StarGeometry>& own, PrepareReport& report) const {
     if (is_moving(input)) {
-      made.geometry = made.moving = build_geometry(*input.cloud, 0, true, false, without_, context, report);
+      made.geometry = made.moving = build_geometry(*input.cloud, 0, true, false, context, report);
       return Done{};
     }
     const int levels = levels_of(input);
     const bool varied = varies(input.surface);
     Result<std::shared_ptr<const StarGeometry>> geometry = held_or_made<StarGeometry>(
-        without_ == stars::StarsWithout{} ? context : PrepareContext{context.threads, context.progress},
-        report,
+        context, report,
         [&] {
-          return fmt::format("stars {:016x} {} {} {}", cloud::content_hash(*input.cloud), input.cloud->size(),
-                             varied, levels);
+          return fmt::format("stars {:016x} {} {} {} {} {}", cloud::content_hash(*input.cloud),
+                             input.cloud->size(), varied, levels, asked_.both_sides, asked_.raster);
         },
         [&](PrepareReport& to) -> Result<std::shared_ptr<const StarGeometry>> {
           std::shared_ptr<StarGeometry> built =
-              build_geometry(*input.cloud, levels, varied, true, without_, context, to);
+              build_geometry(*input.cloud, levels, varied, true, context, to);
           if (context.store == nullptr) own = built;
           return std::shared_ptr<const StarGeometry>(std::move(built));
         });
@@ -165,9 +162,9 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
     return Done{};
   }
 
-  static std::shared_ptr<StarGeometry> build_geometry(const cloud::Cloud& cloud, int levels, bool keep_order,
-                                                      bool with_tree, const stars::StarsWithout& without,
-                                                      const PrepareContext& context, PrepareReport& report) {
+  std::shared_ptr<StarGeometry> build_geometry(const cloud::Cloud& cloud, int levels, bool keep_order,
+                                               bool with_tree, const PrepareContext& context,
+                                               PrepareReport& report) const {
     auto made = std::make_shared<StarGeometry>();
     PreparePhases phases(report, context);
     bool running = false;
@@ -176,7 +173,7 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
       phases.begin(std::string(step));
       running = true;
     };
-    made->mesh = stars::StarMesh::build(cloud, context.threads, on_step, without);
+    made->mesh = stars::StarMesh::build(cloud, context.threads, on_step, asked_);
     phases.end();
     if (levels > 0) {
       phases.begin("refine");
@@ -259,14 +256,13 @@ class CloudOnStars final : public EditableShellRenderer<StarModel> {
           fmt::format("stiffness blended over {:.3g} mm: {} points made softer", blend_mm, softer));
   }
 
-  stars::StarsWithout without_;
+  stars::StarBuild asked_;
 };
 
 }  // namespace
 
-std::unique_ptr<HapticRenderer> make_cloud_on_stars(const Options& options,
-                                                    const stars::StarsWithout& without) {
-  return std::make_unique<CloudOnStars>(options, without);
+std::unique_ptr<HapticRenderer> make_cloud_on_stars(const Options& options) {
+  return std::make_unique<CloudOnStars>(options);
 }
 
 }  // namespace palpate::render

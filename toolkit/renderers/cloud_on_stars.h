@@ -5,15 +5,13 @@
 
 #include "toolkit/render/capabilities.h"
 #include "toolkit/render/renderer.h"
-#include "toolkit/stars/stars_without.h"
 
 namespace palpate::render {
 
 inline constexpr Features kFeltOnStars =
     kAllOfRigidSurfaces | Feature::kDent | Feature::kMovedPoints | Feature::kJointContact;
 
-/// Editable and SlowPhase too. `options`: complete, as of cloud_info(). `without`: for ablation.
-[[nodiscard]] std::unique_ptr<HapticRenderer> make_cloud_on_stars(const Options& options,
-                                                                  const stars::StarsWithout& without = {});
+/// Editable too. `options`: complete, as of cloud_info().
+[[nodiscard]] std::unique_ptr<HapticRenderer> make_cloud_on_stars(const Options& options);
 
 }  // namespace palpate::render

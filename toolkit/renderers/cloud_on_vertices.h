@@ -12,7 +12,7 @@ namespace palpate::render {
 inline constexpr Features kFeltOnVertices =
     kAllOfRigidSurfaces | Feature::kDent | Feature::kMovedPoints | Feature::kJointContact;
 
-/// Editable and SlowPhase too. `options`: complete, as of cloud_info().
+/// Editable too. `options`: complete, as of cloud_info().
 [[nodiscard]] std::unique_ptr<HapticRenderer> make_cloud_on_vertices(const Options& options);
 
 }  // namespace palpate::render

@@ -105,13 +105,13 @@ class SmoothModel {
   SurfaceState state_;
 };
 
-class CloudSmooth final : public BoxedShellRenderer<SmoothModel> {
+class CloudSmooth final : public ShellRenderer<SmoothModel> {
  public:
   static constexpr Features kFelt = kAllOfRigidSurfaces | Feature::kJointContact;
   // Measured, what to expect (see kExpectedOn): a torus of a million points at random.
   static constexpr double kFrameUs = 0.25, kMsPerMillion = 2300.0;
 
-  explicit CloudSmooth(const Options& options) : BoxedShellRenderer(options) {}
+  explicit CloudSmooth(const Options& options) : ShellRenderer(options) {}
 
   Description describe() const override {
     return {"cloud-smooth", "a smooth surface near the points, through their noise",

@@ -15,7 +15,7 @@ namespace palpate::render {
 /// Model: GivingWay giving; put_back(counters, change) changes the points by change(told), told(place, from,
 /// to) telling the contact.
 template <LocalModel Model>
-class EditableShellRenderer : public BoxedShellRenderer<Model>, public Editable {
+class EditableShellRenderer : public ShellRenderer<Model>, public Editable {
  public:
   bool undo(std::size_t model) noexcept override {
     Deformer* const deformer = deformer_of(model);
@@ -44,7 +44,7 @@ class EditableShellRenderer : public BoxedShellRenderer<Model>, public Editable 
   }
 
  protected:
-  using BoxedShellRenderer<Model>::BoxedShellRenderer;
+  using ShellRenderer<Model>::ShellRenderer;
 
   static void say_giving_way(const char* how, const DeformerRoom& room, ModelDecisions& out) {
     out.decisions.push_back({"deformable geometry", how,

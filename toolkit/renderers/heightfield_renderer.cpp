@@ -328,13 +328,13 @@ class HeightFieldSurface {
   SheetSide side_ = SheetSide::kNowhere;  ///< of tested_to_
 };
 
-class HeightFieldRenderer final : public BoxedShellRenderer<HeightFieldSurface> {
+class HeightFieldRenderer final : public ShellRenderer<HeightFieldSurface> {
  public:
   static constexpr Features kFelt = kAllOfRigidSurfaces | Feature::kJointContact;
   // Measured, what to expect (see kExpectedOn): bench_frame at 1,002,001 posts, and table 12 of reproduce.
   static constexpr double kFrameUs = 0.10, kMsPerMillion = 45.0;
 
-  explicit HeightFieldRenderer(const Options& options) : BoxedShellRenderer(options) {}
+  explicit HeightFieldRenderer(const Options& options) : ShellRenderer(options) {}
 
   Description describe() const override {
     return {

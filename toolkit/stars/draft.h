@@ -12,7 +12,6 @@
 #include "toolkit/core/vec.h"
 #include "toolkit/stars/flat_cell.h"
 #include "toolkit/stars/places.h"
-#include "toolkit/stars/stars_without.h"
 
 #if defined(__SSE2__)
 #include <emmintrin.h>
@@ -89,7 +88,7 @@ struct alignas(64) Star {
 
 struct Draft {
   int threads = 0;
-  StarsWithout without;
+  bool both_sides = false;  ///< see StarBuild
   /// With, as weight, what settles lattices: see find_near.cpp.
   UnsetVector<Placed> point;
   UnsetVector<Near> near;              ///< nearest first, unused places the point's own index
@@ -130,11 +129,6 @@ void mend_stars(Draft& draft);
 /// A triangle's circle may be so many times as wide as that ball: of random points one circle of a million
 /// is 2.4 mean spacings in radius, the ball 2.3.
 inline constexpr double kReachPerBall = 1.5;
-/// Without borders: as far as a model of a few thousand points goes.
-inline constexpr double kNoReachPerBall = 64.0;
-[[nodiscard]] inline double reach_per_ball(const Draft& draft) noexcept {
-  return draft.without.borders ? kNoReachPerBall : kReachPerBall;
-}
 
 /// How a point's surroundings are laid out.
 struct Layout {

@@ -126,10 +126,6 @@ class Filler {
 
   FillReport run() {
     FillReport report;
-    if (draft_.without.filling) {
-      write_stars();
-      return report;
-    }
     report.voted = take_voted();
     report.filled = fill_loops(true);
     report.filled += fill_loops(false);
@@ -289,9 +285,7 @@ class Filler {
     while (at != start) {
       rough += draft_.rough[at];
       // Half of its points in noise: it is a hole in noise.
-      const std::size_t most = draft_.without.borders    ? draft_.size()
-                               : 2 * rough > loop.size() ? kMaxRoughLoop
-                                                         : kMaxLoop;
+      const std::size_t most = 2 * rough > loop.size() ? kMaxRoughLoop : kMaxLoop;
       if (loop.size() >= most) {
         if (!any_rough_)
           for (const std::uint32_t i : loop) long_loop[link_of_[i]] = 1;
@@ -322,7 +316,7 @@ class Filler {
     return filled;
   }
   [[nodiscard]] double reach_sq(std::uint32_t i) const noexcept {
-    return reach_per_ball(draft_) * reach_per_ball(draft_) * ball_sq(draft_, i);
+    return kReachPerBall * kReachPerBall * ball_sq(draft_, i);
   }
   /// Ears of the loop, the roundest first.
   std::size_t fill(std::vector<std::uint32_t> loop, bool flat) {

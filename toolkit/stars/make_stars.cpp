@@ -162,7 +162,7 @@ class LayingOut {
         point_(point),
         flat_(draft, point, layout),
         around_sq_(ball_sq(draft, point)),
-        reach_(reach_per_ball(draft) * std::sqrt(around_sq_)),
+        reach_(kReachPerBall * std::sqrt(around_sq_)),
         begun_(reach_ > 0.0 && layout.normal != Vec3::Zero()) {}
 
   [[nodiscard]] bool has_begun() const noexcept { return begun_; }
@@ -192,13 +192,12 @@ class LayingOut {
 
 /// The first star of each of up to four points.
 void lay_out_four(Draft& draft, std::span<const std::uint32_t> points) noexcept {
-  const bool apart = !draft.without.crossings;
   std::array<std::optional<LayingOut>, 4> making;
   std::array<FlatFrame, 4> frames;
   std::array<FlatCell, 4> cells;
   for (std::size_t k = 0; k < points.size(); ++k) {
     const std::uint32_t i = points[k];
-    making[k].emplace(draft, i, Layout{draft.normal[i].cast<double>(), kFirstSteepest, apart});
+    making[k].emplace(draft, i, Layout{draft.normal[i].cast<double>(), kFirstSteepest, true});
     making[k]->start(cells[k]);
     frames[k] = making[k]->frame();
   }

@@ -37,8 +37,7 @@ class Mender {
 
   void run() {
     doubtful_ = those_of_all([&](std::uint32_t i) { return is_doubtful(i); });
-    if (!draft_.without.flat && lay_out_rough())
-      doubtful_ = those_of_all([&](std::uint32_t i) { return is_doubtful(i); });
+    if (lay_out_rough()) doubtful_ = those_of_all([&](std::uint32_t i) { return is_doubtful(i); });
     for (const double steepest : kSteepest) {
       if (doubtful_.empty()) return;
       take_areas();

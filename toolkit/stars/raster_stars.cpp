@@ -170,7 +170,7 @@ RasterStars::Side RasterStars::side_of_whole(const Draft& draft) const {
   const bool is_closed = grid_.rows_wrap() && grid_.columns_wrap();
   Side side;
   side.enclosure = is_closed ? Enclosure::kWhole : Enclosure::kOpen;
-  if (!is_closed && draft.without.enclosure) return side;
+  if (!is_closed && draft.both_sides) return side;
   const std::size_t size = std::max<std::size_t>(kPointsPerPart, n / kMostRasterParts);
   std::vector<geometry::SurfacePart> parts((n + size - 1) / size);
   std::vector<double> volume(parts.size(), 0.0);

@@ -20,11 +20,11 @@ constexpr int kTornRounds = 3;
 
 class StarMeshBuilder {
  public:
-  StarMeshBuilder(const cloud::Cloud& cloud, int threads, const OnStep& on_step, const StarsWithout& without)
+  StarMeshBuilder(const cloud::Cloud& cloud, int threads, const OnStep& on_step, const StarBuild& asked)
       : threads_(threads), on_step_(on_step) {
     draft_.threads = threads;
-    draft_.without = without;
-    if (asks_raster(without)) {
+    draft_.both_sides = asked.both_sides;
+    if (asked.raster) {
       step("raster");
       raster_ = RasterStars::of(cloud, threads);
     }
@@ -49,12 +49,6 @@ class StarMeshBuilder {
   }
 
  private:
-  /// What each step of the making is worth is measured without a raster.
-  static bool asks_raster(const StarsWithout& without) noexcept {
-    StarsWithout others;
-    others.enclosure = without.enclosure;
-    return without == others;
-  }
   /// Every point's star, and where they agree.
   void make() {
     if (raster_) {
@@ -67,7 +61,7 @@ class StarMeshBuilder {
       make_stars(draft_);
     }
     step("mend");
-    if (!draft_.without.mending) mend_stars(draft_);
+    mend_stars(draft_);
   }
   /// What they do not agree on, and one side for each piece.
   void settle() {
@@ -93,7 +87,7 @@ class StarMeshBuilder {
     counts.filled = filled.filled;
     step("sides");
     pieces_ = turn_stars(draft_);
-    for (int round = 0; round < kTornRounds && !draft_.without.remaking; ++round) {
+    for (int round = 0; round < kTornRounds; ++round) {
       std::vector<std::array<std::uint32_t, 3>> wrong = overhanging(draft_);
       wrong.insert(wrong.end(), pieces_.torn.begin(), pieces_.torn.end());
       if (wrong.empty()) break;
@@ -166,8 +160,8 @@ class StarMeshBuilder {
 };
 
 StarMesh StarMesh::build(const cloud::Cloud& cloud, int threads, const OnStep& on_step,
-                         const StarsWithout& without) {
-  return StarMeshBuilder(cloud, threads, on_step, without).build();
+                         const StarBuild& asked) {
+  return StarMeshBuilder(cloud, threads, on_step, asked).build();
 }
 
 std::size_t StarMesh::bytes() const noexcept {

@@ -24,7 +24,6 @@
 #include "toolkit/core/vec.h"
 #include "toolkit/geometry/triangle_mesh.h"
 #include "toolkit/stars/float_box.h"
-#include "toolkit/stars/stars_without.h"
 
 namespace palpate::stars {
 
@@ -151,6 +150,12 @@ struct StarCounts {
 /// Called with the name of each step of a build before it begins.
 using OnStep = std::function<void(std::string_view)>;
 
+/// What a user may ask of a build.
+struct StarBuild {
+  bool both_sides = false;  ///< pieces with holes are felt from both sides, whatever they enclose
+  bool raster = true;       ///< stars are read from the rows and columns of a scan that has them
+};
+
 /// Immutable after build, but where its points move (MovingStars). Local coordinates, mm.
 class StarMesh {
  public:
@@ -158,7 +163,7 @@ class StarMesh {
   /// raster. From a raster without holes, jumps and folds the stars are read; with such, most of them. O(n)
   /// for clouds of bounded density variation.
   static StarMesh build(const cloud::Cloud& cloud, int threads, const OnStep& on_step = {},
-                        const StarsWithout& without = {});
+                        const StarBuild& asked = {});
 
   [[nodiscard]] std::uint32_t size() const noexcept { return static_cast<std::uint32_t>(places_.size()); }
   [[nodiscard]] const Vec3& origin_mm() const noexcept { return origin_mm_; }

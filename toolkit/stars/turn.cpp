@@ -115,7 +115,7 @@ class Turner {
     join_all();
     number_pieces();
     inward_.assign(pieces_.closed.size(), 0);
-    if (!draft_.without.enclosure) find_enclosing();
+    if (!draft_.both_sides) find_enclosing();
     turn_outward();
     return std::move(pieces_);
   }

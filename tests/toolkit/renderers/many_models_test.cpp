@@ -9,7 +9,6 @@
 #include "tests/toolkit/renderers/scenes.h"
 #include "toolkit/core/random.h"
 #include "toolkit/render/joint_contact.h"
-#include "toolkit/render/slow_phase.h"
 
 namespace palpate::render {
 namespace {
@@ -219,40 +218,6 @@ TEST(ManyModels, OneThatIsTouchedStaysHoweverDeep) {
       ASSERT_TRUE(frame.contact) << i;
     }
   }
-}
-
-TEST(ManyModels, ASlowPhaseOnItsOwnLoopGivesTheSameFrames) {
-  const SceneInput scene = row_of(50);
-  const auto alone = prepared(scene, "cloud");
-  const auto split = prepared(scene, "cloud");
-  auto& slow = dynamic_cast<SlowPhase&>(*split);
-  slow.run_slow_phase_elsewhere();
-  const Vec3 start(0, 0, 3);
-  alone->restart(start);
-  split->restart(start);
-  Vec3 before = start;
-  std::uint64_t late = 0;
-  for (int i = 1; i <= 20'000; ++i) {
-    // 100 mm/s along the row, in and out.
-    const Vec3 h(0.1 * i, 3 * std::sin(0.001 * i), 1.5 + 2.5 * std::cos(0.005 * i));
-    if (i % 20 == 0) {
-      slow.slow_phase(1e-3 * i, before, h);  // 50 times a second
-      before = h;
-    }
-    const Frame a = alone->step(h, kDt), b = split->step(h, kDt);
-    ASSERT_EQ(a.contact, b.contact) << i;
-    ASSERT_EQ(a.force_n, b.force_n) << i;
-    late += b.status == FrameStatus::kBoundHit;
-  }
-  EXPECT_EQ(late, 0u);
-  // A slow phase that stops is noticed, and nothing is missed.
-  for (int i = 20'001; i <= 22'000; ++i) {
-    const Vec3 h(0.1 * i, 3 * std::sin(0.001 * i), 1.5 + 2.5 * std::cos(0.005 * i));
-    const Frame a = alone->step(h, kDt), b = split->step(h, kDt);
-    ASSERT_EQ(a.force_n, b.force_n) << i;
-    late += b.status == FrameStatus::kBoundHit;
-  }
-  EXPECT_GT(late, 0u);
 }
 
 TEST(ManyModels, OneMovesThroughTheListsOfOthers) {

@@ -139,9 +139,7 @@ TEST(RasterStars, AreTheSameForAnyNumberOfThreads) {
 
 TEST(RasterStars, ShuffledPointsAndOffMakeTheStarsOfAnyPoints) {
   cloud::Cloud cloud = raster_of(80, 90, waves);
-  StarsWithout without;
-  without.raster = true;
-  const StarMesh off = StarMesh::build(cloud, 2, {}, without);
+  const StarMesh off = StarMesh::build(cloud, 2, {}, {.both_sides = false, .raster = false});
   EXPECT_EQ(off.counts().raster_points, 0u);
   EXPECT_EQ(corners_of(off), corners_of(without_raster(cloud)));
   // In another order, and the file says nothing of rows: the same triangles as ever.

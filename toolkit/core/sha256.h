@@ -1,4 +1,4 @@
-// SHA-256 (FIPS 180-4), for the checksums of downloads: small enough not to bring a library along for it.
+// SHA-256 (FIPS 180-4): checksums of downloads, and by which an image of firmware is known.
 #pragma once
 
 #include <array>
@@ -9,7 +9,7 @@
 
 #include "toolkit/core/result.h"
 
-namespace palpate::experiments {
+namespace palpate {
 
 class Sha256 {
  public:
@@ -27,7 +27,9 @@ class Sha256 {
   std::uint64_t total_ = 0;
 };
 
+/// Of bytes in memory.
+[[nodiscard]] std::string sha256_of(std::span<const std::byte> data) noexcept;
 /// Of a whole file, read in pieces.
 [[nodiscard]] Result<std::string> sha256_of_file(const std::string& path);
 
-}  // namespace palpate::experiments
+}  // namespace palpate

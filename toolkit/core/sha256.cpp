@@ -1,4 +1,4 @@
-#include "experiments/data/sha256.h"
+#include "toolkit/core/sha256.h"
 
 #include <algorithm>
 #include <bit>
@@ -8,7 +8,7 @@
 #include "toolkit/core/input_file.h"
 #include "toolkit/core/try.h"
 
-namespace palpate::experiments {
+namespace palpate {
 namespace {
 
 // Fractional parts of the cube roots of the first 64 primes (FIPS 180-4, 4.2.2).
@@ -78,6 +78,12 @@ std::string Sha256::finish() noexcept {
   return text;
 }
 
+std::string sha256_of(std::span<const std::byte> data) noexcept {
+  Sha256 hash;
+  hash.bytes(data);
+  return hash.finish();
+}
+
 Result<std::string> sha256_of_file(const std::string& path) {
   PALPATE_ASSIGN(InputFile file, InputFile::open(path));
   Sha256 hash;
@@ -89,4 +95,4 @@ Result<std::string> sha256_of_file(const std::string& path) {
   }
 }
 
-}  // namespace palpate::experiments
+}  // namespace palpate
