@@ -3,6 +3,10 @@
 #include <dlfcn.h>
 #include <fmt/format.h>
 
+// Their headers alone: the libraries are the module's.
+#include "toolkit/dem/dem_reader.h"
+#include "toolkit/pcd/pcd_reader.h"
+
 namespace palpate::experiments {
 namespace {
 
@@ -26,31 +30,23 @@ Result<io::Readers> load() {
   return readers;
 }
 
-Result<io::DecodedFile> read_by_module(const io::ReaderInput& input, const char* extension) {
-  static const Result<io::Readers> loaded = load();
-  if (!loaded) return loaded.error();
-  return (*loaded->find(extension))(input);
+[[maybe_unused]] void add_lazily(io::Readers& readers, const char* extension) {
+  readers.add({extension}, [extension](const io::ReaderInput& input) -> Result<io::DecodedFile> {
+    static const Result<io::Readers> loaded = load();
+    if (!loaded) return loaded.error();
+    return (*loaded->find(extension))(input);
+  });
 }
 
 }  // namespace
 
-void add_library_formats(io::Readers& readers) {
-  for (const char* extension : {
+void add_library_formats([[maybe_unused]] io::Readers& readers) {
 #ifdef PALPATE_WITH_PCD
-           "pcd",
+  add_lazily(readers, pcd::kPcdExtension);
 #endif
 #ifdef PALPATE_WITH_DEM
-           "tif",
-           "tiff",
-           "png",
-           "hgt",
-           "dem",
-           "asc",
-           "zip",
+  for (const char* extension : dem::kDemExtensions) add_lazily(readers, extension);
 #endif
-       })
-    readers.add({extension},
-                [extension](const io::ReaderInput& input) { return read_by_module(input, extension); });
 }
 
 }  // namespace palpate::experiments

@@ -350,7 +350,7 @@ Result<io::DecodedFile> read_dem(const io::ReaderInput& input, std::string_view 
 }  // namespace
 
 void add_dem_readers(io::Readers& readers) {
-  for (const char* extension : {"tif", "tiff", "png", "hgt", "dem", "asc", "zip"})
+  for (const char* extension : kDemExtensions)
     readers.add({extension},
                 [extension](const io::ReaderInput& input) { return read_dem(input, extension); });
 }

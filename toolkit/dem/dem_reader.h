@@ -6,7 +6,10 @@
 
 namespace palpate::dem {
 
-/// Adds the extensions tif, tiff, png, hgt, dem, asc and zip (an SRTM tile in a ZIP archive). Add it after
+/// What add_dem_readers() adds; zip: an SRTM tile in a ZIP archive.
+inline constexpr const char* kDemExtensions[] = {"tif", "tiff", "png", "hgt", "dem", "asc", "zip"};
+
+/// Adds them. Add it after
 /// the standard readers: an .asc file that is no ESRI grid is still read as columns of numbers.
 ///
 /// The points are the posts, row after row from the south, each from the west, the south-west one at (0, 0);

@@ -25,8 +25,7 @@ struct BoxQuery {
   std::uint32_t nodes = 0;     ///< of the tree, looked at
 };
 
-/// The answer of a slow phase, to be copied or handed over (core/handover.h): the nearest boxes, at most
-/// `Most` of them.
+/// What a query finds, to be copied: the nearest boxes, at most `Most` of them.
 template <std::size_t Most>
 struct FoundBoxes {
   std::array<BoxHit, Most> hit{};

@@ -171,7 +171,7 @@ Result<io::DecodedFile> read_pcd(const io::ReaderInput& input) {
 }  // namespace
 
 void add_pcd_reader(io::Readers& readers) {
-  readers.add({"pcd"}, read_pcd);
+  readers.add({kPcdExtension}, read_pcd);
 }
 
 }  // namespace palpate::pcd

@@ -69,7 +69,7 @@ Decision choose_by_step(const render::ModelInput& model, const Noise& noise, con
                 ": triangles between such points have holes, a smooth surface near them has none"};
   if (step_n < kFeltForceStepN) return {"renderer", fast, step + ", too little to be felt" + reason};
   return {"renderer", "cloud-smooth",
-          step + ", which is felt at edges and in noise; a smooth surface near them has none"};
+          step + ", which is felt at edges and in noise, a smooth surface near them is not"};
 }
 
 bool says(const render::ModelDecisions& model, const std::string& about) {

@@ -1,4 +1,4 @@
-// Many models at once: together, one by one, and the slow phase that tells which are near.
+// Many models at once: together, one by one, and the broad phase that tells which are near.
 #include <gtest/gtest.h>
 
 #include <algorithm>
