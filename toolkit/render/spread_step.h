@@ -27,15 +27,8 @@ class SpreadStep {
         length_ = before->norm();
       }
       left_ = kFrames;
-      fades_ = !held;
       grows_ = length_ < pull.norm();
     }
-    // A HIP that came out by itself is out.
-    if (!held && !fades_) {
-      left_ = 0;
-      return false;
-    }
-    if (held) fades_ = false;
     // It only descends: no farther from the HIP than it was, so that no energy is made, and a HIP that jumps
     // takes no spring along. Where its place is farther the hand has to go there first.
     // A HIP that was found behind a surface is held by more and more.
@@ -66,7 +59,6 @@ class SpreadStep {
   Vec3 shown_ = Vec3::Zero();  ///< the god object as it was answered last, local
   double length_ = 0.0;        ///< of the pull that was answered last
   int left_ = 0;
-  bool fades_ = false;  ///< the correction set the HIP free
   bool grows_ = false;  ///< it holds the HIP by more than before
 };
 

@@ -111,7 +111,7 @@ class HeightFieldSurface {
       const double size = normal.norm();
       return {patch.exists(), (at.z - patch.height(under.s, under.t)) / size, normal / size};
     };
-    switch (geometry::judge_held_place(h, h + pull, pull / far, spacing, look)) {
+    switch (geometry::judge_held_place(h, h + pull, pull / far, spacing, geometry::kMuchNearer, look)) {
       case geometry::HeldPlace::kKeep:
         return false;
       case geometry::HeldPlace::kMove: {

@@ -25,7 +25,8 @@ constexpr double kAlike = 0.05, kAlikeCosine = 0.99;
 /// A patch is of a face that leaves it this share of its say; a second face counts from this share of all on.
 constexpr double kOfFace = 0.3;
 constexpr double kSecondFace = 0.15;
-/// Patches that face so far away from the one that counts most are another sheet's.
+/// Patches that face so far away from the one that counts most are of no face with it, only beside it: the
+/// far side of a plate, or of a groove.
 constexpr double kOtherSheet = -0.2;
 /// The foot of a quadric's normal is found in so many Newton steps: off a patch by its own radius of
 /// curvature at most, the third mends less than a thousandth.
@@ -180,13 +181,13 @@ FieldValue PatchField::at(const Vec3& at) {
   }
   // Squares of lengths that single precision has no number for: nothing is near.
   if (said_.empty()) return {static_cast<double>(kNowhere), Vec3(Vec3::UnitZ())};
-  // Another sheet's patches have no say.
+  // Another sheet's patches have no say in the face.
   const Said first = said_[top];
   double all = 0.0, all_wide = 0.0;
   bool alike = true;
   for (Said& s : said_) {
     const double cosine = s.normal.dot(first.normal);
-    if (cosine < kOtherSheet) s.weight = s.wide = 0.0;
+    if (cosine < kOtherSheet) s.weight = 0.0;
     all += s.weight;
     all_wide += s.wide;
     alike = alike && cosine > kAlikeCosine && std::abs(s.distance - first.distance) < kAlike * width_;

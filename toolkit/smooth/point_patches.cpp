@@ -15,8 +15,6 @@ constexpr double kBeyond = 1.15, kBeyondSpacings = 0.5;
 constexpr double kFollowSigmas = 3.5, kCleanSpacings = 0.02;
 /// At its rim a patch counts this much of what it does in its middle.
 constexpr double kRim = 0.02;
-/// A patch that may be noise counts this much beside one that is beyond doubt.
-constexpr double kUnsureShare = 0.1;
 constexpr std::size_t kFollowGrain = 64;
 
 struct Follows {
@@ -38,8 +36,7 @@ void find_followers(const SmoothPoints& points, const Patch& p, std::uint32_t pa
                    const double off = (d.dot(q.n) - (q.uu * a * a + q.uv * a * b + q.vv * b * b)) / sigma;
                    if (std::abs(off) > kFollowSigmas) return;
                    const double inner = std::max(1.0 - lateral_sq / reach_sq, kRim);
-                   const double weight =
-                       inner * inner * std::exp(-0.5 * off * off) * p.trust * (p.sure ? 1.0 : kUnsureShare);
+                   const double weight = inner * inner * std::exp(-0.5 * off * off) * p.trust;
                    out.push_back({i, patch, static_cast<float>(weight)});
                  });
 }
@@ -70,8 +67,7 @@ std::vector<PointPatches> follow_patches(const SmoothPoints& points, std::span<c
       float sum = 0.0f;
       for (const float share : out[i].share) sum += share;
       if (!(sum > 0.0f)) continue;
-      const bool sure = patches[out[i].patch[0]].sure;
-      for (float& share : out[i].share) share *= (sure ? 1.0f : static_cast<float>(kUnsureShare)) / sum;
+      for (float& share : out[i].share) share /= sum;
     }
   });
   return out;

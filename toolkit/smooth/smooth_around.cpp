@@ -99,7 +99,7 @@ void SmoothContact::agree_with(const Vec3& h) noexcept {
     return {size > kTellingSlope, side * static_cast<double>(jet.value),
             jet.gradient.cast<double>() * (side / std::max(size, kTellingSlope))};
   };
-  switch (geometry::judge_held_place(h, god_, normal_ * side, spacing_, look)) {
+  switch (geometry::judge_held_place(h, god_, normal_ * side, spacing_, geometry::kMuchNearerRounded, look)) {
     case geometry::HeldPlace::kKeep:
       return;
     case geometry::HeldPlace::kMove:

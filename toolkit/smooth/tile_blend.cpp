@@ -13,8 +13,6 @@ namespace {
 
 /// Nodes of bricks that a surface goes through are at most so many voxels off it.
 constexpr double kFarthestNode = 8.0;
-/// A patch that may be noise counts this much beside one that is beyond doubt.
-constexpr double kUnsureWeight = 0.1;
 /// Newton steps to the foot of a node: patches that agree are flat across a tile, or nearly.
 constexpr int kNodeFootSteps = 2;
 /// See PatchField: below this determinant a node is at a centre of curvature.
@@ -35,23 +33,15 @@ Form form_of(const Patch& p, const Vec3& middle, double voxel_mm) {
   const Quadric& q = p.quadric;
   const Vec3 at = (q.at - middle) * per;
   const auto f = [](double x) { return static_cast<float>(x); };
-  return {f(at.x()),
-          f(at.y()),
-          f(at.z()),
-          f(q.u.x()),
-          f(q.u.y()),
-          f(q.u.z()),
-          f(q.v.x()),
-          f(q.v.y()),
-          f(q.v.z()),
-          f(q.n.x()),
-          f(q.n.y()),
-          f(q.n.z()),
-          f(q.uu * voxel_mm),
-          f(q.uv * voxel_mm),
-          f(q.vv * voxel_mm),
-          f(voxel_mm * voxel_mm / (p.support * p.support)),
-          f(p.trust * (p.sure ? 1.0 : kUnsureWeight))};
+  return {f(at.x()),          f(at.y()),
+          f(at.z()),          f(q.u.x()),
+          f(q.u.y()),         f(q.u.z()),
+          f(q.v.x()),         f(q.v.y()),
+          f(q.v.z()),         f(q.n.x()),
+          f(q.n.y()),         f(q.n.z()),
+          f(q.uu * voxel_mm), f(q.uv * voxel_mm),
+          f(q.vv * voxel_mm), f(voxel_mm * voxel_mm / (p.support * p.support)),
+          f(p.trust)};
 }
 
 /// Eight nodes at a time, elementwise; every target rounds them alike.

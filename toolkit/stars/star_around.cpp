@@ -70,7 +70,7 @@ bool StarContact::agree_with(const Vec3& h, StarCounters& counters) noexcept {
     if (!(size > 0.0)) return {};
     return {true, near_side * seen.height > 0.0 ? distance : -distance, seen.area * (near_side / size)};
   };
-  switch (geometry::judge_held_place(h, h + pull_, pull_ / far, edge, look)) {
+  switch (geometry::judge_held_place(h, h + pull_, pull_ / far, edge, geometry::kMuchNearer, look)) {
     case geometry::HeldPlace::kKeep:
       return true;
     case geometry::HeldPlace::kMove:

@@ -10,11 +10,13 @@ namespace {
 
 const Vec3 kUp = Vec3::UnitZ();
 /// The HIP at the origin, the place held above it.
-HeldPlace judged(double far, double signed_distance, const Vec3& outward, double spacing = 1.0) {
+HeldPlace judged(double far, double signed_distance, const Vec3& outward, double spacing = 1.0,
+                 double much_nearer = kMuchNearer) {
   const Surroundings at_hip{true, signed_distance, outward.normalized()};
-  return judge_held_place(Vec3::Zero(), far * kUp, kUp, spacing, [&](const Vec3& place) -> Surroundings {
+  const auto look = [&](const Vec3& place) -> Surroundings {
     return place == Vec3::Zero() ? at_hip : Surroundings{true, -spacing, kUp};
-  });
+  };
+  return judge_held_place(Vec3::Zero(), far * kUp, kUp, spacing, much_nearer, look);
 }
 
 TEST(HeldPlace, AHipOutOfASurfaceThatFacesAboutTheSameWayIsFree) {
@@ -22,6 +24,8 @@ TEST(HeldPlace, AHipOutOfASurfaceThatFacesAboutTheSameWayIsFree) {
   EXPECT_EQ(judged(3.0, 0.5, Vec3(1, 0, 0)), HeldPlace::kFree) << "beside an edge";
   EXPECT_EQ(judged(3.0, 0.5, -kUp), HeldPlace::kKeep) << "the far side of a thin plate: no pop-through";
   EXPECT_EQ(judged(3.0, 2.0, kUp), HeldPlace::kKeep) << "no nearer than the place held";
+  EXPECT_EQ(judged(3.0, 2.0, kUp, 1.0, kMuchNearerRounded), HeldPlace::kFree);
+  EXPECT_EQ(judged(3.0, 2.2, kUp, 1.0, kMuchNearerRounded), HeldPlace::kKeep);
 }
 
 TEST(HeldPlace, AHipBehindAMuchNearerSurfaceIsHeldThere) {
@@ -34,7 +38,7 @@ TEST(HeldPlace, AHipBehindAMuchNearerSurfaceIsHeldThere) {
 TEST(HeldPlace, WhatIsNotKnownOrNextToItStays) {
   EXPECT_EQ(judged(0.4, 0.1, kUp), HeldPlace::kKeep);
   const auto nothing = [](const Vec3&) { return Surroundings{}; };
-  EXPECT_EQ(judge_held_place(Vec3::Zero(), 3.0 * kUp, kUp, 1.0, nothing), HeldPlace::kKeep);
+  EXPECT_EQ(judge_held_place(Vec3::Zero(), 3.0 * kUp, kUp, 1.0, kMuchNearer, nothing), HeldPlace::kKeep);
 }
 
 // A wall with a floor below it: the HIP is through both sides of the wall, and above the floor.
@@ -47,7 +51,8 @@ TEST(HeldPlace, APlateHoldsThoughAnotherSurfaceIsNearBeyondIt) {
         return {true, -0.5, kUp};
       };
       const HeldPlace without = floor < 0.0 ? HeldPlace::kFree : HeldPlace::kMove;
-      EXPECT_EQ(judge_held_place(Vec3::Zero(), 3.0 * kUp, kUp, 1.0, look), wall ? HeldPlace::kKeep : without);
+      EXPECT_EQ(judge_held_place(Vec3::Zero(), 3.0 * kUp, kUp, 1.0, kMuchNearer, look),
+                wall ? HeldPlace::kKeep : without);
     }
 }
 
@@ -61,7 +66,7 @@ TEST(HeldPlace, APlaceThatOnlyWaitsHoldsNothing) {
         return {true, place == Vec3::Zero() ? signed_distance : -1.0, -normal};
       };
       const HeldPlace freed = signed_distance > 0.0 ? HeldPlace::kFree : HeldPlace::kMove;
-      EXPECT_EQ(judge_held_place(Vec3::Zero(), 3.0 * kUp, normal, 1.0, look),
+      EXPECT_EQ(judge_held_place(Vec3::Zero(), 3.0 * kUp, normal, 1.0, kMuchNearer, look),
                 aslant > 0.5 ? freed : HeldPlace::kKeep);
     }
 }

@@ -62,14 +62,26 @@ TEST(SpreadStep, AHipThatIsSetFreeIsLetGoBitByBit) {
   EXPECT_FALSE(at.spread.active());
 }
 
-TEST(SpreadStep, AHipThatCameOutByItselfIsOut) {
+// It comes out while a correction is still shown: what is left of that goes as the rest did, and no pull grows.
+TEST(SpreadStep, AHipThatCameOutMeanwhileIsLetGoBitByBit) {
   for (const bool was_let_go : {false, true}) {
     Corrected at;
     const std::optional<Vec3> place = Vec3(0, 0, 0.5);
     at.to(Vec3::Zero(), was_let_go ? std::nullopt : place, Vec3(0, 0, 1));
     at.to(Vec3::Zero(), place);
-    at.to(Vec3(0, 0, 0.6), {});
-    EXPECT_FALSE(at.felt);
+    double last = at.pull.norm();
+    const Vec3 out(0, 0, 0.6);
+    for (int i = 2; i < SpreadStep::kFrames; ++i) {
+      at.to(out, {});
+      EXPECT_EQ(at.felt, i + 1 < SpreadStep::kFrames) << i;
+      const double now = at.felt ? at.pull.norm() : 0.0;
+      if (i == 2) {
+        EXPECT_LT(now, last - 0.5) << "the hand went towards it";
+      } else {
+        EXPECT_NEAR(last - now, last / (SpreadStep::kFrames - i), kRounding) << i;
+      }
+      last = now;
+    }
     EXPECT_FALSE(at.spread.active());
   }
 }
