@@ -61,8 +61,8 @@ constexpr double kMostNoise = 1.5;
 /// The seed is on its own patch where the robust cost leaves it this weight: two scales off.
 constexpr double kOwnWeight = 0.04;
 /// A leftover point is one of a piece of surface where this share of those within the first radius were left
-/// over too; stray points are fewer.
-constexpr double kLeftTogether = 0.25, kLeftRadius = 1.8;
+/// over too, as on a strip between two walls; stray points are fewer.
+constexpr double kLeftTogether = 0.15, kLeftRadius = 1.8;
 /// Where points are noisy, a patch that has grown this often is beyond doubt.
 constexpr std::size_t kSureSize = 2;
 /// Points that are scattered in a ball lie 0.45 of its radius about any plane, those of a surface a small
