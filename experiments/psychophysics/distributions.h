@@ -1,5 +1,5 @@
-// Distributions that statistics of trials need: normal, beta, binomial. Pure functions, thread-safe, no
-// allocation.
+// Distributions that statistics of trials need: normal, beta, binomial. Pure functions, thread-safe;
+// the special functions are Boost.Math's.
 #pragma once
 
 #include <cstdint>
@@ -8,14 +8,12 @@
 
 namespace palpate::experiments::psychophysics {
 
-/// Phi(z), its density, and its inverse; p in (0, 1). The inverse is right to rounding: Acklam's rational
-/// start (2003), then Halley's step on erfc.
+/// Phi(z), its density, and its inverse; p in (0, 1).
 [[nodiscard]] double normal_cdf(double z) noexcept;
 [[nodiscard]] double normal_density(double z) noexcept;
 [[nodiscard]] double normal_quantile(double p) noexcept;
 
-/// Regularised incomplete beta I_x(a, b); a, b > 0, x in [0, 1]. Continued fraction (Abramowitz and Stegun
-/// 26.5.8, evaluated by Lentz's method).
+/// Regularised incomplete beta I_x(a, b); a, b > 0, x in [0, 1].
 [[nodiscard]] double beta_cdf(double x, double a, double b) noexcept;
 
 /// P(X >= k) and P(X <= k) of X binomial with n trials of probability p. Exact to rounding.

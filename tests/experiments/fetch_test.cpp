@@ -29,18 +29,6 @@ TEST(Sha256, KnownAnswers) {
             "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0");
 }
 
-TEST(Sha256, PiecesOfAnySizeGiveTheSame) {
-  const std::string text(300, 'x');
-  for (std::size_t piece = 1; piece < 130; ++piece) {
-    Sha256 hash;
-    for (std::size_t at = 0; at < text.size(); at += piece) {
-      const std::string part = text.substr(at, piece);
-      hash.bytes(std::as_bytes(std::span(part.data(), part.size())));
-    }
-    ASSERT_EQ(hash.finish(), sha256_of(text)) << piece;
-  }
-}
-
 TEST(Process, PassesArgumentsAsTheyAre) {
   const Result<ProcessOutcome> run =
       run_process({"printf", "%s|", "a b", "$HOME", "`id`", "'"}, {.time_limit_s = 10.0});

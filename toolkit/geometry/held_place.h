@@ -31,7 +31,7 @@ inline constexpr double kMuchNearer = 0.5, kMuchNearerRounded = 0.7;
 /// Above a surface by this many spacings the HIP is out: the surface is known better than that.
 inline constexpr double kOutSpacings = 0.05;
 /// Farther than this a place nearer by is taken: below, which side of an edge is nearer changes with noise.
-inline constexpr double kMoveSpacings = 1.0;
+inline constexpr double kMoveSpacings = 1.25;
 /// A surface that faces about the way of the place held: within 135 degrees where the HIP is above it, within
 /// 120 where it is behind it. The far side of a thin plate faces the other way: it does not count, and the
 /// plate is not popped through.
