@@ -30,8 +30,6 @@ double normal_quantile(double p) noexcept {
 }
 
 double beta_cdf(double x, double a, double b) noexcept {
-  if (!(x > 0.0)) return 0.0;
-  if (!(x < 1.0)) return 1.0;
   return math::ibeta(a, b, x, Quiet());
 }
 

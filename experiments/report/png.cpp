@@ -1,9 +1,9 @@
 #include "experiments/report/png.h"
 
+#include <nettle/base64.h>
 #include <png.h>
 
 #include <algorithm>
-#include <array>
 #include <cstddef>
 #include <vector>
 
@@ -39,20 +39,9 @@ std::string colour_png(const ColourImage& image) {
 }
 
 std::string base64(const std::string& bytes) {
-  static constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  constexpr std::size_t kGroup = 3;
-  constexpr unsigned kSix = 0x3Fu;
-  std::string text;
-  for (std::size_t i = 0; i < bytes.size(); i += kGroup) {
-    std::uint32_t group = 0;
-    const std::size_t have = std::min(kGroup, bytes.size() - i);
-    for (std::size_t k = 0; k < kGroup; ++k)
-      group = group << 8u | (k < have ? static_cast<unsigned char>(bytes[i + k]) : 0u);
-    const std::array<char, 4> four = {kDigits[group >> 18u & kSix], kDigits[group >> 12u & kSix],
-                                      have > 1 ? kDigits[group >> 6u & kSix] : '=',
-                                      have > 2 ? kDigits[group & kSix] : '='};
-    text.append(four.data(), four.size());
-  }
+  std::string text(BASE64_ENCODE_RAW_LENGTH(bytes.size()), '\0');
+  base64_encode_raw(text.data(), bytes.size(),
+                    reinterpret_cast<const std::uint8_t*>(bytes.data()));  // NOLINT
   return text;
 }
 

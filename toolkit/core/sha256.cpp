@@ -1,5 +1,6 @@
 #include "toolkit/core/sha256.h"
 
+#include <fmt/ranges.h>
 #include <nettle/sha2.h>
 
 #include <array>
@@ -22,13 +23,7 @@ class Hash {
   [[nodiscard]] std::string digits() noexcept {
     std::array<std::uint8_t, SHA256_DIGEST_SIZE> digest{};
     sha256_digest(&context_, digest.size(), digest.data());
-    static constexpr char kDigits[] = "0123456789abcdef";
-    std::string text;
-    for (const std::uint8_t byte : digest) {
-      text += kDigits[byte >> 4u];
-      text += kDigits[byte & 15u];
-    }
-    return text;
+    return fmt::format("{:02x}", fmt::join(digest, ""));
   }
 
  private:
